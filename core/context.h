@@ -1,0 +1,109 @@
+/* One OpenCL device in use: context, queue, what it can do, its memory account and its stage timer.
+ * Private to the library (core's basics; no kernels here). */
+#ifndef KARST_CORE_CONTEXT_H
+#define KARST_CORE_CONTEXT_H
+
+#define CL_TARGET_OPENCL_VERSION 120
+#define CL_USE_DEPRECATED_OPENCL_1_2_APIS
+#include <CL/cl.h>
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "karst/error.h"
+#include "karst/log.h"
+#include "karst/stats.h"
+
+typedef struct karst_context karst_context;
+typedef struct karst_buffer karst_buffer;
+
+struct karst_context {
+    const karst_log *log;         /* borrowed; may be NULL */
+    cl_platform_id platform;
+    cl_device_id device;
+    cl_context cl;
+    cl_command_queue queue;       /* in order, profiling on */
+    char name[128];               /* device name for people */
+    bool is_cpu;                  /* host memory is device memory */
+    int lanes;                    /* 16 on CPUs, 1 elsewhere, or as asked at creation */
+    int compute_units;
+    size_t max_allocation_bytes;  /* of one buffer */
+    size_t global_memory_bytes;
+    bool exact_floats;            /* denormals, inf/nan, round to nearest, fma, correctly rounded divide and sqrt */
+    bool has_gl_sharing;
+    karst_buffer *buffers;        /* list of live buffers, newest first */
+    struct karst_profile *profile;/* stage timer, see core/profile.h */
+    char *cache_note;
+};
+
+/* Opens the device that `selector` names: NULL or "" for the first GPU, else the first CPU; "cpu" or "gpu"; a number as `karst info`
+ * lists them; or part of a name, ignoring case. `lanes` 0 lets the device decide, else 1 or 16.
+ * Errors: KARST_NO_DEVICE with a line that says how to mend it. Destroy with karst_context_destroy. */
+karst_context *karst_context_create(const char *selector, int lanes, const karst_log *log, karst_error *error);
+void karst_context_destroy(karst_context *context); /* NULL is fine; all buffers must be gone */
+
+/* ---- buffers (buffer.c): every byte on the device has a name ---- */
+struct karst_buffer {
+    karst_context *context;
+    cl_mem mem;
+    size_t size_bytes;
+    char name[32];                /* as it stands in memory_bytes of the statistics; several may share one */
+    karst_buffer *next, **link;
+};
+
+/* A zeroed read-write buffer (or a copy of `initial`). Errors: KARST_FAILED; size 0 or above the device's largest is refused
+ * with a message that names the buffer and the size. */
+karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error);
+void karst_buffer_destroy(karst_buffer *buffer);
+bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error); /* blocking */
+bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);        /* blocking */
+bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error);
+/* Sums live buffers by name into stats->memory[]. */
+void karst_context_memory(const karst_context *context, karst_stats *stats);
+
+/* ---- programs (program.c): kernels from embedded sources ---- */
+typedef struct karst_program karst_program;
+typedef struct {
+    const char *path; /* as named in #include */
+    const char *text; /* borrowed during the call */
+} karst_virtual_file;
+
+/* Builds `entry` (a path such as "cache/collect.cl") with the options given. #include "path" is resolved by Karst itself, each file once,
+ * in this order: `files`, $KARST_KERNEL_DIR (if set), the embedded sources. #line keeps file and line of every error.
+ * Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured) -DLANES=n.
+ * Errors: KARST_FAILED with the first lines of the build log in the message, all of it in the log. */
+karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
+                                   const karst_virtual_file *files, size_t num_files, karst_error *error);
+void karst_program_destroy(karst_program *program);
+/* A kernel of the program; release with clReleaseKernel. NULL and error if there is none of that name. */
+cl_kernel karst_program_kernel(karst_program *program, const char *name, karst_error *error);
+
+/* Enqueues a one-dimensional launch under a stage's clock. local_size must be one fixed number for a kernel; global_size is rounded up to it
+ * (kernels check their bounds). A global size of 0 is no launch and no error. */
+bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size, karst_error *error);
+
+/* Sets arguments in order: each pair is (size, pointer to value). Stops at the first failure and names the argument. */
+typedef struct {
+    size_t size_bytes;
+    const void *value;
+} karst_argument;
+bool karst_arguments(cl_kernel kernel, const karst_argument *arguments, size_t num_arguments, karst_error *error);
+#define KARST_ARGUMENTS(kernel, error, ...)                                                             \
+    karst_arguments((kernel), (const karst_argument[]){__VA_ARGS__},                                    \
+                    sizeof((const karst_argument[]){__VA_ARGS__}) / sizeof(karst_argument), (error))
+#define KARST_BUFFER_ARG(buffer) {sizeof(cl_mem), &(buffer)->mem}
+#define KARST_VALUE_ARG(variable) {sizeof(variable), &(variable)}
+
+/* Waits for the queue. */
+bool karst_finish(karst_context *context, karst_error *error);
+const char *karst_cl_error_name(cl_int code);
+
+/* ---- profile (profile.c): device time by stage, from event timestamps ---- */
+/* Waits for all launches since the last call and adds their device time to ns[stage]. */
+bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES], karst_error *error);
+/* Also count host time spent in a stage (display, host parts of collect). */
+void karst_profile_add_host(karst_context *context, karst_stage stage, uint64_t ns);
+uint64_t karst_clock_ns(void); /* monotonic */
+
+#endif

@@ -1,0 +1,12 @@
+/* Everything of libkarst's public interface. */
+#ifndef KARST_H
+#define KARST_H
+#include "karst/camera.h"
+#include "karst/display.h"
+#include "karst/engine.h"
+#include "karst/error.h"
+#include "karst/image.h"
+#include "karst/log.h"
+#include "karst/position.h"
+#include "karst/stats.h"
+#endif

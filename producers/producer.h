@@ -1,0 +1,64 @@
+/* The table of producers: what answers requests, whatever the content is made of.
+ *
+ * A producer turns work (cache/cache.h) into content in three steps: subdivide (a tile for each requested node: localisation
+ * of its eight children, and their bounds), evaluate (samples into a brick), finalise (constant or not, by proof; scale; slope of the
+ * interpolant; block mask). It writes only into the slots that the work names. */
+#ifndef KARST_PRODUCERS_PRODUCER_H
+#define KARST_PRODUCERS_PRODUCER_H
+
+#include "cache/cache.h"
+
+/* A box of level-0 voxels, corners included. Empty if min > max on any axis. */
+typedef struct {
+    int64_t min[3], max[3];
+} karst_voxel_box;
+
+typedef struct karst_producer karst_producer;
+
+/* What each kind of producer fills in. `self` is the producer. All enqueue on the context's queue and return at once. */
+typedef struct {
+    const char *kind; /* "density" */
+    /* Writes tile_info (level, corner) and the eight nodes' states (air, solid: proven; lost: wants a brick; unknown never) of each new tile. */
+    bool (*subdivide)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+    /* Writes the samples of each load, unencoded, into a staging buffer of the producer's. */
+    bool (*evaluate)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+    /* Encodes them into the slots, writes brick_info and load_results. */
+    bool (*finalise)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+    /* The box in which content changed since the last call; empty: nowhere. */
+    karst_voxel_box (*take_dirty)(karst_producer *self);
+    void (*destroy)(karst_producer *self);
+} karst_producer_ops;
+
+struct karst_producer {
+    const karst_producer_ops *ops;
+    const char *name;  /* of the world, for people */
+    uint64_t version;  /* changes with the content */
+    karst_buffer **data; /* device buffers that its kernels read (parameters); NULL-terminated, may be NULL */
+};
+
+/* A world that Karst ships: a density program (see producers/density.clh) and how to look at it. */
+typedef struct {
+    const char *name;
+    const char *description;
+    const char *source_path;     /* embedded kernel source, such as "producers/worlds/hills.clh" */
+    int voxel_log2_m;            /* level-0 voxel = 2^this metres */
+    uint32_t seed;               /* becomes -DWORLD_SEED */
+    double view_distance_m;
+    const char *camera;          /* "X,Y,Z,YAW,PITCH,FOV" */
+    double sun_azimuth_deg, sun_elevation_deg;
+    float sky_zenith[3], sky_horizon[3], ground_flat[3], ground_steep[3]; /* linear RGB */
+    double haze_distance_m;      /* at which haze hides 1 - 1/e of the surface */
+} karst_world_info;
+
+const karst_world_info *karst_world_find(const char *name); /* NULL: unknown */
+const karst_world_info *karst_world_at(size_t index);       /* NULL: past the end */
+
+/* The producer of a density program. `max_loads` is the most loads in one round's work (staging memory: in chunks, so that it stays bounded).
+ * Builds the kernels: -DWORLD_SEED etc. Errors: KARST_FAILED. */
+karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed, uint32_t max_loads,
+                                              karst_error *error);
+void karst_producer_destroy(karst_producer *producer); /* NULL is fine */
+/* Samples that were not finite and became air, since creation. */
+uint64_t karst_density_producer_non_finite(karst_producer *producer);
+
+#endif
