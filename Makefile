@@ -1,13 +1,19 @@
 # Karst. `make help` lists the targets; V=1 shows commands; CONFIG=release|debug|asan chooses flags.
+VERSION   := 0.1.0
+SOVERSION := 0
 CONFIG  ?= release
 BUILD   ?= build
 OBJ     := $(BUILD)/$(CONFIG)
+# Products of the release stand at the top of the build folder, those of other configurations beside their objects.
+OUT     := $(if $(filter release,$(CONFIG)),$(BUILD),$(OBJ))
 PREFIX  ?= /usr/local
 DESTDIR ?=
 CC      ?= cc
 AR      ?= ar
 # Folders that make the library, lowest floor first. Fewer may be named to build a part while working on it.
-MODULES ?= core noise producers cache raycast
+ALL_MODULES := core noise producers cache raycast
+MODULES ?= $(ALL_MODULES)
+PARTIAL := $(filter-out $(MODULES),$(ALL_MODULES))
 V ?= 0
 ifeq ($(V),1)
 Q :=
@@ -23,42 +29,180 @@ CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_asan    := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
 LDFLAGS_asan   := -fsanitize=address,undefined
+ifeq ($(origin CFLAGS_$(CONFIG)),undefined)
+$(error CONFIG=$(CONFIG): choose release, debug or asan)
+endif
 # -ffp-contract=off: host and device must agree bit for bit.
-KCFLAGS := -std=c11 -D_GNU_SOURCE -ffp-contract=off -fPIC -pthread $(WARN) $(CFLAGS_$(CONFIG)) -I. -Icore/include $(shell pkg-config --cflags $(PKGS) 2>/dev/null) $(CFLAGS)
+KCFLAGS := -std=c11 -D_GNU_SOURCE -DKARST_VERSION='"$(VERSION)"' -ffp-contract=off -fPIC -pthread $(WARN) \
+           $(CFLAGS_$(CONFIG)) -I. -Icore/include $(shell pkg-config --cflags $(PKGS) 2>/dev/null) $(CFLAGS)
 KLDFLAGS := $(LDFLAGS_$(CONFIG)) $(LDFLAGS)
 KLIBS := $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lOpenCL -ldl -lm -pthread
 
 SOURCES := $(sort $(shell find $(MODULES) -name '*.c'))
 OBJECTS := $(SOURCES:%.c=$(OBJ)/%.o) $(OBJ)/embedded_kernels.o
 # Everything that a kernel may include travels inside the library.
-KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h')) core/dialect.h
-TESTS   := $(sort $(shell find tests -name 'test_*.c' 2>/dev/null))
-TEST_PROGRAMS := $(TESTS:%.c=$(OBJ)/%)
+KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h') core/dialect.h)
+HEADERS := $(sort $(wildcard core/include/karst/*.h))
+COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c $(sort $(wildcard demos/command_*.c)))
+WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
+
+# A test or benchmark is one file with a main(); what several of them share stands in tests/support/.
+TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard tests))
+find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
+TESTS        := $(call find_tests,test)
+BENCHES      := $(call find_tests,bench)
+TEST_SCRIPTS := $(if $(PARTIAL),,tests/lint/selftest.sh tests/cli/run.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh))
+SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
+TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
+BENCH_PROGRAMS := $(BENCHES:%.c=$(OBJ)/%)
+
+LIBRARY := $(OUT)/libkarst.a
+SHARED  := $(OUT)/libkarst.so.$(SOVERSION)
+COMMAND := $(OUT)/karst
 
 .DEFAULT_GOAL := all
-all: $(BUILD)/libkarst.a
+ifeq ($(PARTIAL),)
+all: $(LIBRARY) $(COMMAND) $(if $(filter release,$(CONFIG)),$(OUT)/libkarst.so)
+else
+all: $(LIBRARY)
+endif
 
-$(BUILD)/libkarst.a: $(OBJECTS)
-	$(say) AR $@
-	$(Q)rm -f $@ && $(AR) rcs $@ $^
+# ---- what must be installed first ----
+# A stamp that make itself includes: when it is made anew, make starts over and finds what was installed. `make demo` and `make check`
+# may install packages; every other target only says what is missing.
+GOALS := $(or $(MAKECMDGOALS),all)
+ifneq ($(filter-out clean help uninstall,$(GOALS)),)
+NEED := $(if $(filter-out all demo install $(LIBRARY) $(COMMAND),$(GOALS)),tests,build)
+$(BUILD)/dependencies-$(NEED).mk: .ci/install-dependencies
+	@sh .ci/install-dependencies $(if $(filter demo check,$(GOALS)),,--check) $(NEED)
+	@mkdir -p $(@D) && touch $@
+include $(BUILD)/dependencies-$(NEED).mk
+endif
 
-$(OBJ)/%.o: %.c
+# ---- compiling ----
+# Files that change only when their text does: flags and lists of files, so that a change of either rebuilds what it touches.
+define remember
+	@mkdir -p $(@D)
+	@printf '%s\n' '$(subst ','\'',$(1))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(1))' > $@
+endef
+$(OBJ)/flags: FORCE
+	$(call remember,$(CC) $(KCFLAGS) | $(AR) $(KLDFLAGS) $(KLIBS))
+$(OBJ)/kernels: FORCE
+	$(call remember,$(KERNELS))
+$(OBJ)/objects: FORCE
+	$(call remember,$(OBJECTS) $(COMMAND_OBJECTS) $(SUPPORT_OBJECTS))
+
+$(OBJ)/%.o: %.c $(OBJ)/flags
 	$(say) CC $<
-	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) -MMD -MP -c $< -o $@
+	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) $(EXTRA) -MMD -MP -c $< -o $@
+# `karst --version` names them.
+$(OBJ)/demos/command_version.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
 
-$(OBJ)/embedded_kernels.c: core/embed.sh $(KERNELS)
+$(OBJ)/embedded_kernels.c: core/embed.sh $(OBJ)/kernels $(KERNELS)
 	$(say) EMBED $@
 	$(Q)mkdir -p $(@D) && sh core/embed.sh $(KERNELS) > $@.tmp && mv $@.tmp $@
-$(OBJ)/embedded_kernels.o: $(OBJ)/embedded_kernels.c
+$(OBJ)/embedded_kernels.o: $(OBJ)/embedded_kernels.c $(OBJ)/flags
+	$(say) CC $<
 	$(Q)$(CC) $(KCFLAGS) -c $< -o $@
 
-$(OBJ)/tests/%: tests/%.c $(BUILD)/libkarst.a
+# ---- linking ----
+$(LIBRARY): $(OBJECTS) $(OBJ)/objects
+	$(say) AR $@
+	$(Q)rm -f $@ && $(AR) rcs $@ $(OBJECTS)
+
+# Only what the public headers declare leaves the shared library.
+$(OBJ)/exports: $(HEADERS)
+	@mkdir -p $(@D)
+	@{ echo '{ global:'; grep -oh 'karst_[a-z0-9_]*(' $(HEADERS) | sort -u | sed 's/(/;/'; echo 'local: *; };'; } > $@
+$(SHARED): $(OBJECTS) $(OBJ)/objects $(OBJ)/exports
 	$(say) LD $@
-	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) -MMD -MP $< $(BUILD)/libkarst.a $(KLDFLAGS) -lcmocka $(KLIBS) -o $@
+	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/exports -Wl,--no-undefined -Wl,--as-needed $(KLDFLAGS) $(OBJECTS) $(KLIBS) -o $@
+$(OUT)/libkarst.so: $(SHARED)
+	$(Q)ln -sf $(<F) $@
+
+$(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
+	$(say) LD $@
+	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(KLIBS) -o $@
+
+$(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT_OBJECTS) $(LIBRARY)
+	$(say) LD $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT_OBJECTS) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+$(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT_OBJECTS) $(LIBRARY)
+	$(say) LD $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT_OBJECTS) $(LIBRARY) $(KLIBS) -o $@
+
+# ---- using ----
+demo: $(COMMAND)
+	$(Q)$(COMMAND) render hills -o $(BUILD)/demo.png
+
+# ONLY=text runs those whose path holds the text.
+check: all $(TEST_PROGRAMS)
+	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests $(TEST_PROGRAMS) $(TEST_SCRIPTS)
+
+bench: all $(BENCH_PROGRAMS)
+	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(ONLY),$(b)),$(b))); do $$program || exit; done
+
+lint:
+	$(Q)CC='$(CC)' sh tests/lint/run.sh .
+
+# ---- installing ----
+includedir = $(DESTDIR)$(PREFIX)/include/karst
+libdir     = $(DESTDIR)$(PREFIX)/lib
+sharedir   = $(DESTDIR)$(PREFIX)/share/karst
+
+define KARST_PC
+prefix=$(PREFIX)
+includedir=$${prefix}/include
+libdir=$${prefix}/lib
+
+Name: karst
+Description: Ray-casts procedural landscapes from a density function
+Version: $(VERSION)
+Requires.private: $(PKGS)
+Libs: -L$${libdir} -lkarst
+Libs.private: -lOpenCL -ldl -lm -pthread
+Cflags: -I$${includedir}
+endef
+export KARST_PC
+
+install: all
+	$(say) INSTALL $(DESTDIR)$(PREFIX)
+	$(Q)install -d $(DESTDIR)$(PREFIX)/bin $(includedir) $(libdir)/pkgconfig
+	$(Q)install -m 755 $(COMMAND) $(DESTDIR)$(PREFIX)/bin/karst
+	$(Q)install -m 644 $(HEADERS) $(includedir)
+	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(libdir)
+	$(Q)ln -sf libkarst.so.$(SOVERSION) $(libdir)/libkarst.so
+	$(Q)printf '%s\n' "$$KARST_PC" > $(libdir)/pkgconfig/karst.pc && chmod 644 $(libdir)/pkgconfig/karst.pc
+ifneq ($(WORLDS),)
+	$(Q)install -d $(sharedir)/worlds && install -m 644 $(WORLDS) $(sharedir)/worlds
+endif
+
+uninstall:
+	$(say) REMOVE $(DESTDIR)$(PREFIX)
+	$(Q)rm -f $(DESTDIR)$(PREFIX)/bin/karst $(libdir)/libkarst.a $(libdir)/libkarst.so $(libdir)/libkarst.so.$(SOVERSION) \
+	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%)
+	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir) 2>/dev/null || true
+
+check-install: all
+	$(Q)MAKE='$(MAKE)' CC='$(CC)' sh tests/install/run.sh $(abspath $(OBJ))/install-scratch $(OBJ)/exports
 
 clean:
 	rm -rf $(BUILD)
 
-.PHONY: all clean
+help:
+	@echo 'make                 build $(BUILD)/karst, $(BUILD)/libkarst.a and $(BUILD)/libkarst.so'
+	@echo 'make demo            render the world "hills" to $(BUILD)/demo.png (installs missing packages if it can)'
+	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
+	@echo 'make lint            check the layout, the includes and the style'
+	@echo 'make bench           measure; ONLY=text runs some'
+	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
+	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
+	@echo 'make clean           remove $(BUILD)'
+	@echo 'CONFIG=release|debug|asan chooses flags, CFLAGS= and LDFLAGS= add to them, V=1 shows commands'
+	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
+
+FORCE:
+.PHONY: all demo check bench lint install uninstall check-install clean help FORCE
 .SECONDARY:
--include $(OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d)
+.DELETE_ON_ERROR:
+-include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) $(BENCH_PROGRAMS:%=%.d)
