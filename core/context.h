@@ -31,11 +31,36 @@ struct karst_context {
     size_t max_allocation_bytes;  /* of one buffer */
     size_t global_memory_bytes;
     bool exact_floats;            /* denormals, inf/nan, round to nearest, fma, correctly rounded divide and sqrt */
+    bool rounded_divide;          /* programs are built with -cl-fp32-correctly-rounded-divide-sqrt */
     bool has_gl_sharing;
     karst_buffer *buffers;        /* list of live buffers, newest first */
-    struct karst_profile *profile;/* stage timer, see core/profile.h */
-    char *cache_note;
+    struct karst_profile *profile; /* stage timer, see core/profile.h */
 };
+
+/* A device as `karst info` lists it. */
+typedef struct {
+    cl_platform_id platform;
+    cl_device_id device;
+    int index;                    /* what `--device` takes, from 0 */
+    char platform_name[128];
+    char name[128];
+    const char *type;             /* "CPU", "GPU" or "accelerator" */
+    bool is_cpu, is_gpu;          /* a device may say that it is both */
+    char version[64];             /* "OpenCL 3.0 ..." */
+    char driver[64];
+    int compute_units;
+    size_t global_memory_bytes;
+    size_t max_allocation_bytes;  /* of one buffer */
+    size_t max_work_group;        /* work-items */
+    bool exact_floats;            /* see karst_context */
+    bool rounded_divide;          /* takes -cl-fp32-correctly-rounded-divide-sqrt */
+    bool has_gl_sharing;
+    const char *unusable;         /* NULL, or why Karst cannot use it */
+} karst_device_info;
+
+/* All devices of all platforms, platforms in order of their names, into malloc'ed memory that the caller frees. The same machine
+ * gives the same numbers. NULL and KARST_NO_DEVICE (how to mend it) if there is none. */
+karst_device_info *karst_context_list(size_t *num_devices, karst_error *error);
 
 /* Opens the device that `selector` names: NULL or "" for the first GPU, else the first CPU; "cpu" or "gpu"; a number as `karst info`
  * lists them; or part of a name, ignoring case. `lanes` 0 lets the device decide, else 1 or 16.
@@ -71,7 +96,7 @@ typedef struct {
 
 /* Builds `entry` (a path such as "cache/collect.cl") with the options given. #include "path" is resolved by Karst itself, each file once,
  * in this order: `files`, $KARST_KERNEL_DIR (if set), the embedded sources. #line keeps file and line of every error.
- * Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured) -DLANES=n.
+ * Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured) -DLANES=n -DKARST_DEVICE_CPU=0 or 1.
  * Errors: KARST_FAILED with the first lines of the build log in the message, all of it in the log. */
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
