@@ -21,6 +21,16 @@ static void assert_axis(const double axis[3], double x, double y, double z)
         fail_msg("(%g, %g, %g), want (%g, %g, %g)", axis[0], axis[1], axis[2], x, y, z);
 }
 
+/* Field by field: padding may hold anything. */
+static void assert_same(const karst_camera *a, const karst_camera *b)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        assert_true(a->position.voxel[axis] == b->position.voxel[axis]);
+        assert_int_equal(a->position.fraction[axis], b->position.fraction[axis]);
+    }
+    assert_true(a->yaw_deg == b->yaw_deg && a->pitch_deg == b->pitch_deg && a->fov_deg == b->fov_deg);
+}
+
 /* Level views are exact. */
 static void test_compass(void **state)
 {
@@ -115,7 +125,7 @@ static void test_errors_name_the_field(void **state)
         assert_int_equal(error.status, KARST_USAGE);
         if (!strstr(error.message, cases[i].says))
             fail_msg("\"%s\" does not say \"%s\"", error.message, cases[i].says);
-        assert_memory_equal(&camera, &before, sizeof camera);
+        assert_same(&camera, &before);
     }
     char text[600];
     memset(text, 'q', sizeof text);
@@ -140,7 +150,7 @@ static void check_round_trip(void)
             karst_error error = {0};
             if (!karst_camera_parse(text, voxel_log2_m, &back, &error))
                 fail_msg("%s", error.message);
-            assert_memory_equal(&back, &camera, sizeof camera);
+            assert_same(&back, &camera);
         }
     }
     const karst_camera simple = {.position = {{0, 320, -5}, {0, 0, 0x40000000u}}, .yaw_deg = 30, .pitch_deg = -12.5, .fov_deg = 60};
