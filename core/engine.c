@@ -382,10 +382,7 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
                                    .max_tiles = engine->budget_bricks, .max_bricks = engine->budget_bricks, .may_drop_fallback = true};
     if (!karst_cache_collect(engine->cache, &params, work, error))
         return false;
-    if (work->num_subdivides && !engine->producer->ops->subdivide(engine->producer, buffers, work, error))
-        return false;
-    if (work->num_loads && (!engine->producer->ops->evaluate(engine->producer, buffers, work, error) ||
-                            !engine->producer->ops->finalise(engine->producer, buffers, work, error)))
+    if (!karst_producer_answer(engine->producer, buffers, work, error))
         return false;
     uint32_t num_linked = 0, num_constant = 0;
     if ((work->num_loads || work->num_subdivides) && !karst_cache_publish(engine->cache, work, &num_linked, &num_constant, error))
