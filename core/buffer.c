@@ -1,0 +1,174 @@
+/* Device buffers: zeroed, bounded, and accounted for by name. */
+#include "core/context.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* "3.2 GiB" for messages. */
+static const char *size_text(size_t size_bytes, char text[32])
+{
+    static const char *const units[] = {"bytes", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB"};
+    double value = (double)size_bytes;
+    int unit = 0;
+    while (value >= 1023.95 && unit < 6) {
+        value /= 1024;
+        unit++;
+    }
+    snprintf(text, 32, unit ? "%.1f %s" : "%.0f %s", value, units[unit]);
+    return text;
+}
+
+static size_t total_bytes(const karst_context *context)
+{
+    size_t total = 0;
+    for (const karst_buffer *b = context->buffers; b; b = b->next)
+        total += b->size_bytes;
+    return total;
+}
+
+/* Refuses what cannot work before the driver may promise it: PoCL commits memory only when it is written. */
+static bool check_size(const karst_context *context, const char *name, size_t size_bytes, karst_error *error)
+{
+    char size[32], limit[32], taken[32];
+    if (size_bytes == 0)
+        return karst_fail(error, KARST_FAILED, "cannot allocate a buffer of 0 bytes for %s", name);
+    if (size_bytes > context->max_allocation_bytes)
+        return karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: the device's largest buffer is %s; use a smaller --pool",
+                          size_text(size_bytes, size), name, size_text(context->max_allocation_bytes, limit));
+    size_t total = total_bytes(context);
+    if (total > context->global_memory_bytes || size_bytes > context->global_memory_bytes - total)
+        return karst_fail(error, KARST_FAILED,
+                          "cannot allocate %s for %s: the device has %s, of which %s are taken; use a smaller --pool",
+                          size_text(size_bytes, size), name, size_text(context->global_memory_bytes, limit), size_text(total, taken));
+    return true;
+}
+
+/* Fills with zeros, in the widest pattern that divides the size (some drivers go pattern by pattern). */
+static cl_int fill_zero(karst_context *context, cl_mem mem, size_t size_bytes)
+{
+    static const uint8_t zeros[64];
+    size_t pattern = sizeof(zeros);
+    while (size_bytes % pattern)
+        pattern /= 2;
+    return clEnqueueFillBuffer(context->queue, mem, zeros, pattern, 0, size_bytes, 0, NULL, NULL);
+}
+
+karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error)
+{
+    if (!check_size(context, name, size_bytes, error))
+        return NULL;
+    karst_buffer *buffer = calloc(1, sizeof(*buffer));
+    if (!buffer) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    cl_int code = CL_SUCCESS;
+    buffer->mem = clCreateBuffer(context->cl, CL_MEM_READ_WRITE, size_bytes, NULL, &code);
+    if (code == CL_SUCCESS && initial)
+        code = clEnqueueWriteBuffer(context->queue, buffer->mem, CL_TRUE, 0, size_bytes, initial, 0, NULL, NULL);
+    else if (code == CL_SUCCESS)
+        code = fill_zero(context, buffer->mem, size_bytes);
+    if (code != CL_SUCCESS) {
+        char size[32];
+        karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: %s; use a smaller --pool", size_text(size_bytes, size), name,
+                   karst_cl_error_name(code));
+        if (buffer->mem)
+            clReleaseMemObject(buffer->mem);
+        free(buffer);
+        return NULL;
+    }
+    buffer->context = context;
+    buffer->size_bytes = size_bytes;
+    snprintf(buffer->name, sizeof(buffer->name), "%s", name);
+    buffer->next = context->buffers;
+    buffer->link = &context->buffers;
+    if (buffer->next)
+        buffer->next->link = &buffer->next;
+    context->buffers = buffer;
+    return buffer;
+}
+
+void karst_buffer_destroy(karst_buffer *buffer)
+{
+    if (!buffer)
+        return;
+    if (buffer->link) { /* NULL: the context went first */
+        *buffer->link = buffer->next;
+        if (buffer->next)
+            buffer->next->link = buffer->link;
+    }
+    clReleaseMemObject(buffer->mem);
+    free(buffer);
+}
+
+static bool check_range(const karst_buffer *buffer, const char *what, size_t offset_bytes, size_t size_bytes, karst_error *error)
+{
+    if (offset_bytes > buffer->size_bytes || size_bytes > buffer->size_bytes - offset_bytes)
+        return karst_fail(error, KARST_FAILED, "cannot %s %zu bytes at %zu of buffer %s: it has %zu", what, size_bytes, offset_bytes,
+                          buffer->name, buffer->size_bytes);
+    return true;
+}
+
+static bool check_code(const karst_buffer *buffer, const char *what, cl_int code, karst_error *error)
+{
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot %s buffer %s: %s", what, buffer->name, karst_cl_error_name(code));
+    return true;
+}
+
+bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error)
+{
+    if (!check_range(buffer, "write", offset_bytes, size_bytes, error))
+        return false;
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0, NULL, NULL);
+    return check_code(buffer, "write", code, error);
+}
+
+bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error)
+{
+    if (!check_range(buffer, "read", offset_bytes, size_bytes, error))
+        return false;
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0, NULL, NULL);
+    return check_code(buffer, "read", code, error);
+}
+
+bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error)
+{
+    if (!check_range(buffer, "fill", offset_bytes, size_bytes, error))
+        return false;
+    if (offset_bytes % sizeof(value) || size_bytes % sizeof(value))
+        return karst_fail(error, KARST_FAILED, "cannot fill %zu bytes at %zu of buffer %s: not whole 32-bit values", size_bytes,
+                          offset_bytes, buffer->name);
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueFillBuffer(buffer->context->queue, buffer->mem, &value, sizeof(value), offset_bytes, size_bytes, 0, NULL, NULL);
+    return check_code(buffer, "fill", code, error);
+}
+
+#define MAX_NAMES (sizeof(((karst_stats *)0)->memory) / sizeof(karst_stats_memory))
+
+/* The entry that `name` is summed in; the last one takes all names that find no place. */
+static karst_stats_memory *find_entry(karst_stats *stats, const char *name)
+{
+    for (size_t i = 0; i < stats->num_memory; i++)
+        if (strcmp(stats->memory[i].name, name) == 0)
+            return &stats->memory[i];
+    if (stats->num_memory == MAX_NAMES)
+        return &stats->memory[MAX_NAMES - 1];
+    karst_stats_memory *entry = &stats->memory[stats->num_memory++];
+    snprintf(entry->name, sizeof(entry->name), "%s", stats->num_memory == MAX_NAMES ? "other" : name);
+    entry->size_bytes = 0;
+    return entry;
+}
+
+void karst_context_memory(const karst_context *context, karst_stats *stats)
+{
+    stats->num_memory = 0;
+    for (const karst_buffer *b = context->buffers; b; b = b->next)
+        find_entry(stats, b->name)->size_bytes += b->size_bytes;
+}

@@ -1,0 +1,13 @@
+/* The stage timer behind karst_profile_collect. Private to core; use core/context.h elsewhere. */
+#ifndef KARST_CORE_PROFILE_H
+#define KARST_CORE_PROFILE_H
+
+#include "core/context.h"
+
+struct karst_profile *karst_profile_create(karst_error *error);
+/* Releases events that were never collected. NULL is fine. */
+void karst_profile_destroy(struct karst_profile *profile);
+/* Counts a command under a stage; takes the event over, also when it fails. */
+bool karst_profile_add_event(karst_context *context, karst_stage stage, cl_event event, karst_error *error);
+
+#endif

@@ -1,0 +1,25 @@
+/* Names of the stages: they stand in statistics files, so they never change. */
+#include "karst/stats.h"
+
+const char *karst_stage_name(karst_stage stage)
+{
+    switch (stage) {
+    case KARST_STAGE_CAST:
+        return "cast";
+    case KARST_STAGE_SHADE:
+        return "shade";
+    case KARST_STAGE_COLLECT:
+        return "collect";
+    case KARST_STAGE_SUBDIVIDE:
+        return "subdivide";
+    case KARST_STAGE_EVALUATE:
+        return "evaluate";
+    case KARST_STAGE_FINALISE:
+        return "finalise";
+    case KARST_STAGE_DISPLAY:
+        return "display";
+    case KARST_NUM_STAGES:
+        break;
+    }
+    return "unknown";
+}
