@@ -51,7 +51,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(if $(PARTIAL),,tests/lint/selftest.sh tests/cli/run.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh))
+TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
 BENCH_PROGRAMS := $(BENCHES:%.c=$(OBJ)/%)
@@ -68,8 +68,8 @@ all: $(LIBRARY)
 endif
 
 # ---- what must be installed first ----
-# A stamp that make itself includes: when it is made anew, make starts over and finds what was installed. `make demo` and `make check`
-# may install packages; every other target only says what is missing.
+# A stamp that make itself includes: when it is made anew, make starts over and finds what was installed.
+# `make demo` and `make check` may install packages; every other target only says what is missing.
 GOALS := $(or $(MAKECMDGOALS),all)
 ifneq ($(filter-out clean help uninstall,$(GOALS)),)
 NEED := $(if $(filter-out all demo install $(LIBRARY) $(COMMAND),$(GOALS)),tests,build)
@@ -80,7 +80,7 @@ include $(BUILD)/dependencies-$(NEED).mk
 endif
 
 # ---- compiling ----
-# Files that change only when their text does: flags and lists of files, so that a change of either rebuilds what it touches.
+# Files that change only when their text does: flags and lists of files. A change of either rebuilds what it touches.
 define remember
 	@mkdir -p $(@D)
 	@printf '%s\n' '$(subst ','\'',$(1))' | cmp -s - $@ || printf '%s\n' '$(subst ','\'',$(1))' > $@
@@ -96,7 +96,7 @@ $(OBJ)/%.o: %.c $(OBJ)/flags
 	$(say) CC $<
 	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) $(EXTRA) -MMD -MP -c $< -o $@
 # `karst --version` names them.
-$(OBJ)/demos/command_version.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
+$(OBJ)/demos/command_info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
 
 $(OBJ)/embedded_kernels.c: core/embed.sh $(OBJ)/kernels $(KERNELS)
 	$(say) EMBED $@
@@ -116,7 +116,8 @@ $(OBJ)/exports: $(HEADERS)
 	@{ echo '{ global:'; grep -oh 'karst_[a-z0-9_]*(' $(HEADERS) | sort -u | sed 's/(/;/'; echo 'local: *; };'; } > $@
 $(SHARED): $(OBJECTS) $(OBJ)/objects $(OBJ)/exports
 	$(say) LD $@
-	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/exports -Wl,--no-undefined -Wl,--as-needed $(KLDFLAGS) $(OBJECTS) $(KLIBS) -o $@
+	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/exports -Wl,--no-undefined -Wl,--as-needed \
+	    $(KLDFLAGS) $(OBJECTS) $(KLIBS) -o $@
 $(OUT)/libkarst.so: $(SHARED)
 	$(Q)ln -sf $(<F) $@
 
@@ -137,7 +138,8 @@ demo: $(COMMAND)
 
 # ONLY=text runs those whose path holds the text.
 check: all $(TEST_PROGRAMS)
-	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests $(TEST_PROGRAMS) $(TEST_SCRIPTS)
+	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests $(TEST_PROGRAMS) \
+	    $(if $(PARTIAL),,$(TEST_SCRIPTS))
 
 bench: all $(BENCH_PROGRAMS)
 	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(ONLY),$(b)),$(b))); do $$program || exit; done
@@ -180,7 +182,8 @@ endif
 uninstall:
 	$(say) REMOVE $(DESTDIR)$(PREFIX)
 	$(Q)rm -f $(DESTDIR)$(PREFIX)/bin/karst $(libdir)/libkarst.a $(libdir)/libkarst.so $(libdir)/libkarst.so.$(SOVERSION) \
-	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%)
+	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) \
+	    $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%)
 	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir) 2>/dev/null || true
 
 check-install: all
@@ -205,4 +208,5 @@ FORCE:
 .PHONY: all demo check bench lint install uninstall check-install clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
--include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) $(BENCH_PROGRAMS:%=%.d)
+-include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \
+    $(BENCH_PROGRAMS:%=%.d)

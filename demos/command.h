@@ -1,0 +1,121 @@
+/* What the parts of the karst command share. Names of the library begin with karst_, the command's own with command_.
+ *
+ *   karst.c            main: finds the subcommand, prints help, turns an error into a line and an exit code
+ *   command_options.c  options from a table: parsing and their help
+ *   command_talk.c     messages and the progress line on stderr
+ *   command_output.c   files that appear whole or not at all
+ *   command_record.c   figures of a run, and their JSON
+ *   command_render.c   karst render
+ *   command_info.c     karst info, karst --version
+ */
+#ifndef KARST_DEMOS_COMMAND_H
+#define KARST_DEMOS_COMMAND_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <karst/karst.h>
+
+/* ---- command_options.c ---- */
+
+typedef enum {
+    COMMAND_FLAG,    /* bool */
+    COMMAND_TEXT,    /* const char * */
+    COMMAND_INTEGER, /* uint64_t, within [min, max] */
+    COMMAND_NUMBER,  /* double, within [min, max] */
+    COMMAND_SIZE     /* int[2]: WIDTHxHEIGHT, each within [min, max] */
+} command_option_kind;
+
+/* One option: --name VALUE, --name=VALUE, or -letter VALUE. `value` points at what its kind says; `given` may be NULL.
+ */
+typedef struct {
+    const char *name;
+    char letter; /* 0: none */
+    command_option_kind kind;
+    const char *argument; /* as help names it, such as "WxH"; NULL for flags */
+    const char *help;
+    void *value;
+    double min, max;
+    bool *given;
+} command_option;
+
+/* Parses arguments (without the subcommand's name). At most max_words that are no options go to words; `help` becomes
+ * true on --help or -h, and then nothing more is looked at. Errors: KARST_USAGE, naming the option and what would do.
+ */
+bool command_parse(int argc, char **argv, const command_option *options, size_t num_options, const char **words,
+                   size_t max_words, size_t *num_words, bool *help, karst_error *error);
+/* A line for each option. */
+void command_print_options(FILE *file, const command_option *options, size_t num_options);
+/* The most similar of `names` (ended by NULL), or NULL if none is near. */
+const char *command_nearest(const char *word, const char *const *names);
+
+/* ---- command_talk.c ---- */
+
+/* How the command talks: to stderr, and only what was wished for. */
+typedef struct {
+    bool quiet;           /* errors and warnings only */
+    bool verbose;         /* the library's own remarks too */
+    bool on_terminal;     /* stderr is one: show progress */
+    bool colour;          /* on a terminal, unless NO_COLOR is set */
+    bool progress_shown;  /* a progress line stands there now */
+    uint64_t shown_at_ns; /* when */
+} command_talk;
+
+void command_talk_init(command_talk *talk);
+/* One line, unless quiet. */
+void command_say(command_talk *talk, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void command_say_error(command_talk *talk, const char *message);
+/* Replaces the progress line, at most ten times a second; nothing unless on a terminal and not quiet. */
+void command_progress(command_talk *talk, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void command_end_progress(command_talk *talk);
+/* The library's log, through `talk`, which must outlive it. */
+karst_log command_log(command_talk *talk);
+uint64_t command_clock_ns(void); /* monotonic */
+
+/* ---- command_output.c ---- */
+
+/* Whether a file could be written at `path` ("-": stdout, which must not be a terminal if it is `binary`), before long
+ * work is done for it. Leaves nothing behind. Errors: KARST_FAILED, KARST_USAGE. */
+bool command_check_output(const char *path, const char *option, bool binary, karst_error *error);
+/* Writes a text whole or not at all; "-": stdout. Errors: KARST_FAILED. */
+bool command_write_text(const char *path, const char *text, karst_error *error);
+/* A PNG, likewise. */
+bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error);
+
+/* ---- command_record.c ---- */
+
+/* What a run was, and the times of all its frames. Zero-initialise; command_record_free frees the times. */
+typedef struct {
+    const char *world;
+    char camera[512];
+    const char *display, *display_description;
+    int width_px, height_px;
+    bool settled;
+    uint64_t elapsed_ns;
+    size_t num_frames, max_frames;
+    uint64_t *times_ns; /* of each frame: KARST_NUM_STAGES stages, then the frame */
+    uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
+    karst_stats last;
+} command_record;
+
+/* Adds a frame. Errors: KARST_FAILED (memory). */
+bool command_record_add(command_record *record, const karst_stats *stats, karst_error *error);
+/* The statistics file's text, malloc'ed. The names in it are a contract; README.md lists them. NULL: out of memory. */
+char *command_record_json(const command_record *record);
+void command_record_free(command_record *record);
+
+/* ---- subcommands: arguments without their own names ---- */
+
+/* A subcommand. `run` returns false with an error; on --help it prints its help to stdout and returns true. */
+typedef struct {
+    const char *name, *summary;
+    bool (*run)(int argc, char **argv, command_talk *talk, karst_error *error);
+} command;
+
+bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
+void command_print_version(FILE *file);
+
+#endif

@@ -1,0 +1,128 @@
+/* Files that appear whole or not at all. */
+#include "command.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static bool is_stdout(const char *path) { return strcmp(path, "-") == 0; }
+
+/* Opens a new file beside `path`; its name goes to temporary (malloc'ed). -1 with errno on failure. */
+static int open_beside(const char *path, char **temporary)
+{
+    size_t size = strlen(path) + sizeof ".XXXXXX";
+    *temporary = malloc(size);
+    if (!*temporary)
+        return -1;
+    snprintf(*temporary, size, "%s.XXXXXX", path);
+    int fd = mkstemp(*temporary);
+    if (fd < 0) {
+        free(*temporary);
+        *temporary = NULL;
+    }
+    return fd;
+}
+
+bool command_check_output(const char *path, const char *option, bool binary, karst_error *error)
+{
+    if (is_stdout(path)) {
+        if (binary && isatty(STDOUT_FILENO))
+            return karst_fail(error, KARST_USAGE, "%s -: stdout is a terminal; send it to a file or a pipe", option);
+        return true;
+    }
+    struct stat info;
+    if (stat(path, &info) == 0) {
+        if (S_ISDIR(info.st_mode))
+            return karst_fail(error, KARST_FAILED, "cannot write %s: it is a folder; name a file in it with %s", path,
+                              option);
+        if (!S_ISREG(info.st_mode))
+            return karst_fail(error, KARST_FAILED, "cannot write %s: it is not a regular file; name another with %s",
+                              path, option);
+        if (access(path, W_OK) != 0)
+            return karst_fail(error, KARST_FAILED, "cannot write %s: %s; name another with %s", path, strerror(errno),
+                              option);
+    }
+    char *temporary;
+    int fd = open_beside(path, &temporary);
+    if (fd < 0)
+        return karst_fail(error, KARST_FAILED, "cannot write %s: %s; name another with %s", path, strerror(errno),
+                          option);
+    close(fd);
+    unlink(temporary);
+    free(temporary);
+    return true;
+}
+
+static bool write_all(int fd, const char *data, size_t size_bytes)
+{
+    while (size_bytes) {
+        ssize_t written = write(fd, data, size_bytes);
+        if (written < 0 && errno == EINTR)
+            continue;
+        if (written <= 0)
+            return false;
+        data += written;
+        size_bytes -= (size_t)written;
+    }
+    return true;
+}
+
+bool command_write_text(const char *path, const char *text, karst_error *error)
+{
+    if (is_stdout(path)) {
+        if (fflush(stdout) != 0 || !write_all(STDOUT_FILENO, text, strlen(text)))
+            return karst_fail(error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));
+        return true;
+    }
+    char *temporary;
+    int fd = open_beside(path, &temporary);
+    if (fd < 0)
+        return karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
+    mode_t mask = umask(0);
+    umask(mask);
+    bool written = write_all(fd, text, strlen(text)) && fchmod(fd, 0666 & ~mask) == 0;
+    written = close(fd) == 0 && written && rename(temporary, path) == 0;
+    if (!written) {
+        karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
+        unlink(temporary);
+    }
+    free(temporary);
+    return written;
+}
+
+/* Copies a file to stdout. */
+static bool copy_to_stdout(const char *path, karst_error *error)
+{
+    FILE *file = fopen(path, "rb");
+    if (!file)
+        return karst_fail(error, KARST_FAILED, "cannot read %s: %s", path, strerror(errno));
+    char buffer[65536];
+    size_t size;
+    bool copied = true;
+    while (copied && (size = fread(buffer, 1, sizeof buffer, file)) > 0)
+        copied = write_all(STDOUT_FILENO, buffer, size);
+    if (!copied || ferror(file))
+        karst_fail(error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));
+    copied = copied && !ferror(file);
+    fclose(file);
+    return copied;
+}
+
+bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error)
+{
+    if (!is_stdout(path))
+        return karst_image_write_png(path, rgba, width_px, height_px, error);
+    /* The library writes files; a pipe gets the bytes of one. */
+    const char *folder = getenv("TMPDIR");
+    char scratch[4096], picture[4200];
+    snprintf(scratch, sizeof scratch, "%s/karst-XXXXXX", folder && *folder ? folder : "/tmp");
+    if (!mkdtemp(scratch))
+        return karst_fail(error, KARST_FAILED, "cannot make %s: %s; set TMPDIR", scratch, strerror(errno));
+    snprintf(picture, sizeof picture, "%s/picture.png", scratch);
+    bool written = karst_image_write_png(picture, rgba, width_px, height_px, error) && copy_to_stdout(picture, error);
+    unlink(picture);
+    rmdir(scratch);
+    return written;
+}

@@ -1,0 +1,135 @@
+/* Figures of a run, and their JSON. */
+#include "command.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include <jansson.h>
+
+#define TIMES_PER_FRAME (KARST_NUM_STAGES + 1)
+
+bool command_record_add(command_record *record, const karst_stats *stats, karst_error *error)
+{
+    if (record->num_frames == record->max_frames) {
+        size_t max_frames = record->max_frames ? 2 * record->max_frames : 128;
+        uint64_t *times_ns = realloc(record->times_ns, max_frames * TIMES_PER_FRAME * sizeof *times_ns);
+        if (!times_ns)
+            return karst_fail(error, KARST_FAILED, "out of memory for the times of %zu frames", max_frames);
+        record->times_ns = times_ns;
+        record->max_frames = max_frames;
+    }
+    uint64_t *times_ns = record->times_ns + record->num_frames++ * TIMES_PER_FRAME;
+    memcpy(times_ns, stats->time_ns, sizeof stats->time_ns);
+    times_ns[KARST_NUM_STAGES] = stats->time_ns_frame;
+    record->num_requests += stats->num_requests;
+    record->num_produced += stats->num_produced;
+    record->num_evicted += stats->num_evicted;
+    record->num_reproduced += stats->num_reproduced;
+    record->num_deferred += stats->num_deferred;
+    record->last = *stats;
+    return true;
+}
+
+void command_record_free(command_record *record)
+{
+    free(record->times_ns);
+    record->times_ns = NULL;
+    record->num_frames = record->max_frames = 0;
+}
+
+static int compare_times(const void *a, const void *b)
+{
+    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* The value that `percent` of the sorted values do not exceed (nearest rank). */
+static double percentile_ms(const uint64_t *sorted_ns, size_t num, unsigned percent)
+{
+    size_t rank = (num * percent + 99) / 100;
+    return num ? (double)sorted_ns[rank ? rank - 1 : 0] / 1e6 : 0;
+}
+
+/* Median, p95, p99 and max of one column of the times, in ms. */
+static json_t *describe_times(const command_record *record, int column, uint64_t *scratch_ns)
+{
+    for (size_t i = 0; i < record->num_frames; i++)
+        scratch_ns[i] = record->times_ns[i * TIMES_PER_FRAME + (size_t)column];
+    qsort(scratch_ns, record->num_frames, sizeof *scratch_ns, compare_times);
+    return json_pack("{s:f, s:f, s:f, s:f}", "median", percentile_ms(scratch_ns, record->num_frames, 50), "p95",
+                     percentile_ms(scratch_ns, record->num_frames, 95), "p99",
+                     percentile_ms(scratch_ns, record->num_frames, 99), "max",
+                     percentile_ms(scratch_ns, record->num_frames, 100));
+}
+
+static json_t *describe_all_times(const command_record *record)
+{
+    uint64_t *scratch_ns = malloc((record->num_frames + 1) * sizeof *scratch_ns);
+    if (!scratch_ns)
+        return NULL;
+    json_t *times = json_object();
+    json_object_set_new(times, "frame", describe_times(record, KARST_NUM_STAGES, scratch_ns));
+    for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
+        json_object_set_new(times, karst_stage_name(stage), describe_times(record, stage, scratch_ns));
+    free(scratch_ns);
+    return times;
+}
+
+static json_t *describe_pool(const karst_stats_pool *pool, uint64_t num_resident)
+{
+    return json_pack("{s:I, s:I, s:I, s:I}", "used", (json_int_t)pool->num_used, "resident", (json_int_t)num_resident,
+                     "total", (json_int_t)pool->num_total, "bytes", (json_int_t)pool->size_bytes);
+}
+
+static json_t *describe_memory(const karst_stats *stats)
+{
+    json_t *memory = json_object();
+    for (size_t i = 0; i < stats->num_memory; i++)
+        json_object_set_new(memory, stats->memory[i].name, json_integer((json_int_t)stats->memory[i].size_bytes));
+    return memory;
+}
+
+char *command_record_json(const command_record *record)
+{
+    const karst_stats *last = &record->last;
+    json_t *root =
+        json_pack("{s:s, s:s, s:s, s:i, s:i, s:s, s:s, s:s}", "version", karst_version(), "world", record->world,
+                  "camera", record->camera, "width_px", record->width_px, "height_px", record->height_px, "device",
+                  last->device, "display", record->display, "display_description", record->display_description);
+    if (!root)
+        return NULL;
+    json_object_set_new(root, "settled", json_boolean(record->settled));
+    json_object_set_new(root, "frames", json_integer((json_int_t)record->num_frames));
+    json_object_set_new(root, "frames_to_settle",
+                        record->settled ? json_integer((json_int_t)record->num_frames) : json_null());
+    json_object_set_new(root, "elapsed_ms", json_real((double)record->elapsed_ns / 1e6));
+    json_object_set_new(root, "time_ms", describe_all_times(record));
+    json_object_set_new(root, "cache",
+                        json_pack("{s:o, s:o}", "tiles", describe_pool(&last->tiles, last->num_resident_tiles),
+                                  "bricks", describe_pool(&last->bricks, last->num_resident_bricks)));
+    json_object_set_new(root, "churn",
+                        json_pack("{s:I, s:I, s:I, s:I, s:I}", "requests", (json_int_t)record->num_requests, "produced",
+                                  (json_int_t)record->num_produced, "evicted", (json_int_t)record->num_evicted,
+                                  "reproduced", (json_int_t)record->num_reproduced, "deferred",
+                                  (json_int_t)record->num_deferred));
+    json_object_set_new(root, "detail",
+                        json_pack("{s:f, s:f}", "asked_px", last->detail_asked_px, "given_px", last->detail_given_px));
+    json_object_set_new(root, "pixels",
+                        json_pack("{s:I, s:I, s:I, s:I}", "total", (json_int_t)last->num_pixels, "hits",
+                                  (json_int_t)last->num_hits, "provisional", (json_int_t)last->num_provisional,
+                                  "incomplete", (json_int_t)last->num_incomplete));
+    json_object_set_new(root, "non_finite", json_integer((json_int_t)last->num_non_finite));
+    json_object_set_new(root, "memory_bytes", describe_memory(last));
+    char *dump = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    json_decref(root);
+    if (!dump)
+        return NULL;
+    size_t length = strlen(dump);
+    char *text = malloc(length + 2);
+    if (text) {
+        memcpy(text, dump, length);
+        memcpy(text + length, "\n", 2);
+    }
+    free(dump);
+    return text;
+}

@@ -1,0 +1,265 @@
+/* karst render: one picture, settled before it is written. */
+#include "command.h"
+
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MAX_WORLDS 64
+
+typedef struct {
+    const char *world, *output, *stats, *camera, *device, *display;
+    int size_px[2];
+    uint64_t seed, budget_bricks, max_frames, lanes;
+    double pool_mib, detail_px, view_distance_m;
+    bool has_seed, no_shadows, help;
+} render_options;
+
+typedef struct {
+    command_talk *talk;
+    command_record *record;
+    karst_error *error;
+    uint64_t start_ns;
+} run_state;
+
+static volatile sig_atomic_t interrupted;
+
+static void interrupt(int signal_number)
+{
+    interrupted = signal_number;
+    /* A second one ends the program at once. */
+    signal(signal_number, SIG_DFL);
+}
+
+static const char *nearest_world(const char *name)
+{
+    const char *names[MAX_WORLDS + 1];
+    size_t num_names = 0;
+    while (num_names < MAX_WORLDS && (names[num_names] = karst_world_name(num_names)) != NULL)
+        num_names++;
+    names[num_names] = NULL;
+    return command_nearest(name, names);
+}
+
+/* The library says so too, but only after a device has been opened, and without a suggestion. */
+static bool check_world(const char *name, karst_error *error)
+{
+    char names[512] = "";
+    const char *known;
+    for (size_t i = 0; (known = karst_world_name(i)) != NULL; i++) {
+        if (strcmp(known, name) == 0)
+            return true;
+        size_t length = strlen(names);
+        snprintf(names + length, sizeof names - length, "%s%s", i ? ", " : "", known);
+    }
+    const char *nearest = nearest_world(name);
+    if (nearest)
+        return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; did you mean '%s'? There are: %s", name,
+                          nearest, names);
+    return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name, names);
+}
+
+static void print_help(const command_option *options, size_t num_options)
+{
+    puts("karst render WORLD [-o out.png] [OPTIONS]\n"
+         "Renders a world to a PNG. The picture is settled before it is written: it has all the detail that was asked "
+         "for,\n"
+         "or all that the pools can hold.\n"
+         "\nOptions:");
+    command_print_options(stdout, options, num_options);
+    puts("\nWorlds:");
+    const char *name;
+    for (size_t i = 0; (name = karst_world_name(i)) != NULL; i++)
+        printf("  %-14s %s\n", name, karst_world_description(name));
+    puts("\nExamples:\n"
+         "  karst render hills\n"
+         "  karst render hills -o far.png --size 1920x1080 --camera 1e9,320,-1e9,30,-12\n"
+         "  karst render asteroid --display none --no-shadows --stats - | jq .time_ms.cast\n"
+         "  karst render hills -o - --pool 2048 --detail 0.5 | display\n"
+         "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world.");
+}
+
+static bool parse_options(int argc, char **argv, command_talk *talk, render_options *o, karst_error *error)
+{
+    const command_option options[] = {
+        {"output", 'o', COMMAND_TEXT, "FILE", "the picture; - is stdout (default: out.png)", &o->output, 0, 0, NULL},
+        {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 1280x720)", o->size_px, 1, 16384, NULL},
+        {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
+         "metres, exact at any distance, and degrees (default: the world's)", &o->camera, 0, 0, NULL},
+        {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &o->detail_px, 0.25, 64,
+         NULL},
+        {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
+         &o->view_distance_m, 1e-9, 1e18, NULL},
+        {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
+        {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
+        {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
+         16777216, NULL},
+        {"budget-bricks", 0, COMMAND_INTEGER, "N", "bricks to produce in a frame at most (default: 4096)",
+         &o->budget_bricks, 1, 8192, NULL},
+        {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle in at most (default: 1000)", &o->max_frames, 1,
+         1000000, NULL},
+        {"device", 0, COMMAND_TEXT, "DEVICE", "number or part of the name from karst info; cpu; gpu", &o->device, 0, 0,
+         NULL},
+        {"display", 0, COMMAND_TEXT, "WAY", "auto, egl, osmesa or none (default: auto)", &o->display, 0, 0, NULL},
+        {"lanes", 0, COMMAND_INTEGER, "N",
+         "rays and samples a work-item handles, 1 or 16 (default: what suits the device)", &o->lanes, 1, 16, NULL},
+        {"stats", 0, COMMAND_TEXT, "FILE", "write figures of the run as JSON; - is stdout", &o->stats, 0, 0, NULL},
+        {"quiet", 'q', COMMAND_FLAG, NULL, "say nothing but warnings and errors", &talk->quiet, 0, 0, NULL},
+        {"verbose", 'v', COMMAND_FLAG, NULL, "say what the library does", &talk->verbose, 0, 0, NULL},
+    };
+    const size_t num_options = sizeof options / sizeof *options;
+    size_t num_words;
+    if (!command_parse(argc, argv, options, num_options, &o->world, 1, &num_words, &o->help, error))
+        return false;
+    if (o->help) {
+        print_help(options, num_options);
+        return true;
+    }
+    if (!num_words)
+        return karst_fail(error, KARST_USAGE,
+                          "which world? For example: karst render hills (karst help render lists them)");
+    return true;
+}
+
+/* All that can be wrong and is found without opening a device. */
+static bool check_options(const render_options *o, karst_display_kind *display, karst_error *error)
+{
+    karst_camera camera = {.fov_deg = 60};
+    if (o->lanes != 0 && o->lanes != 1 && o->lanes != 16)
+        return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)o->lanes);
+    if (strcmp(o->output, "-") == 0 && o->stats && strcmp(o->stats, "-") == 0)
+        return karst_fail(error, KARST_USAGE, "-o - and --stats - both want stdout; give one of them a file");
+    /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
+    if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
+        return false;
+    return karst_display_kind_parse(o->display, display, error) && check_world(o->world, error) &&
+           command_check_output(o->output, "-o", true, error) &&
+           (!o->stats || command_check_output(o->stats, "--stats", false, error));
+}
+
+static bool note_frame(void *user, const karst_stats *stats)
+{
+    run_state *state = user;
+    command_progress(state->talk, "frame %u   %llu bricks   %llu requests   %.1f s", stats->frame,
+                     (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
+                     (double)(command_clock_ns() - state->start_ns) / 1e9);
+    return command_record_add(state->record, stats, state->error) && !interrupted;
+}
+
+/* Settles, reads the picture, writes what was asked for. */
+static bool render(karst_engine *engine, const render_options *o, command_talk *talk, command_record *record,
+                   karst_error *error)
+{
+    karst_error frame_error = {0};
+    run_state state = {talk, record, &frame_error, command_clock_ns()};
+    bool ran = karst_engine_settle(engine, (uint32_t)o->max_frames, note_frame, &state, &record->settled, error);
+    record->elapsed_ns = command_clock_ns() - state.start_ns;
+    command_end_progress(talk);
+    if (!ran)
+        return false;
+    if (frame_error.status != KARST_OK)
+        return karst_fail(error, frame_error.status, "%s", frame_error.message);
+    if (interrupted)
+        return karst_fail(error, KARST_FAILED, "interrupted after %zu frames; nothing was written", record->num_frames);
+
+    size_t size_bytes = (size_t)o->size_px[0] * (size_t)o->size_px[1] * 4;
+    uint8_t *rgba = malloc(size_bytes);
+    if (!rgba)
+        return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", o->size_px[0], o->size_px[1]);
+    bool written = karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
+                   command_write_png(o->output, rgba, o->size_px[0], o->size_px[1], error);
+    free(rgba);
+    if (written && o->stats) {
+        char *text = command_record_json(record);
+        written = text ? command_write_text(o->stats, text, error)
+                       : karst_fail(error, KARST_FAILED, "out of memory for the statistics");
+        free(text);
+    }
+    return written;
+}
+
+static void say_result(command_talk *talk, const render_options *o, const command_record *record)
+{
+    const karst_stats *last = &record->last;
+    command_say(talk, "%s: %dx%d, %s after %zu frames in %.2f s, %llu bricks, on %s",
+                strcmp(o->output, "-") == 0 ? "stdout" : o->output, o->size_px[0], o->size_px[1],
+                record->settled ? "settled" : "not settled", record->num_frames, (double)record->elapsed_ns / 1e9,
+                (unsigned long long)last->num_resident_bricks, last->device);
+    if (last->detail_given_px > last->detail_asked_px * 1.001)
+        command_say(talk,
+                    "detail: voxels of %.2f pixels instead of %.2f, which is what fits into the pools; a larger --pool "
+                    "gives more",
+                    last->detail_given_px, last->detail_asked_px);
+}
+
+static karst_engine_config make_config(const render_options *o, karst_display *display, const karst_log *log)
+{
+    karst_engine_config config = {.world = o->world, .device = o->device, .in_display = display, .log = log};
+    config.width_px = o->size_px[0];
+    config.height_px = o->size_px[1];
+    /* 0 bytes would mean the default: with 1 the library says how much is needed. */
+    config.pool_bytes = o->pool_mib > 0 ? (uint64_t)(o->pool_mib * 1048576) : 1;
+    config.detail_px = o->detail_px;
+    config.view_distance_m = o->view_distance_m;
+    config.budget_bricks = (uint32_t)o->budget_bricks;
+    config.has_seed = o->has_seed;
+    config.seed = (uint32_t)o->seed;
+    config.no_shadows = o->no_shadows;
+    config.lanes = (int)o->lanes;
+    return config;
+}
+
+bool command_render(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    render_options o = {.output = "out.png",
+                        .display = "auto",
+                        .size_px = {1280, 720},
+                        .pool_mib = 512,
+                        .max_frames = 1000,
+                        .detail_px = 1};
+    karst_display_kind display_kind;
+    if (!parse_options(argc, argv, talk, &o, error))
+        return false;
+    if (o.help)
+        return true;
+    if (!check_options(&o, &display_kind, error))
+        return false;
+
+    signal(SIGINT, interrupt);
+    signal(SIGTERM, interrupt);
+    const karst_log log = command_log(talk);
+    command_record record = {.world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1]};
+    karst_engine *engine = NULL;
+    bool done = false;
+
+    command_progress(talk, "opening the device; new kernels take some seconds to build");
+    karst_display *display = karst_display_create(display_kind, &log, error);
+    if (!display)
+        goto out;
+    record.display = karst_display_kind_name(karst_display_get_kind(display));
+    record.display_description = karst_display_description(display);
+    const karst_engine_config config = make_config(&o, display, &log);
+    engine = karst_engine_create(&config, error);
+    if (!engine)
+        goto out;
+    if (o.camera) {
+        karst_camera camera = karst_engine_default_camera(engine);
+        if (!karst_camera_parse(o.camera, karst_engine_voxel_log2_m(engine), &camera, error) ||
+            !karst_engine_set_camera(engine, &camera, error))
+            goto out;
+    }
+    karst_camera camera = karst_engine_camera(engine);
+    karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
+    if (!render(engine, &o, talk, &record, error))
+        goto out;
+    say_result(talk, &o, &record);
+    done = record.settled || karst_fail(error, KARST_FAILED,
+                                        "not settled within %d frames: %s is written as it stands; raise --frames-max",
+                                        (int)o.max_frames, o.output);
+out:
+    command_end_progress(talk);
+    karst_engine_destroy(engine);
+    karst_display_destroy(display);
+    command_record_free(&record);
+    return done;
+}

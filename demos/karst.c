@@ -1,0 +1,81 @@
+/* The karst command. See command.h for its parts. */
+#include "command.h"
+
+#include <string.h>
+
+static const command commands[] = {
+    {"render", "one picture of a world, to a PNG", command_render},
+    {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
+};
+#define NUM_COMMANDS (sizeof commands / sizeof *commands)
+
+static void print_help(FILE *file)
+{
+    fputs("karst ray-casts procedural landscapes straight from a density function.\n\nCommands:\n", file);
+    for (size_t i = 0; i < NUM_COMMANDS; i++)
+        fprintf(file, "  karst %-10s %s\n", commands[i].name, commands[i].summary);
+    fputs("  karst help COMMAND, karst --help, karst --version\n"
+          "\nExamples:\n"
+          "  karst render hills                         the world \"hills\", to out.png\n"
+          "  karst render asteroid -o a.png --size 800x600 --camera 0,0,-900,0,0\n"
+          "\nData goes to stdout, talk to stderr. Exit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device,\n"
+          "4 world that does not compile or does not exist, 5 other data that cannot be read.\n",
+          file);
+}
+
+static const command *find_command(const char *name, karst_error *error)
+{
+    const char *names[NUM_COMMANDS + 2] = {"help"};
+    for (size_t i = 0; i < NUM_COMMANDS; i++) {
+        if (strcmp(commands[i].name, name) == 0)
+            return &commands[i];
+        names[i + 1] = commands[i].name;
+    }
+    const char *nearest = command_nearest(name, names);
+    if (nearest)
+        karst_fail(error, KARST_USAGE, "unknown command '%s'; did you mean '%s'?", name, nearest);
+    else
+        karst_fail(error, KARST_USAGE, "unknown command '%s'; karst --help lists the commands", name);
+    return NULL;
+}
+
+static bool run_help(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    if (argc == 0) {
+        print_help(stdout);
+        return true;
+    }
+    const command *found = find_command(argv[0], error);
+    return found && found->run(1, (char *[]){(char[]){"--help"}, NULL}, talk, error);
+}
+
+static bool run(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    const char *name = argc > 1 ? argv[1] : "";
+    if (!*name) {
+        print_help(stderr);
+        return karst_fail(error, KARST_USAGE, "which command? For example: karst render hills");
+    }
+    if (strcmp(name, "--version") == 0) {
+        command_print_version(stdout);
+        return true;
+    }
+    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0)
+        return run_help(argc - 2, argv + 2, talk, error);
+    const command *found = find_command(name, error);
+    return found && found->run(argc - 2, argv + 2, talk, error);
+}
+
+int main(int argc, char **argv)
+{
+    karst_error error = {0};
+    command_talk talk;
+    command_talk_init(&talk);
+    bool done = run(argc, argv, &talk, &error);
+    if (done && (fflush(stdout) != 0 || ferror(stdout)))
+        done = karst_fail(&error, KARST_FAILED, "cannot write to stdout");
+    if (done)
+        return KARST_OK;
+    command_say_error(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
+    return error.status == KARST_OK ? KARST_FAILED : (int)error.status;
+}

@@ -1,0 +1,32 @@
+# For shell tests, to be sourced: TAP lines and the exit status.
+num_tests=0
+num_failures=0
+
+# result NAME: a test that passed if the command before it did. Lines of detail may follow in $detail.
+result()
+{
+    result_status=$?
+    num_tests=$((num_tests + 1))
+    if [ $result_status -eq 0 ]; then
+        echo "ok $num_tests - $1"
+    else
+        echo "not ok $num_tests - $1"
+        num_failures=$((num_failures + 1))
+        [ -n "${detail:-}" ] && echo "$detail" | sed 's/^/# /'
+    fi
+    detail=
+}
+
+# skip NAME WHY
+skip()
+{
+    num_tests=$((num_tests + 1))
+    echo "ok $num_tests # SKIP $1: $2"
+}
+
+finish()
+{
+    echo "1..$num_tests"
+    [ $num_failures -eq 0 ]
+    exit
+}
