@@ -1,0 +1,150 @@
+/* The density producer: subdivide, evaluate and finalise around one density program. */
+#include "producers/density_producer.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "producers/channels.h"
+#include "producers/evaluate.h"
+#include "producers/finalise.h"
+#include "producers/subdivide.h"
+
+/* Loads whose samples are in staging memory at a time: 2.4 MiB, which stays in a CPU's last-level cache between evaluate and finalise,
+ * and 128 independent pieces of work, enough for a GPU's compute units. */
+#define MAX_CHUNK 128
+
+typedef struct {
+    karst_producer base;
+    karst_context *context;
+    karst_channel channels[1];
+    karst_channel_layout layout;
+    karst_subdivider *subdivider;
+    karst_evaluator *evaluator;
+    karst_finaliser *finaliser;
+    karst_buffer *loads, *staging, *scrubs, *total;
+    karst_scrub_total known;  /* *total as last read */
+    bool total_may_have_changed;
+} density_producer;
+
+static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
+{
+    density_producer *producer = (density_producer *)self;
+    return karst_subdivide_tiles(producer->subdivider, cache, work, error);
+}
+
+static bool evaluate(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
+                     karst_error *error)
+{
+    density_producer *producer = (density_producer *)self;
+    return karst_bound_loads(producer->subdivider, cache, work, first, count, producer->loads, error) &&
+           karst_evaluate_bricks(producer->evaluator, producer->loads, count, producer->staging, error);
+}
+
+static bool finalise(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
+                     karst_error *error)
+{
+    density_producer *producer = (density_producer *)self;
+    producer->total_may_have_changed = true;
+    return karst_finalise_bricks(producer->finaliser, cache, work, first, count, producer->loads, producer->staging, producer->scrubs,
+                                 producer->total, error);
+}
+
+/* A density program does not change during its life. */
+static karst_voxel_box take_dirty(karst_producer *self)
+{
+    (void)self;
+    return (karst_voxel_box){{0, 0, 0}, {-1, -1, -1}};
+}
+
+static void destroy(karst_producer *self)
+{
+    density_producer *producer = (density_producer *)self;
+    karst_subdivider_destroy(producer->subdivider);
+    karst_evaluator_destroy(producer->evaluator);
+    karst_finaliser_destroy(producer->finaliser);
+    karst_buffer *buffers[] = {producer->loads, producer->staging, producer->scrubs, producer->total};
+    for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
+        karst_buffer_destroy(buffers[i]);
+    free(producer);
+}
+
+static const karst_producer_ops density_ops = {
+    .kind = "density", .subdivide = subdivide, .evaluate = evaluate, .finalise = finalise, .take_dirty = take_dirty, .destroy = destroy};
+
+static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
+    const karst_virtual_file world = {"world.clh", program->source};
+    karst_context *context = producer->context;
+    const char *finalise_options = program->finalise_options ? program->finalise_options : "";
+    return (producer->subdivider = karst_subdivider_create(context, &world, program->options, error)) &&
+           (producer->evaluator = karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
+           (producer->finaliser = karst_finaliser_create(context, program->shape, &producer->layout, finalise_options, error));
+}
+
+static bool create_buffers(density_producer *producer, uint32_t max_chunk, karst_error *error)
+{
+    karst_context *context = producer->context;
+    size_t staging_bytes = (size_t)max_chunk * producer->layout.staging_stride * sizeof(float);
+    return (producer->loads = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_load), NULL, error)) &&
+           (producer->staging = karst_buffer_create(context, "staging", staging_bytes, NULL, error)) &&
+           (producer->scrubs = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_scrub), NULL, error)) &&
+           (producer->total = karst_buffer_create(context, "staging", sizeof(karst_scrub_total), NULL, error));
+}
+
+karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program, karst_error *error)
+{
+    density_producer *producer = calloc(1, sizeof *producer);
+    if (!producer) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    uint32_t max_chunk = program->max_loads < MAX_CHUNK ? program->max_loads : MAX_CHUNK;
+    producer->base = (karst_producer){.ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
+    producer->context = context;
+    producer->channels[0] = (karst_channel){.name = "density", .format = KARST_FORMAT_SCALED_I16, .components = 1};
+    bool fits = karst_channels_lay_out(producer->channels, 1, &producer->layout, error) &&
+                (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
+                 karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u", producer->layout.slot_stride,
+                            KARST_BRICK_STRIDE));
+    if (!fits || !create_kernels(producer, program, error) || !create_buffers(producer, producer->base.max_chunk, error)) {
+        destroy(&producer->base);
+        return NULL;
+    }
+    return &producer->base;
+}
+
+karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed, uint32_t max_loads,
+                                              karst_error *error)
+{
+    char source[256], options[128];
+    snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
+    karst_world_options(world, seed, options, sizeof options);
+    karst_density_program program = {.name = world->name, .source = source, .options = options, .max_loads = max_loads};
+    return karst_density_producer_create_program(context, &program, error);
+}
+
+karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats)
+{
+    density_producer *density = (density_producer *)producer;
+    *stride_floats = density->layout.staging_stride;
+    return density->staging;
+}
+
+static const karst_scrub_total *scrub_total(karst_producer *self)
+{
+    density_producer *producer = (density_producer *)self;
+    if (producer->total_may_have_changed && karst_buffer_read(producer->total, 0, &producer->known, sizeof producer->known, NULL))
+        producer->total_may_have_changed = false;
+    return &producer->known;
+}
+
+uint64_t karst_density_producer_non_finite(karst_producer *producer) { return scrub_total(producer)->count; }
+
+bool karst_density_producer_first_non_finite(karst_producer *producer, int64_t voxel[3], int *level)
+{
+    const karst_scrub_total *total = scrub_total(producer);
+    for (int axis = 0; axis < 3; axis++)
+        voxel[axis] = total->voxel[axis];
+    *level = total->level;
+    return total->count != 0;
+}

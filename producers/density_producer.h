@@ -1,0 +1,26 @@
+/* The producer of a density program. karst_density_producer_create (producers/producer.h) makes one of a shipped world. */
+#ifndef KARST_PRODUCERS_DENSITY_PRODUCER_H
+#define KARST_PRODUCERS_DENSITY_PRODUCER_H
+
+#include "producers/producer.h"
+#include "producers/shape.h"
+
+/* A density program as text, and how to run it. */
+typedef struct {
+    const char *name;    /* for people; borrowed for the producer's life */
+    const char *source;  /* what "world.clh" is (producers/density.clh); borrowed during creation */
+    const char *options; /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
+    const char *finalise_options; /* NULL, or more options for finalise (tests) */
+    karst_shape shape;
+    uint32_t max_loads;  /* the most loads in one round's work */
+} karst_density_program;
+
+karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program, karst_error *error);
+
+/* The build options of a shipped world. 128 bytes always suffice. */
+int karst_world_options(const karst_world_info *world, uint32_t seed, char *text, size_t size_bytes);
+
+/* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. */
+karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats);
+
+#endif

@@ -1,0 +1,67 @@
+/* Evaluate: KARST_BRICK_SIDE^3 samples of each load into staging memory, x fastest. Two shapes, the same bits. */
+#include "core/lanes.clh"
+#include "producers/density.clh"
+#include "world.clh"
+#include "producers/load_shared.h"
+
+#define FACE_SAMPLES (KARST_BRICK_SIDE * KARST_BRICK_SIDE)
+
+#if KARST_GROUP == 1
+
+/* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the seventeenth
+ * samples, a face of the brick, are gathered into full vectors rather than a vector each. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging)
+{
+    uint brick = (uint)get_global_id(0);
+    world_axes axes;
+
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    world_prepare(&axes, loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2], loads[brick].level);
+    for (int z = 0; z < KARST_BRICK_SIDE; z++)
+        for (int y = 0; y < KARST_BRICK_SIDE; y++)
+            for (int x = 0; x < KARST_BRICK_CELLS; x += LANES)
+                v_store_float(world_row(&axes, x, y, z), samples + (z * KARST_BRICK_SIDE + y) * KARST_BRICK_SIDE + x);
+    for (int first = 0; first < FACE_SAMPLES; first += LANES) {
+        vint face = v_min((vint)(first) + V_LANE, (vint)(FACE_SAMPLES - 1));
+        vint z = (face * 241) >> 12; /* face / 17, exact for these */
+        vint y = face - z * KARST_BRICK_SIDE;
+        float values[LANES];
+        v_store_float(world_sample(&axes, (vint)(KARST_BRICK_CELLS), y, z), values);
+        for (int lane = 0; lane < LANES && first + lane < FACE_SAMPLES; lane++)
+            samples[(first + lane) * KARST_BRICK_SIDE + KARST_BRICK_CELLS] = values[lane];
+    }
+}
+
+#else
+
+/* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1)))
+void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging)
+{
+    uint brick = (uint)get_group_id(0);
+
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    int level = loads[brick].level;
+    for (int first = (int)get_local_id(0) * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
+        vint sample = v_min((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES - 1));
+        vint row = (sample * 7711) >> 17; /* sample / 17, exact for these */
+        vint z = (row * 241) >> 12;
+        vint steps[3] = {sample - row * KARST_BRICK_SIDE, row - z * KARST_BRICK_SIDE, z};
+        world_point_at at;
+        float values[LANES];
+        for (int axis = 0; axis < 3; axis++) {
+            at.voxel[axis] = (vlong)(loads[brick].origin[axis]) + v_int_to_long(steps[axis]) * (vlong)(1L << level);
+            at.fraction[axis] = (vuint)(0);
+        }
+        v_store_float(world_point(&at, level), values);
+        for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++)
+            samples[first + lane] = values[lane];
+    }
+}
+
+#endif

@@ -1,0 +1,268 @@
+/* Finalise: samples in staging memory become a constant node or a 16-bit brick. KARST_GROUP work-items share a brick (1: the CPU
+ * shape); whatever the shape, results are maxima, counts and bit masks, which do not depend on the order. */
+#include "core/lanes.clh"
+#include "producers/finalise_shared.h"
+
+#define ROW KARST_BRICK_SIDE
+#define PLANE (KARST_BRICK_SIDE * KARST_BRICK_SIDE)
+#define NUM_CELLS (KARST_BRICK_CELLS * KARST_BRICK_CELLS * KARST_BRICK_CELLS)
+#define LOCAL_ID ((int)get_local_id(0))
+#define NUM_GROUP_CELLS 9
+
+#if LANES == 16
+#define LOAD_Q(p) convert_float16(vload16(0, p))
+#define STORE_Q(q, p) vstore16(convert_short16(q), 0, p)
+#else
+#define LOAD_Q(p) ((float)*(p))
+#define STORE_Q(q, p) (*(p) = (short)(q))
+#endif
+
+/* A value of each work-item becomes one of the group. The group's cells start at 0 and each is used once. */
+#if KARST_GROUP == 1
+#define group_max(value, cell) (value)
+#define group_sum(value, cell) (value)
+#define group_or(value, cell) (value)
+#define GROUP_BARRIER()
+#else
+#define GROUP_BARRIER() barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE)
+K_INLINE uint group_max(uint value, __local uint *cell)
+{
+    atomic_max(cell, value);
+    GROUP_BARRIER();
+    return *cell;
+}
+K_INLINE uint group_sum(uint value, __local uint *cell)
+{
+    atomic_add(cell, value);
+    GROUP_BARRIER();
+    return *cell;
+}
+K_INLINE uint group_or(uint value, __local uint *cell)
+{
+    atomic_or(cell, value);
+    GROUP_BARRIER();
+    return *cell;
+}
+#endif
+#define group_min(value, cell) (~group_max(~(value), cell))
+/* Floats >= 0 are in the order of their bits. */
+#define group_max_float(value, cell) k_as_float(group_max(k_as_uint(value), cell))
+#define group_min_float(value, cell) k_as_float(group_min(k_as_uint(value), cell))
+
+#define ANY_SOLID 1u
+#define ANY_AIR 2u
+
+typedef struct {
+    float least, largest; /* |d| */
+    uint sides;           /* ANY_* */
+    uint num_scrubbed, first_scrubbed;
+} sample_survey;
+
+typedef struct {
+    float reach;          /* largest |d| at a corner of a surface cell; 0: there is none */
+    uint blocks[2];
+} surface_survey;
+
+/* Scrubs the samples and finds least, largest and sides. */
+K_INLINE K_WIDE void survey_samples(K_GLOBAL float *samples, sample_survey *survey)
+{
+    vfloat least = (vfloat)(INFINITY), largest = (vfloat)(0.0f);
+    vint solid = (vint)(0), air = (vint)(0);
+    uint num_scrubbed = 0, first_scrubbed = KARST_NO_SAMPLE;
+
+    for (int first = LOCAL_ID * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
+        vint inside = v_lt((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES));
+        vfloat d = v_load_float(samples + first);
+        vint bad = inside & ~v_lt(k_fabs(d), (vfloat)(INFINITY));
+        if (v_any(bad)) {
+            int lanes[LANES];
+            d = v_select(bad, (vfloat)(KARST_SCRUBBED), d);
+            v_store_float(d, samples + first);
+            v_store_int(bad, lanes);
+            for (int lane = 0; lane < LANES; lane++) {
+                num_scrubbed += lanes[lane] ? 1u : 0u;
+                first_scrubbed = lanes[lane] ? min(first_scrubbed, (uint)(first + lane)) : first_scrubbed;
+            }
+        }
+        vfloat size = k_fabs(d);
+        vint is_solid = v_gt(d, (vfloat)(0.0f));
+        least = v_select(inside & v_lt(size, least), size, least);
+        largest = v_select(inside & v_gt(size, largest), size, largest);
+        solid |= inside & is_solid;
+        air |= inside & ~is_solid;
+    }
+    survey->least = v_min_across(least);
+    survey->largest = v_max_across(largest);
+    survey->sides = (v_any(solid) ? ANY_SOLID : 0u) | (v_any(air) ? ANY_AIR : 0u);
+    survey->num_scrubbed = num_scrubbed;
+    survey->first_scrubbed = first_scrubbed;
+}
+
+/* Bits 0 to 3 of a row of cells from x: which of its blocks has a lane on. */
+K_INLINE uint block_bits(vint on, int x)
+{
+#if LANES == 16
+    int4 blocks = (on.s048c | on.s159d | on.s26ae | on.s37bf) & (int4)(1, 2, 4, 8);
+    return (uint)(blocks.x | blocks.y | blocks.z | blocks.w);
+#else
+    return on ? 1u << x / KARST_BLOCK_CELLS : 0u;
+#endif
+}
+
+/* The surface cells (corners on both sides): which blocks have them, and how far their corners reach. */
+K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_survey *survey)
+{
+    vfloat reach = (vfloat)(0.0f);
+    uint blocks[2] = {0u, 0u};
+
+    for (int cell = LOCAL_ID * LANES; cell < NUM_CELLS; cell += KARST_GROUP * LANES) {
+        int x = cell % KARST_BRICK_CELLS, y = cell / KARST_BRICK_CELLS % KARST_BRICK_CELLS;
+        int z = cell / (KARST_BRICK_CELLS * KARST_BRICK_CELLS);
+        K_GLOBAL const float *corner = samples + z * PLANE + y * ROW + x;
+        vint all = (vint)(-1), any = (vint)(0);
+        vfloat size = (vfloat)(0.0f);
+        for (int i = 0; i < 8; i++) {
+            vfloat d = v_load_float(corner + (i & 1) + (i >> 1 & 1) * ROW + (i >> 2) * PLANE);
+            vint is_solid = v_gt(d, (vfloat)(0.0f));
+            all &= is_solid;
+            any |= is_solid;
+            size = v_max(size, k_fabs(d));
+        }
+        vint mixed = any & ~all;
+        if (v_any(mixed)) {
+            reach = v_select(mixed & v_gt(size, reach), size, reach);
+            blocks[z / (2 * KARST_BLOCK_CELLS)] |= block_bits(mixed, x) << (4 * (y / KARST_BLOCK_CELLS) + 16 * (z / KARST_BLOCK_CELLS % 2));
+        }
+    }
+    survey->reach = v_max_across(reach);
+    survey->blocks[0] = blocks[0];
+    survey->blocks[1] = blocks[1];
+}
+
+/* Samples to q: nearest, clamped, and never on the other side of zero. The padding at the end becomes whatever the staging's holds. */
+K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, K_GLOBAL short *slot)
+{
+    vfloat per_unit = (vfloat)(KARST_MAX_Q / range), most = (vfloat)(range);
+    vfloat none = (vfloat)(0.0f), one = (vfloat)(1.0f);
+
+    for (int first = LOCAL_ID * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
+        vfloat d = v_load_float(samples + first);
+        vfloat size = v_min(k_fabs(d), most);
+        vfloat q = v_min(v_max(k_rint(size * per_unit), one), (vfloat)(KARST_MAX_Q));
+        STORE_Q(v_select(v_gt(d, none), q, v_select(v_lt(d, none), -q, none)), slot + first);
+    }
+}
+
+/* The square of the steepest slope of the interpolant of q, in q per cell.
+ *
+ * In a cell, each component of the trilinear interpolant's gradient is a weighted mean of the differences along the four edges of
+ * that axis; so the largest of the four bounds it, and the three together bound the gradient's length. */
+K_INLINE K_WIDE float survey_slope(K_GLOBAL const short *slot)
+{
+    vfloat steepest = (vfloat)(0.0f);
+
+    for (int cell = LOCAL_ID * LANES; cell < NUM_CELLS; cell += KARST_GROUP * LANES) {
+        int x = cell % KARST_BRICK_CELLS, y = cell / KARST_BRICK_CELLS % KARST_BRICK_CELLS;
+        int z = cell / (KARST_BRICK_CELLS * KARST_BRICK_CELLS);
+        K_GLOBAL const short *q = slot + z * PLANE + y * ROW + x;
+        vfloat q000 = LOAD_Q(q), q100 = LOAD_Q(q + 1);
+        vfloat q010 = LOAD_Q(q + ROW), q110 = LOAD_Q(q + ROW + 1);
+        vfloat q001 = LOAD_Q(q + PLANE), q101 = LOAD_Q(q + PLANE + 1);
+        vfloat q011 = LOAD_Q(q + PLANE + ROW), q111 = LOAD_Q(q + PLANE + ROW + 1);
+        vfloat dx = v_max(v_max(k_fabs(q100 - q000), k_fabs(q110 - q010)), v_max(k_fabs(q101 - q001), k_fabs(q111 - q011)));
+        vfloat dy = v_max(v_max(k_fabs(q010 - q000), k_fabs(q110 - q100)), v_max(k_fabs(q011 - q001), k_fabs(q111 - q101)));
+        vfloat dz = v_max(v_max(k_fabs(q001 - q000), k_fabs(q101 - q100)), v_max(k_fabs(q011 - q010), k_fabs(q111 - q110)));
+        steepest = v_max(steepest, k_fma(dx, dx, k_fma(dy, dy, dz * dz)));
+    }
+    return v_max_across(steepest);
+}
+
+K_INLINE K_GLOBAL short *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2,
+                                 K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
+{
+    uint segment = slot / bricks_per_segment;
+    K_GLOBAL short *base = segment == 0 ? b0 : segment == 1 ? b1 : segment == 2 ? b2 : segment == 3 ? b3 :
+                           segment == 4 ? b4 : segment == 5 ? b5 : segment == 6 ? b6 : b7;
+    return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_STRIDE;
+}
+
+/* Work-group i finalises load first + i of the work, whose samples are the i-th of the staging memory. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1)))
+void karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float *staging, uint first, uint count,
+                           K_GLOBAL const uint *restrict load_slots, K_GLOBAL uint *restrict load_results,
+                           K_GLOBAL karst_brick_info *restrict brick_info, K_GLOBAL karst_scrub *restrict scrubs,
+                           uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2, K_GLOBAL short *b3,
+                           K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
+{
+    uint brick = (uint)get_group_id(0);
+#if KARST_GROUP > 1
+    __local uint cells[NUM_GROUP_CELLS];
+#endif
+
+    if (brick >= count)
+        return;
+    if (loads[brick].state != KARST_STATE_UNKNOWN) {
+        if (LOCAL_ID == 0) {
+            karst_scrub none = {0u, KARST_NO_SAMPLE};
+            load_results[first + brick] = loads[brick].state;
+            scrubs[brick] = none;
+        }
+        return;
+    }
+#if KARST_GROUP > 1
+    if (LOCAL_ID < NUM_GROUP_CELLS)
+        cells[LOCAL_ID] = 0u;
+    GROUP_BARRIER();
+#endif
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    sample_survey survey;
+    survey_samples(samples, &survey);
+    float least = group_min_float(survey.least, cells + 0), largest = group_max_float(survey.largest, cells + 1);
+    uint sides = group_or(survey.sides, cells + 2);
+    karst_scrub scrub;
+    scrub.count = group_sum(survey.num_scrubbed, cells + 3);
+    scrub.first = group_min(survey.first_scrubbed, cells + 4);
+    uint state = karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count, loads[brick].doubt);
+    if (LOCAL_ID == 0) {
+        load_results[first + brick] = state;
+        scrubs[brick] = scrub;
+    }
+    if (state != KARST_STATE_BRICK)
+        return;
+
+    surface_survey surface = {0.0f, {0u, 0u}};
+    if (sides == (ANY_SOLID | ANY_AIR))
+        survey_surface(samples, &surface);
+    float reach = group_max_float(surface.reach, cells + 5);
+    uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
+    float range = karst_brick_range(largest, reach);
+    uint slot = load_slots[first + brick];
+    K_GLOBAL short *q = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7) + CHANNEL_DENSITY_SLOT;
+    encode_samples(samples, range, q);
+    GROUP_BARRIER();
+    float slope_squared = group_max_float(survey_slope(q), cells + 8);
+    if (LOCAL_ID == 0) {
+        karst_brick_info info = {range / KARST_MAX_Q, karst_safe_cells(slope_squared), {blocks0, blocks1}};
+        brick_info[slot] = info;
+    }
+}
+
+/* One work-item adds what was scrubbed from `count` loads to the total, and remembers the first place. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void karst_finalise_tally(K_GLOBAL const karst_load *restrict loads, K_GLOBAL const karst_scrub *restrict scrubs, uint count,
+                          K_GLOBAL karst_scrub_total *restrict total)
+{
+    if (get_global_id(0) != 0)
+        return;
+    for (uint i = 0; i < count; i++) {
+        if (scrubs[i].count == 0)
+            continue;
+        if (total->count == 0) {
+            int sample[3] = {(int)scrubs[i].first % ROW, (int)scrubs[i].first / ROW % ROW, (int)scrubs[i].first / PLANE};
+            for (int axis = 0; axis < 3; axis++)
+                total->voxel[axis] = loads[i].origin[axis] + ((long)sample[axis] << loads[i].level);
+            total->level = loads[i].level;
+        }
+        total->count += scrubs[i].count;
+    }
+}

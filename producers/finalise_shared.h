@@ -1,0 +1,51 @@
+/* How samples become 16-bit bricks. Compiled twice: see core/dialect.h. */
+#ifndef KARST_PRODUCERS_FINALISE_SHARED_H
+#define KARST_PRODUCERS_FINALISE_SHARED_H
+
+#include "producers/load_shared.h"
+
+#define KARST_MAX_Q 32767.0f
+/* A brick keeps its full range, so that rays far from the surface see how far they are, unless that is more than this many
+ * times the largest density at a corner of a surface cell: beyond it values are clamped. In a field that is near to a distance
+ * the corners of surface cells reach up to 1.7 cells and the brick's diagonal is 28: nothing is clamped that a ray could use, and
+ * a cell is some 2000 steps of q. In a wild field (an exponential, a pole) the surface keeps 32767 / 16 steps to a cell's
+ * largest corner, whatever the field does elsewhere. */
+#define KARST_CLAMP_SURFACES 16.0f
+/* Smaller scales than this would make 1 / scale infinite. */
+#define KARST_MIN_RANGE 0x1p-100f
+/* What a sample that is not finite becomes: air, as little as can be told from 0. */
+#define KARST_SCRUBBED (-KARST_MIN_RANGE)
+/* Longer safe steps than this leave the brick anyway. */
+#define KARST_MAX_SAFE_CELLS 32.0f
+
+/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of surface cells (0: none). */
+K_INLINE float karst_brick_range(float largest, float surface)
+{
+    float clamp = surface * KARST_CLAMP_SURFACES; /* infinite for a huge surface: no clamp */
+    float range = surface > 0.0f && clamp < largest ? clamp : largest;
+    return range > KARST_MIN_RANGE ? range : KARST_MIN_RANGE;
+}
+
+/* karst_brick_info.safe_cells from the square of the steepest slope of q, in q per cell. The relative error of the sum of squares, the
+ * root and the quotient is below 2^-21. */
+K_INLINE float karst_safe_cells(float slope_squared)
+{
+    float safe = (1.0f - 0x1p-20f) / k_sqrt(slope_squared > 1e-6f ? slope_squared : 1e-6f);
+    return k_min(safe, KARST_MAX_SAFE_CELLS);
+}
+
+/* The state of a node from its samples: the least and the largest |d| and whether there are solid (d > 0) and air ones among them.
+ *
+ * Constant is a proof: with every sample on one side of zero and farther from it than `doubt`, every point of the node, at every
+ * footprint from 0 to the parent's voxel, lies on the samples' side too, since it differs from the sample nearest to it by `doubt` at most
+ * (karst_load_doubt). A doubt that is not finite proves nothing; neither do samples of which some were scrubbed. */
+K_INLINE uint karst_state_from_samples(float least, int any_solid, int any_air, uint num_scrubbed, float doubt)
+{
+#ifdef KARST_MUTANT_SAMPLING /* what the proof is there to avoid; tests build it to see that it is caught */
+    doubt = 0.0f;
+#endif
+    int proven = num_scrubbed == 0u && least > doubt && any_solid != any_air;
+    return proven ? (any_solid ? KARST_STATE_SOLID : KARST_STATE_AIR) : KARST_STATE_BRICK;
+}
+
+#endif
