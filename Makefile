@@ -187,7 +187,8 @@ uninstall:
 	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir) 2>/dev/null || true
 
 check-install: all
-	$(Q)MAKE='$(MAKE)' CC='$(CC)' sh tests/install/run.sh $(abspath $(OBJ))/install-scratch $(OBJ)/exports
+	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \
+	    EXPORTS='$(OBJ)/exports' sh tests/run.sh $(OBJ)/tests tests/install/run.sh
 
 clean:
 	rm -rf $(BUILD)

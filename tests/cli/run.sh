@@ -1,0 +1,210 @@
+#!/bin/sh
+# The karst command from outside: what it prints, writes and returns. $KARST is the program.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
+flatten="$PWD/tests/cli/flatten.awk"
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 1
+unset NO_COLOR
+
+# A picture that is quick to make.
+quick="--size 160x120 --pool 64 --detail 2 --view-distance 2000"
+
+# run ARGUMENT...: leaves stdout, stderr and $status.
+run()
+{
+    "$karst" "$@" > stdout 2> stderr < /dev/null
+    status=$?
+    detail="karst $*: exit $status; stderr: $(head -c 600 stderr)"
+}
+
+# complains CODE PATTERN NAME ARGUMENT...: fails with this exit code and one line on stderr that matches; writes nothing.
+complains()
+{
+    code=$1 pattern=$2 name=$3
+    shift 3
+    mkdir empty && cd empty || exit 1
+    "$karst" "$@" > ../stdout 2> ../stderr < /dev/null
+    status=$?
+    left=$(ls -A)
+    cd .. && rm -rf empty
+    detail="karst $*: exit $status instead of $code, left '$left'; stderr: $(head -c 600 stderr)"
+    [ $status -eq "$code" ] && [ "$(wc -l < stderr)" -eq 1 ] && grep -q '^karst: ' stderr && grep -qE -e "$pattern" stderr &&
+        [ ! -s stdout ] && [ -z "$left" ]
+    result "$name"
+}
+
+# ---- help and usage ----
+run --help
+[ $status -eq 0 ] && grep -q 'karst render hills' stdout && [ ! -s stderr ]
+result "--help gives an example, on stdout"
+run help render
+[ $status -eq 0 ] && cp stdout help && for option in output size camera device display pool detail seed budget-bricks \
+    view-distance no-shadows frames-max quiet stats help; do grep -q -e "--$option" help || status="no --$option"; done
+[ "$status" = 0 ] && grep -q hills help && grep -q asteroid help
+result "help render names every option and the worlds"
+run render --help
+[ $status -eq 0 ] && cmp -s stdout help
+result "render --help is help render"
+run --version
+[ $status -eq 0 ] && head -n 1 stdout | grep -qE '^karst [0-9]+\.[0-9]+\.[0-9]+$' && grep -q 'built by' stdout
+result "--version names version and compiler"
+run
+[ $status -eq 2 ] && [ ! -s stdout ] && grep -q 'karst render hills' stderr
+result "without arguments: usage, exit 2"
+complains 2 "did you mean 'render'" "a misspelt command" rendr hills
+complains 2 "did you mean --camera" "a misspelt option" render hills --camrea 0,0,0,0,0
+complains 2 "karst --help" "a command that is nothing like one" xyzzy
+complains 2 "which world" "no world" render
+complains 2 "one argument too many" "two worlds" render hills asteroid
+complains 2 "needs a value" "an option without its value" render hills --size
+complains 2 "takes no value" "a flag with a value" render hills --no-shadows=1
+
+# ---- bad input: each is told before any work is done ----
+complains 4 "did you mean 'hills'" "a misspelt world" render hils
+complains 4 "there are: .*hills" "an unknown world" render no-such-world
+complains 2 "1 to 16384" "size 0x0" render hills --size 0x0
+complains 2 "1 to 16384" "size 100000x100000" render hills --size 100000x100000
+complains 2 "1280x720" "a size that is none" render hills --size big
+complains 2 "1280x720" "a size with a tail" render hills --size 64x64x
+complains 2 "." "a camera that is not a number" render hills --camera 1,2,north,0,0
+complains 2 "." "a camera with too few numbers" render hills --camera 1,2,3
+complains 2 "." "a camera at infinity" render hills --camera inf,0,0,0,0
+complains 2 "." "a camera beyond the world" render hills --camera 1e30,0,0,0,0 $quick
+complains 2 "MiB.*--pool [0-9]" "pools too small for any picture" render hills --pool 0.1
+complains 2 "MiB.*--pool [0-9]" "no pool at all" render hills --pool 0
+complains 2 "whole number" "a seed that is not whole" render hills --seed 1.5
+complains 2 "whole number" "a seed that is too large" render hills --seed 4294967296
+complains 2 "0.25 to 64" "a detail out of range" render hills --detail 1000
+complains 2 "number" "a view distance that is none" render hills --view-distance nan
+complains 2 "none" "an unknown way to display" render hills --display x11
+complains 2 "1 or 16" "an odd number of lanes" render hills --lanes 4
+complains 3 "karst info" "an unknown device" render hills --device no-such-device
+
+# ---- output ----
+complains 1 "no-such-folder/a.png.*-o" "a picture in a folder that is not there" render hills -o no-such-folder/a.png
+complains 1 "folder" "a picture in the place of a folder" render hills -o /
+complains 1 "regular" "a picture over a device" render hills -o /dev/null
+complains 1 "/proc" "a picture where nothing can be written" render hills -o /proc/a.png
+complains 1 "stats" "statistics in a folder that is not there" render hills --stats no-such-folder/a.json
+complains 2 "both" "picture and statistics both to stdout" render hills -o - --stats -
+echo precious > kept.png
+run render no-such-world -o kept.png
+[ $status -eq 4 ] && [ "$(cat kept.png)" = precious ]
+result "a failure leaves the old picture alone"
+
+# ---- what is missing ----
+export OCL_ICD_VENDORS=/nonexistent
+complains 3 "pocl-opencl-icd" "no OpenCL device" render hills $quick
+run info
+[ $status -eq 0 ] && grep -q 'pocl-opencl-icd' stdout
+result "info without a device says how to mend it"
+unset OCL_ICD_VENDORS
+export __EGL_VENDOR_LIBRARY_FILENAMES=/dev/null
+complains 3 "osmesa|none" "no EGL" render hills --display egl $quick
+unset __EGL_VENDOR_LIBRARY_FILENAMES
+run info
+[ $status -eq 0 ] && [ -s stdout ] && [ ! -s stderr ]
+result "info lists something, on stdout"
+if [ -e /dev/full ]; then
+    "$karst" --help > /dev/full 2> stderr
+    [ $? -eq 1 ]
+    result "a full disk under stdout is noticed"
+fi
+
+# ---- pictures ----
+run render hills -o first.png --stats first.json $quick
+[ $status -eq 0 ] && [ -s first.png ] && [ ! -s stdout ] && [ "$(wc -l < stderr)" -eq 1 ] &&
+    grep -qE '160x120, settled after [0-9]+ frames in [0-9.]+ s, [0-9]+ bricks, on ' stderr
+result "render says size, frames, time, bricks and device in one line"
+run render hills -o second.png --quiet $quick
+[ $status -eq 0 ] && cmp first.png second.png && [ ! -s stderr ]
+result "the same command gives the same bytes; --quiet says nothing"
+for way in none osmesa egl; do
+    run render hills -o $way.png --display $way $quick
+    [ $status -eq 0 ] && cmp first.png $way.png
+    result "--display $way gives the same bytes"
+done
+export __EGL_VENDOR_LIBRARY_FILENAMES=/dev/null
+run render hills -o fallback.png $quick
+unset __EGL_VENDOR_LIBRARY_FILENAMES
+[ $status -eq 0 ] && cmp first.png fallback.png
+result "without EGL the display falls back, to the same bytes"
+run render hills -o - -q $quick
+[ $status -eq 0 ] && cmp stdout first.png && [ ! -s stderr ]
+result "-o - writes the picture to stdout"
+run render hills -o seed.png --seed 12345 -q $quick
+[ $status -eq 0 ] && ! cmp -s first.png seed.png
+result "another seed is another world"
+run render hills -o plain.png --no-shadows -q $quick
+[ $status -eq 0 ] && ! cmp -s first.png plain.png
+result "without shadows the picture differs"
+camera=$(awk -f "$flatten" first.json | sed -n 's/^camera = "\(.*\)"$/\1/p')
+run render hills -o again.png --camera "$camera" -q $quick
+[ $status -eq 0 ] && [ -n "$camera" ] && cmp first.png again.png
+result "the camera in the statistics gives the picture again"
+run render hills -o far.png --camera 1000000000000.5,400,-1e12,30,-20 --stats far.json -q $quick
+[ $status -eq 0 ] && awk -f "$flatten" far.json | grep -q '^camera = "1000000000000.5,400,-1000000000000,'
+result "a camera at 10^12 m is exact"
+run render asteroid -o asteroid.png -q $quick
+[ $status -eq 0 ] && [ -s asteroid.png ]
+result "the other world"
+run render hills -o short.png --frames-max 1 $quick
+[ $status -eq 1 ] && [ -s short.png ] && grep -q 'not settled within 1 ' stderr
+result "not settled: written, said, exit 1"
+run render hills -o small.png --stats small.json --size 320x240 --pool 4
+[ $status -eq 0 ] && grep -q 'detail:.*--pool' stderr && awk -f "$flatten" small.json |
+    awk '/^detail.asked_px/ { asked = $3 } /^detail.given_px/ { given = $3 } END { exit !(asked == 1 && given > 1) }'
+result "small pools: less detail, and it says so"
+
+"$karst" render hills -o stopped.png --size 1280x720 > stdout 2> stderr &
+sleep 0.7
+kill -TERM $!
+wait $!
+[ $? -eq 1 ] && [ ! -e stopped.png ] && grep -q interrupted stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
+detail=$(cat stderr)
+result "interrupted: nothing is written"
+
+# ---- statistics: the names are a contract ----
+awk -f "$flatten" first.json > flat
+wanted="version world camera width_px height_px device display settled frames_to_settle detail.asked_px detail.given_px \
+pixels.hits pixels.provisional pixels.incomplete"
+for stage in frame cast shade collect subdivide evaluate finalise display; do
+    for figure in median p95 p99 max; do wanted="$wanted time_ms.$stage.$figure"; done
+done
+for pool in tiles bricks; do
+    for figure in used resident total bytes; do wanted="$wanted cache.$pool.$figure"; done
+done
+for figure in requests produced evicted reproduced deferred; do wanted="$wanted churn.$figure"; done
+missing=
+for key in $wanted; do grep -q "^$key = " flat || missing="$missing $key"; done
+detail="missing:$missing"
+[ -s flat ] && [ -z "$missing" ]
+result "the statistics have every name of the contract"
+detail=$(cat flat)
+awk '{ v[$1] = $3 } END {
+    for (k in v) if (k ~ /\.median$/) {
+        b = substr(k, 1, length(k) - 7)
+        if (v[k] > v[b ".p95"] || v[b ".p95"] > v[b ".p99"] || v[b ".p99"] > v[b ".max"]) bad = 1
+    }
+    for (p = 0; p < 2; p++) {
+        b = "cache." (p ? "tiles" : "bricks")
+        if (v[b ".used"] <= 0 || v[b ".used"] > v[b ".resident"] || v[b ".resident"] > v[b ".total"]) bad = 1
+        sum += v[b ".bytes"]
+    }
+    if (sum > 64 * 1048576 || v["settled"] != "true" || v["width_px"] != 160 || v["height_px"] != 120) bad = 1
+    if (v["frames_to_settle"] < 2 || v["churn.produced"] <= 0 || v["churn.requests"] < v["churn.produced"]) bad = 1
+    if (v["time_ms.cast.max"] <= 0 || v["time_ms.evaluate.max"] <= 0 || v["pixels.hits"] <= 0) bad = 1
+    if (v["pixels.incomplete"] != 0 || v["detail.given_px"] < 2) bad = 1
+    exit bad }' flat
+result "the statistics agree with one another"
+detail=$(grep memory_bytes flat)
+[ "$(grep -c '^memory_bytes\.' flat)" -ge 5 ]
+result "memory is told by buffer"
+run render hills -o a.png --stats - $quick
+[ $status -eq 0 ] && awk -f "$flatten" stdout | grep -q '^settled = true'
+result "--stats - writes to stdout"
+finish

@@ -1,0 +1,56 @@
+#!/bin/sh
+# Installs into a scratch folder, uses what lies there as a stranger would, uninstalls. make check-install calls it with
+# SCRATCH (the folder), EXPORTS (the version script of the shared library), BUILD and CONFIG.
+set -u
+. tests/tap.sh
+scratch=$SCRATCH exports=$EXPORTS make=$MAKE
+rm -rf "$scratch" && mkdir -p "$scratch/root" || exit 1
+unset MAKEFLAGS MFLAGS
+root="$scratch/root"
+
+detail=$($make -s install DESTDIR="$root" PREFIX=/usr 2>&1)
+result "make install"
+detail=$(find "$root" | sed "s|$root||")
+[ -x "$root/usr/bin/karst" ] && [ -e "$root/usr/lib/libkarst.a" ] && [ -e "$root/usr/lib/libkarst.so" ] &&
+    [ -e "$root/usr/lib/pkgconfig/karst.pc" ] && [ -e "$root/usr/include/karst/karst.h" ]
+result "command, libraries, headers and karst.pc are there"
+
+# ---- the library's face ----
+sed -n 's/^\(karst_[a-z0-9_]*\);$/\1/p' "$exports" | sort > "$scratch/declared"
+nm -D --defined-only "$root/usr/lib/libkarst.so" | sed 's/.* //' | sort > "$scratch/exported"
+detail=$(comm -13 "$scratch/declared" "$scratch/exported")
+[ -s "$scratch/exported" ] && [ -z "$detail" ]
+result "the shared library exports nothing but the public headers' names"
+detail=$(comm -23 "$scratch/declared" "$scratch/exported")
+[ -z "$detail" ]
+result "it exports every one of them"
+detail=$(readelf -d "$root/usr/lib/libkarst.so" | grep SONAME)
+echo "$detail" | grep -q 'libkarst\.so\.[0-9]'
+result "it has a soname"
+
+# ---- a stranger's program ----
+export PKG_CONFIG_PATH="$root/usr/lib/pkgconfig" PKG_CONFIG_SYSROOT_DIR="$root"
+version=$("$root/usr/bin/karst" --version | sed -n '1s/^karst //p')
+[ "$(pkg-config --modversion karst)" = "$version" ]
+result "karst.pc and the command agree on the version"
+mkdir "$scratch/stranger" && cp demos/minimal.c demos/minimal.mk "$scratch/stranger"
+detail=$($make -s -C "$scratch/stranger" -f minimal.mk CFLAGS="-Wall -Wextra -Werror" 2>&1)
+result "demos/minimal.c builds with its own Makefile against what is installed"
+detail=$(LD_LIBRARY_PATH="$root/usr/lib" "$scratch/stranger/minimal" hills "$scratch/minimal.png" 2>&1)
+[ $? -eq 0 ] && [ -s "$scratch/minimal.png" ]
+result "and renders a picture"
+detail=$(${CC:-cc} -std=c11 demos/minimal.c $(pkg-config --cflags karst) "$root/usr/lib/libkarst.a" \
+    $(pkg-config --static --libs karst | sed 's/-lkarst//') -o "$scratch/stranger/static" 2>&1) &&
+    "$scratch/stranger/static" hills "$scratch/static.png" > /dev/null &&
+    cmp -s "$scratch/minimal.png" "$scratch/static.png"
+result "it links statically too, and the picture is the same"
+detail=$("$root/usr/bin/karst" render hills -q --size 64x48 -o "$scratch/command.png" 2>&1)
+result "the installed command renders"
+
+# ---- gone without a trace ----
+detail=$($make -s uninstall DESTDIR="$root" PREFIX=/usr 2>&1)
+result "make uninstall"
+detail=$(find "$root" ! -type d; find "$root" -path '*karst*')
+[ -z "$detail" ]
+result "uninstall leaves nothing of Karst"
+finish

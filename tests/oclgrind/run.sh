@@ -1,0 +1,46 @@
+#!/bin/sh
+# The kernels under oclgrind, a device in software that checks each access: out of bounds, races, reads of what was never
+# written, barriers that not all reach. It is several hundred times slower than a device, so frames are tiny.
+# Its exit code says nothing: the log does, and must stay empty.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+if ! command -v oclgrind > /dev/null; then
+    skip "kernels under oclgrind" "oclgrind is not installed"
+    finish
+fi
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+
+# First, that it would notice: a kernel that writes behind its buffer.
+cat > "$scratch/bad.cl" << 'END'
+__kernel void bad(__global int *out) { out[get_global_id(0) + 1] = 1; }
+END
+cat > "$scratch/bad.sim" << 'END'
+bad.cl
+bad
+4 1 1
+1 1 1
+<size=16 fill=0>
+END
+detail=$(cd "$scratch" && oclgrind-kernel bad.sim 2>&1)
+echo "$detail" | grep -q 'Invalid write'
+result "oclgrind notices a write behind a buffer"
+
+# clean NAME ARGUMENT...
+clean()
+{
+    name=$1
+    shift
+    timeout "${OCLGRIND_TIMEOUT_S:-150}" oclgrind --log "$scratch/log" --check-api --data-races --uninitialized \
+        "$karst" render "$@" -o "$scratch/picture.png" --stats "$scratch/stats.json" --lanes 1 --display none -q \
+        > "$scratch/talk" 2>&1
+    status=$?
+    detail="exit $status; $(head -n 5 "$scratch/talk"); $(head -n 40 "$scratch/log")"
+    [ $status -eq 0 ] && [ -s "$scratch/picture.png" ] && [ ! -s "$scratch/log" ] &&
+        grep -q '"settled": true' "$scratch/stats.json" && grep -q '"device": ".*Oclgrind' "$scratch/stats.json"
+    result "$name"
+}
+clean "hills, tiny, under oclgrind" hills --size 64x48 --detail 8 --view-distance 300 --pool 2
+clean "asteroid, tiny, under oclgrind" asteroid --size 32x24 --detail 8 --pool 2
+finish
