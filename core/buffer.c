@@ -54,6 +54,18 @@ static cl_int fill_zero(karst_context *context, cl_mem mem, size_t size_bytes)
     return clEnqueueFillBuffer(context->queue, mem, zeros, pattern, 0, size_bytes, 0, NULL, NULL);
 }
 
+static void enter(karst_buffer *buffer, karst_context *context, const char *name, size_t size_bytes)
+{
+    buffer->context = context;
+    buffer->size_bytes = size_bytes;
+    snprintf(buffer->name, sizeof(buffer->name), "%s", name);
+    buffer->next = context->buffers;
+    buffer->link = &context->buffers;
+    if (buffer->next)
+        buffer->next->link = &buffer->next;
+    context->buffers = buffer;
+}
+
 karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error)
 {
     if (!check_size(context, name, size_bytes, error))
@@ -78,14 +90,18 @@ karst_buffer *karst_buffer_create(karst_context *context, const char *name, size
         free(buffer);
         return NULL;
     }
-    buffer->context = context;
-    buffer->size_bytes = size_bytes;
-    snprintf(buffer->name, sizeof(buffer->name), "%s", name);
-    buffer->next = context->buffers;
-    buffer->link = &context->buffers;
-    if (buffer->next)
-        buffer->next->link = &buffer->next;
-    context->buffers = buffer;
+    enter(buffer, context, name, size_bytes);
+    return buffer;
+}
+
+karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error)
+{
+    karst_buffer *buffer = calloc(1, sizeof(*buffer));
+    if (!buffer) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    enter(buffer, context, name, size_bytes);
     return buffer;
 }
 
@@ -98,7 +114,8 @@ void karst_buffer_destroy(karst_buffer *buffer)
         if (buffer->next)
             buffer->next->link = buffer->link;
     }
-    clReleaseMemObject(buffer->mem);
+    if (buffer->mem)
+        clReleaseMemObject(buffer->mem);
     free(buffer);
 }
 

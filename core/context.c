@@ -2,6 +2,7 @@
 #include "core/context.h"
 #include "core/profile.h"
 
+#include <CL/cl_gl.h>
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -278,9 +279,38 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
     return found;
 }
 
-static bool open_device(karst_context *context, const karst_device_info *info, karst_error *error)
+#define MAX_PROPERTIES 16
+
+/* The platform, then `gl_properties` (may be NULL). */
+static void join_properties(cl_platform_id platform, const cl_context_properties *gl_properties, cl_context_properties properties[MAX_PROPERTIES])
 {
-    const cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)info->platform, 0};
+    int n = 0;
+    properties[n++] = CL_CONTEXT_PLATFORM;
+    properties[n++] = (cl_context_properties)platform;
+    for (; gl_properties && *gl_properties && n + 2 < MAX_PROPERTIES; gl_properties += 2) {
+        properties[n++] = gl_properties[0];
+        properties[n++] = gl_properties[1];
+    }
+    properties[n] = 0;
+}
+
+/* Whether the device drives the OpenGL context that the properties name. */
+static bool drives_gl(const karst_device_info *info, const cl_context_properties *properties)
+{
+    cl_device_id devices[MAX_DEVICES];
+    size_t size = 0;
+    clGetGLContextInfoKHR_fn get_info = (clGetGLContextInfoKHR_fn)clGetExtensionFunctionAddressForPlatform(info->platform, "clGetGLContextInfoKHR");
+    if (!get_info || get_info(properties, CL_DEVICES_FOR_GL_CONTEXT_KHR, sizeof(devices), devices, &size) != CL_SUCCESS)
+        return false;
+    for (size_t i = 0; i < size / sizeof(*devices); i++)
+        if (devices[i] == info->device)
+            return true;
+    return false;
+}
+
+static bool open_device(karst_context *context, const karst_device_info *info, const cl_context_properties *gl_properties, karst_error *error)
+{
+    cl_context_properties properties[MAX_PROPERTIES];
     cl_int code = CL_SUCCESS;
     context->platform = info->platform;
     context->device = info->device;
@@ -294,7 +324,15 @@ static bool open_device(karst_context *context, const karst_device_info *info, k
     context->has_gl_sharing = info->has_gl_sharing;
     if (context->lanes == 0)
         context->lanes = info->is_cpu ? 16 : 1;
-    context->cl = clCreateContext(properties, 1, &info->device, NULL, NULL, &code);
+    join_properties(info->platform, gl_properties, properties);
+    if (gl_properties && info->has_gl_sharing && drives_gl(info, properties)) {
+        context->cl = clCreateContext(properties, 1, &info->device, NULL, NULL, &code);
+        context->shares_gl = code == CL_SUCCESS;
+    }
+    if (!context->shares_gl) {
+        join_properties(info->platform, NULL, properties);
+        context->cl = clCreateContext(properties, 1, &info->device, NULL, NULL, &code);
+    }
     if (code == CL_SUCCESS)
         context->queue = clCreateCommandQueue(context->cl, info->device, CL_QUEUE_PROFILING_ENABLE, &code);
     if (code != CL_SUCCESS)
@@ -305,6 +343,12 @@ static bool open_device(karst_context *context, const karst_device_info *info, k
 }
 
 karst_context *karst_context_create(const char *selector, int lanes, const karst_log *log, karst_error *error)
+{
+    return karst_context_create_sharing(selector, lanes, NULL, log, error);
+}
+
+karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
+                                            const karst_log *log, karst_error *error)
 {
     if (lanes != 0 && lanes != 1 && lanes != 16) {
         karst_fail(error, KARST_USAGE, "lanes must be 1 or 16 (or 0 for what suits the device), not %d", lanes);
@@ -321,7 +365,7 @@ karst_context *karst_context_create(const char *selector, int lanes, const karst
     if (context) {
         context->log = log;
         context->lanes = lanes;
-        if (open_device(context, chosen, error)) {
+        if (open_device(context, chosen, gl_properties, error)) {
             karst_log_print(log, KARST_LOG_INFO, "device %d: %s (%s, %s), %d lanes", chosen->index, chosen->name, chosen->type, chosen->version,
                             context->lanes);
             if (!chosen->exact_floats)

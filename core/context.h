@@ -33,6 +33,7 @@ struct karst_context {
     bool exact_floats;            /* denormals, inf/nan, round to nearest, fma, correctly rounded divide and sqrt */
     bool rounded_divide;          /* programs are built with -cl-fp32-correctly-rounded-divide-sqrt */
     bool has_gl_sharing;
+    bool shares_gl;               /* created to share objects with an OpenGL context: see karst_context_create_sharing */
     karst_buffer *buffers;        /* list of live buffers, newest first */
     struct karst_profile *profile; /* stage timer, see core/profile.h */
 };
@@ -66,6 +67,11 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error);
  * lists them; or part of a name, ignoring case. `lanes` 0 lets the device decide, else 1 or 16.
  * Errors: KARST_NO_DEVICE with a line that says how to mend it. Destroy with karst_context_destroy. */
 karst_context *karst_context_create(const char *selector, int lanes, const karst_log *log, karst_error *error);
+/* The same, sharing objects with an OpenGL context that is current, if the device chosen can: `gl_properties` are those of
+ * karst_display_sharing (core/display_platform.h), ended by 0; NULL for none. Where the device has no cl_khr_gl_sharing or does not
+ * drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
+karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
+                                            const karst_log *log, karst_error *error);
 void karst_context_destroy(karst_context *context); /* NULL is fine; all buffers must be gone */
 
 /* ---- buffers (buffer.c): every byte on the device has a name ---- */
@@ -80,6 +86,8 @@ struct karst_buffer {
 /* A zeroed read-write buffer (or a copy of `initial`). Errors: KARST_FAILED; size 0 or above the device's largest is refused
  * with a message that names the buffer and the size. */
 karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error);
+/* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for destroying. */
+karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
 void karst_buffer_destroy(karst_buffer *buffer);
 bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error); /* blocking */
 bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);        /* blocking */

@@ -358,6 +358,39 @@ static void test_every_byte_is_accounted_for(void **state)
     assert_int_equal(error.status, KARST_OK);
 }
 
+static void test_opengl_memory_is_accounted_for_and_nothing_more(void **state)
+{
+    fixture *f = *state;
+    karst_error error = {0};
+    karst_stats *stats = calloc(1, sizeof(*stats));
+    assert_non_null(stats);
+    karst_buffer *texture = karst_buffer_account(f->context, "texture", 640, &error);
+    assert_non_null(texture);
+    assert_null(texture->mem);
+    karst_context_memory(f->context, stats);
+    assert_int_equal(memory_of(stats, "texture"), 640);
+    assert_false(karst_buffer_fill(texture, 0, 0, 640, &error));
+    assert_non_null(strstr(error.message, "texture"));
+    karst_buffer_destroy(texture);
+    karst_context_memory(f->context, stats);
+    assert_int_equal(stats->num_memory, 0);
+    free(stats);
+}
+
+static void test_a_device_that_cannot_share_opens_without(void **state)
+{
+    fixture *f = *state;
+    /* No OpenGL context 1 exists anywhere. */
+    const cl_context_properties nowhere[] = {0x2008 /* CL_GL_CONTEXT_KHR */, 1, 0x2009 /* CL_EGL_DISPLAY_KHR */, 1, 0};
+    karst_error error = {0};
+    if (f->context->has_gl_sharing)
+        skip(); /* a driver may well crash on what it takes for a pointer */
+    karst_context *context = karst_context_create_sharing(NULL, 0, nowhere, NULL, &error);
+    assert_non_null(context);
+    assert_false(context->shares_gl);
+    karst_context_destroy(context);
+}
+
 static void test_a_forgotten_buffer_is_told_and_safe(void **state)
 {
     fixture *f = *state;
@@ -385,6 +418,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_write_read_and_fill_keep_to_their_ranges, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_does_not_fit_is_refused_by_name_and_size, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_every_byte_is_accounted_for, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_opengl_memory_is_accounted_for_and_nothing_more, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_device_that_cannot_share_opens_without, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_forgotten_buffer_is_told_and_safe, set_up, tear_down),
     };
     /* PoCL offers the same processor twice when asked to: so there is something to choose from. */
