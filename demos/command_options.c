@@ -200,7 +200,8 @@ void command_print_options(FILE *file, const command_option *options, size_t num
         snprintf(left, sizeof left, "%s%c%s--%s%s%s", option->letter ? "-" : "  ",
                  option->letter ? option->letter : ' ', option->letter ? ", " : " ", option->name,
                  option->argument ? " " : "", option->argument ? option->argument : "");
-        fprintf(file, "  %-30s %s\n", left, option->help);
+        fprintf(file, "  %-30s%s%s\n", left, strlen(left) > 30 ? "\n                                 " : " ",
+                option->help);
     }
     fprintf(file, "  %-30s %s\n", "-h, --help", "this text");
 }

@@ -1,6 +1,7 @@
 /* The karst command. See command.h for its parts. */
 #include "command.h"
 
+#include <signal.h>
 #include <string.h>
 
 static const command commands[] = {
@@ -71,6 +72,8 @@ int main(int argc, char **argv)
     karst_error error = {0};
     command_talk talk;
     command_talk_init(&talk);
+    /* A reader that goes away is a failed write, which is told and cleaned up after. */
+    signal(SIGPIPE, SIG_IGN);
     bool done = run(argc, argv, &talk, &error);
     if (done && (fflush(stdout) != 0 || ferror(stdout)))
         done = karst_fail(&error, KARST_FAILED, "cannot write to stdout");

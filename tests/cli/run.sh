@@ -136,6 +136,11 @@ result "without EGL the display falls back, to the same bytes"
 run render hills -o - -q $quick
 [ $status -eq 0 ] && cmp stdout first.png && [ ! -s stderr ]
 result "-o - writes the picture to stdout"
+mkdir temporary
+(sleep 0.2; TMPDIR=$PWD/temporary "$karst" render hills -o - -q $quick 2> stderr; echo $? > code) | true
+detail="exit $(cat code): $(cat stderr), left $(ls temporary)"
+[ "$(cat code)" = 1 ] && grep -q 'cannot write to stdout' stderr && [ -z "$(ls temporary)" ]
+result "a reader that goes away: told, and nothing left behind"
 run render hills -o seed.png --seed 12345 -q $quick
 [ $status -eq 0 ] && ! cmp -s first.png seed.png
 result "another seed is another world"
