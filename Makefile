@@ -53,6 +53,7 @@ TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
+SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
 BENCH_PROGRAMS := $(BENCHES:%.c=$(OBJ)/%)
 
@@ -125,12 +126,15 @@ $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(KLIBS) -o $@
 
-$(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT_OBJECTS) $(LIBRARY)
+# An archive, so that a program takes only what it uses.
+$(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
+	$(Q)rm -f $@ && $(AR) rcs $@ $(SUPPORT_OBJECTS)
+$(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT_OBJECTS) $(LIBRARY) -lcmocka $(KLIBS) -o $@
-$(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT_OBJECTS) $(LIBRARY)
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+$(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT_OBJECTS) $(LIBRARY) $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) $(KLIBS) -o $@
 
 # ---- using ----
 demo: $(COMMAND)

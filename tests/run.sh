@@ -31,9 +31,9 @@ for program; do
     status=$?
     seconds=$(($(date +%s) - start))
 
-    skips=$(count '^(not )?ok [0-9]* *# SKIP' "$log")
-    oks=$(count '^ok [0-9]* *($|[^# ])' "$log")
-    bads=$(count '^not ok [0-9]* *($|[^# ])' "$log")
+    skips=$(count '^(not )?ok [0-9]+ *# SKIP' "$log")
+    oks=$(count '^ok [0-9]+ *($|[^# 0-9])' "$log")
+    bads=$(count '^not ok [0-9]+ *($|[^# 0-9])' "$log")
     # A crash, a time-out or a program without any test is a failure of its own.
     why=
     [ $status -ne 0 ] && [ "$bads" -eq 0 ] && bads=1 && why="exit status $status"
@@ -46,7 +46,7 @@ for program; do
     else
         printf 'ok     %-40s %d, %d s%s\n' "$name" "$oks" "$seconds" "$([ "$skips" -gt 0 ] && echo ", $skips skipped")"
         # Why something was left out is worth a line.
-        grep -E '^(not )?ok [0-9]* *# SKIP' "$log" | sed 's/^[^#]*# SKIP/           skipped:/'
+        grep -E '^(not )?ok [0-9]+ *# SKIP' "$log" | sed 's/^[^#]*# SKIP/           skipped:/'
     fi
 done
 if [ $skipped -gt 0 ]; then
