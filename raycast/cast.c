@@ -1,0 +1,163 @@
+/* Launching the cast kernels, and localising a stream's anchor in the tree. */
+#include "raycast/cast.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NUM_VIEWS 8 /* casts that may be queued before one has to wait for the oldest */
+#define RAYS_PER_GROUP (KARST_PACKET_RAYS * KARST_GROUP_PACKETS)
+
+struct karst_caster {
+    karst_context *context;
+    karst_cache_buffers cache;
+    karst_program *program;
+    cl_kernel pinhole, rays;
+    karst_buffer *view;              /* on the device; written in queue order */
+    karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
+    cl_event written[NUM_VIEWS];
+    unsigned next_view;
+};
+
+karst_caster *karst_caster_create(karst_context *context, const karst_cache_buffers *cache, karst_error *error)
+{
+    return karst_caster_create_with(context, cache, "", error);
+}
+
+karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options, karst_error *error)
+{
+    karst_caster *caster = calloc(1, sizeof(*caster));
+    if (!caster) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    char all_options[512];
+    snprintf(all_options, sizeof(all_options), "-DSEGMENTS=%u %s", cache->num_segments, options);
+    caster->context = context;
+    caster->cache = *cache;
+    caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
+    caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
+    if (caster->program) {
+        caster->pinhole = karst_program_kernel(caster->program, "cast_pinhole", error);
+        caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
+    }
+    if (!caster->view || !caster->pinhole || !caster->rays) {
+        karst_caster_destroy(caster);
+        return NULL;
+    }
+    return caster;
+}
+
+void karst_caster_destroy(karst_caster *caster)
+{
+    if (!caster)
+        return;
+    for (int i = 0; i < NUM_VIEWS; i++)
+        if (caster->written[i]) {
+            clWaitForEvents(1, &caster->written[i]);
+            clReleaseEvent(caster->written[i]);
+        }
+    if (caster->pinhole)
+        clReleaseKernel(caster->pinhole);
+    if (caster->rays)
+        clReleaseKernel(caster->rays);
+    karst_program_destroy(caster->program);
+    karst_buffer_destroy(caster->view);
+    free(caster);
+}
+
+/* (v * 2^32 + fraction) * 2^-32 as a float, rounded down, so that it stays below the next integer. */
+static float float_down(uint64_t v, uint32_t fraction)
+{
+    unsigned __int128 wide = (unsigned __int128)v << 32 | fraction;
+    int shift = 0;
+    while (wide >> shift >= 1u << 24)
+        shift++;
+    return ldexpf((float)(uint32_t)(wide >> shift), shift - 32);
+}
+
+void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3], int top_level)
+{
+    memset(view, 0, sizeof(*view));
+    view->top_level = top_level;
+    view->detail = 1;
+    for (int a = 0; a < 3; a++) {
+        for (int level = 0; level <= top_level; level++) {
+            int shift = KARST_BRICK_CELLS_LOG2 + level;
+            int64_t node = anchor->voxel[a] >> shift;
+            uint64_t in_node = (uint64_t)anchor->voxel[a] & (((uint64_t)1 << shift) - 1);
+            view->levels[level].in_node[a] = ldexpf(float_down(in_node, anchor->fraction[a]), -level);
+            view->levels[level].parity |= (uint)(node & 1) << a;
+        }
+        int64_t root = root_corner[a] - (anchor->voxel[a] >> (KARST_BRICK_CELLS_LOG2 + top_level));
+        /* Out there nothing is seen; only overflow must be kept away. */
+        view->root[a] = root > 1 << 20 ? 1 << 20 : root < -(1 << 20) ? -(1 << 20) : (int)root;
+    }
+}
+
+static bool upload_view(karst_caster *caster, const karst_cast_view *view, karst_error *error)
+{
+    unsigned i = caster->next_view++ % NUM_VIEWS;
+    cl_int code = CL_SUCCESS;
+    if (caster->written[i]) {
+        code = clWaitForEvents(1, &caster->written[i]);
+        clReleaseEvent(caster->written[i]);
+        caster->written[i] = NULL;
+    }
+    caster->views[i] = *view;
+    if (code == CL_SUCCESS)
+        code = clEnqueueWriteBuffer(caster->context->queue, caster->view->mem, CL_FALSE, 0, sizeof(*view), &caster->views[i], 0, NULL,
+                                    &caster->written[i]);
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot upload the view of a cast: %s", karst_cl_error_name(code));
+    return true;
+}
+
+static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error *error)
+{
+    if (hits->size_bytes / sizeof(karst_hit) >= num_rays)
+        return true;
+    return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold the hits of %llu rays", hits->size_bytes,
+                      (unsigned long long)num_rays);
+}
+
+/* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh). */
+#define POOL_ARGUMENTS(c)                                                                                                                  \
+    KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]),      \
+        KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]),                                \
+        KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]),                                \
+        KARST_VALUE_ARG((c).bricks_per_segment), KARST_BUFFER_ARG((c).tile_stamp), KARST_BUFFER_ARG((c).brick_stamp),                     \
+        KARST_BUFFER_ARG((c).brick_fallback), KARST_BUFFER_ARG((c).want_brick), KARST_BUFFER_ARG((c).want_children),                      \
+        KARST_BUFFER_ARG((c).want_chunk)
+
+bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole, karst_buffer *hits, karst_error *error)
+{
+    if (!check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) || !upload_view(caster, view, error))
+        return false;
+    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole),
+                         KARST_BUFFER_ARG(hits)))
+        return false;
+    size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    size_t local_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
+    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST, across * down * local_size, local_size, error);
+}
+
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays, bool any_hit, karst_buffer *hits,
+                     karst_error *error)
+{
+    if (!check_hits(hits, num_rays, error))
+        return false;
+    if (rays->size_bytes / sizeof(karst_ray) < num_rays)
+        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes, num_rays);
+    if (!upload_view(caster, view, error))
+        return false;
+    cl_int any = any_hit;
+    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays),
+                         KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
+        return false;
+    size_t lanes = (size_t)caster->context->lanes;
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + lanes - 1) / lanes, RAYS_PER_GROUP / lanes, error);
+}

@@ -1,0 +1,146 @@
+/* Entry points of casting: a stream of rays in, hit records and stamps out. See raycast/cast.h. */
+#include "core/lanes.clh"
+#include "raycast/cast_shared.h"
+#include "raycast/rays.clh"
+#include "raycast/rays_shared.h"
+#include "raycast/walk.clh"
+
+/* Directions flatter than this on an axis count as this, upwards: their inverse stays finite, and a ray that runs in a plane belongs to the
+ * cell above it on every level. */
+#define FLAT 1.0e-18f
+
+/* What casting a packet gives, lane by lane; `kind` as in karst_hit. */
+typedef struct {
+    vfloat t;
+    vint kind, brick, cell, node;
+    vector3 position;
+} packet_hits;
+
+/* Casts the lanes of `valid`. from_anchor (a constant): origins are zero. any_hit: where along the cell the surface lies does not matter. */
+K_INLINE K_WIDE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor, int any_hit,
+                                        const vector3 *origin, const vector3 *direction, vfloat t_min, vfloat t_max, vfloat width,
+                                        vfloat cone, vint valid)
+{
+    const vfloat zero = (vfloat)(0.0f);
+    findings found;
+    found.kind = found.brick = found.node = found.cell = (vint)(0);
+    found.t = t_max;
+    found.dt = zero;
+    found.at.x = found.at.y = found.at.z = found.step.x = found.step.y = found.step.z = zero;
+    found.f.c0 = found.f.c1 = found.f.c2 = found.f.c3 = zero;
+    vint incomplete = (vint)(0);
+
+    packet rays;
+    vint down_x = v_le(direction->x, (vfloat)(-FLAT)), down_y = v_le(direction->y, (vfloat)(-FLAT)), down_z = v_le(direction->z, (vfloat)(-FLAT));
+    rays.direction.x = lane_max(k_fabs(direction->x), (vfloat)(FLAT));
+    rays.direction.y = lane_max(k_fabs(direction->y), (vfloat)(FLAT));
+    rays.direction.z = lane_max(k_fabs(direction->z), (vfloat)(FLAT));
+    rays.inverse.x = 1.0f / rays.direction.x;
+    rays.inverse.y = 1.0f / rays.direction.y;
+    rays.inverse.z = 1.0f / rays.direction.z;
+    rays.t_min = t_min;
+    rays.lod_shift = width * view->detail;
+    rays.lod_scale = 1.0f / lane_max(cone * view->detail, (vfloat)(1.0e-20f));
+    rays.fresh = (vint)(0);
+
+    /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
+    vint octants = (down_x & 1) | (down_y & 2) | (down_z & 4);
+    for (int octant = 0; octant < 8; octant++) {
+        vint mine = valid & v_eq(octants, (vint)(octant)) & v_lt(t_min, t_max);
+        if (!v_any(mine))
+            continue;
+        rays.octant = octant;
+        rays.t_max = v_select(mine, t_max, (vfloat)(RAY_DONE));
+        rays.origin.x = octant & 1 ? -origin->x : origin->x;
+        rays.origin.y = octant & 2 ? -origin->y : origin->y;
+        rays.origin.z = octant & 4 ? -origin->z : origin->z;
+        walk_octree(pool, view, from_anchor, &rays, &found, &incomplete);
+    }
+
+    packet_hits hits;
+    vfloat s = zero;
+    vint hit = v_ne(found.kind, (vint)(0));
+    if (!any_hit && v_any(hit))
+        s = cubic_first_root(&found.f, hit);
+    hits.t = v_select(hit, k_fma(s, found.dt, found.t), t_max);
+    hits.kind = found.kind | (incomplete & (int)KARST_HIT_INCOMPLETE);
+    hits.brick = found.brick;
+    hits.cell = found.cell;
+    hits.node = found.node;
+    hits.position.x = lane_unit(k_fma(s, found.step.x, found.at.x));
+    hits.position.y = lane_unit(k_fma(s, found.step.y, found.at.y));
+    hits.position.z = lane_unit(k_fma(s, found.step.z, found.at.z));
+    return hits;
+}
+
+/* Lane by lane into the records; `index` where `valid`. */
+#if LANES == 16
+#define STORE_HIT_(l)                                                                                                                     \
+    if (valid.l)                                                                                                                          \
+    vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l, as_uint(hits->position.x.l),          \
+                    as_uint(hits->position.y.l), as_uint(hits->position.z.l), (uint)hits->node.l),                                        \
+            (size_t)index.l, (K_GLOBAL uint *)out)
+K_INLINE K_WIDE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+{
+    STORE_HIT_(s0);
+    STORE_HIT_(s1);
+    STORE_HIT_(s2);
+    STORE_HIT_(s3);
+    STORE_HIT_(s4);
+    STORE_HIT_(s5);
+    STORE_HIT_(s6);
+    STORE_HIT_(s7);
+    STORE_HIT_(s8);
+    STORE_HIT_(s9);
+    STORE_HIT_(sa);
+    STORE_HIT_(sb);
+    STORE_HIT_(sc);
+    STORE_HIT_(sd);
+    STORE_HIT_(se);
+    STORE_HIT_(sf);
+}
+#else
+K_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+{
+    if (!valid)
+        return;
+    karst_hit hit = {hits->t, (uint)hits->kind, (uint)hits->brick, (uint)hits->cell,
+                     {hits->position.x, hits->position.y, hits->position.z}, (uint)hits->node};
+    out[index] = hit;
+}
+#endif
+
+__kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole, K_GLOBAL karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    vint x, y;
+    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vfloat zero = (vfloat)(0.0f);
+    const vector3 origin = {zero, zero, zero};
+    vector3 direction = pinhole_direction(&pinhole, x, y);
+    packet_hits found = cast_packet(&pool, view, 1, 0, &origin, &direction, (vfloat)(pinhole.t_min), (vfloat)(pinhole.t_max), zero,
+                                    (vfloat)(pinhole.cone), valid);
+    store_hits(hits, &found, y * pinhole.width_px + x, valid);
+}
+
+/* Field `word` of the rays in the lanes, as floats. */
+#define RAY_WORD(word) v_gather_float(words, first + (word))
+
+__kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays, uint num_rays, int any_hit,
+                               K_GLOBAL karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    const uint base = (uint)get_global_id(0) * LANES;
+    if (base >= num_rays)
+        return;
+    K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + base);
+    vint lane = V_LANE;
+    vint valid = v_lt(lane, (vint)((int)min(num_rays - base, (uint)LANES)));
+    vint first = v_select(valid, lane, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
+    vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
+    vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
+    packet_hits found = cast_packet(&pool, view, 0, any_hit, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9), valid);
+    store_hits(hits + base, &found, lane, valid);
+}
