@@ -30,6 +30,9 @@ typedef struct {
 #define KARST_CACHE_TILE_BYTES 320
 #define KARST_CACHE_BRICK_BYTES (KARST_BRICK_STRIDE * 2 + 128)
 
+/* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
+#define KARST_CACHE_MAX_WORK 8192u
+
 /* num_tiles and num_bricks count usable slots and slot 0; at least 2 tiles and 9 bricks. max_segment_bytes 0: the device's largest
  * allocation. Errors: KARST_FAILED, KARST_USAGE (more than KARST_MAX_BRICK_SEGMENTS segments or KARST_MAX_TILES). */
 karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes, karst_error *error);
@@ -47,7 +50,7 @@ typedef struct {
     uint32_t serial;         /* of the cast whose stamps count as "in use" */
     uint32_t frame;          /* for age and churn.reproduced */
     karst_position camera;   /* priority: projected error (2^level over the distance to the node's box), coarse first, ties by node index */
-    uint32_t max_tiles, max_bricks; /* budget of this round */
+    uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
     bool may_drop_fallback;  /* bricks that are only in use as a stand-in may be recycled too, oldest first */
 } karst_collect_params;
 

@@ -1,0 +1,236 @@
+/* The debug pass: reads the pools back and holds every reference against its counterpart. Linear in the pools. */
+#include "cache/pools.h"
+
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { SLOT_HELD, SLOT_FREE, SLOT_GRANTED };
+
+/* A copy of all that is looked at. */
+typedef struct {
+    const karst_cache *cache;
+    karst_error *error;
+    uint32_t num_tiles, num_bricks;
+    karst_node *nodes;
+    karst_tile_info *tiles;
+    karst_brick_owner *owners;
+    uint32_t *tile_stamp, *brick_stamp, *brick_fallback, *tile_order, *brick_order;
+    uint8_t *tile_slots, *brick_slots; /* SLOT_* */
+    uint8_t *seen;
+} snapshot;
+
+static bool fault(const snapshot *s, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static bool fault(const snapshot *s, const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof(text), format, arguments);
+    va_end(arguments);
+    return karst_fail(s->error, KARST_FAILED, "cache check: %s", text);
+}
+
+static void *copy_of(karst_buffer *buffer, karst_error *error)
+{
+    void *copy = malloc(buffer->size_bytes);
+    if (!copy)
+        karst_fail(error, KARST_FAILED, "out of memory for a copy of %s", buffer->name);
+    else if (karst_buffer_read(buffer, 0, copy, buffer->size_bytes, error))
+        return copy;
+    free(copy);
+    return NULL;
+}
+
+static bool take_snapshot(snapshot *s)
+{
+    const karst_cache *cache = s->cache;
+    const karst_cache_buffers *b = &cache->buffers;
+    s->num_tiles = b->num_tiles;
+    s->num_bricks = b->num_bricks;
+    s->tile_slots = calloc(s->num_tiles, 1);
+    s->brick_slots = calloc(s->num_bricks, 1);
+    s->seen = calloc(s->num_tiles > s->num_bricks ? s->num_tiles : s->num_bricks, 1);
+    if (!s->tile_slots || !s->brick_slots || !s->seen)
+        return karst_fail(s->error, KARST_FAILED, "out of memory for checking the cache");
+    return (s->nodes = copy_of(b->nodes, s->error)) && (s->tiles = copy_of(b->tile_info, s->error)) &&
+           (s->owners = copy_of(b->brick_owner, s->error)) && (s->tile_stamp = copy_of(b->tile_stamp, s->error)) &&
+           (s->brick_stamp = copy_of(b->brick_stamp, s->error)) && (s->brick_fallback = copy_of(b->brick_fallback, s->error)) &&
+           (s->tile_order = copy_of(cache->tiles.order, s->error)) && (s->brick_order = copy_of(cache->bricks.order, s->error));
+}
+
+static void release_snapshot(snapshot *s)
+{
+    void *copies[] = {s->nodes,      s->tiles,       s->owners,     s->tile_stamp,  s->brick_stamp, s->brick_fallback,
+                      s->tile_order, s->brick_order, s->tile_slots, s->brick_slots, s->seen};
+    for (size_t i = 0; i < sizeof(copies) / sizeof(copies[0]); i++)
+        free(copies[i]);
+}
+
+/* Marks the slots that hold nothing; none may be marked twice. */
+static bool mark_slots(const snapshot *s, const char *what, uint8_t *marks, uint32_t num_slots, const karst_slots *free_slots,
+                       const uint32_t *granted, uint32_t num_granted)
+{
+    if (free_slots->num > free_slots->capacity)
+        return fault(s, "%u %s slots are free, but there are only %u", free_slots->num, what, free_slots->capacity);
+    for (uint32_t i = 0; i < free_slots->num + num_granted; i++) {
+        bool is_free = i < free_slots->num;
+        uint32_t slot = is_free ? karst_slots_at(free_slots, i) : granted[i - free_slots->num];
+        if (slot < free_slots->first_slot || slot >= num_slots)
+            return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot, is_free ? "free" : "granted",
+                         free_slots->first_slot, num_slots - 1);
+        if (marks[slot] != SLOT_HELD)
+            return fault(s, "%s slot %u is listed twice as free or granted", what, slot);
+        marks[slot] = is_free ? SLOT_FREE : SLOT_GRANTED;
+    }
+    return true;
+}
+
+/* A node of a tile in use: its state, its brick, its children; and that these name it in turn. */
+static bool check_node(const snapshot *s, uint32_t node)
+{
+    uint32_t tile = node / KARST_TILE_NODES, link = s->nodes[node].link, state = KARST_NODE_STATE(link);
+    uint32_t child = KARST_NODE_CHILDREN(link), brick = s->nodes[node].brick;
+    const karst_tile_info *info = &s->tiles[tile];
+    if (state > KARST_STATE_LOST || (link & 0x10000000u))
+        return fault(s, "node %u (tile %u) has link %08x, which is no state", node, tile, link);
+    if ((state == KARST_STATE_BRICK) != (brick != KARST_NONE))
+        return fault(s, "node %u (tile %u) has state %u, but brick %u", node, tile, state, brick);
+    if ((state == KARST_STATE_AIR || state == KARST_STATE_SOLID) && child != KARST_NONE)
+        return fault(s, "node %u (tile %u) is constant (state %u), but has children in tile %u", node, tile, state, child);
+    if (brick != KARST_NONE) {
+        if (brick >= s->num_bricks || s->brick_slots[brick] != SLOT_HELD)
+            return fault(s, "node %u (tile %u) names brick %u, which is %s", node, tile, brick, brick >= s->num_bricks ? "no slot" : "free");
+        if (s->owners[brick].owner != node)
+            return fault(s, "node %u (tile %u) names brick %u, which belongs to node %u", node, tile, brick, s->owners[brick].owner);
+        if (s->owners[brick].owner_generation != info->generation)
+            return fault(s, "brick %u belongs to generation %u of tile %u, which is at %u", brick, s->owners[brick].owner_generation, tile,
+                         info->generation);
+    }
+    if (child == KARST_NONE)
+        return true;
+    if (child >= s->num_tiles || s->tile_slots[child] != SLOT_HELD || !s->tiles[child].in_use)
+        return fault(s, "node %u (tile %u) has children in tile %u, which is %s", node, tile, child, child >= s->num_tiles ? "no slot" : "free");
+    if (s->tiles[child].parent != node)
+        return fault(s, "node %u (tile %u) has children in tile %u, whose parent is node %u", node, tile, child, s->tiles[child].parent);
+    if (s->tiles[child].parent_generation != info->generation)
+        return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", child, s->tiles[child].parent_generation, tile,
+                     info->generation);
+    /* Levels fall by one on each link: so there is no cycle. */
+    if (s->tiles[child].level != info->level - 1)
+        return fault(s, "tile %u is at level %d below node %u (tile %u) at level %d", child, s->tiles[child].level, node, tile, info->level);
+    for (int axis = 0; axis < 3; axis++) {
+        uint64_t own = (uint64_t)info->corner[axis] + (node >> axis & 1);
+        if ((uint64_t)s->tiles[child].corner[axis] != 2 * own)
+            return fault(s, "tile %u lies at %ld on axis %d, but its parent, node %u (tile %u), at %" PRId64, child,
+                         s->tiles[child].corner[axis], axis, node, tile, (int64_t)own);
+    }
+    return true;
+}
+
+static bool check_tile(const snapshot *s, uint32_t tile)
+{
+    const karst_tile_info *info = &s->tiles[tile];
+    if (tile == KARST_ROOT_TILE ? info->in_use != s->cache->has_root : info->in_use != (s->tile_slots[tile] == SLOT_HELD))
+        return fault(s, "tile %u has in_use %u, but its slot is %s", tile, info->in_use,
+                     tile == KARST_ROOT_TILE            ? "the root's"
+                     : s->tile_slots[tile] == SLOT_HELD ? "neither free nor granted"
+                                                        : "free or granted");
+    if (!info->in_use)
+        return true;
+    if (info->level < 0)
+        return fault(s, "tile %u is at level %d", tile, info->level);
+    if (tile == KARST_ROOT_TILE && info->parent != KARST_NO_NODE)
+        return fault(s, "the root tile has a parent, node %u", info->parent);
+    for (int axis = 0; tile == KARST_ROOT_TILE && axis < 3; axis++)
+        if (info->corner[axis] != s->cache->root_corner[axis] || info->level != s->cache->root_level)
+            return fault(s, "the root tile lies at %ld on axis %d, level %d, but was placed at %" PRId64 ", level %d", info->corner[axis], axis,
+                         info->level, s->cache->root_corner[axis], s->cache->root_level);
+    if (info->parent != KARST_NO_NODE) {
+        uint32_t parent = info->parent / KARST_TILE_NODES;
+        if (parent == 0 || parent >= s->num_tiles || !s->tiles[parent].in_use)
+            return fault(s, "tile %u has parent node %u, whose tile is not in use", tile, info->parent);
+        if (KARST_NODE_CHILDREN(s->nodes[info->parent].link) != tile)
+            return fault(s, "tile %u has parent node %u, whose children are in tile %u", tile, info->parent,
+                         KARST_NODE_CHILDREN(s->nodes[info->parent].link));
+        if (info->parent_generation != s->tiles[parent].generation)
+            return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", tile, info->parent_generation, parent,
+                         s->tiles[parent].generation);
+    }
+    for (uint32_t i = 0; i < KARST_TILE_NODES; i++)
+        if (!check_node(s, tile * KARST_TILE_NODES + i))
+            return false;
+    return true;
+}
+
+static bool check_brick(const snapshot *s, uint32_t brick)
+{
+    uint32_t owner = s->owners[brick].owner;
+    if ((owner != KARST_NO_NODE) != (s->brick_slots[brick] == SLOT_HELD))
+        return fault(s, "brick %u has owner %u, but its slot is %s", brick, owner,
+                     s->brick_slots[brick] == SLOT_HELD ? "neither free nor granted" : "free or granted");
+    if (owner == KARST_NO_NODE)
+        return true;
+    uint32_t tile = owner / KARST_TILE_NODES;
+    if (tile == 0 || tile >= s->num_tiles || !s->tiles[tile].in_use)
+        return fault(s, "brick %u belongs to node %u, whose tile is not in use", brick, owner);
+    if (s->nodes[owner].brick != brick)
+        return fault(s, "brick %u belongs to node %u, which names brick %u", brick, owner, s->nodes[owner].brick);
+    return true; /* generations: check_node */
+}
+
+/* A usage list: a permutation; nothing that could be taken stands before the cursor; behind it, what was not used since the last sort is in
+ * order of use. */
+static bool check_list(const snapshot *s, const karst_lru *lru, const char *what, const uint32_t *order, const uint32_t *stamps,
+                       const uint32_t *fallback, const uint8_t *slots)
+{
+    if (lru->cursor > lru->num)
+        return fault(s, "the usage list of %ss has its cursor at %u of %u", what, lru->cursor, lru->num);
+    for (uint32_t i = 0; i <= lru->num; i++)
+        s->seen[i] = 0;
+    uint32_t last_age = UINT32_MAX, last_slot = 0;
+    for (uint32_t i = 0; i < lru->num; i++) {
+        uint32_t slot = order[i];
+        if (slot == KARST_NONE || slot > lru->num || s->seen[slot])
+            return fault(s, "the usage list of %ss holds %u at %u, which is %s", what, slot, i,
+                         slot == KARST_NONE || slot > lru->num ? "no slot" : "there twice");
+        s->seen[slot] = 1;
+        uint32_t used = karst_stamp_later(stamps[slot], fallback[slot]);
+        bool is_root = lru->kind == KARST_LRU_TILES && slot == KARST_ROOT_TILE;
+        if (!lru->started || slots[slot] != SLOT_HELD || is_root || karst_stamp_is_after(used, lru->sorted_serial))
+            continue;
+        if (i < lru->cursor)
+            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, before the cursor at %u", what, slot, used, i, lru->cursor);
+        uint32_t age = used ? lru->sorted_serial - used : UINT32_MAX;
+        if (age > last_age || (age == last_age && slot < last_slot))
+            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, behind %u", what, slot, used, i, last_slot);
+        last_age = age;
+        last_slot = slot;
+    }
+    return true;
+}
+
+static bool check_all(const snapshot *s)
+{
+    const karst_cache *cache = s->cache;
+    if (!mark_slots(s, "tile", s->tile_slots, s->num_tiles, &cache->tile_slots, cache->granted_tiles, cache->num_granted_tiles) ||
+        !mark_slots(s, "brick", s->brick_slots, s->num_bricks, &cache->brick_slots, cache->granted_bricks, cache->num_granted_bricks))
+        return false;
+    for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
+        if (!check_tile(s, tile))
+            return false;
+    for (uint32_t brick = 1; brick < s->num_bricks; brick++)
+        if (!check_brick(s, brick))
+            return false;
+    return check_list(s, &cache->tiles, "tile", s->tile_order, s->tile_stamp, s->tile_stamp, s->tile_slots) &&
+           check_list(s, &cache->bricks, "brick", s->brick_order, s->brick_stamp, s->brick_fallback, s->brick_slots);
+}
+
+bool karst_cache_check(karst_cache *cache, karst_error *error)
+{
+    snapshot s = {.cache = cache, .error = error};
+    bool ok = take_snapshot(&s) && check_all(&s);
+    release_snapshot(&s);
+    return ok;
+}

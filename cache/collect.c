@@ -1,0 +1,89 @@
+/* Collect: turns stamps into work. */
+#include "cache/pools.h"
+
+#include <string.h>
+
+/* Slots for at most `need` tiles: free ones, then recycled ones. */
+static bool grant_tiles(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work, karst_error *error)
+{
+    uint32_t num_recycled = 0, num_bricks_freed = 0;
+    cache->num_granted_tiles = karst_slots_take(&cache->tile_slots, cache->granted_tiles, need);
+    bool ok = karst_evict_tiles(&cache->evict, &cache->tiles, params->serial, params->frame, need - cache->num_granted_tiles, &cache->churn,
+                                &cache->brick_slots, cache->granted_tiles + cache->num_granted_tiles, &num_recycled, &num_bricks_freed, error);
+    cache->num_granted_tiles += num_recycled;
+    work->num_evicted_tiles = num_recycled;
+    work->num_evicted_bricks += num_bricks_freed;
+    return ok;
+}
+
+static bool grant_bricks(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work, karst_error *error)
+{
+    uint32_t num_recycled = 0;
+    cache->num_granted_bricks = karst_slots_take(&cache->brick_slots, cache->granted_bricks, need);
+    bool ok = karst_evict_bricks(&cache->evict, &cache->bricks, params->serial, params->frame, need - cache->num_granted_bricks,
+                                 params->may_drop_fallback, &cache->churn, cache->granted_bricks + cache->num_granted_bricks, &num_recycled, error);
+    cache->num_granted_bricks += num_recycled;
+    work->num_evicted_bricks += num_recycled;
+    return ok;
+}
+
+/* Of the work that got slots, what was evicted lately. Loads' names come first in the list, then all chosen subdivides'. */
+static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint32_t frame, karst_work *work, karst_error *error)
+{
+    uint32_t num = num_chosen_loads + work->num_subdivides;
+    if (!karst_buffer_read(cache->wants.identities, 0, cache->identities, num * sizeof(uint64_t), error))
+        return false;
+    for (uint32_t i = 0; i < num; i++)
+        if (i < work->num_loads || i >= num_chosen_loads)
+            work->num_reproduced += karst_churn_is_recent(&cache->churn, cache->identities[i], frame);
+    return true;
+}
+
+static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, karst_error *error)
+{
+    return karst_buffer_write(buffer, 0, values, num * sizeof(*values), error);
+}
+
+bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
+{
+    *work = (karst_work){.load_nodes = cache->load_nodes, .load_slots = cache->load_slots, .load_results = cache->load_results,
+                         .subdivide_nodes = cache->subdivide_nodes, .subdivide_tiles = cache->subdivide_tiles};
+    if (params->serial == 0)
+        return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
+    karst_cache_abandon(cache);
+    cache->serial = params->serial;
+    karst_lru_begin(&cache->tiles, params->serial);
+    karst_lru_begin(&cache->bricks, params->serial);
+
+    bool any_wants;
+    karst_wants *wants = &cache->wants;
+    if (!karst_wants_survey(wants, params->serial, &work->num_used_tiles, &work->num_used_bricks, &any_wants, error))
+        return false;
+    if (!any_wants)
+        return true;
+    if (!karst_wants_choose(wants, params->serial, params->camera.voxel, params->max_bricks, params->max_tiles, error))
+        return false;
+    const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
+    work->num_requests = loads->num_all + subdivides->num_all;
+    work->num_deferred_budget = work->num_requests - loads->num - subdivides->num;
+    if (loads->num + subdivides->num == 0)
+        return true;
+
+    /* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled below. Tiles go first,
+     * since their bricks become free. */
+    if (!upload(cache->load_nodes, loads->nodes, loads->num, error) ||
+        !upload(cache->subdivide_nodes, subdivides->nodes, subdivides->num, error) ||
+        !karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num, params->serial, error) ||
+        !grant_tiles(cache, params, subdivides->num, work, error) || !grant_bricks(cache, params, loads->num, work, error))
+        return false;
+
+    work->num_loads = cache->num_granted_bricks;
+    work->num_subdivides = cache->num_granted_tiles;
+    work->num_starved_bricks = loads->num - work->num_loads;
+    work->num_starved_tiles = subdivides->num - work->num_subdivides;
+    /* A load that no producer answers stays "unknown", and its slot free. */
+    return upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
+           upload(cache->subdivide_tiles, cache->granted_tiles, work->num_subdivides, error) &&
+           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error) &&
+           count_reproduced(cache, loads->num, params->frame, work, error);
+}

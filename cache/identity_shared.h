@@ -1,0 +1,28 @@
+/* What tile or brick something is, wherever it lies: a 64-bit name made of kind, level and exact position. */
+#ifndef KARST_CACHE_IDENTITY_SHARED_H
+#define KARST_CACHE_IDENTITY_SHARED_H
+
+#include "core/dialect.h"
+
+#define KARST_IDENTITY_TILE 1u
+#define KARST_IDENTITY_BRICK 2u
+
+/* Finaliser of MurmurHash3 (A. Appleby, public domain), with the constants that D. Stafford found by search ("Mix13"). */
+K_INLINE ulong karst_identity_mix(ulong x)
+{
+    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9UL;
+    x = (x ^ x >> 27) * 0x94d049bb133111ebUL;
+    return x ^ x >> 31;
+}
+
+/* Never 0. A tile goes by the coordinate of its child 0, at its nodes' level; a brick by its node's. */
+K_INLINE ulong karst_identity(uint kind, int level, long x, long y, long z)
+{
+    ulong h = karst_identity_mix(0x9e3779b97f4a7c15UL + ((ulong)kind << 8 | (ulong)(uint)level));
+    h = karst_identity_mix(h ^ (ulong)x);
+    h = karst_identity_mix(h + (ulong)y);
+    h = karst_identity_mix(h ^ (ulong)z);
+    return h ? h : 1UL;
+}
+
+#endif

@@ -1,0 +1,38 @@
+/* The cache from inside: the pools and the rooms that work on them. Private to cache/ and its tests. */
+#ifndef KARST_CACHE_POOLS_H
+#define KARST_CACHE_POOLS_H
+
+#include "cache/cache.h"
+#include "cache/churn.h"
+#include "cache/evict.h"
+#include "cache/lru.h"
+#include "cache/publish.h"
+#include "cache/slots.h"
+#include "cache/wants.h"
+
+struct karst_cache {
+    karst_context *context;
+    karst_program *program;
+    karst_cache_buffers buffers;
+    /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it holds). */
+    karst_slots tile_slots, brick_slots;
+    karst_lru tiles, bricks;
+    karst_wants wants;
+    karst_evict evict;
+    karst_publish publish;
+    karst_churn churn;
+    karst_buffer *load_nodes, *load_slots, *load_results, *subdivide_nodes, *subdivide_tiles;
+    /* The open round: between collect and publish. */
+    uint32_t serial;
+    uint32_t num_granted_bricks, num_granted_tiles;
+    uint32_t *granted_bricks, *granted_tiles;
+    uint64_t *identities;
+    bool has_root;
+    int root_level;
+    int64_t root_corner[3];
+};
+
+/* Gives slots that were granted but never published back: there is no open round afterwards. */
+void karst_cache_abandon(karst_cache *cache);
+
+#endif
