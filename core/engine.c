@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/display_platform.h"
 #include "core/ladder.h"
 #include "core/surface.h"
 #include "cache/cache.h"
@@ -149,7 +150,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    uint32_t num_tiles, num_bricks;
+    uint32_t num_tiles = 0, num_bricks = 0;
     engine->log = config->log;
     engine->width_px = config->width_px || config->height_px ? config->width_px : DEFAULT_WIDTH_PX;
     engine->height_px = config->width_px || config->height_px ? config->height_px : DEFAULT_HEIGHT_PX;
@@ -182,12 +183,15 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         goto failed;
     engine->view_changed = true;
 
-    engine->context = karst_context_create(config->device, config->lanes, config->log, error);
-    if (!engine->context)
-        goto failed;
+    /* The display first: a device that can share memory with its OpenGL must be opened for that. */
     engine->owns_display = !config->in_display;
     engine->display = config->in_display ? config->in_display : karst_display_create(config->display, config->log, error);
     if (!engine->display)
+        goto failed;
+    cl_context_properties sharing[KARST_SHARING_PROPERTIES];
+    bool may_share = karst_display_sharing(engine->display, sharing);
+    engine->context = karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
+    if (!engine->context)
         goto failed;
     engine->cache = karst_cache_create(engine->context, num_tiles, num_bricks, config->max_segment_bytes, error);
     if (!engine->cache || !allocate_picture(engine, error))
@@ -218,9 +222,9 @@ void karst_engine_destroy(karst_engine *engine)
     karst_producer_destroy(engine->producer);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
+    karst_context_destroy(engine->context);
     if (engine->owns_display)
         karst_display_destroy(engine->display);
-    karst_context_destroy(engine->context);
     free(engine);
 }
 
