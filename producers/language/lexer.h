@@ -32,6 +32,7 @@ typedef struct {
     const char *text; /* NUL-terminated */
     uint32_t length, hash;
     int32_t macro;    /* macro.c: index, or -1 */
+    uint16_t keyword; /* parser.c: a karst_keyword, or 0 */
 } karst_name;
 typedef struct {
     karst_arena *arena;
