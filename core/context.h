@@ -68,7 +68,7 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error);
  * Errors: KARST_NO_DEVICE with a line that says how to mend it. Destroy with karst_context_destroy. */
 karst_context *karst_context_create(const char *selector, int lanes, const karst_log *log, karst_error *error);
 /* The same, sharing objects with an OpenGL context that is current, if the device chosen can: `gl_properties` are those of
- * karst_display_sharing (core/display_platform.h), ended by 0; NULL for none. Where the device has no cl_khr_gl_sharing or does not
+ * karst_display_sharing (core/surface.h), ended by 0; NULL for none. Where the device has no cl_khr_gl_sharing or does not
  * drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
 karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
                                             const karst_log *log, karst_error *error);
@@ -88,7 +88,7 @@ struct karst_buffer {
 karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error);
 /* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for destroying. */
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
-void karst_buffer_destroy(karst_buffer *buffer);
+void karst_buffer_destroy(karst_buffer *buffer); /* NULL is fine */
 bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error); /* blocking */
 bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);        /* blocking */
 bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error);

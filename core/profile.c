@@ -71,7 +71,8 @@ static bool fold_oldest(struct karst_profile *profile, size_t count, karst_error
     for (size_t i = 0; i < count; i++)
         ok = fold_event(profile, profile->events[i], error) && ok;
     profile->num_events -= count;
-    memmove(profile->events, profile->events + count, profile->num_events * sizeof(*profile->events));
+    if (profile->num_events > 0)
+        memmove(profile->events, profile->events + count, profile->num_events * sizeof(*profile->events));
     return ok;
 }
 

@@ -61,7 +61,7 @@ K_INLINE void probe(K_GLOBAL const float *as, K_GLOBAL const float *bs, K_GLOBAL
     V_PUT(17, v_ne(a, b));
     vfloat bounded = v_select(v_lt(k_fabs(a), (vfloat)(2.0e9f)), a, (vfloat)(0.0f));
     V_PUT(18, v_to_int(bounded));
-    V_PUT_FLOAT(19, v_to_float(at * 16777259));
+    V_PUT_FLOAT(19, v_to_float(at * 8388617));
     V_PUT(20, v_gather_int(table, at));
     V_PUT(21, v_uint_to_int(v_as_uint(a) >> 3));
     V_PUT(22, v_as_int(a) >> 3);
@@ -197,8 +197,8 @@ static void test_host_and_device_agree_in_every_bit(void **state)
     fixture *f = *state;
     static char text[20000];
     static int host[ROWS * N], device[ROWS * N];
-    if (!f->context->exact_floats)
-        skip(); /* the device does not promise it */
+    if (!f->context->exact_floats && !strstr(f->context->name, "Oclgrind")) /* which is exact without saying so */
+        skip();                                                             /* the device does not promise it */
     snprintf(text, sizeof(text), "%s%s\n%s\n%s", macros, lane_code, scalar_code, kernels);
     memset(host, 0x5a, sizeof(host));
     for (int i = 0; i < N; i++) {
