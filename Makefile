@@ -96,8 +96,8 @@ $(OBJ)/objects: FORCE
 $(OBJ)/%.o: %.c $(OBJ)/flags
 	$(say) CC $<
 	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) $(EXTRA) -MMD -MP -c $< -o $@
-# `karst --version` names them.
-$(OBJ)/demos/command_info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
+# `karst --version` and karst_info name them.
+$(OBJ)/demos/command_info.o $(OBJ)/core/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
 
 $(OBJ)/embedded_kernels.c: core/embed.sh $(OBJ)/kernels $(KERNELS)
 	$(say) EMBED $@

@@ -17,10 +17,18 @@ static void sine_cosine_deg(double angle_deg, double *sine, double *cosine)
     double rest = (turn - 90.0 * quarters) * (3.14159265358979323846 / 180.0);
     double s = sin(rest), c = cos(rest);
     switch ((int)quarters & 3) {
-    case 0: *sine = s, *cosine = c; break;
-    case 1: *sine = c, *cosine = -s; break;
-    case 2: *sine = -s, *cosine = -c; break;
-    default: *sine = -c, *cosine = s; break;
+    case 0:
+        *sine = s, *cosine = c;
+        break;
+    case 1:
+        *sine = c, *cosine = -s;
+        break;
+    case 2:
+        *sine = -s, *cosine = -c;
+        break;
+    default:
+        *sine = -c, *cosine = s;
+        break;
     }
 }
 
@@ -49,7 +57,8 @@ static bool parse_angle(const char *name, const char *text, double min, double m
     char quoted[KARST_TEXT_QUOTE_BYTES];
     double value;
     if (!karst_text_to_double(text, &value))
-        return karst_fail(error, KARST_USAGE, "camera %s: \"%s\" is not a number of degrees", name, karst_text_quote(text, quoted));
+        return karst_fail(error, KARST_USAGE, "camera %s: \"%s\" is not a number of degrees", name,
+                          karst_text_quote(text, quoted));
     if (value < min || value > max)
         return karst_fail(error, KARST_USAGE, "camera %s: \"%s\" is not within %g to %g degrees", name,
                           karst_text_quote(text, quoted), min, max);
@@ -91,7 +100,8 @@ bool karst_camera_parse(const char *text, int voxel_log2_m, karst_camera *camera
     bool done = false;
     if (num_fields < NUM_FIELDS_MIN || num_fields > NUM_FIELDS_MAX) {
         char quoted[KARST_TEXT_QUOTE_BYTES];
-        karst_fail(error, KARST_USAGE, "camera \"%s\" has %d field%s; it takes X,Y,Z,YAW,PITCH[,FOV], such as 0,320,0,30,-12",
+        karst_fail(error, KARST_USAGE,
+                   "camera \"%s\" has %d field%s; it takes X,Y,Z,YAW,PITCH[,FOV], such as 0,320,0,30,-12",
                    karst_text_quote(text, quoted), num_fields, num_fields == 1 ? "" : "s");
     } else {
         done = parse_fields(fields, num_fields, voxel_log2_m, camera, error);
@@ -104,7 +114,8 @@ int karst_camera_format(const karst_camera *camera, int voxel_log2_m, char *text
 {
     char axis[3][160], yaw[32], pitch[32], fov[32];
     for (int i = 0; i < 3; i++)
-        if (karst_coordinate_format(camera->position.voxel[i], camera->position.fraction[i], voxel_log2_m, axis[i], sizeof axis[i]) < 0) {
+        if (karst_coordinate_format(camera->position.voxel[i], camera->position.fraction[i], voxel_log2_m, axis[i],
+                                    sizeof axis[i]) < 0) {
             if (size_bytes)
                 text[0] = '\0';
             return -1;

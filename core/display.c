@@ -7,19 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The headless display whose context this thread has current, as far as Karst bound it. EGL and OSMesa do not know of one another but
- * share Mesa's dispatch table: whoever binds second must have the first released, or calls reach the wrong context. */
+/* The headless display whose context this thread has current, as far as Karst bound it. EGL and OSMesa do not know of
+ * one another but share Mesa's dispatch table: whoever binds second must have the first released, or calls reach the
+ * wrong context. */
 static _Thread_local karst_display *bound_display;
 
 static const struct {
     const char *name;
     karst_display_kind kind;
 } kinds[] = {
-    {"auto", KARST_DISPLAY_AUTO},
-    {"egl", KARST_DISPLAY_EGL},
-    {"osmesa", KARST_DISPLAY_OSMESA},
-    {"none", KARST_DISPLAY_NONE},
-    {"window", KARST_DISPLAY_WINDOW}, /* last: not to be chosen by name */
+    {"auto", KARST_DISPLAY_AUTO}, {"egl", KARST_DISPLAY_EGL},       {"osmesa", KARST_DISPLAY_OSMESA},
+    {"none", KARST_DISPLAY_NONE}, {"window", KARST_DISPLAY_WINDOW}, /* last: not to be chosen by name */
 };
 enum { NUM_KINDS = sizeof kinds / sizeof kinds[0] };
 
@@ -31,7 +29,8 @@ bool karst_display_kind_parse(const char *name, karst_display_kind *kind, karst_
             *kind = kinds[i].kind;
             return true;
         }
-    return karst_fail(error, KARST_USAGE, "no display is called \"%s\": choose auto, egl, osmesa or none", karst_text_quote(name, quoted));
+    return karst_fail(error, KARST_USAGE, "no display is called \"%s\": choose auto, egl, osmesa or none",
+                      karst_text_quote(name, quoted));
 }
 
 const char *karst_display_kind_name(karst_display_kind kind)
@@ -74,7 +73,8 @@ static void describe(karst_display *display)
     const karst_gl *gl = &display->gl;
     const char *version = (const char *)gl->GetString(GL_VERSION), *renderer = (const char *)gl->GetString(GL_RENDERER);
     size_t length = strlen(display->description);
-    snprintf(display->description + length, sizeof display->description - length, ", OpenGL %s, %s", version ? version : "?", renderer ? renderer : "?");
+    snprintf(display->description + length, sizeof display->description - length, ", OpenGL %s, %s",
+             version ? version : "?", renderer ? renderer : "?");
     GLint max_texture_px = 0;
     gl->GetIntegerv(GL_MAX_TEXTURE_SIZE, &max_texture_px);
     display->max_texture_px = max_texture_px;
@@ -91,7 +91,8 @@ static bool open_kind(karst_display *display, karst_display_kind kind, karst_err
     if (bound_display)
         bound_display->platform->unbind(bound_display->native);
     bound_display = NULL;
-    if (!(kind == KARST_DISPLAY_EGL ? karst_display_open_egl(display, error) : karst_display_open_osmesa(display, error)))
+    if (!(kind == KARST_DISPLAY_EGL ? karst_display_open_egl(display, error)
+                                    : karst_display_open_osmesa(display, error)))
         return false;
     bound_display = display;
     describe(display);
@@ -105,7 +106,8 @@ static bool open_best(karst_display *display, karst_error *error)
         karst_error reason = {0};
         if (open_kind(display, order[i], &reason))
             return true;
-        karst_log_print(display->log, KARST_LOG_INFO, "display: %s; going on with %s", reason.message, karst_display_kind_name(order[i + 1]));
+        karst_log_print(display->log, KARST_LOG_INFO, "display: %s; going on with %s", reason.message,
+                        karst_display_kind_name(order[i + 1]));
     }
     return karst_fail(error, KARST_NO_DEVICE, "no display could be opened"); /* not reached: NONE always can */
 }
@@ -130,7 +132,8 @@ karst_display *karst_display_create(karst_display_kind kind, const karst_log *lo
     return display;
 }
 
-karst_display *karst_display_create_in_context(void *(*get_proc)(const char *name), const karst_log *log, karst_error *error)
+karst_display *karst_display_create_in_context(void *(*get_proc)(const char *name), const karst_log *log,
+                                               karst_error *error)
 {
     karst_display *display = calloc(1, sizeof *display);
     if (!display) {
@@ -164,12 +167,6 @@ void karst_display_destroy(karst_display *display)
     free(display);
 }
 
-karst_display_kind karst_display_get_kind(const karst_display *display)
-{
-    return display->kind;
-}
+karst_display_kind karst_display_get_kind(const karst_display *display) { return display->kind; }
 
-const char *karst_display_description(const karst_display *display)
-{
-    return display->description;
-}
+const char *karst_display_description(const karst_display *display) { return display->description; }

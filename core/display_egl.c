@@ -1,7 +1,8 @@
 /* Headless OpenGL through EGL: Mesa's surfaceless platform, else the first device that a vendor's driver offers.
  *
- * libEGL stays loaded, and an EGLDisplay stays initialised, until the process ends: eglTerminate is not counted and would take the
- * contexts of every other user of the same EGLDisplay along, and drivers do not survive being unloaded. */
+ * libEGL stays loaded, and an EGLDisplay stays initialised, until the process ends: eglTerminate is not counted and
+ * would take the contexts of every other user of the same EGLDisplay along, and drivers do not survive being unloaded.
+ */
 #include "core/display_platform.h"
 
 #include <CL/cl_gl.h>
@@ -15,19 +16,19 @@
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
 
-#define EGL_FUNCTIONS(X)                                   \
-    X(PFNEGLBINDAPIPROC, BindAPI)                          \
-    X(PFNEGLCHOOSECONFIGPROC, ChooseConfig)                \
-    X(PFNEGLCREATECONTEXTPROC, CreateContext)              \
+#define EGL_FUNCTIONS(X)                                    \
+    X(PFNEGLBINDAPIPROC, BindAPI)                           \
+    X(PFNEGLCHOOSECONFIGPROC, ChooseConfig)                 \
+    X(PFNEGLCREATECONTEXTPROC, CreateContext)               \
     X(PFNEGLCREATEPBUFFERSURFACEPROC, CreatePbufferSurface) \
-    X(PFNEGLDESTROYCONTEXTPROC, DestroyContext)            \
-    X(PFNEGLDESTROYSURFACEPROC, DestroySurface)            \
-    X(PFNEGLGETCURRENTCONTEXTPROC, GetCurrentContext)      \
-    X(PFNEGLGETCURRENTDISPLAYPROC, GetCurrentDisplay)      \
-    X(PFNEGLGETERRORPROC, GetError)                        \
-    X(PFNEGLGETPROCADDRESSPROC, GetProcAddress)            \
-    X(PFNEGLINITIALIZEPROC, Initialize)                    \
-    X(PFNEGLMAKECURRENTPROC, MakeCurrent)                  \
+    X(PFNEGLDESTROYCONTEXTPROC, DestroyContext)             \
+    X(PFNEGLDESTROYSURFACEPROC, DestroySurface)             \
+    X(PFNEGLGETCURRENTCONTEXTPROC, GetCurrentContext)       \
+    X(PFNEGLGETCURRENTDISPLAYPROC, GetCurrentDisplay)       \
+    X(PFNEGLGETERRORPROC, GetError)                         \
+    X(PFNEGLGETPROCADDRESSPROC, GetProcAddress)             \
+    X(PFNEGLINITIALIZEPROC, Initialize)                     \
+    X(PFNEGLMAKECURRENTPROC, MakeCurrent)                   \
     X(PFNEGLQUERYSTRINGPROC, QueryString)
 
 typedef struct {
@@ -44,13 +45,15 @@ typedef struct {
 } egl_native;
 
 enum { MAX_DEVICES = 16 };
-static const char MEND[] = "install libegl1 and libegl-mesa0, or use --display osmesa or none";
+static const char MEND[] = "install libegl1, libegl-mesa0 and libgl1-mesa-dri, or use --display osmesa or none";
 
 static const char *error_name(EGLint code)
 {
-    static const char *const names[] = {"EGL_SUCCESS", "EGL_NOT_INITIALIZED", "EGL_BAD_ACCESS", "EGL_BAD_ALLOC", "EGL_BAD_ATTRIBUTE",
-                                        "EGL_BAD_CONFIG", "EGL_BAD_CONTEXT", "EGL_BAD_CURRENT_SURFACE", "EGL_BAD_DISPLAY", "EGL_BAD_MATCH",
-                                        "EGL_BAD_NATIVE_PIXMAP", "EGL_BAD_NATIVE_WINDOW", "EGL_BAD_PARAMETER", "EGL_BAD_SURFACE"};
+    static const char *const names[] = {"EGL_SUCCESS",       "EGL_NOT_INITIALIZED",     "EGL_BAD_ACCESS",
+                                        "EGL_BAD_ALLOC",     "EGL_BAD_ATTRIBUTE",       "EGL_BAD_CONFIG",
+                                        "EGL_BAD_CONTEXT",   "EGL_BAD_CURRENT_SURFACE", "EGL_BAD_DISPLAY",
+                                        "EGL_BAD_MATCH",     "EGL_BAD_NATIVE_PIXMAP",   "EGL_BAD_NATIVE_WINDOW",
+                                        "EGL_BAD_PARAMETER", "EGL_BAD_SURFACE"};
     int index = code - EGL_SUCCESS;
     return index >= 0 && index < (int)(sizeof names / sizeof names[0]) ? names[index] : "an unknown EGL error";
 }
@@ -60,9 +63,9 @@ static bool load_library(egl_functions *egl, karst_error *error)
     void *library = dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
     if (!library)
         return karst_fail(error, KARST_NO_DEVICE, "no EGL (%s): %s", dlerror(), MEND);
-#define LOAD(type, name)                        \
+#define LOAD(type, name)                           \
     egl->name = (type)dlsym(library, "egl" #name); \
-    if (!egl->name)                             \
+    if (!egl->name)                                \
         return karst_fail(error, KARST_NO_DEVICE, "libEGL.so.1 lacks egl" #name ": %s", MEND);
     EGL_FUNCTIONS(LOAD)
 #undef LOAD
@@ -79,10 +82,12 @@ static bool lists(const char *extensions, const char *name)
     return false;
 }
 
-/* eglGetPlatformDisplay is in EGL 1.5, its EXT form in the extension that every platform needs; libraries have one or both. */
+/* eglGetPlatformDisplay is in EGL 1.5, its EXT form in the extension that every platform needs; libraries have one or
+ * both. */
 static EGLDisplay platform_display(const egl_functions *egl, EGLenum platform, void *device)
 {
-    PFNEGLGETPLATFORMDISPLAYEXTPROC get_ext = (PFNEGLGETPLATFORMDISPLAYEXTPROC)egl->GetProcAddress("eglGetPlatformDisplayEXT");
+    PFNEGLGETPLATFORMDISPLAYEXTPROC get_ext =
+        (PFNEGLGETPLATFORMDISPLAYEXTPROC)egl->GetProcAddress("eglGetPlatformDisplayEXT");
     if (get_ext)
         return get_ext(platform, device, NULL);
     PFNEGLGETPLATFORMDISPLAYPROC get = (PFNEGLGETPLATFORMDISPLAYPROC)egl->GetProcAddress("eglGetPlatformDisplay");
@@ -101,7 +106,8 @@ static bool bind(void *native, karst_error *error)
     egl_native *n = native;
     n->egl.BindAPI(EGL_OPENGL_API); /* the API is a thread's own setting */
     if (!n->egl.MakeCurrent(n->display, n->surface, n->surface, n->context))
-        return karst_fail(error, KARST_FAILED, "EGL cannot make its context current: %s", error_name(n->egl.GetError()));
+        return karst_fail(error, KARST_FAILED, "EGL cannot make its context current: %s",
+                          error_name(n->egl.GetError()));
     return true;
 }
 
@@ -128,14 +134,18 @@ static void close_egl(void *native)
     free(native);
 }
 
-static const karst_display_platform platform_egl = {.bind = bind, .is_bound = is_bound, .unbind = unbind, .close = close_egl};
+static const karst_display_platform platform_egl = {
+    .bind = bind, .is_bound = is_bound, .unbind = unbind, .close = close_egl};
 
-/* A context on an EGLDisplay, made current; drawing goes to framebuffer objects, so a surface is only for drivers that insist. */
+/* A context on an EGLDisplay, made current; drawing goes to framebuffer objects, so a surface is only for drivers that
+ * insist. */
 static bool open_context(egl_native *n, EGLint *major, EGLint *minor, karst_error *error)
 {
-    static const EGLint config_wish[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE};
-    static const EGLint context_wish[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 3, EGL_CONTEXT_OPENGL_PROFILE_MASK,
-                                          EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+    static const EGLint config_wish[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT,
+                                         EGL_NONE};
+    static const EGLint context_wish[] = {
+        EGL_CONTEXT_MAJOR_VERSION,           3,       EGL_CONTEXT_MINOR_VERSION, 3, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+        EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
     static const EGLint surface_wish[] = {EGL_WIDTH, 1, EGL_HEIGHT, 1, EGL_NONE};
     if (!n->egl.Initialize(n->display, major, minor))
         return karst_fail(error, KARST_NO_DEVICE, "it does not initialise: %s", error_name(n->egl.GetError()));
@@ -150,7 +160,8 @@ static bool open_context(egl_native *n, EGLint *major, EGLint *minor, karst_erro
     }
     n->context = n->egl.CreateContext(n->display, config, EGL_NO_CONTEXT, context_wish);
     if (n->context == EGL_NO_CONTEXT)
-        return karst_fail(error, KARST_NO_DEVICE, "it has no OpenGL 3.3 core context: %s", error_name(n->egl.GetError()));
+        return karst_fail(error, KARST_NO_DEVICE, "it has no OpenGL 3.3 core context: %s",
+                          error_name(n->egl.GetError()));
     if (n->egl.MakeCurrent(n->display, EGL_NO_SURFACE, EGL_NO_SURFACE, n->context))
         return true;
     EGLint reason = n->egl.GetError();
@@ -163,13 +174,11 @@ static bool open_context(egl_native *n, EGLint *major, EGLint *minor, karst_erro
 
 /* eglGetProcAddress behind the signature that karst_gl_load takes, which has no room for the library it comes from. */
 static _Thread_local PFNEGLGETPROCADDRESSPROC get_proc_address;
-static void *get_proc(const char *name)
-{
-    return (void *)get_proc_address(name);
-}
+static void *get_proc(const char *name) { return (void *)get_proc_address(name); }
 
 /* One way to get an EGLDisplay, by its name; joins the reason for a failure to `reasons`. */
-static bool try_display(karst_display *display, egl_native *n, EGLDisplay candidate, const char *name, char *reasons, size_t size_bytes)
+static bool try_display(karst_display *display, egl_native *n, EGLDisplay candidate, const char *name, char *reasons,
+                        size_t size_bytes)
 {
     karst_error reason = {0};
     EGLint major = 0, minor = 0;
@@ -199,7 +208,8 @@ static bool try_devices(karst_display *display, egl_native *n, char *reasons, si
     for (EGLint i = 0; i < num_devices; i++) {
         char name[32];
         snprintf(name, sizeof name, "device %d", i);
-        if (try_display(display, n, platform_display(&n->egl, EGL_PLATFORM_DEVICE_EXT, devices[i]), name, reasons, size_bytes))
+        if (try_display(display, n, platform_display(&n->egl, EGL_PLATFORM_DEVICE_EXT, devices[i]), name, reasons,
+                        size_bytes))
             return true;
     }
     return false;
@@ -221,14 +231,14 @@ bool karst_display_open_egl(karst_display *display, karst_error *error)
     const char *client = n->egl.QueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
     bool opened = false;
     if (lists(client, "EGL_MESA_platform_surfaceless"))
-        opened = try_display(display, n, platform_display(&n->egl, EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY), "surfaceless", reasons,
-                             sizeof reasons);
+        opened = try_display(display, n, platform_display(&n->egl, EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY),
+                             "surfaceless", reasons, sizeof reasons);
     if (!opened && lists(client, "EGL_EXT_platform_device"))
         opened = try_devices(display, n, reasons, sizeof reasons);
     if (!opened) {
         free(n);
-        return karst_fail(error, KARST_NO_DEVICE, "no EGL display without a window system (%s): %s", reasons[0] ? reasons : "no driver offers one",
-                          MEND);
+        return karst_fail(error, KARST_NO_DEVICE, "no EGL display without a window system (%s): %s",
+                          reasons[0] ? reasons : "no driver offers one", MEND);
     }
     display->native = n;
     display->platform = &platform_egl;
@@ -257,12 +267,14 @@ bool karst_display_sharing_current(cl_context_properties properties[KARST_SHARIN
         {"libGL.so.1", "glXGetCurrentContext", "glXGetCurrentDisplay", CL_GLX_DISPLAY_KHR},
     };
     for (size_t i = 0; i < sizeof ways / sizeof ways[0]; i++) {
-        getter get_context = (getter)loaded(ways[i].library, ways[i].context), get_display = (getter)loaded(ways[i].library, ways[i].display);
+        getter get_context = (getter)loaded(ways[i].library, ways[i].context),
+               get_display = (getter)loaded(ways[i].library, ways[i].display);
         void *context = get_context ? get_context() : NULL, *native = get_display ? get_display() : NULL;
         if (!context || !native)
             continue;
-        const cl_context_properties found[KARST_SHARING_PROPERTIES] = {CL_GL_CONTEXT_KHR, (cl_context_properties)(intptr_t)context, ways[i].display_key,
-                                                                       (cl_context_properties)(intptr_t)native, 0};
+        const cl_context_properties found[KARST_SHARING_PROPERTIES] = {
+            CL_GL_CONTEXT_KHR, (cl_context_properties)(intptr_t)context, ways[i].display_key,
+            (cl_context_properties)(intptr_t)native, 0};
         memcpy(properties, found, sizeof found);
         return true;
     }

@@ -33,12 +33,10 @@ typedef struct {
 static const char *const LIBRARIES[] = {"libOSMesa.so.8", "libOSMesa.so.6"};
 static const char MEND[] = "install libosmesa6, or use --display egl or none";
 
-/* OSMesaGetProcAddress behind the signature that karst_gl_load takes, which has no room for the library it comes from. */
+/* OSMesaGetProcAddress behind the signature that karst_gl_load takes, which has no room for the library it comes from.
+ */
 static _Thread_local procedure (*get_proc_address)(const char *name);
-static void *get_proc(const char *name)
-{
-    return (void *)get_proc_address(name);
-}
+static void *get_proc(const char *name) { return (void *)get_proc_address(name); }
 
 static bool load_library(osmesa_native *n, karst_error *error)
 {
@@ -47,7 +45,8 @@ static bool load_library(osmesa_native *n, karst_error *error)
         library = dlopen(LIBRARIES[i], RTLD_NOW | RTLD_LOCAL);
     if (!library)
         return karst_fail(error, KARST_NO_DEVICE, "no OSMesa (%s): %s", dlerror(), MEND);
-    n->CreateContextAttribs = (OSMesaContext(*)(const int *, OSMesaContext))dlsym(library, "OSMesaCreateContextAttribs");
+    n->CreateContextAttribs =
+        (OSMesaContext(*)(const int *, OSMesaContext))dlsym(library, "OSMesaCreateContextAttribs");
     n->MakeCurrent = (GLboolean(*)(OSMesaContext, void *, GLenum, GLsizei, GLsizei))dlsym(library, "OSMesaMakeCurrent");
     n->GetCurrentContext = (OSMesaContext(*)(void))dlsym(library, "OSMesaGetCurrentContext");
     n->DestroyContext = (void (*)(OSMesaContext))dlsym(library, "OSMesaDestroyContext");
@@ -85,12 +84,26 @@ static void close_osmesa(void *native)
     free(n);
 }
 
-static const karst_display_platform platform_osmesa = {.bind = bind, .is_bound = is_bound, .unbind = unbind, .close = close_osmesa};
+static const karst_display_platform platform_osmesa = {
+    .bind = bind, .is_bound = is_bound, .unbind = unbind, .close = close_osmesa};
 
 bool karst_display_open_osmesa(karst_display *display, karst_error *error)
 {
-    static const int wish[] = {OSMESA_FORMAT, GL_RGBA, OSMESA_DEPTH_BITS, 0, OSMESA_STENCIL_BITS, 0, OSMESA_ACCUM_BITS, 0, OSMESA_PROFILE,
-                               OSMESA_CORE_PROFILE, OSMESA_CONTEXT_MAJOR_VERSION, 3, OSMESA_CONTEXT_MINOR_VERSION, 3, 0};
+    static const int wish[] = {OSMESA_FORMAT,
+                               GL_RGBA,
+                               OSMESA_DEPTH_BITS,
+                               0,
+                               OSMESA_STENCIL_BITS,
+                               0,
+                               OSMESA_ACCUM_BITS,
+                               0,
+                               OSMESA_PROFILE,
+                               OSMESA_CORE_PROFILE,
+                               OSMESA_CONTEXT_MAJOR_VERSION,
+                               3,
+                               OSMESA_CONTEXT_MINOR_VERSION,
+                               3,
+                               0};
     osmesa_native *n = calloc(1, sizeof *n);
     if (!n)
         return karst_fail(error, KARST_FAILED, "out of memory for a display");

@@ -4,6 +4,7 @@
 
 #include "core/context.h"
 #include "core/gl.h"
+#include "core/surface.h"
 #include "karst/display.h"
 
 /* How a kind of display is made current and closed. `native` is what the kind's `open` stored. */
@@ -24,19 +25,15 @@ struct karst_display {
     char description[320];
 };
 
-/* Fill native, platform and gl, leave the context current, and begin the description ("EGL 1.5"); on failure nothing is left open.
- * Errors: KARST_NO_DEVICE. */
+/* Fill native, platform and gl, leave the context current, and begin the description ("EGL 1.5"); on failure nothing is
+ * left open. Errors: KARST_NO_DEVICE. */
 bool karst_display_open_egl(karst_display *display, karst_error *error);
 bool karst_display_open_osmesa(karst_display *display, karst_error *error);
 
 /* Makes the display's OpenGL current on this thread; nothing to do for NONE and WINDOW. */
 bool karst_display_bind(karst_display *display, karst_error *error);
 
-/* Properties that let an OpenCL context share objects with this display's OpenGL (cl_khr_gl_sharing), ended by 0: to be given to
- * karst_context_create_sharing. false if the display has no OpenGL, or one that cannot share (OSMesa). */
-#define KARST_SHARING_PROPERTIES 5
-bool karst_display_sharing(karst_display *display, cl_context_properties properties[KARST_SHARING_PROPERTIES]);
-/* The part of it for whatever EGL or GLX context is current. */
+/* The part of karst_display_sharing (core/surface.h) for whatever EGL or GLX context is current on this thread. */
 bool karst_display_sharing_current(cl_context_properties properties[KARST_SHARING_PROPERTIES]);
 
 #endif

@@ -1,7 +1,8 @@
 /* Exact decimal positions.
  *
- * In units of 2^-32 voxel a coordinate is an integer of at most 95 bits, so everything but the decimal fraction fits in 128 bits.
- * The fraction is kept as decimal digits and doubled bit by bit; digits beyond the finest tie only count as "not zero". */
+ * In units of 2^-32 voxel a coordinate is an integer of at most 95 bits, so everything but the decimal fraction fits in
+ * 128 bits. The fraction is kept as decimal digits and doubled bit by bit; digits beyond the finest tie only count as
+ * "not zero". */
 #include "karst/position.h"
 
 #include "core/text.h"
@@ -15,16 +16,14 @@ __extension__ typedef unsigned __int128 uint128;
 enum {
     FRACTION_BITS = 32,
     LIMIT_BITS = 62 + FRACTION_BITS,
-    WHOLE_DIGITS = 31,    /* 2^62 voxels of 2^40 m are less than 10^31 m */
-    FRACTION_DIGITS = 80, /* a tie between two values lies on a multiple of 2^-73 m: 73 digits tell it from what is not one */
+    WHOLE_DIGITS = 31, /* 2^62 voxels of 2^40 m are less than 10^31 m */
+    /* A tie between two values lies on a multiple of 2^-73 m, so 73 digits tell it from what is not one. */
+    FRACTION_DIGITS = 80,
     FORMAT_DIGITS = 32 + 1 + 72 + 2
 };
 static const uint128 LIMIT = (uint128)1 << LIMIT_BITS;
 
-static int128 join(int64_t voxel, uint32_t fraction)
-{
-    return (int128)voxel * ((int128)1 << FRACTION_BITS) + fraction;
-}
+static int128 join(int64_t voxel, uint32_t fraction) { return (int128)voxel * ((int128)1 << FRACTION_BITS) + fraction; }
 
 static void split(int128 units, int64_t *voxel, uint32_t *fraction)
 {
@@ -124,7 +123,8 @@ bool karst_coordinate_parse(const char *text, int voxel_log2_m, int64_t *voxel, 
     fixed_decimal fixed;
     uint128 units = 0;
     if (!lay_out(&parts, &fixed) || !scale(&fixed, FRACTION_BITS - voxel_log2_m, &units))
-        return karst_fail(error, KARST_USAGE, "\"%s\" lies beyond the world's edge: with voxels of 2^%d m it reaches %.4g m",
+        return karst_fail(error, KARST_USAGE,
+                          "\"%s\" lies beyond the world's edge: with voxels of 2^%d m it reaches %.4g m",
                           karst_text_quote(text, quoted), voxel_log2_m, ldexp(1.0, 62 + voxel_log2_m));
     split(parts.negative ? -(int128)units : (int128)units, voxel, fraction);
     return true;

@@ -1,8 +1,9 @@
 /* Pixels on their way from the device into an OpenGL framebuffer.
  *
- * Row 0 of the pixel buffer, of the texture and of the headless framebuffer is the picture's top. The headless framebuffer *is* the
- * texture: the upload draws it, and drawing it once more would cost llvmpipe 4 ms at 1280x720. Only a window is blitted to, upside down,
- * since OpenGL's windows count rows from the bottom. Nothing converts to or from sRGB: bytes in are bytes out. */
+ * Row 0 of the pixel buffer, of the texture and of the headless framebuffer is the picture's top. The headless
+ * framebuffer *is* the texture: the upload draws it, and drawing it once more would cost llvmpipe 4 ms at 1280x720.
+ * Only a window is blitted to, upside down, since OpenGL's windows count rows from the bottom. Nothing converts to or
+ * from sRGB: bytes in are bytes out. */
 #include "core/surface.h"
 
 #include "core/display_platform.h"
@@ -29,7 +30,8 @@ struct karst_surface {
 
 /* ---- the pixel buffer, mapped ---- */
 
-/* The old contents are not wanted, and whoever read them is waited for here: so the driver need neither copy nor wait. */
+/* The old contents are not wanted, and whoever read them is waited for here: so the driver need neither copy nor wait.
+ */
 static void *map(karst_surface *surface, karst_error *error)
 {
     const karst_gl *gl = surface->gl;
@@ -60,7 +62,9 @@ static bool unmap(karst_surface *surface, karst_error *error)
     GLboolean kept = gl->UnmapBuffer(GL_PIXEL_UNPACK_BUFFER);
     gl->BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     if (!kept)
-        return karst_fail(error, KARST_FAILED, "OpenGL lost the pixel buffer's contents (the screen changed its mode); draw the frame again");
+        return karst_fail(
+            error, KARST_FAILED,
+            "OpenGL lost the pixel buffer's contents (the screen changed its mode); draw the frame again");
     return true;
 }
 
@@ -71,7 +75,8 @@ static bool wrap_mapping(karst_surface *surface, karst_error *error)
     if (!surface->mapped)
         return false;
     cl_int code = CL_SUCCESS;
-    surface->mem = clCreateBuffer(surface->context->cl, CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR, surface->size_bytes, surface->mapped, &code);
+    surface->mem = clCreateBuffer(surface->context->cl, CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR, surface->size_bytes,
+                                  surface->mapped, &code);
     if (code == CL_SUCCESS)
         return true;
     surface->mem = NULL;
@@ -80,12 +85,14 @@ static bool wrap_mapping(karst_surface *surface, karst_error *error)
     return karst_fail(error, KARST_FAILED, "OpenCL cannot use OpenGL's pixel buffer: %s", karst_cl_error_name(code));
 }
 
-/* Hands the mapping back: OpenCL first, whose map and unmap make its writes visible at the host pointer, then OpenGL. */
+/* Hands the mapping back: OpenCL first, whose map and unmap make its writes visible at the host pointer, then OpenGL.
+ */
 static bool unwrap_mapping(karst_surface *surface, karst_error *error)
 {
     cl_int code = CL_SUCCESS;
     cl_command_queue queue = surface->context->queue;
-    void *seen = clEnqueueMapBuffer(queue, surface->mem, CL_TRUE, CL_MAP_READ, 0, surface->size_bytes, 0, NULL, NULL, &code);
+    void *seen =
+        clEnqueueMapBuffer(queue, surface->mem, CL_TRUE, CL_MAP_READ, 0, surface->size_bytes, 0, NULL, NULL, &code);
     bool same = seen == surface->mapped;
     if (code == CL_SUCCESS)
         code = clEnqueueUnmapMemObject(queue, surface->mem, seen, 0, NULL, NULL);
@@ -111,7 +118,8 @@ static bool make_texture(karst_surface *surface, karst_error *error)
     karst_gl_clear_errors(gl);
     gl->GenTextures(1, &surface->texture);
     gl->BindTexture(GL_TEXTURE_2D, surface->texture);
-    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, surface->width_px, surface->height_px, 0, GL_RGBA, GL_UNSIGNED_BYTE, NULL);
+    gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, surface->width_px, surface->height_px, 0, GL_RGBA, GL_UNSIGNED_BYTE,
+                   NULL);
     gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0); /* complete without mipmaps */
     gl->BindTexture(GL_TEXTURE_2D, 0);
     gl->GenBuffers(1, &surface->pixel_buffer);
@@ -126,8 +134,10 @@ static bool make_texture(karst_surface *surface, karst_error *error)
     if (!karst_gl_check(gl, "making room for the picture", error))
         return false;
     if (state != GL_FRAMEBUFFER_COMPLETE)
-        return karst_fail(error, KARST_FAILED, "OpenGL cannot draw pictures of %d x %d (framebuffer 0x%x); --display none does without OpenGL",
-                          surface->width_px, surface->height_px, state);
+        return karst_fail(
+            error, KARST_FAILED,
+            "OpenGL cannot draw pictures of %d x %d (framebuffer 0x%x); --display none does without OpenGL",
+            surface->width_px, surface->height_px, state);
     return true;
 }
 
@@ -142,7 +152,8 @@ static bool prepare(karst_surface *surface, karst_surface_path path, karst_error
         surface->mem = clCreateFromGLBuffer(context->cl, CL_MEM_READ_WRITE, surface->pixel_buffer, &code);
         if (code != CL_SUCCESS) {
             surface->mem = NULL;
-            return karst_fail(error, KARST_FAILED, "OpenCL cannot share OpenGL's pixel buffer: %s", karst_cl_error_name(code));
+            return karst_fail(error, KARST_FAILED, "OpenCL cannot share OpenGL's pixel buffer: %s",
+                              karst_cl_error_name(code));
         }
     }
     if (path == KARST_SURFACE_MAPPED) /* once for trial */
@@ -167,7 +178,8 @@ static bool choose_path(karst_surface *surface, karst_error *error)
     return prepare(surface, KARST_SURFACE_COPIED, error);
 }
 
-karst_surface *karst_surface_create(karst_context *context, karst_display *display, int width_px, int height_px, karst_error *error)
+karst_surface *karst_surface_create(karst_context *context, karst_display *display, int width_px, int height_px,
+                                    karst_error *error)
 {
     bool has_gl = display->kind != KARST_DISPLAY_NONE;
     if (width_px < 1 || height_px < 1) {
@@ -175,8 +187,10 @@ karst_surface *karst_surface_create(karst_context *context, karst_display *displ
         return NULL;
     }
     if (has_gl && (width_px > display->max_texture_px || height_px > display->max_texture_px)) {
-        karst_fail(error, KARST_USAGE, "a picture of %d x %d pixels is too large for OpenGL here (%d each side); --display none has no such limit",
-                   width_px, height_px, display->max_texture_px);
+        karst_fail(
+            error, KARST_USAGE,
+            "a picture of %d x %d pixels is too large for OpenGL here (%d each side); --display none has no such limit",
+            width_px, height_px, display->max_texture_px);
         return NULL;
     }
     if (!karst_display_bind(display, error))
@@ -234,7 +248,8 @@ static bool acquire(karst_surface *surface, karst_error *error)
 {
     surface->gl->Finish(); /* without cl_khr_gl_event OpenGL must be done first */
     cl_int code = clEnqueueAcquireGLObjects(surface->context->queue, 1, &surface->mem, 0, NULL, NULL);
-    return code == CL_SUCCESS || karst_fail(error, KARST_FAILED, "OpenCL cannot acquire the pixel buffer: %s", karst_cl_error_name(code));
+    return code == CL_SUCCESS ||
+           karst_fail(error, KARST_FAILED, "OpenCL cannot acquire the pixel buffer: %s", karst_cl_error_name(code));
 }
 
 static bool release(karst_surface *surface, karst_error *error)
@@ -242,7 +257,8 @@ static bool release(karst_surface *surface, karst_error *error)
     cl_int code = clEnqueueReleaseGLObjects(surface->context->queue, 1, &surface->mem, 0, NULL, NULL);
     if (code == CL_SUCCESS)
         code = clFinish(surface->context->queue); /* and OpenCL before OpenGL */
-    return code == CL_SUCCESS || karst_fail(error, KARST_FAILED, "OpenCL cannot release the pixel buffer: %s", karst_cl_error_name(code));
+    return code == CL_SUCCESS ||
+           karst_fail(error, KARST_FAILED, "OpenCL cannot release the pixel buffer: %s", karst_cl_error_name(code));
 }
 
 static bool copy(karst_surface *surface, karst_error *error)
@@ -273,7 +289,8 @@ cl_mem karst_surface_begin(karst_surface *surface, karst_error *error)
     return surface->mem ? surface->mem : surface->pixels->mem;
 }
 
-/* From the pixel buffer into the texture. The state that matters is set each time: a window's context is also its owner's. */
+/* From the pixel buffer into the texture. The state that matters is set each time: a window's context is also its
+ * owner's. */
 static void upload(karst_surface *surface)
 {
     const karst_gl *gl = surface->gl;
@@ -302,8 +319,8 @@ static void draw_window(karst_surface *surface)
     gl->BindFramebuffer(GL_READ_FRAMEBUFFER, surface->framebuffer);
     gl->ReadBuffer(GL_COLOR_ATTACHMENT0);
     gl->BindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
-    gl->BlitFramebuffer(0, 0, surface->width_px, surface->height_px, view[0], view[1] + view[3], view[0] + view[2], view[1], GL_COLOR_BUFFER_BIT,
-                        same_size ? GL_NEAREST : GL_LINEAR);
+    gl->BlitFramebuffer(0, 0, surface->width_px, surface->height_px, view[0], view[1] + view[3], view[0] + view[2],
+                        view[1], GL_COLOR_BUFFER_BIT, same_size ? GL_NEAREST : GL_LINEAR);
     gl->BindFramebuffer(GL_READ_FRAMEBUFFER, 0);
 }
 
@@ -337,8 +354,8 @@ bool karst_surface_end(karst_surface *surface, karst_error *error)
 bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes, karst_error *error)
 {
     if (size_bytes != surface->size_bytes)
-        return karst_fail(error, KARST_USAGE, "a picture of %d x %d pixels has %zu bytes, not %zu", surface->width_px, surface->height_px,
-                          surface->size_bytes, size_bytes);
+        return karst_fail(error, KARST_USAGE, "a picture of %d x %d pixels has %zu bytes, not %zu", surface->width_px,
+                          surface->height_px, surface->size_bytes, size_bytes);
     if (surface->begun)
         return karst_fail(error, KARST_FAILED, "a surface was read before it was ended");
     if (!surface->gl)
@@ -360,7 +377,4 @@ bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes
     return karst_gl_check(gl, "reading the picture", error);
 }
 
-karst_surface_path karst_surface_get_path(const karst_surface *surface)
-{
-    return surface->path;
-}
+karst_surface_path karst_surface_get_path(const karst_surface *surface) { return surface->path; }

@@ -26,15 +26,9 @@ const char *karst_text_quote(const char *text, char quoted[KARST_TEXT_QUOTE_BYTE
     return quoted;
 }
 
-static bool is_digit(char c)
-{
-    return c >= '0' && c <= '9';
-}
+static bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-static bool is_blank(char c)
-{
-    return c == ' ' || c == '\t';
-}
+static bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
 bool karst_decimal_split(const char *text, karst_decimal *decimal)
 {
@@ -81,10 +75,7 @@ bool karst_decimal_split(const char *text, karst_decimal *decimal)
 }
 
 /* The "C" locale is static in the C library: asking for it allocates nothing and cannot fail there. */
-static locale_t c_locale(void)
-{
-    return newlocale(LC_ALL_MASK, "C", (locale_t)0);
-}
+static locale_t c_locale(void) { return newlocale(LC_ALL_MASK, "C", (locale_t)0); }
 
 bool karst_text_to_double(const char *text, double *value)
 {

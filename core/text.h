@@ -1,4 +1,5 @@
-/* Text that does not depend on the locale: numbers in and out, and quoting for one-line messages. Private to the library. */
+/* Text that does not depend on the locale: numbers in and out, and quoting for one-line messages. Private to the
+ * library. */
 #ifndef KARST_CORE_TEXT_H
 #define KARST_CORE_TEXT_H
 
@@ -10,7 +11,8 @@
 /* Copies text for use in a message: at most 48 bytes, then "..."; control characters become '?'. Returns `quoted`. */
 const char *karst_text_quote(const char *text, char quoted[KARST_TEXT_QUOTE_BYTES]);
 
-/* The parts of a decimal: [sign] digits [. digits] [e [sign] digits], with blanks allowed around it. Pointers into the text. */
+/* The parts of a decimal: [sign] digits [. digits] [e [sign] digits], with blanks allowed around it. Pointers into the
+ * text. */
 typedef struct {
     bool negative;
     const char *whole; /* digits before the point */
@@ -25,7 +27,8 @@ bool karst_decimal_split(const char *text, karst_decimal *decimal);
 
 /* A decimal as the nearest double; false if it is not one, or not finite. */
 bool karst_text_to_double(const char *text, double *value);
-/* The shortest decimal that reads back as the same double, with a point whatever the locale; 32 bytes always suffice. */
+/* The shortest decimal that reads back as the same double, with a point whatever the locale; 32 bytes always suffice.
+ */
 int karst_text_from_double(double value, char *text, size_t size_bytes);
 
 #endif

@@ -10,10 +10,7 @@
 
 #include "karst/camera.h"
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static void assert_axis(const double axis[3], double x, double y, double z)
 {
@@ -68,7 +65,8 @@ static void test_axes_are_orthonormal(void **state)
             const karst_camera camera = {.yaw_deg = yaw + 0.25, .pitch_deg = pitch, .fov_deg = 60};
             double r[3], u[3], f[3];
             karst_camera_axes(&camera, r, u, f);
-            assert_true(fabs(dot(r, r) - 1) < 1e-15 * 4 && fabs(dot(u, u) - 1) < 1e-15 * 4 && fabs(dot(f, f) - 1) < 1e-15 * 4);
+            assert_true(fabs(dot(r, r) - 1) < 1e-15 * 4 && fabs(dot(u, u) - 1) < 1e-15 * 4 &&
+                        fabs(dot(f, f) - 1) < 1e-15 * 4);
             assert_true(fabs(dot(r, u)) < 1e-15 && fabs(dot(u, f)) < 1e-15 && fabs(dot(f, r)) < 1e-15);
             const double cross[3] = {r[1] * u[2] - r[2] * u[1], r[2] * u[0] - r[0] * u[2], r[0] * u[1] - r[1] * u[0]};
             assert_true(dot(cross, f) > 0.999999);
@@ -76,7 +74,8 @@ static void test_axes_are_orthonormal(void **state)
             assert_true(fabs(f[1] - sin(pitch * 3.14159265358979323846 / 180)) < 1e-15 * 4);
             /* the compass: bearing of forward's shadow on the ground */
             if (abs(pitch) < 89)
-                assert_true(fabs(remainder(atan2(f[0], f[2]) * 180 / 3.14159265358979323846 - camera.yaw_deg, 360)) < 1e-11);
+                assert_true(fabs(remainder(atan2(f[0], f[2]) * 180 / 3.14159265358979323846 - camera.yaw_deg, 360)) <
+                            1e-11);
         }
 }
 
@@ -141,7 +140,9 @@ static void check_round_trip(void)
     const double angles[] = {0, -0.1, 1.0 / 3, 89.99999999999999, 1e-300, -90, 12.5};
     for (size_t i = 0; i < sizeof angles / sizeof *angles; i++) {
         const karst_camera camera = {.position = {{(int64_t)1 << 61, -((int64_t)1 << 62), -1}, {0xFFFFFFFFu, 0, 1}},
-                                     .yaw_deg = angles[i] * 1e10, .pitch_deg = angles[i], .fov_deg = 179 / (1.0 + (double)i)};
+                                     .yaw_deg = angles[i] * 1e10,
+                                     .pitch_deg = angles[i],
+                                     .fov_deg = 179 / (1.0 + (double)i)};
         for (int voxel_log2_m = KARST_VOXEL_LOG2_MIN; voxel_log2_m <= KARST_VOXEL_LOG2_MAX; voxel_log2_m += 20) {
             char text[512];
             int length = karst_camera_format(&camera, voxel_log2_m, text, sizeof text);
@@ -153,7 +154,8 @@ static void check_round_trip(void)
             assert_same(&back, &camera);
         }
     }
-    const karst_camera simple = {.position = {{0, 320, -5}, {0, 0, 0x40000000u}}, .yaw_deg = 30, .pitch_deg = -12.5, .fov_deg = 60};
+    const karst_camera simple = {
+        .position = {{0, 320, -5}, {0, 0, 0x40000000u}}, .yaw_deg = 30, .pitch_deg = -12.5, .fov_deg = 60};
     char text[512];
     karst_camera_format(&simple, 0, text, sizeof text);
     assert_string_equal(text, "0,320,-4.75,30,-12.5,60");
@@ -179,12 +181,9 @@ static void test_locale(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_compass),
-        cmocka_unit_test(test_axes_are_orthonormal),
-        cmocka_unit_test(test_parse),
-        cmocka_unit_test(test_errors_name_the_field),
-        cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_locale),
+        cmocka_unit_test(test_compass),    cmocka_unit_test(test_axes_are_orthonormal),
+        cmocka_unit_test(test_parse),      cmocka_unit_test(test_errors_name_the_field),
+        cmocka_unit_test(test_round_trip), cmocka_unit_test(test_locale),
     };
     return cmocka_run_group_tests_name("camera", tests, NULL, NULL);
 }

@@ -50,7 +50,8 @@ cl_mem clCreateFromGLBuffer(cl_context context, cl_mem_flags flags, cl_GLuint bu
     return clCreateBuffer(context, flags, stand_in.size_bytes, NULL, code);
 }
 
-cl_int clEnqueueAcquireGLObjects(cl_command_queue queue, cl_uint num_objects, const cl_mem *objects, cl_uint num_events, const cl_event *events, cl_event *event)
+cl_int clEnqueueAcquireGLObjects(cl_command_queue queue, cl_uint num_objects, const cl_mem *objects, cl_uint num_events,
+                                 const cl_event *events, cl_event *event)
 {
     (void)queue, (void)objects, (void)num_events, (void)events, (void)event;
     assert_int_equal(num_objects, 1);
@@ -60,7 +61,8 @@ cl_int clEnqueueAcquireGLObjects(cl_command_queue queue, cl_uint num_objects, co
     return CL_SUCCESS;
 }
 
-cl_int clEnqueueReleaseGLObjects(cl_command_queue queue, cl_uint num_objects, const cl_mem *objects, cl_uint num_events, const cl_event *events, cl_event *event)
+cl_int clEnqueueReleaseGLObjects(cl_command_queue queue, cl_uint num_objects, const cl_mem *objects, cl_uint num_events,
+                                 const cl_event *events, cl_event *event)
 {
     (void)num_events, (void)events, (void)event;
     const karst_gl *gl = stand_in.gl;
@@ -71,21 +73,23 @@ cl_int clEnqueueReleaseGLObjects(cl_command_queue queue, cl_uint num_objects, co
     gl->BindBuffer(GL_PIXEL_UNPACK_BUFFER, stand_in.buffer);
     void *mapped = gl->MapBufferRange(GL_PIXEL_UNPACK_BUFFER, 0, (GLsizeiptr)stand_in.size_bytes, GL_MAP_WRITE_BIT);
     assert_non_null(mapped);
-    assert_int_equal(clEnqueueReadBuffer(queue, objects[0], CL_TRUE, 0, stand_in.size_bytes, mapped, 0, NULL, NULL), CL_SUCCESS);
+    assert_int_equal(clEnqueueReadBuffer(queue, objects[0], CL_TRUE, 0, stand_in.size_bytes, mapped, 0, NULL, NULL),
+                     CL_SUCCESS);
     gl->UnmapBuffer(GL_PIXEL_UNPACK_BUFFER);
     gl->BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     return CL_SUCCESS;
 }
 
 /* ---- the pattern: all values of all channels, alpha too ---- */
-static const char pattern_source[] = "__kernel void pattern(__global uchar4 *pixels, int width, int height, int frame)\n"
-                                     "{\n"
-                                     "    int i = (int)get_global_id(0);\n"
-                                     "    if (i >= width * height)\n"
-                                     "        return;\n"
-                                     "    int x = i % width, y = i / width;\n"
-                                     "    pixels[i] = (uchar4)((uchar)(x + frame), (uchar)(y * 3 + 1), (uchar)(x ^ y), (uchar)(x * 5 + y));\n"
-                                     "}\n";
+static const char pattern_source[] =
+    "__kernel void pattern(__global uchar4 *pixels, int width, int height, int frame)\n"
+    "{\n"
+    "    int i = (int)get_global_id(0);\n"
+    "    if (i >= width * height)\n"
+    "        return;\n"
+    "    int x = i % width, y = i / width;\n"
+    "    pixels[i] = (uchar4)((uchar)(x + frame), (uchar)(y * 3 + 1), (uchar)(x ^ y), (uchar)(x * 5 + y));\n"
+    "}\n";
 
 static void pattern_pixel(int x, int y, int frame, uint8_t pixel[4])
 {
@@ -154,7 +158,9 @@ static void draw(karst_surface *surface, int width, int height, int frame)
 {
     karst_error error = {0};
     cl_mem pixels = karst_surface_begin(surface, &error);
-    bool done = pixels && KARST_ARGUMENTS(kernel, &error, KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(width), KARST_VALUE_ARG(height), KARST_VALUE_ARG(frame)) &&
+    bool done = pixels &&
+                KARST_ARGUMENTS(kernel, &error, KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(width),
+                                KARST_VALUE_ARG(height), KARST_VALUE_ARG(frame)) &&
                 karst_launch(context, kernel, KARST_STAGE_SHADE, (size_t)width * (size_t)height, 64, &error);
     if (!done || !karst_surface_end(surface, &error))
         fail_msg("%s", error.message);
@@ -175,8 +181,8 @@ static void check_read(karst_surface *surface, int width, int height, int frame)
             uint8_t want[4];
             pattern_pixel(x, y, frame, want);
             if (memcmp(got, want, 4) != 0)
-                fail_msg("%d x %d, frame %d, pixel %d, %d: %d %d %d %d, want %d %d %d %d", width, height, frame, x, y, got[0], got[1], got[2],
-                         got[3], want[0], want[1], want[2], want[3]);
+                fail_msg("%d x %d, frame %d, pixel %d, %d: %d %d %d %d, want %d %d %d %d", width, height, frame, x, y,
+                         got[0], got[1], got[2], got[3], want[0], want[1], want[2], want[3]);
         }
     free(rgba);
 }
@@ -209,7 +215,9 @@ static void test_same_bytes_everywhere(void **state)
     static const struct {
         karst_display_kind kind;
         karst_surface_path path;
-    } cases[] = {{KARST_DISPLAY_EGL, KARST_SURFACE_MAPPED}, {KARST_DISPLAY_OSMESA, KARST_SURFACE_MAPPED}, {KARST_DISPLAY_NONE, KARST_SURFACE_PLAIN}};
+    } cases[] = {{KARST_DISPLAY_EGL, KARST_SURFACE_MAPPED},
+                 {KARST_DISPLAY_OSMESA, KARST_SURFACE_MAPPED},
+                 {KARST_DISPLAY_NONE, KARST_SURFACE_PLAIN}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         karst_display *display = open_display(cases[i].kind);
         assert_int_equal(karst_display_get_kind(display), cases[i].kind);
@@ -249,7 +257,8 @@ static void test_context_without_sharing(void **state)
 {
     (void)state;
     cl_context_properties properties[KARST_SHARING_PROPERTIES] = {0};
-    karst_display *egl = open_display(KARST_DISPLAY_EGL), *none = open_display(KARST_DISPLAY_NONE), *osmesa = open_display(KARST_DISPLAY_OSMESA);
+    karst_display *egl = open_display(KARST_DISPLAY_EGL), *none = open_display(KARST_DISPLAY_NONE),
+                  *osmesa = open_display(KARST_DISPLAY_OSMESA);
     assert_false(karst_display_sharing(none, properties));
     assert_false(karst_display_sharing(osmesa, properties));
     assert_true(karst_display_sharing(egl, properties));
@@ -274,7 +283,8 @@ static void test_context_without_sharing(void **state)
 static void test_displays_in_turns(void **state)
 {
     (void)state;
-    static const karst_display_kind kinds[] = {KARST_DISPLAY_EGL, KARST_DISPLAY_OSMESA, KARST_DISPLAY_EGL, KARST_DISPLAY_NONE};
+    static const karst_display_kind kinds[] = {KARST_DISPLAY_EGL, KARST_DISPLAY_OSMESA, KARST_DISPLAY_EGL,
+                                               KARST_DISPLAY_NONE};
     karst_display *displays[4];
     karst_surface *surfaces[4];
     for (int i = 0; i < 4; i++) {
@@ -449,10 +459,7 @@ typedef void *(*osmesa_create)(const int *attributes, void *share);
 typedef GLboolean (*osmesa_make_current)(void *osmesa, void *buffer, GLenum type, GLsizei width, GLsizei height);
 typedef void (*osmesa_destroy)(void *osmesa);
 static void (*(*osmesa_get_proc)(const char *name))(void);
-static void *window_get_proc(const char *name)
-{
-    return (void *)osmesa_get_proc(name);
-}
+static void *window_get_proc(const char *name) { return (void *)osmesa_get_proc(name); }
 static void *no_get_proc(const char *name)
 {
     (void)name;
@@ -469,7 +476,8 @@ static void test_window(void **state)
 {
     (void)state;
     enum { WIDTH = 37, HEIGHT = 23 };
-    static const int wish[] = {0x22 /* format */, GL_RGBA, 0x33 /* profile */, 0x34 /* core */, 0x36 /* major */, 3, 0x37 /* minor */, 3, 0};
+    static const int wish[] = {
+        0x22 /* format */, GL_RGBA, 0x33 /* profile */, 0x34 /* core */, 0x36 /* major */, 3, 0x37 /* minor */, 3, 0};
     void *library = dlopen("libOSMesa.so.8", RTLD_NOW);
     assert_non_null(library);
     osmesa_create create = (osmesa_create)dlsym(library, "OSMesaCreateContextAttribs");
@@ -513,9 +521,11 @@ static void test_window(void **state)
     check_read(surface, WIDTH, HEIGHT, 9);
     karst_surface_destroy(surface);
 
-    /* Stretched over the viewport: a picture of one pixel fills it, and nothing else: around it the last frame stays. */
+    /* Stretched over the viewport: a picture of one pixel fills it, and nothing else: around it the last frame stays.
+     */
     surface = open_surface(display, 1, 1);
-    void (*viewport)(GLint, GLint, GLsizei, GLsizei) = (void (*)(GLint, GLint, GLsizei, GLsizei))window_get_proc("glViewport");
+    void (*viewport)(GLint, GLint, GLsizei, GLsizei) =
+        (void (*)(GLint, GLint, GLsizei, GLsizei))window_get_proc("glViewport");
     viewport(4, 3, 10, 5); /* from the bottom */
     draw(surface, 1, 1, 77);
     gl->Finish();

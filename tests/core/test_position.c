@@ -22,10 +22,7 @@ static uint64_t random_bits(void)
     z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
     return z ^ (z >> 31);
 }
-static int random_below(int n)
-{
-    return (int)(random_bits() % (uint64_t)n);
-}
+static int random_below(int n) { return (int)(random_bits() % (uint64_t)n); }
 
 /* ---- unsigned big integers of 1536 bits ---- */
 enum { BIG_WORDS = 48 };
@@ -117,10 +114,7 @@ static bool reference_parse(const char *digits, int exponent, bool negative, int
     return value <= (int128)1 << 94;
 }
 
-static int128 units_of(int64_t voxel, uint32_t fraction)
-{
-    return (int128)voxel * ((int128)1 << 32) + fraction;
-}
+static int128 units_of(int64_t voxel, uint32_t fraction) { return (int128)voxel * ((int128)1 << 32) + fraction; }
 
 static void assert_parses(const char *text, int voxel_log2_m, int64_t voxel, uint32_t fraction)
 {
@@ -130,7 +124,8 @@ static void assert_parses(const char *text, int voxel_log2_m, int64_t voxel, uin
     if (!karst_coordinate_parse(text, voxel_log2_m, &v, &f, &error))
         fail_msg("%.60s: %s", text, error.message);
     if (v != voxel || f != fraction)
-        fail_msg("%.60s with 2^%d m: got %lld + %u, want %lld + %u", text, voxel_log2_m, (long long)v, f, (long long)voxel, fraction);
+        fail_msg("%.60s with 2^%d m: got %lld + %u, want %lld + %u", text, voxel_log2_m, (long long)v, f,
+                 (long long)voxel, fraction);
 }
 
 static void assert_refused(const char *text, int voxel_log2_m, const char *why)
@@ -173,30 +168,41 @@ static void test_ties(void **state)
     (void)state;
     /* 2^-33 is half a unit: to even, which is 0; 3 * 2^-33 goes to 2. */
     assert_parses("0.000000000116415321826934814453125", 0, 0, 0);
-    assert_parses("0.00000000011641532182693481445312500000000000000000000000000000000000000000000000000000000001", 0, 0, 1);
+    assert_parses("0.00000000011641532182693481445312500000000000000000000000000000000000000000000000000000000001", 0,
+                  0, 1);
     assert_parses("0.000000000349245965480804443359375", 0, 0, 2);
-    assert_parses("0.000000000349245965480804443359374999999999999999999999999999999999999999999999999999999999999999", 0, 0, 1);
+    assert_parses("0.000000000349245965480804443359374999999999999999999999999999999999999999999999999999999999999999",
+                  0, 0, 1);
     assert_parses("-0.000000000349245965480804443359375", 0, -1, 0xFFFFFFFEu);
     /* With voxels of 2^40 m a unit is 256 m. */
     assert_parses("128", 40, 0, 0);
-    assert_parses("128.000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000001", 40, 0, 1);
+    assert_parses("128.000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000001",
+                  40, 0, 1);
     assert_parses("384", 40, 0, 2);
     assert_parses("383.9", 40, 0, 1);
     /* The finest: 2^-73 m is a tie with voxels of 2^-40 m; 73 digits after the point. */
     assert_parses("0.0000000000000000000001058791184067875423835403125849552452564239501953125", -40, 0, 0);
     assert_parses("0.0000000000000000000001058791184067875423835403125849552452564239501953126", -40, 0, 1);
     assert_parses("1.058791184067875423835403125849552452564239501953125e-22", -40, 0, 0);
-    assert_parses("1.0587911840678754238354031258495524525642395019531250000000000000000000000000000000001e-22", -40, 0, 1);
+    assert_parses("1.0587911840678754238354031258495524525642395019531250000000000000000000000000000000001e-22", -40, 0,
+                  1);
 }
 
 static void test_refusals(void **state)
 {
     (void)state;
-    const char *const malformed[] = {"", " ", "abc", "1x", "0x10", "nan", "inf", "-", ".", "e5", "1e", "1e+", "1.2.3", "--1", "1 2", "1,5", "1\n", "\x1b[31m"};
+    const char *const malformed[] = {"",   " ",  "abc", "1x",    "0x10", "nan", "inf", "-",   ".",
+                                     "e5", "1e", "1e+", "1.2.3", "--1",  "1 2", "1,5", "1\n", "\x1b[31m"};
     for (size_t i = 0; i < sizeof malformed / sizeof *malformed; i++)
         assert_refused(malformed[i], 0, "is not a decimal number");
-    const char *const far_away[] = {"4611686018427387905", "-4611686018427387905", "4611686018427387904.5", "1e19", "1e999999999", "1e99999999999999999999999999",
-                                    "-1e31", "99999999999999999999999999999999999999"};
+    const char *const far_away[] = {"4611686018427387905",
+                                    "-4611686018427387905",
+                                    "4611686018427387904.5",
+                                    "1e19",
+                                    "1e999999999",
+                                    "1e99999999999999999999999999",
+                                    "-1e31",
+                                    "99999999999999999999999999999999999999"};
     for (size_t i = 0; i < sizeof far_away / sizeof *far_away; i++)
         assert_refused(far_away[i], 0, "beyond the world's edge");
     assert_refused("5070602400912917605986812821505", 39, "beyond the world's edge");
@@ -261,7 +267,8 @@ static void test_random_texts_against_long_division(void **state)
         int point = random_below(num_digits + 1), exponent = random_below(61) - 40;
         bool negative = random_below(2);
         char text[256];
-        snprintf(text, sizeof text, "%s%.*s.%s%c%d", negative ? "-" : "", point, digits, digits + point, "eE"[random_below(2)], exponent);
+        snprintf(text, sizeof text, "%s%.*s.%s%c%d", negative ? "-" : "", point, digits, digits + point,
+                 "eE"[random_below(2)], exponent);
         int128 want = 0;
         bool inside = reference_parse(digits, exponent - (num_digits - point), negative, voxel_log2_m, &want);
         int64_t voxel;
@@ -367,12 +374,14 @@ static void test_round_trip(void **state)
         const struct {
             int64_t voxel;
             uint32_t fraction;
-        } edges[] = {{0, 0}, {0, 1}, {-1, 0xFFFFFFFFu}, {-1, 0}, {1, 0}, {edge, 0}, {-edge, 0}, {-edge, 1}, {edge - 1, 0xFFFFFFFFu}, {0, 0x80000000u}};
+        } edges[] = {{0, 0},     {0, 1},     {-1, 0xFFFFFFFFu},       {-1, 0},         {1, 0}, {edge, 0},
+                     {-edge, 0}, {-edge, 1}, {edge - 1, 0xFFFFFFFFu}, {0, 0x80000000u}};
         for (size_t i = 0; i < sizeof edges / sizeof *edges; i++)
             check_format(edges[i].voxel, edges[i].fraction, voxel_log2_m);
         for (int i = 0; i < 300; i++) {
             int64_t voxel = (int64_t)random_bits() >> (1 + random_below(62));
-            check_format(voxel, random_below(4) ? (uint32_t)random_bits() : (uint32_t)random_bits() << random_below(32), voxel_log2_m);
+            check_format(voxel, random_below(4) ? (uint32_t)random_bits() : (uint32_t)random_bits() << random_below(32),
+                         voxel_log2_m);
         }
     }
     char text[160] = "x";
@@ -411,7 +420,8 @@ static void test_add_and_difference(void **state)
     assert_true(far_out.voxel[0] == edge && far_out.voxel[1] == -edge && far_out.voxel[2] == 0);
     assert_true(far_out.fraction[0] == 0 && far_out.fraction[1] == 0 && far_out.fraction[2] == 0);
     far_out = karst_position_add_m(far_out, (double[]){1, -1, -0.25}, 0);
-    assert_true(far_out.voxel[0] == edge && far_out.voxel[1] == -edge && far_out.voxel[2] == -1 && far_out.fraction[2] == 0xC0000000u);
+    assert_true(far_out.voxel[0] == edge && far_out.voxel[1] == -edge && far_out.voxel[2] == -1 &&
+                far_out.fraction[2] == 0xC0000000u);
     far_out = karst_position_add_m(far_out, (double[]){-0x1p63, 0x1p63, 0}, 0); /* edge to edge */
     assert_true(far_out.voxel[0] == -edge && far_out.voxel[1] == edge);
     /* Ties to even. */
@@ -422,14 +432,10 @@ static void test_add_and_difference(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_plain_values),
-        cmocka_unit_test(test_ties),
-        cmocka_unit_test(test_refusals),
-        cmocka_unit_test(test_axis_is_named),
-        cmocka_unit_test(test_long_texts),
-        cmocka_unit_test(test_random_texts_against_long_division),
-        cmocka_unit_test(test_random_ties),
-        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_plain_values),       cmocka_unit_test(test_ties),
+        cmocka_unit_test(test_refusals),           cmocka_unit_test(test_axis_is_named),
+        cmocka_unit_test(test_long_texts),         cmocka_unit_test(test_random_texts_against_long_division),
+        cmocka_unit_test(test_random_ties),        cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_add_and_difference),
     };
     return cmocka_run_group_tests_name("position", tests, NULL, NULL);

@@ -27,14 +27,18 @@ typedef struct karst_display karst_display;
 bool karst_display_kind_parse(const char *name, karst_display_kind *kind, karst_error *error);
 const char *karst_display_kind_name(karst_display_kind kind);
 
-/* Opens a headless display. Errors: KARST_NO_DEVICE, saying which package is missing or what to use instead. AUTO logs what it fell back to
- * and never fails for want of OpenGL. Use from one thread. Destroy with karst_display_destroy (NULL is fine). */
+/* Opens a headless display. Errors: KARST_NO_DEVICE, saying which package is missing or what to use instead. AUTO logs
+ * what it fell back to and never fails for want of OpenGL. Use from one thread, whose
+ * OpenGL context it becomes whenever it is drawn to. Destroy with karst_display_destroy (NULL is fine). */
 karst_display *karst_display_create(karst_display_kind kind, const karst_log *log, karst_error *error);
-/* For a window: `get_proc` (glfwGetProcAddress) must work and the context be current in every later call. The caller keeps the context. */
-karst_display *karst_display_create_in_context(void *(*get_proc)(const char *name), const karst_log *log, karst_error *error);
+/* For a window: `get_proc` (glfwGetProcAddress) must work now, and the context (OpenGL 3.3 or later) be current in
+ * every later call. Pictures are drawn over its current viewport, then it is for the caller to swap. The caller keeps
+ * the context. Errors: KARST_NO_DEVICE (an older OpenGL). */
+karst_display *karst_display_create_in_context(void *(*get_proc)(const char *name), const karst_log *log,
+                                               karst_error *error);
 void karst_display_destroy(karst_display *display);
 karst_display_kind karst_display_get_kind(const karst_display *display);
-/* "EGL 1.5, OpenGL 4.5 (Core Profile) Mesa 22.3.6, llvmpipe", or "none". Owned by the display. */
+/* "EGL 1.5 surfaceless, OpenGL 4.5 (Core Profile) Mesa 22.3.6, llvmpipe", or "none". Owned by the display. */
 const char *karst_display_description(const karst_display *display);
 
 #ifdef __cplusplus

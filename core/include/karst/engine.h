@@ -76,7 +76,8 @@ bool karst_engine_check(karst_engine *engine, karst_error *error);
 const char *karst_world_name(size_t index);
 const char *karst_world_description(const char *name);
 
-/* Text for people: devices and display paths, one line each, through `print`; says how to mend what is missing. */
+/* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens and closes each
+ * display on this thread: call it where no OpenGL context of yours is current. */
 void karst_info(void (*print)(void *user, const char *line), void *user);
 const char *karst_version(void);
 

@@ -13,13 +13,14 @@ extern "C" {
 
 #define KARST_IMAGE_MAX_PX 16384 /* of one side */
 
-/* Writes 8-bit RGBA rows (top row first, width * 4 bytes a row) as a PNG without alpha; bytes are taken as they are, nothing is said about
- * gamma. The same pixels give the same bytes. The file appears whole or not at all (written beside as .karst-*.tmp, then renamed); a
- * device or pipe is written to directly. Errors: KARST_USAGE (a side outside 1 to KARST_IMAGE_MAX_PX), KARST_FAILED; both name the path
- * and the reason. Thread-safe. */
+/* Writes 8-bit RGBA rows (top row first, width * 4 bytes a row) as a PNG without alpha; bytes are taken as they are,
+ * nothing is said about gamma. The same pixels give the same bytes. The file appears whole or not at all (written
+ * beside as .karst-*.tmp, then renamed); a device or pipe is written to directly. Errors: KARST_USAGE (a side outside 1
+ * to KARST_IMAGE_MAX_PX), KARST_FAILED; both name the path and the reason. Thread-safe. */
 bool karst_image_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error);
-/* Reads an 8-bit RGB or RGBA PNG into malloc'ed RGBA (the caller frees), alpha 255 where there is none. *width_px and *height_px change only
- * on success. NULL and KARST_BAD_DATA naming the path and the reason for any other file. Thread-safe. */
+/* Reads an 8-bit RGB or RGBA PNG into malloc'ed RGBA (the caller frees), alpha 255 where there is none. *width_px and
+ * *height_px change only on success. NULL and KARST_BAD_DATA naming the path and the reason for any other file.
+ * Thread-safe. */
 uint8_t *karst_image_read_png(const char *path, int *width_px, int *height_px, karst_error *error);
 
 #ifdef __cplusplus
