@@ -3,8 +3,12 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -168,14 +172,42 @@ static void test_round_trip(void **state)
     check_round_trip();
 }
 
-/* Where a comma is the decimal sign, text stays the same; skipped where no such locale is installed. */
+/* Writes what the GNU C library reads as LC_NUMERIC of a locale, the decimal sign being a comma: a magic number,
+ * offsets, then decimal sign, thousands sign, grouping, both signs as wide characters, codeset. */
+static void write_comma_locale(const char *path)
+{
+    static const unsigned char text[] = {',', 0, 0, 0x7F, ',', 0, 0, 0, 0, 0, 0, 0, 'U', 'T', 'F', '-', '8', 0};
+    enum { START = 8 * sizeof(uint32_t) };
+    const uint32_t head[8] = {
+        0x20031115u ^ LC_NUMERIC, 6, START, START + 2, START + 3, START + 4, START + 8, START + 12};
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(head, sizeof head, 1, file), 1);
+    assert_int_equal(fwrite(text, sizeof text, 1, file), 1);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Where a comma is the decimal sign, text stays the same. */
 static void test_locale(void **state)
 {
     (void)state;
-    if (!setlocale(LC_NUMERIC, "de_DE.UTF-8") && !setlocale(LC_NUMERIC, "fr_FR.UTF-8"))
-        skip();
+    char folder[] = "/tmp/karst-locale-XXXXXX", inner[64], path[96], number[16];
+    assert_non_null(mkdtemp(folder));
+    snprintf(inner, sizeof inner, "%s/comma", folder);
+    assert_int_equal(mkdir(inner, 0700), 0);
+    snprintf(path, sizeof path, "%s/LC_NUMERIC", inner);
+    write_comma_locale(path);
+    setenv("LOCPATH", folder, 1);
+    bool has_locale = setlocale(LC_NUMERIC, "comma");
+    unlink(path);
+    rmdir(inner);
+    rmdir(folder);
+    if (!has_locale)
+        skip(); /* another C library */
+    snprintf(number, sizeof number, "%g", 1.5);
+    assert_string_equal(number, "1,5");
     check_round_trip();
-    setlocale(LC_NUMERIC, "C");
+    assert_true(setlocale(LC_NUMERIC, "C"));
 }
 
 int main(void)
