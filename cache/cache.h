@@ -59,7 +59,7 @@ typedef struct {
 typedef struct {
     uint32_t num_loads, num_subdivides;
     karst_buffer *load_nodes, *load_slots;           /* uint: node index, brick slot */
-    karst_buffer *load_results;                      /* uint: the producer writes KARST_STATE_AIR, _SOLID or _BRICK */
+    karst_buffer *load_results;                      /* uint: the producer writes KARST_STATE_AIR, _SOLID, _CLEAR_AIR, _CLEAR_SOLID or _BRICK */
     karst_buffer *subdivide_nodes, *subdivide_tiles; /* uint: node index, tile slot */
     uint32_t num_requests;                           /* all wants of this serial */
     uint32_t num_deferred_budget;                    /* left out: over the budget */

@@ -93,7 +93,7 @@ static bool check_node(const snapshot *s, uint32_t node)
     uint32_t tile = node / KARST_TILE_NODES, link = s->nodes[node].link, state = KARST_NODE_STATE(link);
     uint32_t child = KARST_NODE_CHILDREN(link), brick = s->nodes[node].brick;
     const karst_tile_info *info = &s->tiles[tile];
-    if (state > KARST_STATE_LOST || (link & 0x10000000u))
+    if (state > KARST_STATE_CLEAR_SOLID || (link & 0x10000000u))
         return fault(s, "node %u (tile %u) has link %08x, which is no state", node, tile, link);
     if ((state == KARST_STATE_BRICK) != (brick != KARST_NONE))
         return fault(s, "node %u (tile %u) has state %u, but brick %u", node, tile, state, brick);

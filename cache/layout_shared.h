@@ -31,6 +31,10 @@
 #define KARST_STATE_SOLID 2u
 #define KARST_STATE_BRICK 3u   /* not constant, its brick is in memory */
 #define KARST_STATE_LOST 4u    /* not constant, without a brick: not loaded yet, or recycled; it may have children */
+/* Not constant, but evaluated: at this level all samples are on one side, so the interpolant has no zero and needs no brick. Finer levels may
+ * have a surface: such a node may have children. */
+#define KARST_STATE_CLEAR_AIR 5u
+#define KARST_STATE_CLEAR_SOLID 6u
 
 /* What a ray reads for each node: 8 bytes, so that a tile is one cache line. */
 typedef struct {

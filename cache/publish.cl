@@ -21,6 +21,8 @@ __kernel void karst_publish_loads(__global const uint *load_nodes, __global cons
         if (children != KARST_NONE && tile_info[children].parent == node)
             tile_info[children].parent = KARST_NO_NODE; /* an orphan: no ray reaches it, so it ages */
         nodes[node].link = KARST_NODE_LINK(result, KARST_NONE);
+    } else if (result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID) {
+        nodes[node].link = KARST_NODE_LINK(result, children);
     }
 }
 

@@ -38,14 +38,18 @@ K_INLINE float karst_safe_cells(float slope_squared)
  *
  * Constant is a proof: with every sample on one side of zero and farther from it than `doubt`, every point of the node, at every
  * footprint from 0 to the parent's voxel, lies on the samples' side too, since it differs from the sample nearest to it by `doubt` at most
- * (karst_load_doubt). A doubt that is not finite proves nothing; neither do samples of which some were scrubbed. */
+ * (karst_load_doubt). A doubt that is not finite proves nothing; neither do samples of which some were scrubbed.
+ *
+ * Without a proof, samples on one side still say that this level's interpolant has no zero: the node is clear, and keeps no brick. */
 K_INLINE uint karst_state_from_samples(float least, int any_solid, int any_air, uint num_scrubbed, float doubt)
 {
 #ifdef KARST_MUTANT_SAMPLING /* what the proof is there to avoid; tests build it to see that it is caught */
     doubt = 0.0f;
 #endif
     int proven = num_scrubbed == 0u && least > doubt && any_solid != any_air;
-    return proven ? (any_solid ? KARST_STATE_SOLID : KARST_STATE_AIR) : KARST_STATE_BRICK;
+    if (proven)
+        return any_solid ? KARST_STATE_SOLID : KARST_STATE_AIR;
+    return any_solid && any_air ? KARST_STATE_BRICK : any_solid ? KARST_STATE_CLEAR_SOLID : KARST_STATE_CLEAR_AIR;
 }
 
 #endif
