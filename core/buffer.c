@@ -35,19 +35,22 @@ static bool check_size(const karst_context *context, const char *name, size_t si
     if (size_bytes == 0)
         return karst_fail(error, KARST_FAILED, "cannot allocate a buffer of 0 bytes for %s", name);
     if (size_bytes > context->max_allocation_bytes)
-        return karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: the device's largest buffer is %s; use a smaller --pool",
+        return karst_fail(error, KARST_FAILED,
+                          "cannot allocate %s for %s: the device's largest buffer is %s; use a smaller --pool",
                           size_text(size_bytes, size), name, size_text(context->max_allocation_bytes, limit));
     size_t total = total_bytes(context);
     if (total > context->global_memory_bytes || size_bytes > context->global_memory_bytes - total)
         return karst_fail(error, KARST_FAILED,
                           "cannot allocate %s for %s: the device has %s, of which %s are taken; use a smaller --pool",
-                          size_text(size_bytes, size), name, size_text(context->global_memory_bytes, limit), size_text(total, taken));
+                          size_text(size_bytes, size), name, size_text(context->global_memory_bytes, limit),
+                          size_text(total, taken));
     return true;
 }
 
 #define LARGE_PAGE_BYTES ((uintptr_t)2 << 20)
 
-/* Asks for large pages where whole ones fit, which no system must grant: scattered reads of 256 MiB and more got 10 to 25 % faster. */
+/* Asks for large pages where whole ones fit, which no system must grant: scattered reads of 256 MiB and more got 10 to
+ * 25 % faster. */
 static void advise_large_pages(void *memory, size_t size_bytes)
 {
     uintptr_t first = ((uintptr_t)memory + LARGE_PAGE_BYTES - 1) & ~(LARGE_PAGE_BYTES - 1);
@@ -56,12 +59,13 @@ static void advise_large_pages(void *memory, size_t size_bytes)
         madvise((void *)first, end - first, MADV_HUGEPAGE);
 }
 
-/* Zeroes in place. On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first
- * touched. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
+/* Zeroes in place. On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is
+ * first touched. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
 static cl_int zero_mapped(karst_context *context, cl_mem mem, size_t size_bytes)
 {
     cl_int code = CL_SUCCESS;
-    void *mapped = clEnqueueMapBuffer(context->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0, size_bytes, 0, NULL, NULL, &code);
+    void *mapped = clEnqueueMapBuffer(context->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0, size_bytes, 0,
+                                      NULL, NULL, &code);
     if (code != CL_SUCCESS)
         return code;
     advise_large_pages(mapped, size_bytes);
@@ -93,7 +97,8 @@ static void enter(karst_buffer *buffer, karst_context *context, const char *name
     context->buffers = buffer;
 }
 
-karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error)
+karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
+                                  karst_error *error)
 {
     if (!check_size(context, name, size_bytes, error))
         return NULL;
@@ -110,8 +115,8 @@ karst_buffer *karst_buffer_create(karst_context *context, const char *name, size
         code = zero(context, buffer->mem, size_bytes);
     if (code != CL_SUCCESS) {
         char size[32];
-        karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: %s; use a smaller --pool", size_text(size_bytes, size), name,
-                   karst_cl_error_name(code));
+        karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: %s; use a smaller --pool",
+                   size_text(size_bytes, size), name, karst_cl_error_name(code));
         if (buffer->mem)
             clReleaseMemObject(buffer->mem);
         free(buffer);
@@ -146,28 +151,32 @@ void karst_buffer_destroy(karst_buffer *buffer)
     free(buffer);
 }
 
-static bool check_range(const karst_buffer *buffer, const char *what, size_t offset_bytes, size_t size_bytes, karst_error *error)
+static bool check_range(const karst_buffer *buffer, const char *what, size_t offset_bytes, size_t size_bytes,
+                        karst_error *error)
 {
     if (offset_bytes > buffer->size_bytes || size_bytes > buffer->size_bytes - offset_bytes)
-        return karst_fail(error, KARST_FAILED, "cannot %s %zu bytes at %zu of buffer %s: it has %zu", what, size_bytes, offset_bytes,
-                          buffer->name, buffer->size_bytes);
+        return karst_fail(error, KARST_FAILED, "cannot %s %zu bytes at %zu of buffer %s: it has %zu", what, size_bytes,
+                          offset_bytes, buffer->name, buffer->size_bytes);
     return true;
 }
 
 static bool check_code(const karst_buffer *buffer, const char *what, cl_int code, karst_error *error)
 {
     if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot %s buffer %s: %s", what, buffer->name, karst_cl_error_name(code));
+        return karst_fail(error, KARST_FAILED, "cannot %s buffer %s: %s", what, buffer->name,
+                          karst_cl_error_name(code));
     return true;
 }
 
-bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error)
+bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                        karst_error *error)
 {
     if (!check_range(buffer, "write", offset_bytes, size_bytes, error))
         return false;
     if (size_bytes == 0)
         return true;
-    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0, NULL, NULL);
+    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0,
+                                       NULL, NULL);
     return check_code(buffer, "write", code, error);
 }
 
@@ -177,7 +186,8 @@ bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, si
         return false;
     if (size_bytes == 0)
         return true;
-    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0, NULL, NULL);
+    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_TRUE, offset_bytes, size_bytes, data, 0,
+                                      NULL, NULL);
     return check_code(buffer, "read", code, error);
 }
 
@@ -186,11 +196,12 @@ bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes
     if (!check_range(buffer, "fill", offset_bytes, size_bytes, error))
         return false;
     if (offset_bytes % sizeof(value) || size_bytes % sizeof(value))
-        return karst_fail(error, KARST_FAILED, "cannot fill %zu bytes at %zu of buffer %s: not whole 32-bit values", size_bytes,
-                          offset_bytes, buffer->name);
+        return karst_fail(error, KARST_FAILED, "cannot fill %zu bytes at %zu of buffer %s: not whole 32-bit values",
+                          size_bytes, offset_bytes, buffer->name);
     if (size_bytes == 0)
         return true;
-    cl_int code = clEnqueueFillBuffer(buffer->context->queue, buffer->mem, &value, sizeof(value), offset_bytes, size_bytes, 0, NULL, NULL);
+    cl_int code = clEnqueueFillBuffer(buffer->context->queue, buffer->mem, &value, sizeof(value), offset_bytes,
+                                      size_bytes, 0, NULL, NULL);
     return check_code(buffer, "fill", code, error);
 }
 

@@ -62,11 +62,11 @@ static bool has_extension(cl_device_id device, const char *name)
 }
 
 /* Reads a fixed-size property; zero if the device does not know it. */
-#define DEVICE_VALUE(device, what, variable)                                                          \
-    do {                                                                                              \
-        memset(&(variable), 0, sizeof(variable));                                                     \
-        if (clGetDeviceInfo((device), (what), sizeof(variable), &(variable), NULL) != CL_SUCCESS)     \
-            memset(&(variable), 0, sizeof(variable));                                                 \
+#define DEVICE_VALUE(device, what, variable)                                                      \
+    do {                                                                                          \
+        memset(&(variable), 0, sizeof(variable));                                                 \
+        if (clGetDeviceInfo((device), (what), sizeof(variable), &(variable), NULL) != CL_SUCCESS) \
+            memset(&(variable), 0, sizeof(variable));                                             \
     } while (0)
 
 static const char *why_unusable(cl_device_id device, const char *version)
@@ -140,7 +140,8 @@ static int compare_platforms(const void *a, const void *b)
     return order ? order : (x->place > y->place) - (x->place < y->place);
 }
 
-static bool list_platform(const platform_entry *platform, karst_device_info **devices, size_t *num_devices, karst_error *error)
+static bool list_platform(const platform_entry *platform, karst_device_info **devices, size_t *num_devices,
+                          karst_error *error)
 {
     cl_device_id ids[MAX_DEVICES];
     cl_uint count = 0;
@@ -189,10 +190,12 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error)
         return devices;
     free(devices);
     if (code != CL_SUCCESS && code != CL_PLATFORM_NOT_FOUND_KHR)
-        karst_fail(error, KARST_NO_DEVICE, "no OpenCL device found (%s): install pocl-opencl-icd (CPU) or your GPU's OpenCL driver",
+        karst_fail(error, KARST_NO_DEVICE,
+                   "no OpenCL device found (%s): install pocl-opencl-icd (CPU) or your GPU's OpenCL driver",
                    karst_cl_error_name(code));
     else
-        karst_fail(error, KARST_NO_DEVICE, "no OpenCL device found: install pocl-opencl-icd (CPU) or your GPU's OpenCL driver");
+        karst_fail(error, KARST_NO_DEVICE,
+                   "no OpenCL device found: install pocl-opencl-icd (CPU) or your GPU's OpenCL driver");
     return NULL;
 }
 
@@ -203,8 +206,9 @@ static void list_text(const karst_device_info *devices, size_t num_devices, char
     text[0] = 0;
     for (size_t i = 0; i < num_devices && n < size_bytes; i++) {
         const karst_device_info *d = &devices[i];
-        int length = snprintf(text + n, size_bytes - n, "%s%d: %s (%s, %s%s%s)", i ? "; " : "", d->index, d->name, d->type, d->platform_name,
-                              d->unusable ? "; cannot be used: " : "", d->unusable ? d->unusable : "");
+        int length =
+            snprintf(text + n, size_bytes - n, "%s%d: %s (%s, %s%s%s)", i ? "; " : "", d->index, d->name, d->type,
+                     d->platform_name, d->unusable ? "; cannot be used: " : "", d->unusable ? d->unusable : "");
         n += length > 0 ? (size_t)length : 0;
     }
 }
@@ -227,20 +231,23 @@ static int selector_number(const char *selector)
 
 typedef enum { ANY_DEVICE, WANT_CPU, WANT_GPU, NAME_OF_DEVICE, NAME_OF_PLATFORM } wish;
 
-static const karst_device_info *first_match(const karst_device_info *devices, size_t num_devices, wish wanted, const char *part)
+static const karst_device_info *first_match(const karst_device_info *devices, size_t num_devices, wish wanted,
+                                            const char *part)
 {
     for (size_t i = 0; i < num_devices; i++) {
         const karst_device_info *d = &devices[i];
         if (d->unusable && wanted < NAME_OF_DEVICE) /* by its name one gets to hear why it cannot be used */
             continue;
         if (wanted == ANY_DEVICE || (wanted == WANT_CPU && d->is_cpu) || (wanted == WANT_GPU && d->is_gpu) ||
-            (wanted == NAME_OF_DEVICE && contains(d->name, part)) || (wanted == NAME_OF_PLATFORM && contains(d->platform_name, part)))
+            (wanted == NAME_OF_DEVICE && contains(d->name, part)) ||
+            (wanted == NAME_OF_PLATFORM && contains(d->platform_name, part)))
             return d;
     }
     return NULL;
 }
 
-static const karst_device_info *choose(const karst_device_info *devices, size_t num_devices, const char *selector, karst_error *error)
+static const karst_device_info *choose(const karst_device_info *devices, size_t num_devices, const char *selector,
+                                       karst_error *error)
 {
     const karst_device_info *found = NULL;
     char text[800];
@@ -250,8 +257,10 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
         for (int i = 0; !found && i < 3; i++)
             found = first_match(devices, num_devices, order[i], NULL);
         if (!found)
-            karst_fail(error, KARST_NO_DEVICE, "no usable OpenCL device: install pocl-opencl-icd (CPU) or your GPU's OpenCL driver; there is %s",
-                       text);
+            karst_fail(
+                error, KARST_NO_DEVICE,
+                "no usable OpenCL device: install pocl-opencl-icd (CPU) or your GPU's OpenCL driver; there is %s",
+                text);
         return found;
     }
     int number = selector_number(selector);
@@ -259,7 +268,8 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
         bool cpu = strcasecmp(selector, "cpu") == 0;
         found = first_match(devices, num_devices, cpu ? WANT_CPU : WANT_GPU, NULL);
         if (!found)
-            karst_fail(error, KARST_NO_DEVICE, "no usable OpenCL %s: install %s; there is %s", cpu ? "CPU device" : "GPU",
+            karst_fail(error, KARST_NO_DEVICE, "no usable OpenCL %s: install %s; there is %s",
+                       cpu ? "CPU device" : "GPU",
                        cpu ? "pocl-opencl-icd" : "its OpenCL driver, or choose another device", text);
         return found;
     }
@@ -270,10 +280,12 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
     if (!found)
         found = first_match(devices, num_devices, NAME_OF_PLATFORM, selector);
     if (!found)
-        karst_fail(error, KARST_NO_DEVICE, "no OpenCL device is called \"%.64s\": choose cpu, gpu, a number or a part of a name; there is %s",
+        karst_fail(error, KARST_NO_DEVICE,
+                   "no OpenCL device is called \"%.64s\": choose cpu, gpu, a number or a part of a name; there is %s",
                    selector, text);
     else if (found->unusable) {
-        karst_fail(error, KARST_NO_DEVICE, "device %d, %s, cannot be used: %s; there is %s", found->index, found->name, found->unusable, text);
+        karst_fail(error, KARST_NO_DEVICE, "device %d, %s, cannot be used: %s; there is %s", found->index, found->name,
+                   found->unusable, text);
         found = NULL;
     }
     return found;
@@ -282,7 +294,8 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
 #define MAX_PROPERTIES 16
 
 /* The platform, then `gl_properties` (may be NULL). */
-static void join_properties(cl_platform_id platform, const cl_context_properties *gl_properties, cl_context_properties properties[MAX_PROPERTIES])
+static void join_properties(cl_platform_id platform, const cl_context_properties *gl_properties,
+                            cl_context_properties properties[MAX_PROPERTIES])
 {
     int n = 0;
     properties[n++] = CL_CONTEXT_PLATFORM;
@@ -299,7 +312,8 @@ static bool drives_gl(const karst_device_info *info, const cl_context_properties
 {
     cl_device_id devices[MAX_DEVICES];
     size_t size = 0;
-    clGetGLContextInfoKHR_fn get_info = (clGetGLContextInfoKHR_fn)clGetExtensionFunctionAddressForPlatform(info->platform, "clGetGLContextInfoKHR");
+    clGetGLContextInfoKHR_fn get_info =
+        (clGetGLContextInfoKHR_fn)clGetExtensionFunctionAddressForPlatform(info->platform, "clGetGLContextInfoKHR");
     if (!get_info || get_info(properties, CL_DEVICES_FOR_GL_CONTEXT_KHR, sizeof(devices), devices, &size) != CL_SUCCESS)
         return false;
     for (size_t i = 0; i < size / sizeof(*devices); i++)
@@ -308,7 +322,8 @@ static bool drives_gl(const karst_device_info *info, const cl_context_properties
     return false;
 }
 
-static bool open_device(karst_context *context, const karst_device_info *info, const cl_context_properties *gl_properties, karst_error *error)
+static bool open_device(karst_context *context, const karst_device_info *info,
+                        const cl_context_properties *gl_properties, karst_error *error)
 {
     cl_context_properties properties[MAX_PROPERTIES];
     cl_int code = CL_SUCCESS;
@@ -336,8 +351,8 @@ static bool open_device(karst_context *context, const karst_device_info *info, c
     if (code == CL_SUCCESS)
         context->queue = clCreateCommandQueue(context->cl, info->device, CL_QUEUE_PROFILING_ENABLE, &code);
     if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_NO_DEVICE, "cannot open device %d, %s: %s; choose another with --device", info->index, info->name,
-                          karst_cl_error_name(code));
+        return karst_fail(error, KARST_NO_DEVICE, "cannot open device %d, %s: %s; choose another with --device",
+                          info->index, info->name, karst_cl_error_name(code));
     context->profile = karst_profile_create(error);
     return context->profile != NULL;
 }
@@ -366,11 +381,13 @@ karst_context *karst_context_create_sharing(const char *selector, int lanes, con
         context->log = log;
         context->lanes = lanes;
         if (open_device(context, chosen, gl_properties, error)) {
-            karst_log_print(log, KARST_LOG_INFO, "device %d: %s (%s, %s), %d lanes", chosen->index, chosen->name, chosen->type, chosen->version,
-                            context->lanes);
+            karst_log_print(log, KARST_LOG_INFO, "device %d: %s (%s, %s), %d lanes", chosen->index, chosen->name,
+                            chosen->type, chosen->version, context->lanes);
             if (!chosen->exact_floats)
-                karst_log_print(log, KARST_LOG_WARNING, "%s does not promise exact float arithmetic: worlds may differ from other devices' in "
-                                "their last bits", chosen->name);
+                karst_log_print(log, KARST_LOG_WARNING,
+                                "%s does not promise exact float arithmetic: worlds may differ from other devices' in "
+                                "their last bits",
+                                chosen->name);
         } else {
             karst_context_destroy(context);
             context = NULL;
@@ -387,10 +404,12 @@ void karst_context_destroy(karst_context *context)
     if (context->queue)
         clFinish(context->queue);
     karst_profile_destroy(context->profile);
-    /* A mistake of the library's own: said aloud, and the buffers cut loose so that destroying them later stays safe. */
+    /* A mistake of the library's own: said aloud, and the buffers cut loose so that destroying them later stays safe.
+     */
     for (karst_buffer *b = context->buffers, *next; b; b = next) {
         next = b->next;
-        karst_log_print(context->log, KARST_LOG_ERROR, "buffer %s (%zu bytes) outlives its device", b->name, b->size_bytes);
+        karst_log_print(context->log, KARST_LOG_ERROR, "buffer %s (%zu bytes) outlives its device", b->name,
+                        b->size_bytes);
         b->context = NULL;
         b->next = NULL;
         b->link = NULL;

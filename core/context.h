@@ -19,22 +19,22 @@ typedef struct karst_context karst_context;
 typedef struct karst_buffer karst_buffer;
 
 struct karst_context {
-    const karst_log *log;         /* borrowed; may be NULL */
+    const karst_log *log; /* borrowed; may be NULL */
     cl_platform_id platform;
     cl_device_id device;
     cl_context cl;
-    cl_command_queue queue;       /* in order, profiling on */
-    char name[128];               /* device name for people */
-    bool is_cpu;                  /* host memory is device memory */
-    int lanes;                    /* 16 on CPUs, 1 elsewhere, or as asked at creation */
+    cl_command_queue queue; /* in order, profiling on */
+    char name[128];         /* device name for people */
+    bool is_cpu;            /* host memory is device memory */
+    int lanes;              /* 16 on CPUs, 1 elsewhere, or as asked at creation */
     int compute_units;
-    size_t max_allocation_bytes;  /* of one buffer */
+    size_t max_allocation_bytes; /* of one buffer */
     size_t global_memory_bytes;
-    bool exact_floats;            /* denormals, inf/nan, round to nearest, fma, correctly rounded divide and sqrt */
-    bool rounded_divide;          /* programs are built with -cl-fp32-correctly-rounded-divide-sqrt */
+    bool exact_floats;   /* denormals, inf/nan, round to nearest, fma, correctly rounded divide and sqrt */
+    bool rounded_divide; /* programs are built with -cl-fp32-correctly-rounded-divide-sqrt */
     bool has_gl_sharing;
-    bool shares_gl;               /* created to share objects with an OpenGL context: see karst_context_create_sharing */
-    karst_buffer *buffers;        /* list of live buffers, newest first */
+    bool shares_gl;        /* created to share objects with an OpenGL context: see karst_context_create_sharing */
+    karst_buffer *buffers; /* list of live buffers, newest first */
     struct karst_profile *profile; /* stage timer, see core/profile.h */
 };
 
@@ -42,34 +42,34 @@ struct karst_context {
 typedef struct {
     cl_platform_id platform;
     cl_device_id device;
-    int index;                    /* what `--device` takes, from 0 */
+    int index; /* what `--device` takes, from 0 */
     char platform_name[128];
     char name[128];
-    const char *type;             /* "CPU", "GPU" or "accelerator" */
-    bool is_cpu, is_gpu;          /* a device may say that it is both */
-    char version[64];             /* "OpenCL 3.0 ..." */
+    const char *type;    /* "CPU", "GPU" or "accelerator" */
+    bool is_cpu, is_gpu; /* a device may say that it is both */
+    char version[64];    /* "OpenCL 3.0 ..." */
     char driver[64];
     int compute_units;
     size_t global_memory_bytes;
-    size_t max_allocation_bytes;  /* of one buffer */
-    size_t max_work_group;        /* work-items */
-    bool exact_floats;            /* see karst_context */
-    bool rounded_divide;          /* takes -cl-fp32-correctly-rounded-divide-sqrt */
+    size_t max_allocation_bytes; /* of one buffer */
+    size_t max_work_group;       /* work-items */
+    bool exact_floats;           /* see karst_context */
+    bool rounded_divide;         /* takes -cl-fp32-correctly-rounded-divide-sqrt */
     bool has_gl_sharing;
-    const char *unusable;         /* NULL, or why Karst cannot use it */
+    const char *unusable; /* NULL, or why Karst cannot use it */
 } karst_device_info;
 
-/* All devices of all platforms, platforms in order of their names, into malloc'ed memory that the caller frees. The same machine
- * gives the same numbers. NULL and KARST_NO_DEVICE (how to mend it) if there is none. */
+/* All devices of all platforms, platforms in order of their names, into malloc'ed memory that the caller frees. The
+ * same machine gives the same numbers. NULL and KARST_NO_DEVICE (how to mend it) if there is none. */
 karst_device_info *karst_context_list(size_t *num_devices, karst_error *error);
 
-/* Opens the device that `selector` names: NULL or "" for the first GPU, else the first CPU; "cpu" or "gpu"; a number as `karst info`
- * lists them; or part of a name, ignoring case. `lanes` 0 lets the device decide, else 1 or 16.
- * Errors: KARST_NO_DEVICE with a line that says how to mend it. Destroy with karst_context_destroy. */
+/* Opens the device that `selector` names: NULL or "" for the first GPU, else the first CPU; "cpu" or "gpu"; a number as
+ * `karst info` lists them; or part of a name, ignoring case. `lanes` 0 lets the device decide, else 1 or 16. Errors:
+ * KARST_NO_DEVICE with a line that says how to mend it. Destroy with karst_context_destroy. */
 karst_context *karst_context_create(const char *selector, int lanes, const karst_log *log, karst_error *error);
-/* The same, sharing objects with an OpenGL context that is current, if the device chosen can: `gl_properties` are those of
- * karst_display_sharing (core/surface.h), ended by 0; NULL for none. Where the device has no cl_khr_gl_sharing or does not
- * drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
+/* The same, sharing objects with an OpenGL context that is current, if the device chosen can: `gl_properties` are those
+ * of karst_display_sharing (core/surface.h), ended by 0; NULL for none. Where the device has no cl_khr_gl_sharing or
+ * does not drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
 karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
                                             const karst_log *log, karst_error *error);
 void karst_context_destroy(karst_context *context); /* NULL is fine; all buffers must be gone */
@@ -79,20 +79,25 @@ struct karst_buffer {
     karst_context *context;
     cl_mem mem;
     size_t size_bytes;
-    char name[32];                /* as it stands in memory_bytes of the statistics; several may share one */
+    char name[32]; /* as it stands in memory_bytes of the statistics; several may share one */
     karst_buffer *next, **link;
 };
 
-/* A zeroed read-write buffer (or a copy of `initial`). Errors: KARST_FAILED; size 0 or above the device's largest is refused
- * with a message that names the buffer and the size. */
-karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial, karst_error *error);
-/* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for destroying. */
+/* A zeroed read-write buffer (or a copy of `initial`). Errors: KARST_FAILED; size 0 or above the device's largest is
+ * refused with a message that names the buffer and the size. */
+karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
+                                  karst_error *error);
+/* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for
+ * destroying. */
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
 void karst_buffer_destroy(karst_buffer *buffer); /* NULL is fine */
-bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes, karst_error *error); /* blocking */
-bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);        /* blocking */
-bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error);
-/* Sums live buffers by name into stats->memory[]. */
+/* Write and read wait until it is done; fill (whole 32-bit values) does not. Ranges outside the buffer are refused. */
+bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                        karst_error *error);
+bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
+bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes,
+                       karst_error *error);
+/* Sums live buffers by name into stats->memory[], which it begins anew; names that find no place go into "other". */
 void karst_context_memory(const karst_context *context, karst_stats *stats);
 
 /* ---- programs (program.c): kernels from embedded sources ---- */
@@ -102,31 +107,37 @@ typedef struct {
     const char *text; /* borrowed during the call */
 } karst_virtual_file;
 
-/* Builds `entry` (a path such as "cache/collect.cl") with the options given. #include "path" is resolved by Karst itself, each file once,
- * in this order: `files`, $KARST_KERNEL_DIR (if set), the embedded sources. #line keeps file and line of every error.
- * Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured) -DLANES=n -DKARST_DEVICE_CPU=0 or 1.
- * Errors: KARST_FAILED with the first lines of the build log in the message, all of it in the log. */
+/* Builds `entry` (a path such as "cache/collect.cl") with the options given. #include "path" is resolved by Karst
+ * itself, each file once, in this order: `files`, $KARST_KERNEL_DIR (if set), the embedded sources. #line keeps file
+ * and line of every error. Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured)
+ * -DLANES=n -DKARST_DEVICE_CPU=0 or 1. Errors: KARST_FAILED with the first lines of the build log in the message, all
+ * of it in the log at error level. An #include inside #if is resolved whatever the condition is, and again where it
+ * stands outside: headers carry guards. */
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
 void karst_program_destroy(karst_program *program);
 /* A kernel of the program; release with clReleaseKernel. NULL and error if there is none of that name. */
 cl_kernel karst_program_kernel(karst_program *program, const char *name, karst_error *error);
 
-/* Enqueues a one-dimensional launch under a stage's clock. local_size must be one fixed number for a kernel; global_size is rounded up to it
- * (kernels check their bounds). A global size of 0 is no launch and no error. */
-bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size, karst_error *error);
+/* Enqueues a one-dimensional launch under a stage's clock. local_size must be one fixed number for a kernel;
+ * global_size is rounded up to it (kernels check their bounds). A global size of 0 is no launch and no error. */
+bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size,
+                  karst_error *error);
 
-/* Sets arguments in order: each pair is (size, pointer to value). Stops at the first failure and names the argument. */
+/* Sets all arguments of a kernel, in order: each pair is (size, pointer to value). Stops at the first failure and names
+ * the argument; another number of them than the kernel has is an error. */
 typedef struct {
     size_t size_bytes;
     const void *value;
 } karst_argument;
 bool karst_arguments(cl_kernel kernel, const karst_argument *arguments, size_t num_arguments, karst_error *error);
-#define KARST_ARGUMENTS(kernel, error, ...)                                                             \
-    karst_arguments((kernel), (const karst_argument[]){__VA_ARGS__},                                    \
+#define KARST_ARGUMENTS(kernel, error, ...)                          \
+    karst_arguments((kernel), (const karst_argument[]){__VA_ARGS__}, \
                     sizeof((const karst_argument[]){__VA_ARGS__}) / sizeof(karst_argument), (error))
+/* clang-format off */
 #define KARST_BUFFER_ARG(buffer) {sizeof(cl_mem), &(buffer)->mem}
 #define KARST_VALUE_ARG(variable) {sizeof(variable), &(variable)}
+/* clang-format on */
 
 /* Waits for the queue. */
 bool karst_finish(karst_context *context, karst_error *error);

@@ -55,8 +55,18 @@ _Static_assert(sizeof(long) == 8 && sizeof(int) == 4, "the dialect needs an LP64
 #define k_floor(x) floorf(x)
 #define k_rint(x) rintf(x)
 #define k_fabs(x) fabsf(x)
-K_INLINE float k_as_float(uint u) { float f; memcpy(&f, &u, 4); return f; }
-K_INLINE uint k_as_uint(float f) { uint u; memcpy(&u, &f, 4); return u; }
+K_INLINE float k_as_float(uint u)
+{
+    float f;
+    memcpy(&f, &u, 4);
+    return f;
+}
+K_INLINE uint k_as_uint(float f)
+{
+    uint u;
+    memcpy(&u, &f, 4);
+    return u;
+}
 __extension__ typedef unsigned __int128 k_ulong128;
 K_INLINE ulong k_mul_hi_ulong(ulong a, ulong b) { return (ulong)(((k_ulong128)a * b) >> 64); }
 K_INLINE int k_clz(uint x) { return x ? __builtin_clz(x) : 32; }
@@ -64,7 +74,7 @@ K_INLINE int k_popcount(uint x) { return __builtin_popcount(x); }
 
 #endif
 
-/* min and max as selects, so that ties, zeros and NaN are the same everywhere: b wins only if it is smaller (larger). */
+/* min and max as selects, so that ties, zeros and NaN are the same everywhere: b wins only if smaller (larger). */
 #define k_min(a, b) ((b) < (a) ? (b) : (a))
 #define k_max(a, b) ((b) > (a) ? (b) : (a))
 

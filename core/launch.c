@@ -26,7 +26,8 @@ bool karst_arguments(cl_kernel kernel, const karst_argument *arguments, size_t n
         code = clSetKernelArg(kernel, (cl_uint)i, arguments[i].size_bytes, arguments[i].value);
         if (code != CL_SUCCESS)
             return karst_fail(error, KARST_FAILED, "cannot set argument %zu (of %zu bytes) of kernel %s: %s", i,
-                              arguments[i].size_bytes, kernel_name(kernel, name, sizeof(name)), karst_cl_error_name(code));
+                              arguments[i].size_bytes, kernel_name(kernel, name, sizeof(name)),
+                              karst_cl_error_name(code));
     }
     return true;
 }
@@ -38,14 +39,18 @@ static bool launch_failed(karst_context *context, cl_kernel kernel, size_t local
     kernel_name(kernel, name, sizeof(name));
     size_t largest = 0;
     if ((code == CL_INVALID_WORK_GROUP_SIZE || code == CL_INVALID_WORK_ITEM_SIZE) &&
-        clGetKernelWorkGroupInfo(kernel, context->device, CL_KERNEL_WORK_GROUP_SIZE, sizeof(largest), &largest, NULL) == CL_SUCCESS &&
+        clGetKernelWorkGroupInfo(kernel, context->device, CL_KERNEL_WORK_GROUP_SIZE, sizeof(largest), &largest, NULL) ==
+            CL_SUCCESS &&
         local_size > largest)
-        return karst_fail(error, KARST_FAILED, "kernel %s cannot run in work-groups of %zu: the largest that %s takes is %zu (%s)",
-                          name, local_size, context->name, largest, karst_cl_error_name(code));
-    return karst_fail(error, KARST_FAILED, "cannot launch kernel %s on %s: %s", name, context->name, karst_cl_error_name(code));
+        return karst_fail(error, KARST_FAILED,
+                          "kernel %s cannot run in work-groups of %zu: the largest that %s takes is %zu (%s)", name,
+                          local_size, context->name, largest, karst_cl_error_name(code));
+    return karst_fail(error, KARST_FAILED, "cannot launch kernel %s on %s: %s", name, context->name,
+                      karst_cl_error_name(code));
 }
 
-bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size, karst_error *error)
+bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size,
+                  karst_error *error)
 {
     char name[128];
     if (global_size == 0)
@@ -70,7 +75,7 @@ bool karst_finish(karst_context *context, karst_error *error)
 }
 
 #define NAME(code) \
-    case code: \
+    case code:     \
         return #code
 
 const char *karst_cl_error_name(cl_int code)

@@ -56,9 +56,11 @@ static bool fold_event(struct karst_profile *profile, timed_event timed, karst_e
         code = clGetEventProfilingInfo(timed.event, CL_PROFILING_COMMAND_END, sizeof(end), &end, NULL);
     clReleaseEvent(timed.event);
     if (status < 0)
-        return karst_fail(error, KARST_FAILED, "the device failed during %s: %s", karst_stage_name(timed.stage), karst_cl_error_name(status));
+        return karst_fail(error, KARST_FAILED, "the device failed during %s: %s", karst_stage_name(timed.stage),
+                          karst_cl_error_name(status));
     if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot time %s: %s", karst_stage_name(timed.stage), karst_cl_error_name(code));
+        return karst_fail(error, KARST_FAILED, "cannot time %s: %s", karst_stage_name(timed.stage),
+                          karst_cl_error_name(code));
     if (end > start)
         profile->ns[timed.stage] += end - start;
     return true;

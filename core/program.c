@@ -19,7 +19,8 @@ struct karst_program {
 static char *build_log(const karst_context *context, cl_program program)
 {
     size_t size = 0;
-    if (clGetProgramBuildInfo(program, context->device, CL_PROGRAM_BUILD_LOG, 0, NULL, &size) != CL_SUCCESS || size == 0)
+    if (clGetProgramBuildInfo(program, context->device, CL_PROGRAM_BUILD_LOG, 0, NULL, &size) != CL_SUCCESS ||
+        size == 0)
         return NULL;
     char *log = calloc(size + 1, 1);
     if (log && clGetProgramBuildInfo(program, context->device, CL_PROGRAM_BUILD_LOG, size, log, NULL) != CL_SUCCESS) {
@@ -48,7 +49,8 @@ static void first_errors(const char *log, char *text, size_t size_bytes)
             size_t length = strcspn(line, "\r\n");
             size_t blanks = strspn(line, " \t");
             if (length > blanks && (!only_errors || says_error(line, length))) {
-                int written = snprintf(text + n, size_bytes - n, "%s%.*s", taken ? "; " : "", (int)(length - blanks), line + blanks);
+                int written = snprintf(text + n, size_bytes - n, "%s%.*s", taken ? "; " : "", (int)(length - blanks),
+                                       line + blanks);
                 n += written > 0 ? (size_t)written : 0;
                 taken++;
             }
@@ -58,7 +60,8 @@ static void first_errors(const char *log, char *text, size_t size_bytes)
     }
 }
 
-static void build_failed(const karst_context *context, const char *entry, const char *options, cl_program program, cl_int code, karst_error *error)
+static void build_failed(const karst_context *context, const char *entry, const char *options, cl_program program,
+                         cl_int code, karst_error *error)
 {
     char text[900];
     char *log = build_log(context, program);
@@ -68,13 +71,15 @@ static void build_failed(const karst_context *context, const char *entry, const 
         first_errors(log, text, sizeof(text));
         karst_fail(error, KARST_FAILED, "cannot build %s: %s", entry, text);
     } else {
-        karst_fail(error, KARST_FAILED, "cannot build %s for %s with %s: %s", entry, context->name, options, karst_cl_error_name(code));
+        karst_fail(error, KARST_FAILED, "cannot build %s for %s with %s: %s", entry, context->name, options,
+                   karst_cl_error_name(code));
     }
     free(log);
 }
 
 /* Compiles expanded source; the result is released by the caller. */
-static cl_program compile(karst_context *context, const char *entry, const char *options, const char *source, karst_error *error)
+static cl_program compile(karst_context *context, const char *entry, const char *options, const char *source,
+                          karst_error *error)
 {
     cl_int code = CL_SUCCESS;
     cl_program program = clCreateProgramWithSource(context->cl, 1, &source, NULL, &code);
@@ -96,8 +101,8 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
 {
     char all_options[MAX_OPTIONS];
     int length = snprintf(all_options, sizeof(all_options), "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s",
-                          context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes, context->is_cpu ? 1 : 0,
-                          options ? options : "");
+                          context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
+                          context->is_cpu ? 1 : 0, options ? options : "");
     if (length < 0 || (size_t)length >= sizeof(all_options)) {
         karst_fail(error, KARST_FAILED, "cannot build %s: its options are too long", entry);
         return NULL;
@@ -119,7 +124,8 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     program->context = context;
     program->cl = cl;
     snprintf(program->entry, sizeof(program->entry), "%s", entry);
-    karst_log_print(context->log, KARST_LOG_DEBUG, "built %s in %.0f ms", entry, (double)(karst_clock_ns() - start) * 1e-6);
+    karst_log_print(context->log, KARST_LOG_DEBUG, "built %s in %.0f ms", entry,
+                    (double)(karst_clock_ns() - start) * 1e-6);
     return program;
 }
 

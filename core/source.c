@@ -1,7 +1,8 @@
 /* Kernel sources: see core/source.h.
  *
- * OpenCL drivers know no files of ours, so includes are resolved here, by text. A full preprocessor is not needed: the compiler
- * evaluates every #if itself. Only two things must be known: what is comment, and which #if an include stands in. */
+ * OpenCL drivers know no files of ours, so includes are resolved here, by text. A full preprocessor is not needed: the
+ * compiler evaluates every #if itself. Only two things must be known: what is comment, and which #if an include stands
+ * in. */
 #include "core/source.h"
 #include "core/embedded.h"
 
@@ -11,9 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MAX_DEPTH 32                   /* of includes in includes */
-#define MAX_PATH 200                   /* of one source */
-#define MAX_FILE_BYTES (16u << 20)     /* of a file in $KARST_KERNEL_DIR */
+#define MAX_DEPTH 32               /* of includes in includes */
+#define MAX_PATH 200               /* of one source */
+#define MAX_FILE_BYTES (16u << 20) /* of a file in $KARST_KERNEL_DIR */
 #define MAX_PROGRAM_BYTES (64u << 20)
 
 typedef struct {
@@ -32,9 +33,9 @@ typedef struct {
 
 /* One open #if of a file. */
 typedef struct {
-    size_t num_seen;  /* what was seen when its branch began; an include inside is not certain outside */
-    bool is_guard;    /* the #ifndef around a whole file: as good as no condition */
-    char macro[64];   /* that it tests, if it may become the guard */
+    size_t num_seen; /* what was seen when its branch began; an include inside is not certain outside */
+    bool is_guard;   /* the #ifndef around a whole file: as good as no condition */
+    char macro[64];  /* that it tests, if it may become the guard */
 } condition;
 
 /* Where reading stands in one file. */
@@ -47,10 +48,7 @@ typedef struct {
     size_t num_conditions, capacity;
 } reader;
 
-static bool out_of_memory(expansion *e)
-{
-    return karst_fail(e->error, KARST_FAILED, "out of memory");
-}
+static bool out_of_memory(expansion *e) { return karst_fail(e->error, KARST_FAILED, "out of memory"); }
 
 static bool append(expansion *e, const char *text, size_t length)
 {
@@ -108,7 +106,8 @@ static bool read_kernel_dir(expansion *e, const char *path, char **text)
     if (!file) {
         if (errno == ENOENT || errno == ENOTDIR)
             return true;
-        return karst_fail(e->error, KARST_FAILED, "cannot read %s (KARST_KERNEL_DIR is set): %s", name, strerror(errno));
+        return karst_fail(e->error, KARST_FAILED, "cannot read %s (KARST_KERNEL_DIR is set): %s", name,
+                          strerror(errno));
     }
     size_t length = 0, capacity = 1 << 14;
     char *data = malloc(capacity);
@@ -130,13 +129,16 @@ static bool read_kernel_dir(expansion *e, const char *path, char **text)
     if (failed || length > MAX_FILE_BYTES || strlen(data) != length) {
         free(data);
         return karst_fail(e->error, KARST_FAILED, "cannot read %s (KARST_KERNEL_DIR is set): %s", name,
-                          failed ? strerror(reason) : length > MAX_FILE_BYTES ? "it is too large" : "it is not text");
+                          failed                    ? strerror(reason)
+                          : length > MAX_FILE_BYTES ? "it is too large"
+                                                    : "it is not text");
     }
     *text = data;
     return true;
 }
 
-/* Finds a source. *owned is what the caller frees (NULL if the text belongs to somebody). false: an error, or there is no such source. */
+/* Finds a source. *owned is what the caller frees (NULL if the text belongs to somebody). false: an error, or there is
+ * no such source. */
 static bool find_source(expansion *e, const char *path, const char **text, char **owned)
 {
     *text = NULL;
@@ -280,7 +282,8 @@ static bool follow_directive(expansion *e, reader *r, const char *at, const char
     const char *close = memchr(at + 1, '"', (size_t)(end - at - 1));
     size_t length = close ? (size_t)(close - at - 1) : 0;
     if (!close || length > MAX_PATH)
-        return karst_fail(e->error, KARST_FAILED, "%s:%u: the path of this #include %s", r->path, r->line, close ? "is too long" : "has no end");
+        return karst_fail(e->error, KARST_FAILED, "%s:%u: the path of this #include %s", r->path, r->line,
+                          close ? "is too long" : "has no end");
     memcpy(path, at + 1, length);
     path[length] = 0;
     if (!expand_file(e, path, r, depth + 1))

@@ -279,8 +279,9 @@ static void test_what_does_not_fit_is_refused_by_name_and_size(void **state)
     karst_error error = {0};
     assert_null(karst_buffer_create(context, "bricks", ((size_t)32 << 30) / 10, NULL, &error));
     assert_int_equal(error.status, KARST_FAILED);
-    assert_string_equal(error.message,
-                        "cannot allocate 3.2 GiB for bricks: the device's largest buffer is 2.0 GiB; use a smaller --pool");
+    assert_string_equal(
+        error.message,
+        "cannot allocate 3.2 GiB for bricks: the device's largest buffer is 2.0 GiB; use a smaller --pool");
     error = (karst_error){0};
     assert_null(karst_buffer_create(context, "nodes", 0, NULL, &error));
     assert_non_null(strstr(error.message, "nodes"));
@@ -294,8 +295,8 @@ static void test_what_does_not_fit_is_refused_by_name_and_size(void **state)
     karst_buffer *first = karst_buffer_create(context, "first", 700 << 10, NULL, &error);
     assert_non_null(first);
     assert_null(karst_buffer_create(context, "second", 400 << 10, NULL, &error));
-    assert_string_equal(error.message,
-                        "cannot allocate 400.0 KiB for second: the device has 1.0 MiB, of which 700.0 KiB are taken; use a smaller --pool");
+    assert_string_equal(error.message, "cannot allocate 400.0 KiB for second: the device has 1.0 MiB, of which 700.0 "
+                                       "KiB are taken; use a smaller --pool");
     error = (karst_error){0};
     karst_buffer *second = karst_buffer_create(context, "second", 324 << 10, NULL, &error); /* to the last byte */
     assert_non_null(second);

@@ -1,4 +1,5 @@
-/* The dialect and the lanes: one piece of code, compiled here as C and by the device with 1 and with 16 lanes, gives the same bits. */
+/* The dialect and the lanes: one piece of code, compiled here as C and by the device with 1 and with 16 lanes, gives
+ * the same bits. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,11 +18,11 @@
     __VA_ARGS__         \
     static const char name[] = #__VA_ARGS__;
 
-#define N 256      /* cases: every pair of 16 values */
-#define FLOATS 12  /* the first rows of the result hold floats */
-#define ROWS 44    /* of 32-bit values, in all */
+#define N 256     /* cases: every pair of 16 values */
+#define FLOATS 12 /* the first rows of the result hold floats */
+#define ROWS 44   /* of 32-bit values, in all */
 
-#define V_PUT(row, v) v_store_int((v), out + (row) * N + i)
+#define V_PUT(row, v) v_store_int((v), out + (row)*N + i)
 #define V_PUT_FLOAT(row, v) V_PUT(row, v_as_int(v))
 static const char macros[] = "#include \"core/lanes.clh\"\n"
                              "#define N 256\n"
@@ -35,7 +36,8 @@ K_INLINE void put_long(K_GLOBAL int *out, int i, int row, vulong v)
     V_PUT(row, v_uint_to_int(v_ulong_to_uint(v)));
     V_PUT(row + 1, v_uint_to_int(v_ulong_to_uint(v >> 32)));
 }
-K_INLINE void probe(K_GLOBAL const float *as, K_GLOBAL const float *bs, K_GLOBAL const int *table, K_GLOBAL int *out, int i)
+K_INLINE void probe(K_GLOBAL const float *as, K_GLOBAL const float *bs, K_GLOBAL const int *table,
+                    K_GLOBAL int *out, int i)
 {
     vfloat a = v_load_float(as + i);
     vfloat b = v_load_float(bs + i);
@@ -97,39 +99,34 @@ K_INLINE void probe_scalar(K_GLOBAL const float *as, K_GLOBAL const float *bs, K
 )
 /* clang-format on */
 
-static const char kernels[] =
-    "__kernel void run(__global const float *as, __global const float *bs, __global const int *table, __global int *out)\n"
+static const char kernels[] = "__kernel void run(__global const float *as, __global const float *bs, __global const "
+                              "int *table, __global int *out)\n"
+                              "{\n"
+                              "    int first = (int)get_global_id(0) * LANES;\n"
+                              "    if (first >= N)\n"
+                              "        return;\n"
+                              "    probe(as, bs, table, out, first);\n"
+                              "    for (int i = first; i < first + LANES; i++)\n"
+                              "        probe_scalar(as, bs, out, i);\n"
+                              "}\n";
+
+static const char across[] =
+    "#include \"core/lanes.clh\"\n"
+    "__kernel void run(__global const float *values, __global const int *masks, __global float *extremes,\n"
+    "                  __global int *tests)\n"
     "{\n"
-    "    int first = (int)get_global_id(0) * LANES;\n"
-    "    if (first >= N)\n"
-    "        return;\n"
-    "    probe(as, bs, table, out, first);\n"
-    "    for (int i = first; i < first + LANES; i++)\n"
-    "        probe_scalar(as, bs, out, i);\n"
+    "    int n = (int)get_global_id(0);\n"
+    "    vfloat v = v_load_float(values + n * LANES);\n"
+    "    vint m = v_load_int(masks + n * LANES);\n"
+    "    extremes[2 * n] = v_min_across(v);\n"
+    "    extremes[2 * n + 1] = v_max_across(v);\n"
+    "    tests[n] = v_any(m) * 2 + v_all(m);\n"
     "}\n";
 
-static const char across[] = "#include \"core/lanes.clh\"\n"
-                             "__kernel void run(__global const float *values, __global const int *masks, __global float *extremes,\n"
-                             "                  __global int *tests)\n"
-                             "{\n"
-                             "    int n = (int)get_global_id(0);\n"
-                             "    vfloat v = v_load_float(values + n * LANES);\n"
-                             "    vint m = v_load_int(masks + n * LANES);\n"
-                             "    extremes[2 * n] = v_min_across(v);\n"
-                             "    extremes[2 * n + 1] = v_max_across(v);\n"
-                             "    tests[n] = v_any(m) * 2 + v_all(m);\n"
-                             "}\n";
-
 /* Rows that hold floats: there NaN is NaN, whatever its sign and payload. */
-static bool is_float_row(int row)
-{
-    return row < FLOATS || row == 19 || row == 23;
-}
+static bool is_float_row(int row) { return row < FLOATS || row == 19 || row == 23; }
 
-static bool is_nan(int bits)
-{
-    return ((uint)bits & 0x7fffffffu) > 0x7f800000u;
-}
+static bool is_nan(int bits) { return ((uint)bits & 0x7fffffffu) > 0x7f800000u; }
 
 typedef struct {
     karst_context *context;
@@ -166,8 +163,8 @@ static int tear_down(void **state)
 }
 
 /* Builds `text`, runs its kernel `run` on four buffers, and reads back the third and the fourth. */
-static void run_on_device(karst_context *context, const char *text, const void *const data[4], const size_t size_bytes[4], size_t num_items,
-                          void *third, void *fourth)
+static void run_on_device(karst_context *context, const char *text, const void *const data[4],
+                          const size_t size_bytes[4], size_t num_items, void *third, void *fourth)
 {
     const karst_virtual_file file = {"test.cl", text};
     karst_error error = {0};
@@ -180,8 +177,8 @@ static void run_on_device(karst_context *context, const char *text, const void *
         buffers[i] = karst_buffer_create(context, "test", size_bytes[i], data[i], &error);
         assert_non_null(buffers[i]);
     }
-    assert_true(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(buffers[0]), KARST_BUFFER_ARG(buffers[1]), KARST_BUFFER_ARG(buffers[2]),
-                                KARST_BUFFER_ARG(buffers[3])));
+    assert_true(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(buffers[0]), KARST_BUFFER_ARG(buffers[1]),
+                                KARST_BUFFER_ARG(buffers[2]), KARST_BUFFER_ARG(buffers[3])));
     assert_true(karst_launch(context, kernel, KARST_STAGE_CAST, num_items, 1, &error));
     if (third)
         assert_true(karst_buffer_read(buffers[2], 0, third, size_bytes[2], &error));
@@ -219,8 +216,8 @@ static void test_host_and_device_agree_in_every_bit(void **state)
                 if (is_float_row(row) && is_nan(expected) && is_nan(got))
                     continue;
                 if (got != expected)
-                    fail_msg("%d lanes, row %d, a = %a, b = %a: the device gives %08x, the host %08x", lanes, row, (double)f->as[i],
-                             (double)f->bs[i], (uint)got, (uint)expected);
+                    fail_msg("%d lanes, row %d, a = %a, b = %a: the device gives %08x, the host %08x", lanes, row,
+                             (double)f->as[i], (double)f->bs[i], (uint)got, (uint)expected);
             }
         }
     }
@@ -251,7 +248,11 @@ static void test_across_lanes(void **state)
         values[i] = (float)(int)x;
         /* One lane of each on, one of each off, then all, none and chance. */
         int vector = i / 16, lane = i % 16;
-        masks[i] = vector < 16 ? -(lane == vector) : vector < 32 ? -(lane != vector - 16) : vector == 32 ? -1 : vector == 33 ? 0 : -(int)(x >> 31);
+        masks[i] = vector < 16    ? -(lane == vector)
+                   : vector < 32  ? -(lane != vector - 16)
+                   : vector == 32 ? -1
+                   : vector == 33 ? 0
+                                  : -(int)(x >> 31);
     }
     for (int lanes = 1; lanes <= 16; lanes += 15) {
         const void *const data[4] = {values, masks, NULL, NULL};

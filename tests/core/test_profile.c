@@ -26,7 +26,8 @@ static const karst_virtual_file source[] = {{
     "        x = (x ^ x >> 15) * 0x2c1b3c6du + i;\n"
     "    out[0] = x;\n"
     "}\n"
-    "__kernel __attribute__((reqd_work_group_size(4, 1, 1))) void fours(__global int *out) { out[get_global_id(0)] = 4; }\n",
+    "__kernel __attribute__((reqd_work_group_size(4, 1, 1))) void fours(__global int *out) { out[get_global_id(0)] = "
+    "4; }\n",
 }};
 
 typedef struct {
@@ -104,11 +105,13 @@ static void test_a_failed_launch_names_kernel_and_reason(void **state)
     karst_error error = {0};
     size_t largest = 0;
     int n = 0;
-    assert_int_equal(clGetKernelWorkGroupInfo(f->count, f->context->device, CL_KERNEL_WORK_GROUP_SIZE, sizeof(largest), &largest, NULL),
+    assert_int_equal(clGetKernelWorkGroupInfo(f->count, f->context->device, CL_KERNEL_WORK_GROUP_SIZE, sizeof(largest),
+                                              &largest, NULL),
                      CL_SUCCESS);
     assert_true(KARST_ARGUMENTS(f->count, &error, KARST_BUFFER_ARG(f->out), KARST_VALUE_ARG(n)));
     char expected[128];
-    snprintf(expected, sizeof(expected), "kernel count cannot run in work-groups of %zu: the largest that ", largest + 1);
+    snprintf(expected, sizeof(expected), "kernel count cannot run in work-groups of %zu: the largest that ",
+             largest + 1);
     assert_false(karst_launch(f->context, f->count, KARST_STAGE_CAST, largest + 1, largest + 1, &error));
     assert_int_equal(error.status, KARST_FAILED);
     if (strncmp(error.message, expected, strlen(expected)) != 0)
@@ -116,7 +119,8 @@ static void test_a_failed_launch_names_kernel_and_reason(void **state)
     error = (karst_error){0};
     assert_true(KARST_ARGUMENTS(f->fours, &error, KARST_BUFFER_ARG(f->out)));
     assert_true(karst_launch(f->context, f->fours, KARST_STAGE_CAST, 5, 4, &error));
-    assert_false(karst_launch(f->context, f->fours, KARST_STAGE_CAST, 5, 8, &error)); /* not what the kernel was made for */
+    assert_false(
+        karst_launch(f->context, f->fours, KARST_STAGE_CAST, 5, 8, &error)); /* not what the kernel was made for */
     if (!strstr(error.message, "cannot launch kernel fours") || !strstr(error.message, "CL_INVALID_WORK_GROUP_SIZE"))
         fail_msg("%s", error.message);
     assert_false(karst_launch(f->context, f->count, KARST_STAGE_CAST, 8, 0, NULL));
@@ -192,7 +196,8 @@ static void test_host_time_joins_the_next_collect(void **state)
     assert_int_equal(ns[KARST_STAGE_DISPLAY], 1234);
 }
 
-/* More launches than are kept pending: no time is lost with those that are folded early, and destroying the rest is clean. */
+/* More launches than are kept pending: no time is lost with those that are folded early, and destroying the rest is
+ * clean. */
 static void test_launches_that_nobody_collects_do_not_pile_up(void **state)
 {
     fixture *f = *state;

@@ -56,7 +56,8 @@ static void test_comments_and_text_are_no_includes(void **state)
 {
     (void)state;
     const karst_virtual_file files[] = {
-        {"a.cl", "// #include \"x\"\n/* \n#include \"x\"\n */ int a; /* // */\n#define S \"/*\"\n#include \"b\"\n'\"' /*\n#include \"x\"\n*/\n"},
+        {"a.cl", "// #include \"x\"\n/* \n#include \"x\"\n */ int a; /* // */\n#define S \"/*\"\n#include \"b\"\n'\"' "
+                 "/*\n#include \"x\"\n*/\n"},
         {"b", "b1\n"},
     };
     assert_expands("a.cl", files, COUNT(files),
@@ -68,11 +69,13 @@ static void test_an_include_in_one_branch_does_not_count_in_others(void **state)
 {
     (void)state;
     const karst_virtual_file files[] = {
-        {"a.cl", "#if X\n#include \"b\"\n#include \"b\"\n#else\n#include \"b\"\n#endif\n#include \"b\"\n#include \"b\"\n"},
+        {"a.cl",
+         "#if X\n#include \"b\"\n#include \"b\"\n#else\n#include \"b\"\n#endif\n#include \"b\"\n#include \"b\"\n"},
         {"b", "b1\n"},
     };
     assert_expands("a.cl", files, COUNT(files),
-                   "#line 1 \"a.cl\"\n#if X\n#line 1 \"b\"\nb1\n#line 2 \"a.cl\"\n\n\n#else\n#line 1 \"b\"\nb1\n#line 5 \"a.cl\"\n\n#endif\n"
+                   "#line 1 \"a.cl\"\n#if X\n#line 1 \"b\"\nb1\n#line 2 \"a.cl\"\n\n\n#else\n#line 1 \"b\"\nb1\n#line "
+                   "5 \"a.cl\"\n\n#endif\n"
                    "#line 1 \"b\"\nb1\n#line 7 \"a.cl\"\n\n\n");
 }
 
@@ -84,9 +87,10 @@ static void test_an_include_guard_is_no_branch(void **state)
         {"g", "/* why */\n#ifndef G\n#define G\n#include \"b\"\n#endif\n"},
         {"b", "b1\n"},
     };
-    assert_expands("a.cl", files, COUNT(files),
-                   "#line 1 \"a.cl\"\n#line 1 \"g\"\n/* why */\n#ifndef G\n#define G\n#line 1 \"b\"\nb1\n#line 4 \"g\"\n\n#endif\n"
-                   "#line 1 \"a.cl\"\n\n\n");
+    assert_expands(
+        "a.cl", files, COUNT(files),
+        "#line 1 \"a.cl\"\n#line 1 \"g\"\n/* why */\n#ifndef G\n#define G\n#line 1 \"b\"\nb1\n#line 4 \"g\"\n\n#endif\n"
+        "#line 1 \"a.cl\"\n\n\n");
 }
 
 static void test_circles_end(void **state)
@@ -175,7 +179,8 @@ static int remove_folder(void **state)
 static void test_the_kernel_folder_goes_before_the_embedded_sources(void **state)
 {
     (void)state;
-    const karst_virtual_file files[] = {{"v.cl", "#include \"core/dialect.h\"\n#include \"core/lanes.clh\"\n"}, {"a.cl", "virtual\n"}};
+    const karst_virtual_file files[] = {{"v.cl", "#include \"core/dialect.h\"\n#include \"core/lanes.clh\"\n"},
+                                        {"a.cl", "virtual\n"}};
     write_file("core/dialect.h", "from the disk\n", 14);
     write_file("a.cl", "on the disk\n", 12);
     karst_error error = {0};
@@ -268,7 +273,8 @@ static void test_a_program_runs_with_its_options_and_files(void **state)
     fixture *f = *state;
     const karst_virtual_file files[] = {
         {"test.cl", "#include \"core/lanes.clh\"\n#include \"world.clh\"\n"
-                    "__kernel void tell(__global int *out) { out[0] = WORLD; out[1] = LANES; out[2] = KARST_DEVICE_CPU; out[3] = OPTION; }\n"},
+                    "__kernel void tell(__global int *out) { out[0] = WORLD; out[1] = LANES; out[2] = "
+                    "KARST_DEVICE_CPU; out[3] = OPTION; }\n"},
         {"world.clh", "#define WORLD 77\n"},
     };
     for (int lanes = 1; lanes <= 16; lanes += 15) {
@@ -316,7 +322,8 @@ static void test_a_build_error_points_at_file_and_line(void **state)
     fixture *f = *state;
     skip_without_line_directives(f);
     const karst_virtual_file in_world[] = {
-        {"test.cl", "#include \"core/lanes.clh\"\n#include \"world.clh\"\n__kernel void k(__global int *out) { out[0] = world(1); }\n"},
+        {"test.cl", "#include \"core/lanes.clh\"\n#include \"world.clh\"\n__kernel void k(__global int *out) { out[0] "
+                    "= world(1); }\n"},
         {"world.clh", "int world(int x)\n{\n    return x + missing_name;\n}\n"},
     };
     karst_error error = {0};
@@ -329,7 +336,8 @@ static void test_a_build_error_points_at_file_and_line(void **state)
 
     /* Behind an include, the including file's own lines count on. */
     const karst_virtual_file in_entry[] = {
-        {"test.cl", "#include \"core/lanes.clh\"\n\n#include \"world.clh\"\n__kernel void k(__global int *out) { out[0] = wolrd; }\n"},
+        {"test.cl", "#include \"core/lanes.clh\"\n\n#include \"world.clh\"\n__kernel void k(__global int *out) { "
+                    "out[0] = wolrd; }\n"},
         {"world.clh", "int world(int x) { return x; }\n"},
     };
     error = (karst_error){0};
@@ -379,7 +387,8 @@ int main(void)
         cmocka_unit_test(test_circles_end),
         cmocka_unit_test(test_what_cannot_be_included_names_file_and_line),
         cmocka_unit_test(test_nesting_is_bounded),
-        cmocka_unit_test_setup_teardown(test_the_kernel_folder_goes_before_the_embedded_sources, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_the_kernel_folder_goes_before_the_embedded_sources, make_folder,
+                                        remove_folder),
         cmocka_unit_test(test_embedded_sources_are_the_files),
         cmocka_unit_test_setup_teardown(test_a_program_runs_with_its_options_and_files, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_build_error_points_at_file_and_line, set_up, tear_down),

@@ -16,15 +16,15 @@ typedef enum {
     KARST_BAD_DATA = 5   /* another data file that cannot be read */
 } karst_status;
 
-/* Filled by a function that fails; untouched by one that succeeds. The caller owns it. Every `karst_error *error` parameter
- * of the library may be NULL. The first error wins: a function never overwrites one that is already set. */
+/* Filled by a function that fails; untouched by one that succeeds. The caller owns it. Every `karst_error *error`
+ * parameter of the library may be NULL. The first error wins: a function never overwrites one that is already set. */
 typedef struct {
     karst_status status;
     char message[1024]; /* one line, no full stop or newline at its end */
 } karst_error;
 
-/* Sets *error, printf-like, if error is not NULL and holds none yet. Returns 0, so that `return karst_fail(...)` reads well in
- * functions that return bool or a pointer. Thread-safe for distinct errors. */
+/* Sets *error, printf-like, if error is not NULL and holds none yet. Returns 0, so that `return karst_fail(...)` reads
+ * well in functions that return bool or a pointer. Thread-safe for distinct errors. */
 int karst_fail(karst_error *error, karst_status status, const char *format, ...)
 #if defined(__GNUC__)
     __attribute__((format(printf, 3, 4)))

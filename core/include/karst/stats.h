@@ -35,22 +35,23 @@ typedef struct {
 /* One frame, or the state after it. */
 typedef struct {
     char device[128];
-    uint32_t frame;                          /* counts frames of this engine */
-    bool settled;                            /* this frame asked for nothing, produced nothing, evicted nothing */
-    uint64_t time_ns_frame;                  /* wall clock of the frame */
-    uint64_t time_ns[KARST_NUM_STAGES];      /* device time, plus host time where the stage runs there */
-    karst_stats_pool tiles, bricks;          /* used: stamped by the last cast; total: slots; bytes: what the pool takes */
+    uint32_t frame;                     /* counts frames of this engine */
+    bool settled;                       /* this frame asked for nothing, produced nothing, evicted nothing */
+    uint64_t time_ns_frame;             /* wall clock of the frame */
+    uint64_t time_ns[KARST_NUM_STAGES]; /* device time, plus host time where the stage runs there */
+    karst_stats_pool tiles, bricks;     /* used: stamped by the last cast; total: slots; bytes: what the pool takes */
     uint64_t num_resident_tiles, num_resident_bricks; /* slots that hold something, used or not */
     /* churn of this frame */
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
     uint64_t num_tiles_produced, num_bricks_produced, num_bricks_constant; /* constant: evaluated, then proven */
-    uint64_t num_non_finite;                 /* samples scrubbed to air so far */
+    uint64_t num_non_finite;                                               /* samples scrubbed to air so far */
     /* picture of this frame */
-    uint64_t num_pixels, num_hits, num_provisional, num_incomplete; /* incomplete: rays that met a region without data */
+    uint64_t num_pixels, num_hits, num_provisional;
+    uint64_t num_incomplete;                 /* rays that met a region without data */
     uint64_t num_changed_pixels;             /* against the frame before; counted only if the engine was asked to */
     double detail_asked_px, detail_given_px; /* pixels per voxel */
     size_t num_memory;
-    karst_stats_memory memory[32];           /* by buffer name */
+    karst_stats_memory memory[32]; /* by buffer name */
 } karst_stats;
 
 #ifdef __cplusplus
