@@ -1,4 +1,4 @@
-/* Finalise: samples in staging memory become a constant node or a 16-bit brick. KARST_GROUP work-items share a brick (1: the CPU
+/* Finalise: samples in staging memory become a constant or clear node or a 16-bit brick. KARST_GROUP work-items share a brick (1: the CPU
  * shape); whatever the shape, results are maxima, counts and bit masks, which do not depend on the order. */
 #include "core/lanes.clh"
 #include "producers/finalise_shared.h"
@@ -59,7 +59,7 @@ typedef struct {
 } sample_survey;
 
 typedef struct {
-    float reach;          /* largest |d| at a corner of a surface cell; 0: there is none */
+    float reach;          /* largest |d| at a corner of a surface cell */
     uint blocks[2];
 } surface_survey;
 
@@ -230,9 +230,8 @@ void karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL f
     if (state != KARST_STATE_BRICK)
         return;
 
-    surface_survey surface = {0.0f, {0u, 0u}};
-    if (sides == (ANY_SOLID | ANY_AIR))
-        survey_surface(samples, &surface);
+    surface_survey surface;
+    survey_surface(samples, &surface);
     float reach = group_max_float(surface.reach, cells + 5);
     uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
     float range = karst_brick_range(largest, reach);

@@ -18,11 +18,11 @@
 /* Longer safe steps than this leave the brick anyway. */
 #define KARST_MAX_SAFE_CELLS 32.0f
 
-/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of surface cells (0: none). */
+/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of surface cells. */
 K_INLINE float karst_brick_range(float largest, float surface)
 {
     float clamp = surface * KARST_CLAMP_SURFACES; /* infinite for a huge surface: no clamp */
-    float range = surface > 0.0f && clamp < largest ? clamp : largest;
+    float range = clamp < largest ? clamp : largest;
     return range > KARST_MIN_RANGE ? range : KARST_MIN_RANGE;
 }
 
@@ -34,7 +34,7 @@ K_INLINE float karst_safe_cells(float slope_squared)
     return k_min(safe, KARST_MAX_SAFE_CELLS);
 }
 
-/* The state of a node from its samples: the least and the largest |d| and whether there are solid (d > 0) and air ones among them.
+/* The state of a node from its samples: the least |d| and whether there are solid (d > 0) and air ones among them.
  *
  * Constant is a proof: with every sample on one side of zero and farther from it than `doubt`, every point of the node, at every
  * footprint from 0 to the parent's voxel, lies on the samples' side too, since it differs from the sample nearest to it by `doubt` at most
