@@ -2,7 +2,8 @@
  * samples of a 16-bit brick; no skipping, no shading. */
 #include "core/lanes.clh"
 #include "raycast/floor_shared.h"
-#include "raycast/march.clh"
+#include "raycast/rays.clh"
+#include "raycast/samples.clh"
 
 __kernel K_WIDE void floor_picture(K_GLOBAL const uint *table, K_GLOBAL const short *bricks, int width, int height, K_GLOBAL float *out)
 {

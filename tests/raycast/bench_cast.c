@@ -3,6 +3,7 @@
 #include <time.h>
 
 #include "raycast/floor.h"
+#include "raycast/shade.h"
 #include "tests/raycast/scene.h"
 
 static double hash(int64_t x, int64_t y, int64_t z)
@@ -109,30 +110,70 @@ int main(int argc, char **argv)
 
     karst_floor *f = karst_floor_create(context, width, height, &error);
     scene_check(f, &error);
-    double cast_ms[41], floor_ms[41];
+    karst_shader *shader = karst_shader_create(context, &s.buffers, true, &error);
+    scene_check(shader, &error);
+    size_t num_pixels = (size_t)width * height;
+    karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4), *depth = scene_buffer(context, "depth", num_pixels * 4);
+    karst_buffer *counters = scene_buffer(context, "counters", 16);
+    karst_buffer *rays = scene_buffer(context, "rays", num_pixels * sizeof(karst_ray));
+    karst_buffer *shadow_hits = scene_buffer(context, "shadow_hits", num_pixels * sizeof(karst_hit));
+    karst_light light = {.sun_direction = {0.766f, 0.35f, 0.539f}, .sun_colour = {3.2f, 2.6f, 2.0f}, .sky_zenith = {0.10f, 0.24f, 0.55f},
+                         .sky_horizon = {0.58f, 0.70f, 0.82f}, .ground_flat = {0.13f, 0.18f, 0.05f}, .ground_steep = {0.27f, 0.23f, 0.19f},
+                         .haze_distance = 15000, .shadow_distance = 12000};
+    for (served = getenv("SHADOWS") != NULL; served;) {
+        view.serial++;
+        scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
+                        karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
+                        karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error), &error);
+        served = scene_serve(&s, view.serial);
+    }
+    printf("with shadows: %u tiles, %u bricks\n", s.num_tiles, s.num_bricks);
+    double cast_ms[41], floor_ms[41], shade_ms[41], shadow_ms[41];
     for (int i = 0; i < 41; i++) {
         uint64_t ns[KARST_NUM_STAGES] = {0}, floor_ns;
         scene_check(karst_profile_collect(context, ns, &error), &error);
         memset(ns, 0, sizeof(ns));
         scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) && karst_profile_collect(context, ns, &error), &error);
         cast_ms[i] = (double)ns[KARST_STAGE_CAST] * 1e-6;
+        memset(ns, 0, sizeof(ns));
+        scene_check(karst_shade_pixels(shader, &view, &pinhole, &light, hits, getenv("SHADOWS") ? shadow_hits : NULL, pixels->mem, depth, counters, &error) &&
+                        karst_profile_collect(context, ns, &error), &error);
+        shade_ms[i] = (double)ns[KARST_STAGE_SHADE] * 1e-6;
+        memset(ns, 0, sizeof(ns));
+        if (getenv("SHADOWS"))
+            scene_check(karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
+                            karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error) &&
+                            karst_profile_collect(context, ns, &error), &error);
+        shadow_ms[i] = (double)(ns[KARST_STAGE_CAST] + ns[KARST_STAGE_SHADE]) * 1e-6;
         scene_check(karst_floor_run(f, &floor_ns, &error), &error);
         floor_ms[i] = (double)floor_ns * 1e-6;
     }
     qsort(cast_ms, 41, sizeof(double), compare);
+    qsort(shade_ms, 41, sizeof(double), compare);
+    qsort(shadow_ms, 41, sizeof(double), compare);
+    printf("shade: best %.2f median %.2f ms; shadow rays: best %.2f median %.2f ms\n", shade_ms[0], shade_ms[20], shadow_ms[0], shadow_ms[20]);
     qsort(floor_ms, 41, sizeof(double), compare);
     printf("cast: best %.2f median %.2f ms; floor: best %.2f median %.2f ms; ratio best %.2f median %.2f\n", cast_ms[0], cast_ms[20],
            floor_ms[0], floor_ms[20], cast_ms[0] / floor_ms[0], cast_ms[20] / floor_ms[20]);
     if (getenv("DUMP")) {
         FILE *out = fopen(getenv("DUMP"), "wb");
-        fprintf(out, "P5\n%d %d\n255\n", width, height);
-        for (int i = 0; i < width * height; i++)
-            fputc(KARST_HIT_KIND(h[i].kind) ? (int)(h[i].t * 0.03) & 255 : 0, out);
+        uint8_t *rgba = malloc(num_pixels * 4);
+        scene_check(karst_buffer_read(pixels, 0, rgba, num_pixels * 4, &error), &error);
+        fprintf(out, "P6\n%d %d\n255\n", width, height);
+        for (size_t i = 0; i < num_pixels; i++)
+            fwrite(rgba + 4 * i, 3, 1, out);
+        free(rgba);
         fclose(out);
     }
     free(h);
     karst_floor_destroy(f);
+    karst_shader_destroy(shader);
     karst_caster_destroy(caster);
+    karst_buffer_destroy(pixels);
+    karst_buffer_destroy(depth);
+    karst_buffer_destroy(counters);
+    karst_buffer_destroy(rays);
+    karst_buffer_destroy(shadow_hits);
     karst_buffer_destroy(hits);
     scene_destroy(&s);
     karst_context_destroy(context);

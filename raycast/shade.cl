@@ -1,0 +1,239 @@
+/* Entry points of shading: shadow rays from hits, and pixels from both. See raycast/shade.h. */
+#include "core/lanes.clh"
+#include "raycast/shade_shared.h"
+#include "raycast/surface.clh"
+#include "raycast/tone.clh"
+
+/* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
+#define SUN_CONE 0.0093f
+/* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
+#define SHADOW_OFFSET 1.5f
+
+typedef struct {
+    vfloat r, g, b;
+} colour;
+
+K_INLINE K_WIDE vfloat dot3(const vector3 *a, const float b[4])
+{
+    return k_fma(a->x, (vfloat)(b[0]), k_fma(a->y, (vfloat)(b[1]), a->z * b[2]));
+}
+
+K_INLINE K_WIDE vfloat mix_float(vfloat a, vfloat b, vfloat share)
+{
+    return k_fma(b - a, share, a);
+}
+
+K_INLINE K_WIDE colour mix_colour(colour a, colour b, vfloat share)
+{
+    colour c = {mix_float(a.r, b.r, share), mix_float(a.g, b.g, share), mix_float(a.b, b.b, share)};
+    return c;
+}
+
+K_INLINE K_WIDE colour uniform_colour(const float c[4])
+{
+    colour all = {(vfloat)(c[0]), (vfloat)(c[1]), (vfloat)(c[2])};
+    return all;
+}
+
+/* a + b * scale */
+K_INLINE K_WIDE colour add_colour(colour a, colour b, vfloat scale)
+{
+    colour c = {k_fma(b.r, scale, a.r), k_fma(b.g, scale, a.g), k_fma(b.b, scale, a.b)};
+    return c;
+}
+
+K_INLINE K_WIDE vfloat smooth(float from, float to, vfloat x)
+{
+    vfloat s = lane_unit((x - from) * (1.0f / (to - from)));
+    return s * s * (3.0f - 2.0f * s);
+}
+
+K_INLINE K_WIDE vfloat square(vfloat x)
+{
+    return x * x;
+}
+
+/* The air's glow around the sun, for the cosine of the angle to it. */
+K_INLINE K_WIDE vfloat sun_glow(vfloat cosine)
+{
+    vfloat c2 = square(lane_max(cosine, (vfloat)(0.0f))), c8 = square(square(c2));
+    vfloat c32 = square(square(c8)), c256 = square(square(square(c32)));
+    return 0.06f * c8 + 0.08f * c32 + 0.25f * c256;
+}
+
+K_INLINE K_WIDE colour sky_colour(const karst_light *light, const vector3 *direction, vfloat to_sun)
+{
+    vfloat down = 1.0f - lane_unit(direction->y), down2 = square(down);
+    colour sky = mix_colour(uniform_colour(light->sky_zenith), uniform_colour(light->sky_horizon), down2 * down2);
+    sky = add_colour(sky, uniform_colour(light->sun_colour), sun_glow(to_sun));
+    vfloat disc = smooth(0.99996f, 0.99999f, to_sun);
+    return add_colour(sky, uniform_colour(light->sun_colour), 12.0f * disc);
+}
+
+K_INLINE K_WIDE colour ground_colour(const karst_light *light, const surface_hits *s, vfloat lit)
+{
+    colour albedo = mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat), smooth(0.55f, 0.85f, s->normal.y));
+    colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith), horizon = uniform_colour(light->sky_horizon);
+    /* Above, the sky; below, what the ground throws back of both. */
+    vfloat up = k_fma(s->normal.y, (vfloat)(0.5f), (vfloat)(0.5f));
+    colour from_sky = mix_colour(zenith, horizon, (vfloat)(0.5f));
+    colour ground = uniform_colour(light->ground_flat);
+    float sun_height = light->sun_direction[1] > 0.0f ? light->sun_direction[1] : 0.0f;
+    colour bounce = add_colour(from_sky, sun, (vfloat)(0.5f * sun_height));
+    bounce.r *= ground.r, bounce.g *= ground.g, bounce.b *= ground.b;
+    colour incoming = mix_colour(bounce, from_sky, up);
+    incoming = add_colour(incoming, sun, lit);
+    colour c = {albedo.r * incoming.r, albedo.g * incoming.g, albedo.b * incoming.b};
+    return c;
+}
+
+/* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
+#if LANES == 16
+#define EACH_LANE_(F) F(s0) F(s1) F(s2) F(s3) F(s4) F(s5) F(s6) F(s7) F(s8) F(s9) F(sa) F(sb) F(sc) F(sd) F(se) F(sf)
+#define PIXEL_(l)                                                                                                                         \
+    if (valid.l) {                                                                                                                        \
+        pixels[index.l] = (uint)bytes.l;                                                                                                  \
+        depth[index.l] = distance.l;                                                                                                      \
+    }
+K_INLINE K_WIDE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+{
+    if (v_all(valid)) {
+        K_GLOBAL int *p = (K_GLOBAL int *)pixels + index.s0;
+        K_GLOBAL float *d = depth + index.s0;
+        vstore4(bytes.s0123, 0, p);
+        vstore4(bytes.s4567, 0, p + width);
+        vstore4(bytes.s89ab, 0, p + 2 * width);
+        vstore4(bytes.scdef, 0, p + 3 * width);
+        vstore4(distance.s0123, 0, d);
+        vstore4(distance.s4567, 0, d + width);
+        vstore4(distance.s89ab, 0, d + 2 * width);
+        vstore4(distance.scdef, 0, d + 3 * width);
+    } else {
+        EACH_LANE_(PIXEL_)
+    }
+}
+#define RAY_(l)                                                                                                                           \
+    if (valid.l) {                                                                                                                        \
+        K_GLOBAL float *w = (K_GLOBAL float *)(rays + place.l);                                                                           \
+        vstore4((float4)(origin.x.l, origin.y.l, origin.z.l, t_min.l), 0, w);                                                             \
+        vstore4((float4)(light.sun_direction[0], light.sun_direction[1], light.sun_direction[2], t_max.l), 0, w + 4);                     \
+        vstore4((float4)(width.l, cone, as_float(index.l), 0.0f), 0, w + 8);                                                              \
+    }
+#define STORE_RAYS() EACH_LANE_(RAY_)
+K_INLINE int count_lanes(vint m)
+{
+    int8 a = m.lo + m.hi;
+    int4 b = a.lo + a.hi;
+    int2 c = b.lo + b.hi;
+    return -(c.x + c.y);
+}
+#else
+K_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+{
+    if (valid) {
+        pixels[index] = (uint)bytes;
+        depth[index] = distance;
+    }
+}
+#define STORE_RAYS()                                                                                                                      \
+    if (valid) {                                                                                                                          \
+        karst_ray ray = {{origin.x, origin.y, origin.z},                                                                                  \
+                         t_min,                                                                                                           \
+                         {light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]},                                        \
+                         t_max,                                                                                                           \
+                         width,                                                                                                           \
+                         cone,                                                                                                            \
+                         (uint)index,                                                                                                     \
+                         0u};                                                                                                             \
+        rays[place] = ray;                                                                                                                \
+    }
+K_INLINE int count_lanes(vint m) { return -m; }
+#endif
+
+/* karst_packet_order of lanes. */
+K_INLINE K_WIDE vint packet_order(vint x, vint y, int width, int height)
+{
+    vint strip = y & ~3, column = x & ~3;
+    vint rows = lane_min_int((vint)(height) - strip, (vint)(4)), columns = lane_min_int((vint)(width) - column, (vint)(4));
+    return strip * width + column * rows + (y - strip) * columns + (x - column);
+}
+
+__kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, float detail, K_GLOBAL const karst_hit *hits,
+                                       K_GLOBAL karst_ray *rays)
+{
+    const brick_pool bricks = BRICK_FIELDS;
+    vint x, y;
+    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    vector3 direction = pinhole_direction(&pinhole, x, y);
+    vint index = v_select(valid, y * pinhole.width_px + x, (vint)(0));
+    surface_hits s = load_surface(hits, &bricks, index, &direction);
+    vint sunny = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & v_gt(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
+    vfloat voxel = v_as_float((s.level + 127) << 23);
+    vfloat offset = voxel * SHADOW_OFFSET;
+    vector3 origin;
+    origin.x = k_fma(direction.x, s.t, s.normal.x * offset);
+    origin.y = k_fma(direction.y, s.t, s.normal.y * offset);
+    origin.z = k_fma(direction.z, s.t, s.normal.z * offset);
+    vfloat t_min = (vfloat)(0.0f), t_max = v_select(sunny, (vfloat)(light.shadow_distance), t_min);
+    /* The level of the hit or coarser, from the first step on. */
+    vfloat width = lane_max(s.t * pinhole.cone, voxel * (1.0001f / detail));
+    float cone = pinhole.cone > SUN_CONE ? pinhole.cone : SUN_CONE;
+    vint place = packet_order(x, y, pinhole.width_px, pinhole.height_px);
+    STORE_RAYS()
+}
+
+__kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, K_GLOBAL const karst_hit *hits,
+                                  K_GLOBAL const karst_hit *shadow_hits, int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
+                                  K_GLOBAL uint *counters)
+{
+    const brick_pool bricks = BRICK_FIELDS;
+    __local uint counts[3];
+    if (get_local_id(0) == 0)
+        counts[0] = counts[1] = counts[2] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+
+    vint x, y;
+    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (v_any(valid)) {
+        vector3 direction = pinhole_direction(&pinhole, x, y);
+        vint index = v_select(valid, y * pinhole.width_px + x, (vint)(0));
+        surface_hits s = load_surface(hits, &bricks, index, &direction);
+        vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
+        vfloat to_sun = dot3(&direction, light.sun_direction);
+        colour c = sky_colour(&light, &direction, to_sun);
+        if (v_any(hit)) {
+            vfloat lit = lane_max(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
+            if (has_shadows) {
+                vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits, place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) & 0xff;
+                lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
+            }
+            colour ground = ground_colour(&light, &s, lit);
+            /* Haze takes the sky's colour at the horizon in this direction, so that far hills fade into it. */
+            colour haze = add_colour(uniform_colour(light.sky_horizon), uniform_colour(light.sun_colour), 0.5f * sun_glow(to_sun));
+            vfloat clear = tone_exp2_minus(s.t * (1.44269504f / light.haze_distance));
+            ground = mix_colour(haze, ground, clear);
+            c.r = v_select(hit, ground.r, c.r);
+            c.g = v_select(hit, ground.g, c.g);
+            c.b = v_select(hit, ground.b, c.b);
+        }
+        vfloat dither = tone_dither(x, y);
+        vint bytes = tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
+        store_pixels(pixels, depth, index, valid, pinhole.width_px, bytes, v_select(hit, s.t, (vfloat)(INFINITY)));
+        int num_hits = count_lanes(hit), num_provisional = count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        int num_incomplete = count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        if (num_hits)
+            atomic_add(&counts[0], (uint)num_hits);
+        if (num_provisional)
+            atomic_add(&counts[1], (uint)num_provisional);
+        if (num_incomplete)
+            atomic_add(&counts[2], (uint)num_incomplete);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (get_local_id(0) == 0)
+        for (int i = 0; i < 3; i++)
+            if (counts[i])
+                atomic_add(&counters[i], counts[i]);
+}
