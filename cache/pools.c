@@ -32,7 +32,7 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++) {
         if (i >= b->num_segments)
             b->bricks[i] = b->bricks[0];
-        else if (!(b->bricks[i] = karst_buffer_create(cache->context, "bricks", b->bricks_per_segment * BRICK_BYTES, NULL, error)))
+        else if (!(b->bricks[i] = karst_buffer_create_blank(cache->context, "bricks", b->bricks_per_segment * BRICK_BYTES, error)))
             return false;
     }
     return true;
@@ -210,9 +210,9 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
     const uint32_t first_node = KARST_ROOT_TILE * KARST_TILE_NODES;
     if (level < 0 || level > MAX_LEVEL)
         return karst_fail(error, KARST_USAGE, "a root of level %d: levels go from 0 to %d", level, MAX_LEVEL);
-    uint64_t half = (uint64_t)1 << (63 - KARST_BRICK_CELLS_LOG2 - level); /* nodes of this level on one side of the origin */
+    int64_t half = (int64_t)1 << (63 - KARST_BRICK_CELLS_LOG2 - level); /* nodes of this level on one side of the origin */
     for (int axis = 0; axis < 3; axis++)
-        if (corner[axis] < -(int64_t)(half - 1) - 1 || (corner[axis] > 0 && (uint64_t)corner[axis] + 2 > half))
+        if (corner[axis] < -half || corner[axis] > half - 2)
             return karst_fail(error, KARST_USAGE, "a root at node %lld of level %d: its voxels are beyond 64 bits", (long long)corner[axis],
                               level);
     bool same_level = cache->has_root && level == cache->root_level;

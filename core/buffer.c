@@ -59,9 +59,9 @@ static void advise_large_pages(void *memory, size_t size_bytes)
         madvise((void *)first, end - first, MADV_HUGEPAGE);
 }
 
-/* Zeroes in place. On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is
- * first touched. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
-static cl_int zero_mapped(karst_context *context, cl_mem mem, size_t size_bytes)
+/* On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first touched, and zeroed
+ * in place. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
+static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed)
 {
     cl_int code = CL_SUCCESS;
     void *mapped = clEnqueueMapBuffer(context->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0, size_bytes, 0,
@@ -69,15 +69,18 @@ static cl_int zero_mapped(karst_context *context, cl_mem mem, size_t size_bytes)
     if (code != CL_SUCCESS)
         return code;
     advise_large_pages(mapped, size_bytes);
-    memset(mapped, 0, size_bytes);
+    if (zeroed)
+        memset(mapped, 0, size_bytes);
     return clEnqueueUnmapMemObject(context->queue, mem, mapped, 0, NULL, NULL);
 }
 
-static cl_int zero(karst_context *context, cl_mem mem, size_t size_bytes)
+static cl_int prepare(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed)
 {
     static const uint8_t zeros[64];
     if (context->is_cpu)
-        return zero_mapped(context, mem, size_bytes);
+        return prepare_mapped(context, mem, size_bytes, zeroed);
+    if (!zeroed)
+        return CL_SUCCESS;
     /* In the widest pattern that divides the size: some drivers go pattern by pattern. */
     size_t pattern = sizeof(zeros);
     while (size_bytes % pattern)
@@ -97,8 +100,8 @@ static void enter(karst_buffer *buffer, karst_context *context, const char *name
     context->buffers = buffer;
 }
 
-karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
-                                  karst_error *error)
+static karst_buffer *create(karst_context *context, const char *name, size_t size_bytes, const void *initial, bool zeroed,
+                            karst_error *error)
 {
     if (!check_size(context, name, size_bytes, error))
         return NULL;
@@ -112,7 +115,7 @@ karst_buffer *karst_buffer_create(karst_context *context, const char *name, size
     if (code == CL_SUCCESS && initial)
         code = clEnqueueWriteBuffer(context->queue, buffer->mem, CL_TRUE, 0, size_bytes, initial, 0, NULL, NULL);
     else if (code == CL_SUCCESS)
-        code = zero(context, buffer->mem, size_bytes);
+        code = prepare(context, buffer->mem, size_bytes, zeroed);
     if (code != CL_SUCCESS) {
         char size[32];
         karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: %s; use a smaller --pool",
@@ -124,6 +127,17 @@ karst_buffer *karst_buffer_create(karst_context *context, const char *name, size
     }
     enter(buffer, context, name, size_bytes);
     return buffer;
+}
+
+karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
+                                  karst_error *error)
+{
+    return create(context, name, size_bytes, initial, true, error);
+}
+
+karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name, size_t size_bytes, karst_error *error)
+{
+    return create(context, name, size_bytes, NULL, false, error);
 }
 
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error)

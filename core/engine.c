@@ -25,8 +25,8 @@
 /* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to them. */
 #define MIN_TILES 64u
 #define MIN_BRICKS 64u
-/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, two to a brick are plenty. */
-#define TILES_PER_BRICK 2u
+/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that is one or two to a brick. */
+#define TILES_PER_BRICK 3u
 #define MAX_VOXEL ((int64_t)1 << 61)
 #define NUM_COUNTERS 4
 
@@ -95,13 +95,13 @@ static bool allocate_picture(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
     engine->surface = karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
-    engine->hits = karst_buffer_create(engine->context, "hits", num_pixels * sizeof(karst_hit), NULL, error);
+    engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
     engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
     if (!engine->surface || !engine->hits || !engine->depth)
         return false;
     if (engine->shadows) {
-        engine->shadow_rays = karst_buffer_create(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), NULL, error);
-        engine->shadow_hits = karst_buffer_create(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), NULL, error);
+        engine->shadow_rays = karst_buffer_create_blank(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), error);
+        engine->shadow_hits = karst_buffer_create_blank(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), error);
         if (!engine->shadow_rays || !engine->shadow_hits)
             return false;
     }
