@@ -7,10 +7,10 @@
 #define KARST_MAX_Q 32767.0f
 /* A brick keeps its full range, so that rays far from the surface see how far they are, unless that is more than this many
  * times the largest density at a corner of a surface cell: beyond it values are clamped. In a field that is near to a distance
- * the corners of surface cells reach up to 1.7 cells and the brick's diagonal is 28: nothing is clamped that a ray could use, and
- * a cell is some 2000 steps of q. In a wild field (an exponential, a pole) the surface keeps 32767 / 16 steps to a cell's
- * largest corner, whatever the field does elsewhere. */
-#define KARST_CLAMP_SURFACES 16.0f
+ * the corners of surface cells reach 0.5 to 1.7 cells: nothing is clamped within 16 cells of the surface, and a cell is some
+ * 2000 steps of q, whose normals differ by 0.03 degrees from exact ones. In a wild field (an exponential, a pole) the surface
+ * cells keep 1000 steps, whatever the field does elsewhere. */
+#define KARST_CLAMP_SURFACES 32.0f
 /* Smaller scales than this would make 1 / scale infinite. */
 #define KARST_MIN_RANGE 0x1p-100f
 /* What a sample that is not finite becomes: air, as little as can be told from 0. */
