@@ -119,6 +119,21 @@ SCENE_UNUSED static void scene_upload(scene *s)
         scene_check(karst_buffer_fill(stamps[i], 0, 0, stamps[i]->size_bytes, &error), &error);
 }
 
+/* The same content on another device, or in other segments. */
+SCENE_UNUSED static scene scene_clone(karst_context *context, uint32_t num_segments, const scene *from)
+{
+    scene s = scene_create(context, from->buffers.num_tiles, from->buffers.num_bricks, num_segments, from->top_level, from->density, from->user);
+    s.num_tiles = from->num_tiles;
+    s.num_bricks = from->num_bricks;
+    s.lipschitz = from->lipschitz;
+    memcpy(s.nodes, from->nodes, (size_t)s.num_tiles * 8 * sizeof(karst_node));
+    memcpy(s.tiles, from->tiles, s.num_tiles * sizeof(karst_tile_info));
+    memcpy(s.brick_info, from->brick_info, s.num_bricks * sizeof(karst_brick_info));
+    memcpy(s.bricks, from->bricks, (size_t)s.num_bricks * KARST_BRICK_STRIDE * 2);
+    scene_upload(&s);
+    return s;
+}
+
 /* Node coordinate (relative to the base) of a node index. */
 SCENE_UNUSED static void scene_node_place(const scene *s, uint32_t node, int64_t corner[3], int *level)
 {
