@@ -1,0 +1,327 @@
+/* Levels by footprint, and what rays leave behind: stamps, wants, stand-ins, holes. */
+#include "tests/raycast/casting.h"
+
+static karst_context *contexts[2]; /* 16 lanes, 1 lane */
+
+static int open_contexts(void **state)
+{
+    (void)state;
+    contexts[0] = open_context(16);
+    contexts[1] = open_context(1);
+    return 0;
+}
+
+static int close_contexts(void **state)
+{
+    (void)state;
+    karst_context_destroy(contexts[0]);
+    karst_context_destroy(contexts[1]);
+    return 0;
+}
+
+/* A floor, and a ray down on it from `height` that asks for `level` there (or finer). */
+static const double ground[5] = {0, 1, 0, 0.5, 0};
+static const double anchor[3] = {5.25, 40.5, 6.75};
+
+static karst_ray down(int level)
+{
+    const double zero[3] = {0}, d[3] = {0, -1, 0};
+    karst_ray ray = make_ray(zero, d, 100);
+    ray.width = 1.3f * (float)(1 << level);
+    return ray;
+}
+
+/* The node of `level` that the ray ends in. */
+static uint32_t node_under(const scene *s, int level)
+{
+    const double p[3] = {anchor[0], 0.4, anchor[2]};
+    uint32_t node = scene_find(s, p, level);
+    assert_int_equal(s->tiles[node / 8].level, level);
+    return node;
+}
+
+typedef struct {
+    uint32_t brick_stamps, fallbacks, want_brick, want_children;
+} left_behind;
+
+static left_behind count_all(const scene *s, uint32_t serial)
+{
+    left_behind n = {count_stamps(s->buffers.brick_stamp, serial), count_stamps(s->buffers.brick_fallback, serial),
+                     count_stamps(s->buffers.want_brick, serial), count_stamps(s->buffers.want_children, serial)};
+    return n;
+}
+
+static uint32_t stamp_of(karst_buffer *buffer, uint32_t i)
+{
+    uint32_t *stamps = read_stamps(buffer), value = stamps[i];
+    free(stamps);
+    return value;
+}
+
+static karst_hit cast_down(scene *s, karst_caster *caster, int level, uint32_t serial)
+{
+    karst_cast_view view = scene_view(s, anchor, 1);
+    view.serial = serial;
+    karst_ray ray = down(level);
+    karst_hit *hits = cast(s, caster, &view, &ray, 1, false), hit = hits[0];
+    free(hits);
+    return hit;
+}
+
+/* All there: used stamps along the way, no wants; at every level that is asked for. */
+static void settled_leaves_use_only(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, "");
+        for (int level = 0; level <= 3; level++) {
+            uint32_t serial = 10 + (uint32_t)level;
+            karst_hit hit = cast_down(&s, caster, level, serial);
+            assert_int_equal(hit.kind, KARST_HIT_SURFACE | (uint32_t)level << 8);
+            assert_true(fabs(hit.t - 40) < 5e-3); /* 16-bit samples */
+            uint32_t node = node_under(&s, level);
+            assert_int_equal(hit.node, node);
+            left_behind n = count_all(&s, serial);
+            assert_int_equal(n.fallbacks + n.want_brick + n.want_children + count_stamps(s.buffers.want_chunk, serial), 0);
+            assert_int_equal(stamp_of(s.buffers.brick_stamp, s.nodes[node].brick), serial);
+            /* The tiles down to this level, and none below. */
+            for (uint32_t tile = node / 8, up = 0; up <= 3 - (uint32_t)level; up++) {
+                assert_int_equal(stamp_of(s.buffers.tile_stamp, tile), serial);
+                tile = s.tiles[tile].parent / 8;
+            }
+            uint32_t *stamps = read_stamps(s.buffers.tile_stamp);
+            for (uint32_t tile = 1; tile < s.num_tiles; tile++)
+                assert_true(stamps[tile] != serial || s.tiles[tile].level >= level);
+            free(stamps);
+        }
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+static void missing_children_are_wanted(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, "");
+        /* The node of level 2 loses its children: its brick stands in. */
+        uint32_t node = node_under(&s, 2);
+        s.nodes[node].link = KARST_NODE_LINK(KARST_STATE_BRICK, 0);
+        scene_upload(&s);
+        karst_hit hit = cast_down(&s, caster, 0, 5);
+        assert_int_equal(hit.kind, KARST_HIT_PROVISIONAL | 2 << 8);
+        assert_int_equal(hit.node, node);
+        assert_true(fabs(hit.t - 40) < 5e-3); /* 16-bit samples */
+        left_behind n = count_all(&s, 5);
+        assert_int_equal(n.want_children, 1);
+        assert_int_equal(n.want_brick, 0);
+        assert_int_equal(stamp_of(s.buffers.want_children, node), 5);
+        assert_int_equal(stamp_of(s.buffers.want_chunk, node / KARST_REQUEST_CHUNK), 5);
+        assert_int_equal(stamp_of(s.buffers.brick_fallback, s.nodes[node].brick), 5);
+        assert_int_not_equal(stamp_of(s.buffers.brick_stamp, s.nodes[node].brick), 5);
+        /* Asked for level 2, nothing is missing. */
+        hit = cast_down(&s, caster, 2, 6);
+        assert_int_equal(hit.kind, KARST_HIT_SURFACE | 2 << 8);
+        n = count_all(&s, 6);
+        assert_int_equal(n.want_children + n.want_brick + n.fallbacks, 0);
+        /* Without children and brick: both are wanted, the parent's brick stands in. */
+        uint32_t parent = node_under(&s, 3);
+        s.nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
+        scene_upload(&s);
+        hit = cast_down(&s, caster, 0, 7);
+        assert_int_equal(hit.kind, KARST_HIT_PROVISIONAL | 3 << 8);
+        assert_int_equal(hit.node, parent);
+        n = count_all(&s, 7);
+        assert_int_equal(n.want_children, 1);
+        assert_int_equal(n.want_brick, 1);
+        assert_int_equal(stamp_of(s.buffers.want_brick, node), 7);
+        assert_int_equal(stamp_of(s.buffers.want_children, node), 7);
+        assert_int_equal(stamp_of(s.buffers.brick_fallback, s.nodes[parent].brick), 7);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+static void missing_bricks_are_wanted(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, "");
+        /* A brick lost, its children there: only who asks for its level misses it. */
+        uint32_t node = node_under(&s, 1), above = node_under(&s, 2);
+        s.nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(s.nodes[node].link)), 0};
+        scene_upload(&s);
+        karst_hit hit = cast_down(&s, caster, 0, 5);
+        assert_int_equal(hit.kind, KARST_HIT_SURFACE);
+        left_behind n = count_all(&s, 5);
+        assert_int_equal(n.want_children + n.want_brick + n.fallbacks, 0);
+        hit = cast_down(&s, caster, 1, 6);
+        assert_int_equal(hit.kind, KARST_HIT_PROVISIONAL | 2 << 8);
+        assert_int_equal(hit.node, above);
+        assert_true(fabs(hit.t - 40) < 5e-3); /* 16-bit samples */
+        n = count_all(&s, 6);
+        assert_int_equal(n.want_children, 0);
+        assert_int_equal(n.want_brick, 1);
+        assert_int_equal(stamp_of(s.buffers.want_brick, node), 6);
+        assert_int_equal(stamp_of(s.buffers.brick_fallback, s.nodes[above].brick), 6);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+/* An empty root: everything is wanted, nothing is there to march, and the picture says so. */
+static void unknown_is_incomplete(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_upload(&s);
+        karst_caster *caster = open_caster(&s, "");
+        karst_hit hit = cast_down(&s, caster, 0, 5);
+        assert_int_equal(hit.kind, KARST_HIT_MISS | KARST_HIT_INCOMPLETE);
+        assert_true(hit.t == 100);
+        left_behind n = count_all(&s, 5);
+        assert_int_equal(n.want_children, 2); /* the column passes two of the eight */
+        assert_int_equal(n.want_brick, 2);
+        assert_int_equal(n.fallbacks + n.brick_stamps, 0);
+        hit = cast_down(&s, caster, 3, 6);
+        assert_int_equal(hit.kind, KARST_HIT_MISS | KARST_HIT_INCOMPLETE);
+        n = count_all(&s, 6);
+        assert_int_equal(n.want_children, 0);
+        assert_int_equal(n.want_brick, 2);
+        /* Serving what is wanted fills in what the ray sees, a level at a time. */
+        uint32_t serial = 7;
+        do {
+            hit = cast_down(&s, caster, 0, ++serial);
+            assert_true(serial < 30);
+        } while (scene_serve(&s, serial));
+        assert_int_equal(hit.kind, KARST_HIT_SURFACE);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+/* What lies behind the surface is neither walked nor wanted; nor is what an idle ray would see. */
+static void hidden_things_are_not_wanted(void **state)
+{
+    (void)state;
+    const double shell[4] = {0, 0, 0, 50}, outside[3] = {0.5, 70, 0.5};
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, ball, shell);
+        scene_build(&s, 0);
+        const double behind[3] = {0.5, -49.9, 0.5};
+        uint32_t node = scene_find(&s, behind, 1);
+        assert_int_equal(s.tiles[node / 8].level, 1);
+        s.nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
+        scene_upload(&s);
+        karst_caster *caster = open_caster(&s, "");
+        karst_cast_view view = scene_view(&s, outside, 1);
+        const double zero[3] = {0}, d[3] = {0, -1, 0};
+        karst_ray rays[2] = {make_ray(zero, d, 300), make_ray(zero, d, 0)};
+        karst_hit *hits = cast(&s, caster, &view, rays, 2, false);
+        assert_int_equal(hits[0].kind, KARST_HIT_SURFACE);
+        assert_int_equal(hits[1].kind, KARST_HIT_MISS);
+        left_behind n = count_all(&s, view.serial);
+        assert_int_equal(n.want_children + n.want_brick, 0);
+        /* From the other side it is. */
+        rays[0].origin[1] = -140;
+        rays[0].direction[1] = 1;
+        free(hits);
+        view.serial = 2;
+        hits = cast(&s, caster, &view, rays, 2, false);
+        n = count_all(&s, 2);
+        assert_int_equal(n.want_children, 1);
+        assert_int_equal(n.want_brick, 1);
+        free(hits);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+/* The level of every hit follows from its t: where footprint * detail reaches 2^level, and nowhere else. */
+static void level_follows_footprint(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, (double[]){0.05, 0.9987492, 0, 0.5, 0});
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, "");
+        enum { N = 2000 };
+        karst_ray *rays = malloc(N * sizeof(*rays));
+        const double high[3] = {0, 15, 0};
+        for (int pass = 0; pass < 3; pass++) {
+            karst_cast_view view = scene_view(&s, high, pass == 0 ? 1 : pass == 1 ? 0.7f : 2.3f);
+            uint64_t random = 8;
+            uint32_t seen = 0;
+            for (int i = 0; i < N; i++) {
+                double o[3] = {0}, d[3] = {next_random(&random) * 2 - 1, -0.15 - 0.1 * next_random(&random), next_random(&random) * 2 - 1};
+                double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+                for (int a = 0; a < 3; a++)
+                    d[a] /= length;
+                rays[i] = make_ray(o, d, 300);
+                rays[i].cone = 0.03f + 0.1f * (float)next_random(&random);
+                rays[i].width = pass ? (float)next_random(&random) : 0;
+            }
+            karst_hit *hits = cast(&s, caster, &view, rays, N, false);
+            for (int i = 0; i < N; i++) {
+                if (KARST_HIT_KIND(hits[i].kind) == KARST_HIT_MISS)
+                    continue;
+                assert_int_equal(KARST_HIT_KIND(hits[i].kind), KARST_HIT_SURFACE);
+                double footprint = (rays[i].width + (double)rays[i].cone * hits[i].t) * view.detail;
+                double level = footprint < 1 ? 0 : floor(log2(footprint)), fraction = footprint / exp2(level);
+                if (level > 3)
+                    level = 3;
+                if (fraction < 1 + 1e-5 || fraction > 2 - 1e-5)
+                    continue; /* on the switch itself */
+                assert_int_equal(KARST_HIT_LEVEL(hits[i].kind), (int)level);
+                seen |= 1u << KARST_HIT_LEVEL(hits[i].kind);
+                /* a plane is the same plane at all levels: no crack, no step */
+                double p[3];
+                for (int a = 0; a < 3; a++)
+                    p[a] = high[a] + (double)rays[i].direction[a] * hits[i].t;
+                assert_true(fabs(0.05 * p[0] + 0.9987492 * p[1] - 0.5) < 0.01 * exp2(level));
+            }
+            assert_true(k_popcount(seen) >= 3);
+            free(hits);
+        }
+        free(rays);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
+/* Nothing is descended to below finest_level, and nothing is wanted there. */
+static void finest_level_is_kept(void **state)
+{
+    (void)state;
+    scene s = scene_create(contexts[0], 1500, 4000, 1, 3, plate, ground);
+    scene_build(&s, 1);
+    karst_caster *caster = open_caster(&s, "");
+    karst_cast_view view = scene_view(&s, anchor, 1);
+    karst_ray ray = down(0);
+    view.finest_level = 1;
+    karst_hit *hits = cast(&s, caster, &view, &ray, 1, false);
+    assert_int_equal(hits[0].kind, KARST_HIT_SURFACE | 1 << 8);
+    left_behind n = count_all(&s, view.serial);
+    assert_int_equal(n.want_children + n.want_brick + n.fallbacks, 0);
+    free(hits);
+    karst_caster_destroy(caster);
+    scene_destroy(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(settled_leaves_use_only),      cmocka_unit_test(missing_children_are_wanted),
+        cmocka_unit_test(missing_bricks_are_wanted),    cmocka_unit_test(unknown_is_incomplete),
+        cmocka_unit_test(hidden_things_are_not_wanted), cmocka_unit_test(level_follows_footprint),
+        cmocka_unit_test(finest_level_is_kept),
+    };
+    return cmocka_run_group_tests(tests, open_contexts, close_contexts);
+}
