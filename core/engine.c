@@ -23,8 +23,8 @@
 #define MAX_BUDGET_BRICKS 8192u
 #define DEFAULT_MAX_FRAMES 1000u
 /* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to them. */
-#define MIN_TILES 64u
-#define MIN_BRICKS 64u
+#define MIN_TILES 32u
+#define MIN_BRICKS 32u
 /* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that is one or two to a brick. */
 #define TILES_PER_BRICK 3u
 #define MAX_VOXEL ((int64_t)1 << 61)
