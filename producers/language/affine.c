@@ -12,7 +12,8 @@ static bool is_zero(karst_number a) { return a.value == 0; }
 karst_affine_value karst_affine_divide(karst_affine_value form, karst_number by)
 {
     for (int i = 0; i < 3; i++)
-        form.coefficient[i] = is_zero(form.coefficient[i]) ? form.coefficient[i] : karst_number_divide(form.coefficient[i], by);
+        form.coefficient[i] =
+            is_zero(form.coefficient[i]) ? form.coefficient[i] : karst_number_divide(form.coefficient[i], by);
     form.offset = is_zero(form.offset) ? form.offset : karst_number_divide(form.offset, by);
     return form;
 }
@@ -91,7 +92,7 @@ karst_lattice karst_lattice_of(karst_affine_value form, int voxel_log2_m)
 static bool ratio_of(karst_number a, int shift, uint128 *numerator, uint128 *denominator)
 {
     if (a.denominator) {
-        *numerator = a.numerator < 0 ? (uint128)-(int128)a.numerator : (uint128)a.numerator;
+        *numerator = a.numerator < 0 ? (uint128) - (int128)a.numerator : (uint128)a.numerator;
         *denominator = (uint128)a.denominator;
     } else {
         int e;
@@ -115,7 +116,8 @@ static bool ratio_of(karst_number a, int shift, uint128 *numerator, uint128 *den
 
 enum { PERIOD_BITS = 31, GOOD_PERIOD_BITS = 25 };
 
-/* The last convergent of n / d with both parts below 2^31 (Euclid's continued fraction). false if it is poorer than 2^-56. */
+/* The last convergent of n / d with both parts below 2^31 (Euclid's continued fraction). false if it is poorer than
+ * 2^-56. */
 static bool convergent(uint128 n, uint128 d, uint32_t *numerator, uint32_t *denominator)
 {
     uint128 p0 = 0, q0 = 1, p1 = 1, q1 = 0;
@@ -146,10 +148,12 @@ karst_period karst_period_of(karst_affine_value form, int voxel_log2_m)
     }
     karst_number coefficient = form.coefficient[period.axis];
     uint128 n, d;
-    if (num_axes != 1 || !ratio_of(coefficient, voxel_log2_m, &n, &d) || !convergent(n, d, &period.repeats, &period.period))
+    if (num_axes != 1 || !ratio_of(coefficient, voxel_log2_m, &n, &d) ||
+        !convergent(n, d, &period.repeats, &period.period))
         return none;
     int128 offset;
-    if (!karst_number_to_fixed(karst_number_negate(karst_number_divide(form.offset, coefficient)), 32 - voxel_log2_m, &offset))
+    if (!karst_number_to_fixed(karst_number_negate(karst_number_divide(form.offset, coefficient)), 32 - voxel_log2_m,
+                               &offset))
         return none;
     if (offset >= (int128)1 << 94 || offset <= -((int128)1 << 94))
         return none;
@@ -161,7 +165,8 @@ karst_period karst_period_of(karst_affine_value form, int voxel_log2_m)
 
 karst_cells karst_cells_of(karst_affine_value form, int voxel_log2_m)
 {
-    return (karst_cells){.lattice = karst_lattice_of(form, voxel_log2_m), .period = karst_period_of(form, voxel_log2_m)};
+    return (karst_cells){.lattice = karst_lattice_of(form, voxel_log2_m),
+                         .period = karst_period_of(form, voxel_log2_m)};
 }
 
 /* ---- octaves ---- */
@@ -174,15 +179,16 @@ static karst_number power(karst_number base, int exponent)
     return result;
 }
 
-karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number lacunarity, karst_number gain, uint32_t seed, int k,
-                             int voxel_log2_m)
+karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number lacunarity, karst_number gain,
+                             uint32_t seed, int k, int voxel_log2_m)
 {
     karst_number scale = power(lacunarity, k);
-    karst_octave octave = {
-        .scale = karst_number_to_float(scale), .amplitude = karst_number_to_float(power(gain, k)), .seed = NOISE_OCTAVE_SEED(seed, k)};
+    karst_octave octave = {.scale = karst_number_to_float(scale),
+                           .amplitude = karst_number_to_float(power(gain, k)),
+                           .seed = NOISE_OCTAVE_SEED(seed, k)};
     for (int i = 0; i < 3; i++) {
         karst_lattice lattice = karst_lattice_of(karst_affine_multiply(argument[i], scale), voxel_log2_m);
-        lattice.fraction += (long)((uint)k * NOISE_GOLDEN) << 24;
+        lattice.fraction += (long)NOISE_OCTAVE_OFFSET(k) << 24;
         lattice.cell += lattice.fraction >> 56;
         lattice.fraction &= 0xffffffffffffffL;
         octave.lattice[i] = lattice;

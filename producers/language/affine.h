@@ -20,9 +20,9 @@ karst_lattice karst_lattice_of(karst_affine_value form, int voxel_log2_m);
 /* period 0 if the form has several axes or none, or is no ratio that the view can hold as well as a lattice does. */
 karst_period karst_period_of(karst_affine_value form, int voxel_log2_m);
 karst_cells karst_cells_of(karst_affine_value form, int voxel_log2_m);
-/* Octave `k` of a noise over three arguments (all zeros for one that is not affine). `seed` is that of the call, noise_call_seed(world's seed,
- * the noise's seed offset). */
-karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number lacunarity, karst_number gain, uint32_t seed, int k,
-                             int voxel_log2_m);
+/* Octave `k` of a noise over three arguments (all zeros for one that is not affine). `seed` is that of the call,
+ * noise_call_seed(world's seed, the noise's seed offset). */
+karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number lacunarity, karst_number gain,
+                             uint32_t seed, int k, int voxel_log2_m);
 
 #endif
