@@ -222,6 +222,28 @@ static void test_segments_change_nothing(void **state)
     karst_engine_destroy(engine);
 }
 
+/* Sixteen lanes or one, the CPU's shapes of the kernels or those of GPUs: one world, one picture. */
+static void test_lanes_change_nothing(void **state)
+{
+    (void)state;
+    karst_engine_config config = base_config("hills");
+    config.detail_px = 3;
+    config.lanes = 16;
+    karst_engine *engine = create(&config);
+    picture wide = take(engine);
+    karst_engine_destroy(engine);
+    config.lanes = 1;
+    engine = create(&config);
+    picture narrow = take(engine);
+    karst_engine_destroy(engine);
+    assert_memory_equal(narrow.depth_m, wide.depth_m, NUM_PIXELS * sizeof(float));
+    assert_memory_equal(narrow.rgba, wide.rgba, NUM_PIXELS * 4);
+    assert_int_equal(narrow.stats.bricks.num_used, wide.stats.bricks.num_used);
+    assert_int_equal(narrow.stats.tiles.num_used, wide.stats.tiles.num_used);
+    release(&narrow);
+    release(&wide);
+}
+
 static void expect_failure(karst_engine_config config, karst_status status, const char *words)
 {
     karst_error error = {0};
@@ -267,6 +289,7 @@ int main(void)
         cmocka_unit_test(test_calm_at_any_pool_size_asteroid),
         cmocka_unit_test(test_history_leaves_no_trace),
         cmocka_unit_test(test_segments_change_nothing),
+        cmocka_unit_test(test_lanes_change_nothing),
     };
     return cmocka_run_group_tests_name("engine", tests, NULL, NULL);
 }
