@@ -1,0 +1,49 @@
+/* The data that a world's generated code reads: everything that numbers known before any position decide.
+ *
+ * A layout follows from the graph alone and is part of the generated code; what stands in it follows from parameters,
+ * seed and voxel. So a change of those fills the buffer anew and compiles nothing.
+ */
+#ifndef KARST_LANGUAGE_DATA_H
+#define KARST_LANGUAGE_DATA_H
+
+#include "producers/language/graph.h"
+
+/* What a world file compiles to. */
+typedef struct {
+    const karst_graph *graph; /* resolved: no POSITION is left, kinds are set */
+    karst_expr density;
+    karst_expr colour[3]; /* if has_colour */
+    bool has_colour;
+} karst_resolved_world;
+
+#define KARST_NO_WORD 0xffffffffu
+
+typedef struct {
+    karst_resolved_world world;
+    /* Per node. is_known: uniform, and its value is the host's. word: where its record begins, in 64-bit words:
+     *   AFFINE                           karst_linear
+     *   FLOOR, FRACT, MOD                karst_cells, if the first argument is AFFINE or SHIFTED (MOD: and the second
+     * known) SIN_TURNS, COS_TURNS             karst_lattice NOISE                            its octaves, karst_octave
+     * each known, but not a constant        its number among the values, 32 bits each (bools are -1 and 0)
+     * KARST_NO_WORD for what needs none. */
+    uint8_t *is_known;
+    uint32_t *word;
+    uint32_t values_word; /* where the values begin */
+    uint32_t num_values;
+    uint32_t num_words; /* of all; not 0 */
+} karst_world_layout;
+
+/* Lays out the data of what the world's roots reach. Lives in the graph's arena. */
+void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world);
+
+/* Fills num_words words. `parameters`: the value of each PARAMETER. A voxel of level 0 is 2^voxel_log2_m metres wide.
+ * `words` is aligned to 8 bytes. false: out of memory. Thread-safe. */
+bool karst_world_data_fill(const karst_world_layout *layout, const karst_number *parameters, uint32_t seed,
+                           int voxel_log2_m, void *words);
+
+/* True if the node works on the exact place of its argument number k, which is AFFINE or SHIFTED, not on its float. */
+bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k);
+/* The AFFINE leaf behind an AFFINE or SHIFTED node. */
+karst_expr karst_affine_behind(const karst_graph *graph, karst_expr e);
+
+#endif

@@ -1,0 +1,35 @@
+/* From a resolved graph to a density program: text in the lane dialect that fills the seam of producers/density.clh.
+ *
+ * The text is straight-line code, one line a node, in order of index, and calls the same lane functions (ops.clh) as
+ * every other back end. Nothing of the user's text is in it: values are v1, v2, ..., numbers are hexadecimal, and what
+ * a parameter decides is read from the world's data (data.h), so that changing one compiles nothing.
+ *
+ * Two forms of the same nodes:
+ *   - point: all of them, at any exact positions;
+ *   - brick: each node once for what it depends on. What depends on no axis is done once a brick, on one axis once for
+ *     each sample along it, on two once for each of their pairs, and only the rest for each row of samples.
+ */
+#ifndef KARST_LANGUAGE_EMIT_H
+#define KARST_LANGUAGE_EMIT_H
+
+#include "core/context.h"
+#include "producers/language/data.h"
+
+/* Above this many nodes compilers take too long: see LANGUAGE, "code or tape". */
+#define KARST_EMIT_MAX_OPS 4000u
+/* Octaves are 140 bytes each of a brick's working memory. */
+#define KARST_EMIT_MAX_OCTAVES 2048u
+
+typedef struct {
+    char *source;            /* malloc'ed text of "world.clh" */
+    uint32_t num_point_ops;  /* nodes of world_point */
+    uint32_t num_colour_ops; /* of world_colour; 0 if there is none */
+    uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */
+} karst_emitted;
+
+/* Writes the program of a world. Errors: KARST_BAD_WORLD, "too large", if the graph has more than KARST_EMIT_MAX_OPS
+ * nodes to execute. Free with karst_emitted_finish. */
+bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);
+void karst_emitted_finish(karst_emitted *emitted);
+
+#endif

@@ -1,0 +1,183 @@
+/* The brick form: each node in the block of the axes that it depends on.
+ *
+ * world_prepare runs the blocks of no axis, x, y, z and xy; world_plane, once for each z, those of xz and yz; world_row
+ * the rest. A value that a block of more axes reads is kept in world_axes:
+ *     none   b12                  x   x12[c]       y, z   y12[c] (read one by one in blocks along x)
+ *     xy     xy12[iy][c]          xz  xz12[c]      yz     yz12[c] (likewise)
+ * Kept along x are the EMIT_ROW_VECTORS vectors of a row, along y and z the EMIT_SIDE_VECTORS of a side. */
+#include "producers/language/emit_internal.h"
+
+enum { X = KARST_DEPENDS_X, Y = KARST_DEPENDS_Y, Z = KARST_DEPENDS_Z };
+
+static bool in_block(const karst_emit *emit, karst_expr e, uint8_t axes)
+{
+    return emit->nodes[e].is_needed && emit->nodes[e].axes == axes;
+}
+
+static bool any_in_block(const karst_emit *emit, uint8_t axes)
+{
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (in_block(emit, e, axes))
+            return true;
+    return false;
+}
+
+/* The nodes of a block, and what it keeps. */
+static void lines(karst_emit *emit, uint8_t axes)
+{
+    const char *index = axes == 0 ? "" : axes == (X | Y) ? "[iy][c]" : "[c]";
+    karst_emit_begin_block(emit, (karst_block){.axes = axes});
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        if (!in_block(emit, e, axes))
+            continue;
+        karst_emit_lines(emit, e);
+        if (emit->nodes[e].is_kept)
+            karst_text_add(&emit->text, "    axes->%s%u%s = v%u;\n", karst_emit_axes_name(axes), e, index, e);
+    }
+}
+
+/* A block within prepare or plane: a loop over the vectors along its first axis. */
+static void block(karst_emit *emit, uint8_t axes)
+{
+    karst_text *text = &emit->text;
+    if (!any_in_block(emit, axes))
+        return;
+    if (axes == (X | Y))
+        karst_text_add(text, "    for (int iy = 0; iy < KARST_BRICK_SIDE; iy++)\n");
+    if (axes)
+        karst_text_add(text, "    for (int c = 0; c < %s; c++) {\n    const vint lane = (vint)(c * LANES) + V_LANE;\n",
+                       axes & X ? "EMIT_ROW_VECTORS" : "EMIT_SIDE_VECTORS");
+    else
+        karst_text_add(text, "    {\n    const vint lane = (vint)(0);\n");
+    karst_text_add(text, "    const affine_position at = emit_samples(axes->origin, axes->level, %s, %s, %s);\n",
+                   axes & X ? "lane" : "(vint)(0)",
+                   !(axes & Y) ? "(vint)(0)"
+                   : axes & X  ? "(vint)(iy)"
+                               : "lane",
+                   !(axes & Z)      ? "(vint)(0)"
+                   : axes & (X | Y) ? "(vint)(iz)"
+                                    : "lane");
+    lines(emit, axes);
+    karst_text_add(text, "    }\n");
+}
+
+static void declare_axes(karst_emit *emit)
+{
+    karst_text *text = &emit->text;
+    karst_text_add(text, "typedef struct {\n    world_data data;\n    long origin[3];\n    int level, plane;\n");
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        const karst_emit_node *node = &emit->nodes[e];
+        const char *name = karst_emit_axes_name(node->axes);
+        if (node->is_needed && emit->graph->nodes[e].op == KARST_OP_NOISE)
+            karst_text_add(text, "    emit_octave n%u[%u];\n", e,
+                           emit->graph->noises[emit->graph->nodes[e].extra].num_octaves);
+        if (!node->is_kept)
+            continue;
+        const char *size = !node->axes             ? ""
+                           : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
+                           : node->axes & X        ? "[EMIT_ROW_VECTORS]"
+                                                   : "[EMIT_SIDE_VECTORS]";
+        karst_text_add(text, "    %s %s%u%s;\n", karst_emit_type(emit, e), name, e, size);
+    }
+    karst_text_add(text, "} world_axes;\n\n");
+}
+
+static void prepare(karst_emit *emit)
+{
+    karst_text *text = &emit->text;
+    karst_text_add(
+        text,
+        "K_INLINE K_WIDE void world_prepare(world_data data, world_axes *axes, long x, long y, long z, int level)\n"
+        "{\n    axes->data = data;\n    axes->origin[0] = x;\n    axes->origin[1] = y;\n"
+        "    axes->origin[2] = z;\n    axes->level = level;\n    axes->plane = -1;\n");
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_needed && emit->graph->nodes[e].op == KARST_OP_NOISE)
+            karst_text_add(text,
+                           "    for (int k = 0; k < %u; k++)\n"
+                           "        axes->n%u[k] = emit_octave_at(EMIT_OCTAVE(data, %u) + k, axes->origin, level);\n",
+                           emit->graph->noises[emit->graph->nodes[e].extra].num_octaves, e, emit->layout->word[e]);
+    block(emit, 0);
+    block(emit, X);
+    block(emit, Y);
+    block(emit, Z);
+    block(emit, X | Y);
+    karst_text_add(text, "}\n\n");
+}
+
+static void plane(karst_emit *emit)
+{
+    karst_text_add(&emit->text, "K_INLINE K_WIDE void world_plane(world_axes *axes, int iz)\n{\n"
+                                "    world_data data = axes->data;\n    axes->plane = iz;\n    (void)data;\n");
+    block(emit, X | Z);
+    block(emit, Y | Z);
+    karst_text_add(&emit->text, "}\n\n");
+}
+
+static void row(karst_emit *emit)
+{
+    karst_text *text = &emit->text;
+    karst_text_add(
+        text,
+        "K_INLINE K_WIDE vfloat world_row(world_axes *axes, int ix, int iy, int iz)\n{\n"
+        "    world_data data = axes->data;\n    const vint lane = (vint)(ix) + V_LANE;\n"
+        "    const int c = ix / LANES;\n    (void)data;\n    (void)c;\n"
+        "    if (axes->plane != iz)\n        world_plane(axes, iz);\n"
+        "    const affine_position at = emit_samples(axes->origin, axes->level, lane, (vint)(iy), (vint)(iz));\n");
+    lines(emit, KARST_AXES);
+    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
+}
+
+static void sample(karst_emit *emit)
+{
+    karst_text_add(&emit->text,
+                   "K_INLINE K_WIDE vfloat world_sample(const world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
+                   "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n"
+                   "    world_point_at place;\n    for (int i = 0; i < 3; i++) {\n"
+                   "        place.voxel[i] = at.voxel[i];\n        place.fraction[i] = at.fraction[i];\n    }\n"
+                   "    return world_point(axes->data, &place, axes->level);\n}\n\n");
+}
+
+/* Marks what blocks hand on; returns how many values of xy that is. */
+static uint32_t mark_kept(karst_emit *emit, karst_expr root)
+{
+    uint32_t num_xy = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        emit->nodes[e].is_kept = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        karst_expr inputs[4];
+        size_t count = emit->nodes[e].is_needed ? karst_emit_inputs(emit, e, inputs) : 0;
+        for (size_t i = 0; i < count; i++) {
+            karst_emit_node *input = &emit->nodes[inputs[i]];
+            if (input->axes == emit->nodes[e].axes || input->is_kept)
+                continue;
+            input->is_kept = 1;
+            num_xy += input->axes == (X | Y);
+        }
+    }
+    if (emit->nodes[root].is_needed && emit->nodes[root].axes != KARST_AXES)
+        emit->nodes[root].is_kept = 1;
+    return num_xy;
+}
+
+/* Values of xy take a table of a whole face of the brick each: with more than this many they go to the rows instead. */
+#define MAX_XY_KEPT 128u
+
+void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
+{
+    karst_expr root = emit->layout->world.density;
+    karst_emit_mark(emit, &root, 1);
+    if (mark_kept(emit, root) > MAX_XY_KEPT) {
+        for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+            if (emit->nodes[e].axes == (X | Y))
+                emit->nodes[e].axes = KARST_AXES;
+        mark_kept(emit, root);
+    }
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_needed)
+            emitted->num_ops[emit->nodes[e].axes]++;
+    declare_axes(emit);
+    prepare(emit);
+    plane(emit);
+    row(emit);
+    sample(emit);
+}

@@ -1,0 +1,64 @@
+/* What the parts of emit share: a piece of code being written, and where it finds what it does not compute itself. */
+#ifndef KARST_LANGUAGE_EMIT_INTERNAL_H
+#define KARST_LANGUAGE_EMIT_INTERNAL_H
+
+#include "producers/language/emit.h"
+#include "producers/language/emit_text.h"
+
+/* Axes, as in karst_expr_node.depends. */
+#define KARST_AXES (KARST_DEPENDS_X | KARST_DEPENDS_Y | KARST_DEPENDS_Z)
+
+/* A straight piece of code. In all but the point form it computes the nodes that depend on just its axes, for samples
+ * `lane` along the first of them, `iy` and `iz` along the others. */
+typedef struct {
+    bool is_point; /* everything, at any position `at` in each lane */
+    uint8_t axes;  /* what its nodes depend on; lanes run along the first of them */
+} karst_block;
+
+/* What a node is to the code. */
+typedef struct {
+    uint8_t axes;      /* that it depends on */
+    uint8_t is_needed; /* some block computes its value */
+    uint8_t is_kept;   /* the brick form hands the value from one block to others */
+} karst_emit_node;
+
+typedef struct {
+    const karst_world_layout *layout;
+    const karst_graph *graph;
+    karst_emit_node *nodes;
+    karst_text text;
+    karst_block block;
+    uint32_t *placed; /* per data word: 1 + the block that declared its place last */
+    uint32_t serial;  /* of the block */
+} karst_emit;
+
+/* Marks what the roots need: an error if it is too much. Returns how many nodes that is. */
+uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots);
+/* The nodes whose values the line of a node reads. */
+size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_expr inputs[4]);
+void karst_emit_begin_block(karst_emit *emit, karst_block block);
+/* The name of what a block of these axes keeps: "xz"; "b" for none. */
+const char *karst_emit_axes_name(uint8_t axes);
+
+/* ---- emit_ops.c ---- */
+#define KARST_OPERAND_BYTES 80
+typedef struct {
+    char text[KARST_OPERAND_BYTES];
+} karst_operand;
+/* "v12", or how this block reads a value that another computed, or a number. */
+karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e);
+/* The lines that compute a node: "const vfloat v12 = ...;". */
+void karst_emit_lines(karst_emit *emit, karst_expr e);
+/* "vfloat" or "vint". */
+const char *karst_emit_type(const karst_emit *emit, karst_expr e);
+
+/* ---- emit_noise.c ---- */
+void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
+
+/* ---- emit_point.c ---- */
+void karst_emit_points(karst_emit *emit, karst_emitted *emitted);
+
+/* ---- emit_brick.c ---- */
+void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted);
+
+#endif

@@ -1,0 +1,68 @@
+/* Noise calls: a loop over octaves. */
+#include "producers/language/emit_internal.h"
+
+#include "producers/language/octave.clh"
+
+_Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
+                   OCTAVE_BILLOW == KARST_NOISE_BILLOW && OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
+               "octave.clh has graph.h's numbers");
+
+static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
+
+/* Where one argument lies in the octave's lattice, as the brick form steps there or the point form computes it. */
+static void coordinate(karst_emit *emit, karst_expr noise, int i)
+{
+    const karst_expr_node *n = &emit->graph->nodes[noise];
+    const karst_expr_node *argument = &emit->graph->nodes[n->arg[i]];
+    karst_text *text = &emit->text;
+    uint8_t axes = emit->block.axes;
+    karst_text_add(text, "        q.axis[%d] = ", i);
+    if (emit->block.is_point)
+        karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d]);\n", i);
+    else if (axes & KARST_DEPENDS_X)
+        karst_text_add(text, "emit_steps_x(&octave->arg[%d], lane, %s, %s);\n", i, axes & KARST_DEPENDS_Y ? "iy" : "0",
+                       axes & KARST_DEPENDS_Z ? "iz" : "0");
+    else if (axes & KARST_DEPENDS_Y)
+        karst_text_add(text, "emit_steps_y(&octave->arg[%d], 0, lane, %s);\n", i, axes & KARST_DEPENDS_Z ? "iz" : "0");
+    else
+        karst_text_add(text, "emit_steps_z(&octave->arg[%d], 0, 0, lane);\n", i);
+
+    karst_expr moved = argument->op == KARST_OP_AFFINE    ? KARST_NO_EXPR
+                       : argument->op == KARST_OP_SHIFTED ? argument->arg[1]
+                                                          : n->arg[i];
+    const karst_number *known = karst_graph_constant(emit->graph, moved);
+    if (!moved || (known && karst_number_is(*known, 0)))
+        return;
+    karst_operand offset = karst_emit_operand(emit, moved);
+    karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(octave->scale));\n", i,
+                   i, offset.text);
+}
+
+void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_noise *noise = &emit->graph->noises[emit->graph->nodes[e].extra];
+    const char *shape = shape_names[noise->shape];
+    karst_text *text = &emit->text;
+    karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
+    karst_text_add(text, "    for (int k = 0; k < %u; k++) {\n", noise->num_octaves);
+    if (emit->block.is_point)
+        karst_text_add(text,
+                       "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u) + k;\n"
+                       "        octave_weight weight = octave_weight_at(octave, level);\n",
+                       emit->layout->word[e]);
+    else
+        karst_text_add(text,
+                       "        const K_PRIVATE emit_octave *octave = &axes->n%u[k];\n"
+                       "        octave_weight weight = octave->weight;\n",
+                       e);
+    karst_text_add(text,
+                   "        if (weight.weight == 0.0f) {\n"
+                   "            v%u = octave_faded_%s(&weight, v%u);\n"
+                   "            continue;\n"
+                   "        }\n"
+                   "        noise_position q;\n",
+                   e, shape, e);
+    for (int i = 0; i < 3; i++)
+        coordinate(emit, e, i);
+    karst_text_add(text, "        v%u = octave_add_%s(&q, &weight, v%u);\n    }\n", e, shape, e);
+}

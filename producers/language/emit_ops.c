@@ -1,0 +1,232 @@
+/* One node, one line. */
+#include "producers/language/emit_internal.h"
+
+#include <stdio.h>
+
+#include "core/dialect.h"
+
+static const karst_expr_node *node_of(const karst_emit *emit, karst_expr e) { return &emit->graph->nodes[e]; }
+
+const char *karst_emit_type(const karst_emit *emit, karst_expr e)
+{
+    return node_of(emit, e)->type == KARST_TYPE_FLOAT ? "vfloat" : "vint";
+}
+
+/* ---- operands ---- */
+
+/* Hexadecimal by hand: a locale has no say in it. */
+static void float_literal(float value, char *text, size_t size_bytes)
+{
+    uint32_t bits = k_as_uint(value), mantissa = bits & 0x7fffffu;
+    int exponent = (int)(bits >> 23 & 255u);
+    const char *sign = bits >> 31 ? "-" : "";
+    if (exponent == 255)
+        snprintf(text, size_bytes, "(vfloat)(k_as_float(0x%08xu))", (unsigned)bits);
+    else if (exponent == 0)
+        snprintf(text, size_bytes, "(vfloat)(%s0x0.%06xp-126f)", sign, (unsigned)(mantissa << 1));
+    else
+        snprintf(text, size_bytes, "(vfloat)(%s0x1.%06xp%+df)", sign, (unsigned)(mantissa << 1), exponent - 127);
+}
+
+static karst_operand constant(const karst_emit *emit, karst_expr e)
+{
+    karst_operand operand;
+    const karst_number *number = karst_graph_constant(emit->graph, e);
+    uint8_t type = node_of(emit, e)->type;
+    if (type == KARST_TYPE_FLOAT)
+        float_literal(karst_number_to_float(*number), operand.text, sizeof operand.text);
+    else if (type == KARST_TYPE_BOOL)
+        snprintf(operand.text, sizeof operand.text, "(vint)(%d)", number->numerator ? -1 : 0);
+    else
+        snprintf(operand.text, sizeof operand.text, "(vint)((int)0x%08xu)", (unsigned)(uint32_t)number->numerator);
+    return operand;
+}
+
+/* A value of fewer axes, kept by another block. Lanes along its first axis are read as they are, if they are this
+ * block's too; otherwise the block's lanes share one of them. */
+static karst_operand kept(const karst_emit *emit, karst_expr e)
+{
+    karst_operand operand;
+    uint8_t axes = emit->nodes[e].axes, here = emit->block.axes;
+    const char *name = karst_emit_axes_name(axes);
+    bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
+    uint8_t first = axes & (uint8_t)-axes, lanes = here & (uint8_t)-here;
+    const char *plane = axes == (KARST_DEPENDS_X | KARST_DEPENDS_Y) ? "[iy]" : "";
+    if (!axes)
+        snprintf(operand.text, sizeof operand.text, "axes->%s%u", name, e);
+    else if (first == lanes)
+        snprintf(operand.text, sizeof operand.text, "axes->%s%u%s[c]", name, e, plane);
+    else
+        snprintf(operand.text, sizeof operand.text, "(%s)(%s(axes->%s%u, %s))", is_float ? "vfloat" : "vint",
+                 is_float ? "EMIT_ONE_FLOAT" : "EMIT_ONE_INT", name, e, first == KARST_DEPENDS_Y ? "iy" : "iz");
+    return operand;
+}
+
+karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e)
+{
+    karst_operand operand;
+    const karst_world_layout *layout = emit->layout;
+    if (node_of(emit, e)->op == KARST_OP_CONSTANT)
+        return constant(emit, e);
+    if (layout->is_known[e]) {
+        bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
+        snprintf(operand.text, sizeof operand.text, "(%s)(%s(data, %u, %u))", is_float ? "vfloat" : "vint",
+                 is_float ? "EMIT_FLOAT" : "EMIT_INT", layout->values_word, layout->word[e]);
+        return operand;
+    }
+    if (!emit->block.is_point && emit->nodes[e].axes != emit->block.axes)
+        return kept(emit, e);
+    snprintf(operand.text, sizeof operand.text, "v%u", e);
+    return operand;
+}
+
+/* ---- functions ---- */
+
+/* How ops.clh ends a function's name by the type of its argument. */
+static const char *type_suffix(uint8_t type)
+{
+    return type == KARST_TYPE_FLOAT ? "float" : type == KARST_TYPE_UINT ? "uint" : "int";
+}
+
+/* The function of ops.clh for a node. *swapped: its two arguments trade places. */
+static void function_name(const karst_emit *emit, karst_expr e, char *name, size_t size_bytes, bool *swapped)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    uint8_t from = node_of(emit, n->arg[0])->type;
+    const char *op = karst_op_name(n->op);
+    *swapped = false;
+    switch (n->op) {
+    case KARST_OP_LENGTH:
+        snprintf(name, size_bytes, "op_length%d", n->arg[3] ? 4 : n->arg[2] ? 3 : 2);
+        break;
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+        *swapped = from == KARST_TYPE_BOOL; /* true is -1 */
+        snprintf(name, size_bytes, "op_%s_%s", op, type_suffix(from));
+        break;
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+        snprintf(name, size_bytes, "op_%s_%s", op, from == KARST_TYPE_FLOAT ? "float" : "int");
+        break;
+    case KARST_OP_SELECT:
+        snprintf(name, size_bytes, "op_select_%s", n->type == KARST_TYPE_FLOAT ? "float" : "int");
+        break;
+    case KARST_OP_INT_DIVIDE:
+    case KARST_OP_INT_MODULO:
+        snprintf(name, size_bytes, "op_%s_%s", type_suffix(n->type),
+                 n->op == KARST_OP_INT_DIVIDE ? "divide" : "modulo");
+        break;
+    case KARST_OP_SHIFT_RIGHT:
+        snprintf(name, size_bytes, "op_%s_shift_right", type_suffix(n->type));
+        break;
+    case KARST_OP_CONVERT:
+        if (n->type == KARST_TYPE_BOOL)
+            snprintf(name, size_bytes, "op_%s_to_bool", from == KARST_TYPE_FLOAT ? "float" : "int");
+        else if (from == KARST_TYPE_BOOL)
+            snprintf(name, size_bytes, "op_bool_to_%s", n->type == KARST_TYPE_FLOAT ? "float" : "int");
+        else if (from != KARST_TYPE_FLOAT && n->type != KARST_TYPE_FLOAT)
+            snprintf(name, size_bytes, " "); /* int and uint have the same bits */
+        else
+            snprintf(name, size_bytes, "op_%s_to_%s", type_suffix(from), type_suffix(n->type));
+        break;
+    case KARST_OP_BITS:
+        snprintf(name, size_bytes, "%s",
+                 from == KARST_TYPE_FLOAT      ? "op_float_to_bits"
+                 : n->type == KARST_TYPE_FLOAT ? "op_bits_to_float"
+                                               : " ");
+        break;
+    case KARST_OP_SHIFTED: /* as a float it is the sum */
+        snprintf(name, size_bytes, "op_add");
+        break;
+    default:
+        snprintf(name, size_bytes, "op_%s", op);
+        break;
+    }
+}
+
+/* ---- places: affine arguments whose exact coordinate counts ---- */
+
+/* Declares the place that a record describes, once a block: "c" and its word. */
+static void declare_place(karst_emit *emit, karst_expr e)
+{
+    uint8_t op = node_of(emit, e)->op;
+    bool turns = op == KARST_OP_SIN_TURNS || op == KARST_OP_COS_TURNS;
+    uint32_t word = emit->layout->word[e];
+    if (emit->placed[word] == emit->serial)
+        return;
+    emit->placed[word] = emit->serial;
+    if (turns)
+        karst_text_add(&emit->text,
+                       "    const noise_coordinate c%u = affine_coordinate(&at, EMIT_LATTICE(data, %u));\n", word,
+                       word);
+    else
+        karst_text_add(&emit->text, "    const affine_place c%u = affine_cells(&at, EMIT_CELLS(data, %u));\n", word,
+                       word);
+}
+
+static void place_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    uint32_t word = emit->layout->word[e];
+    bool shifted = node_of(emit, n->arg[0])->op == KARST_OP_SHIFTED;
+    karst_text *text = &emit->text;
+    declare_place(emit, e);
+    karst_operand offset = {""}, period = {""};
+    if (shifted)
+        offset = karst_emit_operand(emit, node_of(emit, n->arg[0])->arg[1]);
+    if (n->op == KARST_OP_MOD)
+        period = karst_emit_operand(emit, n->arg[1]);
+    karst_text_add(text, "    const vfloat v%u = ", e);
+    if (n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS) {
+        const char *function = n->op == KARST_OP_SIN_TURNS ? "affine_sin_turns" : "affine_cos_turns";
+        if (shifted)
+            karst_text_add(text, "%s(noise_coordinate_move(c%u, %s));\n", function, word, offset.text);
+        else
+            karst_text_add(text, "%s(c%u);\n", function, word);
+    } else if (n->op == KARST_OP_MOD) {
+        if (shifted)
+            karst_text_add(text, "affine_mod_shifted(c%u, %s, %s);\n", word, offset.text, period.text);
+        else
+            karst_text_add(text, "affine_fract(c%u) * %s;\n", word, period.text);
+    } else {
+        const char *function = n->op == KARST_OP_FLOOR ? "affine_floor" : "affine_fract";
+        if (shifted)
+            karst_text_add(text, "%s_shifted(c%u, %s);\n", function, word, offset.text);
+        else
+            karst_text_add(text, "%s(c%u);\n", function, word);
+    }
+}
+
+/* ---- lines ---- */
+
+void karst_emit_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    karst_text *text = &emit->text;
+    if (n->op == KARST_OP_NOISE) {
+        karst_emit_noise_lines(emit, e);
+        return;
+    }
+    if (karst_takes_place(emit->layout, e, 0)) {
+        place_lines(emit, e);
+        return;
+    }
+    karst_text_add(text, "    const %s v%u = ", karst_emit_type(emit, e), e);
+    if (n->op == KARST_OP_AFFINE) {
+        karst_text_add(text, "affine_float(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
+        return;
+    }
+    if (n->op == KARST_OP_NORMAL) {
+        karst_text_add(text, "n%c;\n", "xyz"[n->extra]);
+        return;
+    }
+    char name[48];
+    bool swapped;
+    function_name(emit, e, name, sizeof name, &swapped);
+    karst_text_add(text, "%s(", name);
+    for (int k = 0; k < 4 && n->arg[k]; k++) {
+        karst_operand operand = karst_emit_operand(emit, n->arg[swapped ? 1 - k : k]);
+        karst_text_add(text, "%s%s", k ? ", " : "", operand.text);
+    }
+    karst_text_add(text, ");\n");
+}

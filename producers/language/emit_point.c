@@ -1,0 +1,41 @@
+/* The point form: world_point and world_colour. */
+#include "producers/language/emit_internal.h"
+
+static uint32_t lines_of(karst_emit *emit, const karst_expr *roots, size_t num_roots)
+{
+    uint32_t count = karst_emit_mark(emit, roots, num_roots);
+    karst_emit_begin_block(emit, (karst_block){.is_point = true});
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_needed)
+            karst_emit_lines(emit, e);
+    return count;
+}
+
+static const char begin[] = "    affine_position at;\n"
+                            "    for (int i = 0; i < 3; i++) {\n"
+                            "        at.voxel[i] = place->voxel[i];\n"
+                            "        at.fraction[i] = place->fraction[i];\n"
+                            "    }\n";
+
+void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
+{
+    const karst_resolved_world *world = &emit->layout->world;
+    karst_text *text = &emit->text;
+    karst_text_add(text,
+                   "K_INLINE K_WIDE vfloat world_point(world_data data, const world_point_at *place, int level)\n{\n%s",
+                   begin);
+    emitted->num_point_ops = lines_of(emit, &world->density, 1);
+    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
+    if (!world->has_colour)
+        return;
+    karst_text_add(
+        text,
+        "K_INLINE K_WIDE void world_colour(world_data data, const world_point_at *place, int level, vfloat nx, "
+        "vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, vfloat *blue)\n{\n%s",
+        begin);
+    emitted->num_colour_ops = lines_of(emit, world->colour, 3);
+    static const char *const names[] = {"red", "green", "blue"};
+    for (int i = 0; i < 3; i++)
+        karst_text_add(text, "    *%s = %s;\n", names[i], karst_emit_operand(emit, world->colour[i]).text);
+    karst_text_add(text, "}\n\n");
+}

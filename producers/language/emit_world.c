@@ -1,0 +1,109 @@
+#include "producers/language/emit.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/emit_internal.h"
+
+const char *karst_emit_axes_name(uint8_t axes)
+{
+    static const char *const names[8] = {"b", "x", "y", "xy", "z", "xz", "yz", "xyz"};
+    return names[axes & KARST_AXES];
+}
+
+void karst_emit_begin_block(karst_emit *emit, karst_block block)
+{
+    emit->block = block;
+    emit->serial++;
+}
+
+size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_expr inputs[4])
+{
+    const karst_expr_node *n = &emit->graph->nodes[e];
+    size_t count = 0;
+    for (int k = 0; k < 4; k++) {
+        karst_expr input = n->arg[k];
+        if (karst_takes_place(emit->layout, e, k)) {
+            const karst_expr_node *a = &emit->graph->nodes[input];
+            input = a->op == KARST_OP_SHIFTED ? a->arg[1] : KARST_NO_EXPR;
+        }
+        if (input && !emit->layout->is_known[input])
+            inputs[count++] = input;
+    }
+    return count;
+}
+
+uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots)
+{
+    uint32_t count = 0, num_nodes = emit->graph->num_nodes;
+    for (karst_expr e = 0; e < num_nodes; e++)
+        emit->nodes[e] = (karst_emit_node){.axes = emit->graph->nodes[e].depends & KARST_AXES};
+    for (size_t i = 0; i < num_roots; i++)
+        emit->nodes[roots[i]].is_needed = !emit->layout->is_known[roots[i]];
+    for (karst_expr e = num_nodes - 1; e > 0; e--) {
+        if (!emit->nodes[e].is_needed)
+            continue;
+        karst_expr inputs[4];
+        size_t num_inputs = karst_emit_inputs(emit, e, inputs);
+        for (size_t i = 0; i < num_inputs; i++)
+            emit->nodes[inputs[i]].is_needed = 1;
+        count++;
+    }
+    return count;
+}
+
+/* What stands in the way of generated code. */
+static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, const char *what, karst_error *error)
+{
+    uint32_t count = karst_emit_mark(emit, roots, num_roots);
+    if (count > KARST_EMIT_MAX_OPS)
+        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u operations; at most %u can be compiled", what,
+                          count, KARST_EMIT_MAX_OPS);
+    uint32_t num_octaves = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        const karst_expr_node *n = &emit->graph->nodes[e];
+        if (!emit->nodes[e].is_needed)
+            continue;
+        if (n->op == KARST_OP_NOISE &&
+            (emit->graph->noises[n->extra].base != KARST_NOISE_GRADIENT || emit->graph->noises[n->extra].derivative))
+            return karst_fail(error, KARST_BAD_WORLD, "%s uses a noise that cannot be compiled yet", what);
+        if (n->op == KARST_OP_POSITION)
+            return karst_fail(error, KARST_FAILED, "%s was not resolved", what);
+        if (n->op == KARST_OP_NOISE)
+            num_octaves += emit->graph->noises[n->extra].num_octaves;
+    }
+    if (num_octaves > KARST_EMIT_MAX_OCTAVES)
+        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u octaves of noise; at most %u can be compiled",
+                          what, num_octaves, KARST_EMIT_MAX_OCTAVES);
+    return true;
+}
+
+bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
+{
+    karst_emit emit = {.layout = layout, .graph = layout->world.graph};
+    emit.nodes = calloc(emit.graph->num_nodes, sizeof *emit.nodes);
+    emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
+    *emitted = (karst_emitted){0};
+    bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
+    done = done && check(&emit, &layout->world.density, 1, "density", error) &&
+           (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error));
+    if (done) {
+        karst_text_add(&emit.text, "#include \"producers/language/emit.clh\"\n\n");
+        karst_emit_points(&emit, emitted);
+        karst_emit_bricks(&emit, emitted);
+        done = !emit.text.failed || karst_fail(error, KARST_FAILED, "out of memory");
+    }
+    if (done)
+        emitted->source = emit.text.bytes;
+    else
+        karst_text_finish(&emit.text);
+    free(emit.nodes);
+    free(emit.placed);
+    return done;
+}
+
+void karst_emitted_finish(karst_emitted *emitted)
+{
+    free(emitted->source);
+    *emitted = (karst_emitted){0};
+}
