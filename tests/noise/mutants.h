@@ -14,7 +14,6 @@ enum mutant {
     MUTANT_WARP_WIDTH, /* a warp moves the box but does not widen it */
     MUTANT_CHAIN_RULE, /* slopes ignore the warp */
     MUTANT_STRATA,     /* strata are as straight as at the centre */
-    MUTANT_CLOSING,    /* caves do not close where they fade */
     MUTANT_BULGE,      /* a sphere is flat */
     MUTANT_PARTS,      /* one part of a node stands for all */
 };
