@@ -22,6 +22,7 @@ typedef struct {
     karst_subdivider *subdivider;
     karst_evaluator *evaluator;
     karst_finaliser *finaliser;
+    karst_buffer *data; /* of the program; NULL: it has none */
     karst_buffer *loads, *staging, *scrubs, *total;
     karst_scrub_total known;  /* *total as last read */
     bool total_may_have_changed;
@@ -63,7 +64,7 @@ static void destroy(karst_producer *self)
     karst_subdivider_destroy(producer->subdivider);
     karst_evaluator_destroy(producer->evaluator);
     karst_finaliser_destroy(producer->finaliser);
-    karst_buffer *buffers[] = {producer->loads, producer->staging, producer->scrubs, producer->total};
+    karst_buffer *buffers[] = {producer->data, producer->loads, producer->staging, producer->scrubs, producer->total};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     free(producer);
@@ -80,6 +81,22 @@ static bool create_kernels(density_producer *producer, const karst_density_progr
     return (producer->subdivider = karst_subdivider_create(context, &world, program->options, error)) &&
            (producer->evaluator = karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
            (producer->finaliser = karst_finaliser_create(context, program->shape, &producer->layout, finalise_options, error));
+}
+
+static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
+    if (!program->data)
+        return true;
+    producer->data = karst_buffer_create(producer->context, "world", program->data_bytes, program->data, error);
+    karst_subdivider_set_data(producer->subdivider, producer->data);
+    karst_evaluator_set_data(producer->evaluator, producer->data);
+    return producer->data != NULL;
+}
+
+bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error)
+{
+    density_producer *density = (density_producer *)producer;
+    return karst_buffer_write(density->data, 0, data, density->data->size_bytes, error);
 }
 
 static bool create_buffers(density_producer *producer, uint32_t max_chunk, karst_error *error)
@@ -107,7 +124,8 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
                 (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
                  karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u", producer->layout.slot_stride,
                             KARST_BRICK_STRIDE));
-    if (!fits || !create_kernels(producer, program, error) || !create_buffers(producer, producer->base.max_chunk, error)) {
+    if (!fits || !create_kernels(producer, program, error) || !create_data(producer, program, error) ||
+        !create_buffers(producer, producer->base.max_chunk, error)) {
         destroy(&producer->base);
         return NULL;
     }

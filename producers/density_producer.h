@@ -11,11 +11,17 @@ typedef struct {
     const char *source;  /* what "world.clh" is (producers/density.clh); borrowed during creation */
     const char *options; /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
     const char *finalise_options; /* NULL, or more options for finalise (tests) */
+    const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
+    size_t data_bytes; /* a multiple of 8 */
     karst_shape shape;
     uint32_t max_loads;  /* the most loads in one round's work */
 } karst_density_program;
 
 karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program, karst_error *error);
+
+/* Replaces a program's data by other of the same size, for work that is answered from now on; the caller drops what was
+ * made of the old. */
+bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error);
 
 /* The build options of a shipped world. 128 bytes always suffice. */
 int karst_world_options(const karst_world_info *world, uint32_t seed, char *text, size_t size_bytes);

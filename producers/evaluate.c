@@ -8,6 +8,7 @@ struct karst_evaluator {
     karst_context *context;
     karst_program *program;
     cl_kernel bricks;
+    cl_mem data;       /* of the world; NULL: none */
     size_t group_size; /* work-items a brick */
 };
 
@@ -42,9 +43,15 @@ void karst_evaluator_destroy(karst_evaluator *evaluator)
     free(evaluator);
 }
 
+void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *data)
+{
+    evaluator->data = data ? data->mem : NULL;
+}
+
 bool karst_evaluate_bricks(karst_evaluator *evaluator, karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_error *error)
 {
-    return KARST_ARGUMENTS(evaluator->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(staging)) &&
+    return KARST_ARGUMENTS(evaluator->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(staging),
+                           KARST_VALUE_ARG(evaluator->data)) &&
            karst_launch(evaluator->context, evaluator->bricks, KARST_STAGE_EVALUATE, (size_t)count * evaluator->group_size,
                         evaluator->group_size, error);
 }

@@ -11,7 +11,8 @@
 /* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the seventeenth
  * samples, a face of the brick, are gathered into full vectors rather than a vector each. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging)
+void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                           world_data data)
 {
     uint brick = (uint)get_global_id(0);
     world_axes axes;
@@ -19,7 +20,8 @@ void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count
     if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
         return;
     K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
-    world_prepare(&axes, loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2], loads[brick].level);
+    world_prepare(WORLD_DATA(data, &axes, loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2],
+                             loads[brick].level));
     for (int z = 0; z < KARST_BRICK_SIDE; z++)
         for (int y = 0; y < KARST_BRICK_SIDE; y++)
             for (int x = 0; x < KARST_BRICK_CELLS; x += LANES)
@@ -39,7 +41,8 @@ void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count
 
 /* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1)))
-void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging)
+void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                           world_data data)
 {
     uint brick = (uint)get_group_id(0);
 
@@ -58,7 +61,7 @@ void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count
             at.voxel[axis] = (vlong)(loads[brick].origin[axis]) + v_int_to_long(steps[axis]) * (vlong)(1L << level);
             at.fraction[axis] = (vuint)(0);
         }
-        v_store_float(world_point(&at, level), values);
+        v_store_float(world_point(WORLD_DATA(data, &at, level)), values);
         for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++)
             samples[first + lane] = values[lane];
     }

@@ -8,6 +8,7 @@ struct karst_subdivider {
     karst_context *context;
     karst_program *program;
     cl_kernel tiles, loads;
+    cl_mem data; /* of the world; NULL: none */
     size_t group_size;
 };
 
@@ -44,6 +45,11 @@ void karst_subdivider_destroy(karst_subdivider *subdivider)
     free(subdivider);
 }
 
+void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer *data)
+{
+    subdivider->data = data ? data->mem : NULL;
+}
+
 static size_t items_for(const karst_subdivider *subdivider, size_t num_boxes)
 {
     size_t lanes = (size_t)subdivider->context->lanes;
@@ -55,7 +61,8 @@ bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffe
     size_t num_items = items_for(subdivider, (size_t)work->num_subdivides * KARST_TILE_NODES);
     return num_items == 0 ||
            (KARST_ARGUMENTS(subdivider->tiles, error, KARST_BUFFER_ARG(work->subdivide_nodes), KARST_BUFFER_ARG(work->subdivide_tiles),
-                            KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info)) &&
+                            KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
+                            KARST_VALUE_ARG(subdivider->data)) &&
             karst_launch(subdivider->context, subdivider->tiles, KARST_STAGE_SUBDIVIDE, num_items, subdivider->group_size, error));
 }
 
@@ -63,7 +70,7 @@ bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *
                        karst_buffer *loads, karst_error *error)
 {
     return KARST_ARGUMENTS(subdivider->loads, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(first), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads)) &&
+                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(subdivider->data)) &&
            karst_launch(subdivider->context, subdivider->loads, KARST_STAGE_EVALUATE, items_for(subdivider, count),
                         subdivider->group_size, error);
 }

@@ -24,7 +24,8 @@ K_INLINE int node_corner(K_GLOBAL const karst_tile_info *tile_info, uint node, l
  * Lanes past the end repeat the last child. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1)))
 void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOBAL const uint *restrict subdivide_tiles,
-                           uint num_subdivides, K_GLOBAL karst_node *restrict nodes, K_GLOBAL karst_tile_info *tile_info)
+                           uint num_subdivides, K_GLOBAL karst_node *restrict nodes, K_GLOBAL karst_tile_info *tile_info,
+                           world_data data)
 {
     uint num_children = num_subdivides * KARST_TILE_NODES, first = (uint)get_global_id(0) * LANES;
     long x[LANES], y[LANES], z[LANES];
@@ -43,7 +44,7 @@ void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOB
         z[lane] = karst_node_origin(2 * corner[2] + (bits >> 2 & 1u), level);
         levels[lane] = level;
     }
-    world_bounds(LOAD_LONG(x), LOAD_LONG(y), LOAD_LONG(z), v_load_int(levels), &bound);
+    world_bounds(WORLD_DATA(data, LOAD_LONG(x), LOAD_LONG(y), LOAD_LONG(z), v_load_int(levels), &bound));
     v_store_float(bound.lo, lo);
     v_store_float(bound.hi, hi);
     for (uint lane = 0; lane < LANES && first + lane < num_children; lane++) {
@@ -64,7 +65,8 @@ void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOB
 /* Work-item i prepares loads i * LANES ... of `count`, which are load_nodes[first ...]: where they lie and what their bounds prove. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1)))
 void karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uint count,
-                       K_GLOBAL const karst_tile_info *restrict tile_info, K_GLOBAL karst_load *restrict loads)
+                       K_GLOBAL const karst_tile_info *restrict tile_info, K_GLOBAL karst_load *restrict loads,
+                       world_data data)
 {
     uint begin = (uint)get_global_id(0) * LANES;
     long x[LANES], y[LANES], z[LANES];
@@ -82,7 +84,7 @@ void karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uin
         z[lane] = karst_node_origin(corner[2], level);
         levels[lane] = level;
     }
-    world_bounds(LOAD_LONG(x), LOAD_LONG(y), LOAD_LONG(z), v_load_int(levels), &bound);
+    world_bounds(WORLD_DATA(data, LOAD_LONG(x), LOAD_LONG(y), LOAD_LONG(z), v_load_int(levels), &bound));
     v_store_float(bound.lo, values[0]);
     v_store_float(bound.hi, values[1]);
     for (int axis = 0; axis < 3; axis++)
@@ -90,7 +92,7 @@ void karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uin
     for (uint lane = 0; lane < LANES && begin + lane < count; lane++) {
         int level = levels[lane];
         karst_load load = {{x[lane], y[lane], z[lane]}, level, karst_state_from_bounds(values[0][lane], values[1][lane]),
-                           karst_load_doubt(values[2][lane], values[3][lane], values[4][lane], world_slack(level), level), 0};
+                           karst_load_doubt(values[2][lane], values[3][lane], values[4][lane], world_slack(WORLD_DATA(data, level)), level), 0};
         loads[begin + lane] = load;
     }
 }
