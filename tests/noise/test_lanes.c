@@ -1,0 +1,222 @@
+/* The same bits from 16 lanes, from 1 lane and from host C: noise at any point, densities of a world between voxels,
+ * and its bounds. (Whole bricks: tests/producers.) */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "core/context.h"
+
+#include "producers/worlds/hills.clh"
+#include "tests/noise/random.h"
+
+#define NUM_POINTS (1 << 20)
+#define NUM_NODES (1 << 14)
+#define NUM_BOUNDS 5 /* lo, hi, three slopes */
+
+/* What the kernels do, for LANES items from `first`, on arrays that both sides have: places as x, y, z of all items. */
+static const char probes[] =
+    "#include \"producers/worlds/hills.clh\"\n"
+    "#include \"probes.clh\"\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_noise(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    if (first < count)\n"
+    "        noise_probe(voxel, fraction, count, first, out);\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_points(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    if (first < count)\n"
+    "        point_probe(voxel, fraction, count, first, out);\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_bounds(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    if (first < count)\n"
+    "        bounds_probe(voxel, level, count, first, out);\n"
+    "}\n";
+
+/* Device and host compile the same text. */
+#define PROBES(...)                                 \
+    static const char probes_text[] = #__VA_ARGS__; \
+    __VA_ARGS__
+
+/* clang-format off */
+#define LOAD_LONG(p) LOAD_LONG_(p)
+#define LOAD_LONG_(p) (*(p))
+#define LOAD_UINT(p) (*(p))
+PROBES(
+K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first, K_GLOBAL float *out)
+{
+    noise_position p;
+    for (uint a = 0; a < 3; a++)
+        p.axis[a] = noise_coordinate_at(LOAD_LONG(voxel + a * count + first), LOAD_UINT(fraction + a * count + first), 3L << (44 + a));
+    vfloat warp = noise_octave(&p, 77u, 1.5f, (vfloat)(0.0f));
+    p.axis[0] = noise_coordinate_move(p.axis[0], warp * (vfloat)(1e-3f));
+    p.axis[2] = noise_coordinate_move(p.axis[2], warp * (vfloat)(-50.0f));
+    noise_octaves octaves = noise_octaves_at(3L << 44, 9, 1.0f, 0.625f, (int)(first >> 4) % 12);
+    v_store_float(noise_fbm(&p, 99u, &octaves, 9, (vfloat)(0.0f)), out + first);
+}
+K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first, K_GLOBAL float *out)
+{
+    world_point_at at;
+    for (uint a = 0; a < 3; a++) {
+        at.voxel[a] = LOAD_LONG(voxel + a * count + first);
+        at.fraction[a] = LOAD_UINT(fraction + a * count + first);
+    }
+    v_store_float(world_point(&at, (int)(first >> 4) % 13 - 1), out + first);
+}
+K_INLINE void bounds_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, uint first, K_GLOBAL float *out)
+{
+    world_bound bound;
+    world_bounds(LOAD_LONG(voxel + first), LOAD_LONG(voxel + count + first), LOAD_LONG(voxel + 2 * count + first), v_uint_to_int(LOAD_UINT(level + first)), &bound);
+    v_store_float(bound.lo, out + first);
+    v_store_float(bound.hi, out + count + first);
+    for (uint a = 0; a < 3; a++)
+        v_store_float(bound.slope[a], out + (2 + a) * count + first);
+})
+/* clang-format on */
+
+static void expect(bool good, const char *what, const karst_error *error)
+{
+    if (!good)
+        fail_msg("%s: %s", what, error->message);
+}
+
+/* Runs a kernel of the probes over `count` items and returns what it wrote; free it. */
+static float *device_results(int lanes, const char *kernel_name, const int64_t *voxel, const uint32_t *word,
+                             size_t num_words, uint32_t count, size_t num_results)
+{
+    karst_error error = {0};
+    char text[sizeof probes_text + 256];
+    snprintf(text, sizeof text,
+             "#if LANES == 16\n#define LOAD_LONG(p) vload16(0, p)\n#define LOAD_UINT(p) vload16(0, p)\n#else\n"
+             "#define LOAD_LONG(p) (*(p))\n#define LOAD_UINT(p) (*(p))\n#endif\n%s\n",
+             probes_text);
+    const karst_virtual_file files[] = {{"probe.cl", probes}, {"probes.clh", text}};
+    karst_context *context = karst_context_create(getenv("KARST_DEVICE"), lanes, NULL, &error);
+    expect(context, "context", &error);
+    karst_program *program = karst_program_build(context, "probe.cl", "", files, 2, &error);
+    expect(program, "program", &error);
+    cl_kernel kernel = karst_program_kernel(program, kernel_name, &error);
+    expect(kernel, kernel_name, &error);
+    karst_buffer *voxels = karst_buffer_create(context, "test", 3 * count * sizeof *voxel, voxel, &error);
+    karst_buffer *words = karst_buffer_create(context, "test", num_words * sizeof *word, word, &error);
+    karst_buffer *out = karst_buffer_create(context, "test", num_results * sizeof(float), NULL, &error);
+    expect(voxels && words && out, "buffers", &error);
+    float *results = malloc(num_results * sizeof *results);
+    assert_non_null(results);
+    expect(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(voxels), KARST_BUFFER_ARG(words), KARST_VALUE_ARG(count),
+                           KARST_BUFFER_ARG(out)) &&
+               karst_launch(context, kernel, KARST_STAGE_EVALUATE, count / (uint32_t)lanes, 1, &error) &&
+               karst_buffer_read(out, 0, results, num_results * sizeof *results, &error),
+           kernel_name, &error);
+    karst_buffer_destroy(out);
+    karst_buffer_destroy(words);
+    karst_buffer_destroy(voxels);
+    clReleaseKernel(kernel);
+    karst_program_destroy(program);
+    karst_context_destroy(context);
+    return results;
+}
+
+static void assert_same_bits(const float *got, const float *wanted, size_t num, const char *what)
+{
+    size_t num_wrong = 0, first = 0;
+    for (size_t i = num; i-- > 0;)
+        if (k_as_uint(got[i]) != k_as_uint(wanted[i])) {
+            num_wrong++;
+            first = i;
+        }
+    if (num_wrong)
+        fail_msg("%s: %zu of %zu differ; %zu is %a, on the host %a", what, num_wrong, num, first, (double)got[first],
+                 (double)wanted[first]);
+}
+
+/* Near 0, 10^9 and 10^15 voxels. */
+static int64_t *random_voxels(size_t count, uint32_t *fractions)
+{
+    static const int64_t offsets[] = {0, 1000000000, 1000000000000000};
+    int64_t *voxels = malloc(3 * count * sizeof *voxels);
+    assert_non_null(voxels);
+    for (size_t i = 0; i < count; i++) {
+        int64_t offset = offsets[random_below(3)];
+        for (size_t a = 0; a < 3; a++) {
+            voxels[a * count + i] = random_between(-100000, 100000) + (random_bits() & 1 ? offset : -offset);
+            if (a == 1 && random_below(4)) /* where the land is */
+                voxels[a * count + i] = random_between(-8000, 8000);
+            fractions[a * count + i] = random_bits() & 1 ? (uint32_t)random_bits() : 0;
+        }
+    }
+    return voxels;
+}
+
+static void test_points(void **state)
+{
+    (void)state;
+    typedef void (*probe)(const long *, const uint *, uint, uint, float *);
+    static const struct {
+        const char *kernel;
+        probe host;
+    } cases[] = {{"probe_noise", noise_probe}, {"probe_points", point_probe}};
+    uint32_t *fractions = malloc(3 * NUM_POINTS * sizeof *fractions);
+    float *wanted = malloc(NUM_POINTS * sizeof *wanted);
+    assert_true(fractions && wanted);
+    int64_t *voxels = random_voxels(NUM_POINTS, fractions);
+    for (size_t c = 0; c < 2; c++) {
+        for (uint i = 0; i < NUM_POINTS; i++)
+            cases[c].host(voxels, fractions, NUM_POINTS, i, wanted);
+        for (int lanes = 1; lanes <= 16; lanes += 15) {
+            float *got =
+                device_results(lanes, cases[c].kernel, voxels, fractions, 3 * NUM_POINTS, NUM_POINTS, NUM_POINTS);
+            char what[64];
+            snprintf(what, sizeof what, "%s, %d lanes", cases[c].kernel, lanes);
+            assert_same_bits(got, wanted, NUM_POINTS, what);
+            free(got);
+        }
+    }
+    free(voxels);
+    free(wanted);
+    free(fractions);
+}
+
+static void test_bounds(void **state)
+{
+    (void)state;
+    uint32_t *levels = malloc(NUM_NODES * sizeof *levels), *fractions = malloc(3 * NUM_NODES * sizeof *fractions);
+    float *wanted = malloc(NUM_BOUNDS * NUM_NODES * sizeof *wanted);
+    assert_true(levels && fractions && wanted);
+    int64_t *voxels = random_voxels(NUM_NODES, fractions);
+    for (uint i = 0; i < NUM_NODES; i++) {
+        levels[i] = (uint32_t)random_below(14);
+        for (size_t a = 0; a < 3; a++)
+            voxels[a * NUM_NODES + i] &= -(INT64_C(16) << levels[i]);
+    }
+    for (uint i = 0; i < NUM_NODES; i++)
+        bounds_probe(voxels, levels, NUM_NODES, i, wanted);
+    for (int lanes = 1; lanes <= 16; lanes += 15) {
+        float *got =
+            device_results(lanes, "probe_bounds", voxels, levels, NUM_NODES, NUM_NODES, NUM_BOUNDS * NUM_NODES);
+        assert_same_bits(got, wanted, NUM_BOUNDS * NUM_NODES, lanes == 1 ? "bounds, 1 lane" : "bounds, 16 lanes");
+        free(got);
+    }
+    free(voxels);
+    free(wanted);
+    free(fractions);
+    free(levels);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_bounds)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
