@@ -1,0 +1,204 @@
+/* From a resolved graph to a tape: which nodes run, where their arguments are read, which slot each result goes to. */
+#include "producers/language/tape.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/octave.clh"
+
+_Static_assert((int)TAPE_FLOAT_TYPE == KARST_TYPE_FLOAT && (int)TAPE_INT_TYPE == KARST_TYPE_INT && (int)TAPE_UINT_TYPE == KARST_TYPE_UINT &&
+                   (int)TAPE_BOOL_TYPE == KARST_TYPE_BOOL,
+               "tape_shared.h has graph.h's types");
+_Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST_NOISE_RIDGED && (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW &&
+                   (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
+               "octave.clh has graph.h's shapes");
+
+typedef struct {
+    const karst_world_layout *layout;
+    const karst_graph *graph;
+    karst_tape *tape;
+    uint8_t *needed;
+    uint32_t *last_use; /* index of the last node that reads it; UINT32_MAX for outputs */
+    uint32_t *slot;
+    uint32_t *constant; /* number among the tape's constants + 1 */
+    uint32_t *free_slots, num_free;
+} builder;
+
+/* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it. */
+static karst_expr read_by(const builder *b, karst_expr e, int k)
+{
+    karst_expr argument = b->graph->nodes[e].arg[k];
+    if (!argument || !karst_takes_place(b->layout, e, k))
+        return argument;
+    const karst_expr_node *n = &b->graph->nodes[argument];
+    return n->op == KARST_OP_SHIFTED ? n->arg[1] : KARST_NO_EXPR;
+}
+
+static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
+{
+    for (uint32_t i = 0; i < num_roots; i++) {
+        b->needed[roots[i]] = 1;
+        b->last_use[roots[i]] = UINT32_MAX;
+    }
+    for (karst_expr e = b->graph->num_nodes - 1; e > 0; e--) {
+        if (!b->needed[e] || b->layout->is_known[e])
+            continue;
+        for (int k = 0; k < 4; k++) {
+            karst_expr argument = read_by(b, e, k);
+            b->needed[argument] = 1;
+            b->last_use[argument] = b->last_use[argument] < e ? e : b->last_use[argument];
+        }
+    }
+}
+
+static uint32_t bits_of(const karst_number *number, uint8_t type)
+{
+    if (type == KARST_TYPE_FLOAT)
+        return k_as_uint(karst_number_to_float(*number));
+    if (type == KARST_TYPE_BOOL)
+        return number->numerator ? 0xffffffffu : 0;
+    return (uint32_t)number->numerator;
+}
+
+static uint32_t operand_of(builder *b, karst_expr e)
+{
+    if (!e)
+        return TAPE_NOTHING;
+    const karst_expr_node *n = &b->graph->nodes[e];
+    if (n->op == KARST_OP_CONSTANT) {
+        if (!b->constant[e]) {
+            b->tape->constants[b->tape->num_constants] = bits_of(karst_graph_constant(b->graph, e), n->type);
+            b->constant[e] = ++b->tape->num_constants;
+        }
+        return TAPE_CONSTANT | (b->constant[e] - 1);
+    }
+    return b->layout->is_known[e] ? TAPE_VALUE | b->layout->word[e] : b->slot[e];
+}
+
+/* ---- ops ---- */
+
+static const uint8_t plain_ops[KARST_NUM_OPS] = {
+    [KARST_OP_AFFINE] = TAPE_AFFINE, [KARST_OP_NORMAL] = TAPE_NORMAL,
+    [KARST_OP_ADD] = TAPE_ADD, [KARST_OP_SUBTRACT] = TAPE_SUBTRACT, [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
+    [KARST_OP_DIVIDE] = TAPE_DIVIDE, [KARST_OP_FMA] = TAPE_FMA, [KARST_OP_NEGATE] = TAPE_NEGATE,
+    [KARST_OP_MIN] = TAPE_MIN, [KARST_OP_MAX] = TAPE_MAX, [KARST_OP_ABS] = TAPE_ABS,
+    [KARST_OP_FLOOR] = TAPE_FLOOR, [KARST_OP_CEIL] = TAPE_CEIL, [KARST_OP_RINT] = TAPE_RINT,
+    [KARST_OP_FRACT] = TAPE_FRACT, [KARST_OP_MOD] = TAPE_MOD, [KARST_OP_MIX] = TAPE_MIX,
+    [KARST_OP_SQRT] = TAPE_SQRT, [KARST_OP_LENGTH] = TAPE_LENGTH, [KARST_OP_SIN] = TAPE_SIN,
+    [KARST_OP_COS] = TAPE_COS, [KARST_OP_SIN_TURNS] = TAPE_SIN_TURNS, [KARST_OP_COS_TURNS] = TAPE_COS_TURNS,
+    [KARST_OP_EXP2] = TAPE_EXP2, [KARST_OP_LOG] = TAPE_LOG, [KARST_OP_ATAN] = TAPE_ATAN,
+    [KARST_OP_NOISE] = TAPE_NOISE, [KARST_OP_SHIFTED] = TAPE_ADD, [KARST_OP_LESS] = TAPE_LESS,
+    [KARST_OP_LESS_EQUAL] = TAPE_LESS_EQUAL, [KARST_OP_EQUAL] = TAPE_EQUAL, [KARST_OP_NOT_EQUAL] = TAPE_NOT_EQUAL,
+    [KARST_OP_NOT] = TAPE_NOT, [KARST_OP_AND] = TAPE_AND, [KARST_OP_OR] = TAPE_OR,
+    [KARST_OP_SELECT] = TAPE_SELECT, [KARST_OP_INT_ADD] = TAPE_INT_ADD, [KARST_OP_INT_SUBTRACT] = TAPE_INT_SUBTRACT,
+    [KARST_OP_INT_MULTIPLY] = TAPE_INT_MULTIPLY, [KARST_OP_INT_DIVIDE] = TAPE_INT_DIVIDE, [KARST_OP_INT_MODULO] = TAPE_INT_MODULO,
+    [KARST_OP_BIT_AND] = TAPE_BIT_AND, [KARST_OP_BIT_OR] = TAPE_BIT_OR, [KARST_OP_BIT_XOR] = TAPE_BIT_XOR,
+    [KARST_OP_BIT_NOT] = TAPE_BIT_NOT, [KARST_OP_SHIFT_LEFT] = TAPE_SHIFT_LEFT, [KARST_OP_SHIFT_RIGHT] = TAPE_SHIFT_RIGHT,
+    [KARST_OP_CONVERT] = TAPE_CONVERT, [KARST_OP_BITS] = TAPE_BITS,
+};
+
+static uint8_t op_of(const builder *b, karst_expr e)
+{
+    uint8_t op = b->graph->nodes[e].op;
+    if (!karst_takes_place(b->layout, e, 0))
+        return plain_ops[op];
+    return op == KARST_OP_FLOOR ? TAPE_PLACE_FLOOR : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT : op == KARST_OP_MOD ? TAPE_PLACE_MOD : plain_ops[op];
+}
+
+static bool can_run(const builder *b, karst_expr e, karst_error *error)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    if (n->op == KARST_OP_NOISE) {
+        const karst_noise *noise = &b->graph->noises[n->extra];
+        if (noise->base != KARST_NOISE_GRADIENT || noise->derivative)
+            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d, derivative %d cannot be evaluated", noise->base, noise->derivative);
+        return true;
+    }
+    bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
+    if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE || (is_turns && !karst_takes_place(b->layout, e, 0)))
+        return karst_fail(error, KARST_BAD_WORLD, "%s is not an op of a resolved graph", karst_op_name(n->op));
+    return true;
+}
+
+static void release_arguments(builder *b, karst_expr e)
+{
+    for (int k = 0; k < 4; k++) {
+        karst_expr argument = read_by(b, e, k);
+        if (argument && b->last_use[argument] == e && !b->layout->is_known[argument]) {
+            b->free_slots[b->num_free++] = b->slot[argument];
+            b->last_use[argument] = 0; /* once, if it is read twice */
+        }
+    }
+}
+
+static void add_instruction(builder *b, karst_expr e)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    karst_tape *tape = b->tape;
+    karst_instruction *i = &tape->code[tape->num_instructions++];
+    *i = (karst_instruction){.op = op_of(b, e), .type = n->type, .is_steps = n->kind == KARST_KIND_STEPS, .word = b->layout->word[e]};
+    for (int k = 0; k < 4; k++) {
+        i->arg[k] = operand_of(b, read_by(b, e, k));
+        i->count += n->arg[k] != 0;
+    }
+    /* a choice's type is its values' */
+    i->argument_type = b->graph->nodes[n->arg[0]].type;
+    if (n->op == KARST_OP_NORMAL)
+        i->count = n->extra;
+    if (n->op == KARST_OP_NOISE) {
+        const karst_noise *noise = &b->graph->noises[n->extra];
+        i->count = noise->num_octaves;
+        i->argument_type = noise->base;
+        i->type = noise->shape;
+    }
+    release_arguments(b, e);
+    b->slot[e] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;
+    i->slot = b->slot[e];
+}
+
+bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape, karst_error *error)
+{
+    uint32_t count = layout->world.graph->num_nodes;
+    builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape};
+    bool done = false;
+    *tape = (karst_tape){.num_outputs = num_roots};
+    b.needed = calloc(count, 1);
+    b.last_use = calloc(count, sizeof *b.last_use);
+    b.slot = calloc(count, sizeof *b.slot);
+    b.constant = calloc(count, sizeof *b.constant);
+    b.free_slots = calloc(count, sizeof *b.free_slots);
+    tape->code = calloc(count, sizeof *tape->code);
+    tape->constants = calloc(count, sizeof *tape->constants);
+    if (!b.needed || !b.last_use || !b.slot || !b.constant || !b.free_slots || !tape->code || !tape->constants) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        goto end;
+    }
+    mark(&b, roots, num_roots);
+    for (karst_expr e = 1; e < count; e++) {
+        if (!b.needed[e] || layout->is_known[e])
+            continue;
+        if (!can_run(&b, e, error))
+            goto end;
+        add_instruction(&b, e);
+    }
+    for (uint32_t i = 0; i < num_roots; i++)
+        tape->output[i] = operand_of(&b, roots[i]);
+    tape->num_slots += tape->num_slots == 0;
+    done = true;
+end:
+    free(b.needed);
+    free(b.last_use);
+    free(b.slot);
+    free(b.constant);
+    free(b.free_slots);
+    if (!done)
+        karst_tape_finish(tape);
+    return done;
+}
+
+void karst_tape_finish(karst_tape *tape)
+{
+    free(tape->code);
+    free(tape->constants);
+    *tape = (karst_tape){0};
+}
