@@ -7,6 +7,7 @@
 #include "karst/error.h"
 #include "karst/image.h"
 #include "karst/log.h"
+#include "karst/path.h"
 #include "karst/position.h"
 #include "karst/stats.h"
 #endif
