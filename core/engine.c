@@ -7,7 +7,9 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/cost.h"
 #include "core/display_platform.h"
+#include "core/engine_internal.h"
 #include "core/ladder.h"
 #include "core/surface.h"
 #include "cache/cache.h"
@@ -21,6 +23,7 @@
 #define DEFAULT_POOL_BYTES ((uint64_t)512 << 20)
 #define DEFAULT_BUDGET_BRICKS 4096u
 #define MAX_BUDGET_BRICKS 8192u
+#define MAX_BUDGET_MS 60000.0
 #define DEFAULT_MAX_FRAMES 1000u
 /* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to them. */
 #define MIN_TILES 32u
@@ -47,6 +50,8 @@ struct karst_engine {
     bool shadows, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
     uint32_t budget_bricks;
+    double budget_ns; /* 0: bricks only */
+    karst_cost cost;
 
     karst_camera camera;
     bool view_changed;
@@ -158,7 +163,9 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
     engine->count_changed_pixels = config->count_changed_pixels;
+    engine->budget_ns = config->budget_ms * 1e6;
     karst_ladder_init(&engine->ladder);
+    karst_cost_init(&engine->cost);
 
     engine->world = find_world(config->world, error);
     if (!engine->world || !check_size(engine->width_px, engine->height_px, error) || !size_pools(config, &num_tiles, &num_bricks, error))
@@ -169,6 +176,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     }
     if (engine->budget_bricks > MAX_BUDGET_BRICKS) {
         karst_fail(error, KARST_USAGE, "a budget of %u bricks a frame: the limit is %u", engine->budget_bricks, MAX_BUDGET_BRICKS);
+        goto failed;
+    }
+    if (!(config->budget_ms >= 0 && config->budget_ms <= MAX_BUDGET_MS)) {
+        karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g", config->budget_ms, MAX_BUDGET_MS);
         goto failed;
     }
     double view_distance_m = config->view_distance_m != 0 ? config->view_distance_m : engine->world->view_distance_m;
@@ -264,6 +275,12 @@ bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, ka
     engine->height_px = height_px;
     engine->view_changed = true;
     return allocate_picture(engine, error);
+}
+
+void karst_engine_start_counting_at(karst_engine *engine, uint32_t serial, uint32_t frame)
+{
+    engine->serial = serial;
+    engine->frame = frame;
 }
 
 void karst_engine_stats(const karst_engine *engine, karst_stats *stats) { *stats = engine->stats; }
@@ -384,6 +401,11 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
     karst_collect_params params = {.serial = engine->serial, .frame = engine->frame, .camera = engine->camera.position,
                                    .max_tiles = engine->budget_bricks, .max_bricks = engine->budget_bricks, .may_drop_fallback = true};
+    if (engine->budget_ns > 0) {
+        karst_cost_limits limits = karst_cost_plan(&engine->cost, engine->budget_ns, engine->budget_bricks);
+        params.max_tiles = limits.max_tiles;
+        params.max_bricks = limits.max_bricks;
+    }
     if (!karst_cache_collect(engine->cache, &params, work, error))
         return false;
     if (!karst_producer_answer(engine->producer, buffers, work, error))
@@ -403,6 +425,18 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
     stats->tiles.num_used = work->num_used_tiles;
     stats->bricks.num_used = work->num_used_bricks;
     return true;
+}
+
+static void learn_cost(karst_engine *engine)
+{
+    const karst_stats *stats = &engine->stats;
+    karst_cost_round round = {
+        .num_bricks = (uint32_t)stats->num_bricks_produced,
+        .num_tiles = (uint32_t)stats->num_tiles_produced,
+        .brick_ns = stats->time_ns[KARST_STAGE_EVALUATE] + stats->time_ns[KARST_STAGE_FINALISE],
+        .tile_ns = stats->time_ns[KARST_STAGE_SUBDIVIDE],
+    };
+    karst_cost_learn(&engine->cost, &round);
 }
 
 /* The next rung of detail, from what this round could and could not do. */
@@ -465,9 +499,12 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
         return karst_fail(error, KARST_FAILED, "this engine lost its picture memory; set a size that fits");
     *stats = (karst_stats){0};
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
-    stats->frame = ++engine->frame;
+    /* 0 means none in both: they wrap around to 1. */
+    if (++engine->frame == 0)
+        engine->frame = 1;
     if (++engine->serial == 0)
         engine->serial = 1;
+    stats->frame = engine->frame;
     if (engine->view_changed)
         karst_ladder_view_changed(&engine->ladder);
     engine->view_changed = false;
@@ -493,6 +530,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;
+    learn_cost(engine);
     stats->time_ns_frame = karst_clock_ns() - start_ns;
     karst_context_memory(engine->context, stats);
     return !engine->count_changed_pixels || count_changed_pixels(engine, error);

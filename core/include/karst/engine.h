@@ -31,6 +31,8 @@ typedef struct {
     double detail_px;           /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
     double view_distance_m;     /* where rays end; 0: what the world says */
     uint32_t budget_bricks;     /* bricks (and tiles) produced in a frame at most; 4096 */
+    double budget_ms;           /* and at most what is expected to take so long on the device, from what the last ones took; 0: no clock,
+                                 * which alone makes unsettled pictures reproducible; to 60000 */
     bool has_seed;
     uint32_t seed;              /* instead of the world's own */
     bool no_shadows;            /* leave out the second stream of rays, and its kernels */

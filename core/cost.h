@@ -1,0 +1,34 @@
+/* The cost model of production: how many tiles and bricks fit into a time, from what the last ones took on this device
+ * in this world. Plain data, no device and no clock of its own. */
+#ifndef KARST_CORE_COST_H
+#define KARST_CORE_COST_H
+
+#include <stdint.h>
+
+typedef struct {
+    double brick_ns, tile_ns; /* expected for one; 0: nothing measured yet */
+    uint32_t tiles_expected;  /* how many the next round will want, for sharing the time between both */
+} karst_cost;
+
+/* What one round made, and the device time it took. */
+typedef struct {
+    uint32_t num_bricks, num_tiles;
+    uint64_t brick_ns, tile_ns; /* of all of them */
+} karst_cost_round;
+
+/* How much a round may make. */
+typedef struct {
+    uint32_t max_bricks, max_tiles;
+} karst_cost_limits;
+
+void karst_cost_init(karst_cost *cost);
+/* Learns from a round. Estimates follow a rise at once and a fall slowly, since a budget that is not met shows and one
+ * that is not used up does not; a round of few weighs little. */
+void karst_cost_learn(karst_cost *cost, const karst_cost_round *round);
+/* The most that is expected to fit into budget_ns, each from 1 (or nothing would ever settle) to `most`. Tiles get what
+ * the last rounds wanted of them, with room to double, up to a third of the time; bricks the rest. Before anything was
+ * measured: FIRST of each. */
+#define KARST_COST_FIRST 16u
+karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint32_t most);
+
+#endif
