@@ -1,11 +1,8 @@
 /* The bounds of the world 'asteroid'. */
-#include "tests/noise/mutants.h"
-
-#include "producers/worlds/asteroid.clh"
-
+#define WORLD_SOURCE "producers/worlds/asteroid.clh"
 #include "tests/noise/world_bounds.h"
 
-static void world_surface(int64_t voxel[3])
+static void asteroid_surface(int64_t voxel[3])
 {
     /* along the ray from the origin */
     double p[3], length = 0, low = 0, high = 12000;
@@ -53,6 +50,7 @@ static void test_space_and_core_are_decided_at_once(void **state)
 
 int main(void)
 {
+    world_surface = asteroid_surface;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_hold_the_density),
         cmocka_unit_test(test_each_rule_is_needed),

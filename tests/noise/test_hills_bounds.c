@@ -1,11 +1,8 @@
 /* The bounds of the world 'hills'. */
-#include "tests/noise/mutants.h"
-
-#include "producers/worlds/hills.clh"
-
+#define WORLD_SOURCE "producers/worlds/hills.clh"
 #include "tests/noise/world_bounds.h"
 
-static void world_surface(int64_t voxel[3])
+static void hills_surface(int64_t voxel[3])
 {
     int64_t low = -16384, high = 16384; /* 1 km below and above sea level */
     while (high - low > 1) {
@@ -43,6 +40,7 @@ static void test_sky_and_depths_are_decided_at_once(void **state)
 
 int main(void)
 {
+    world_surface = hills_surface;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_hold_the_density),
         cmocka_unit_test(test_each_rule_is_needed),

@@ -1,5 +1,5 @@
 /* The same bits from 16 lanes, from 1 lane and from host C: noise at any point, densities of a world between voxels,
- * and its bounds. (Whole bricks: tests/producers.) */
+ * and its bounds; and the tensor form. (Whole bricks: tests/producers.) */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -23,6 +23,28 @@
 static const char probes[] =
     "#include \"producers/worlds/hills.clh\"\n"
     "#include \"probes.clh\"\n"
+    "#if LANES == 16\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_tensor(K_GLOBAL const long *brick, K_GLOBAL const uint *word, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint i = (uint)get_global_id(0);\n"
+    "    noise_axis axis[3];\n"
+    "    noise_tensor tensor;\n"
+    "    if (i >= count)\n"
+    "        return;\n"
+    "    brick += 6 * i;\n"
+    "    word += 3 * i;\n"
+    "    for (int a = 0; a < 3; a++)\n"
+    "        axis[a] = noise_axis_at(brick[a], brick[3 + a], (int)word[0]);\n"
+    "    noise_tensor_prepare(&tensor, axis, (int)word[1], word[2], 0.75f);\n"
+    "    out += i * 17 * 17 * 16;\n"
+    "    for (int z = 0; z < 17; z++) {\n"
+    "        noise_tensor_plane(&tensor, z);\n"
+    "        for (int y = 0; y < 17; y++, out += 16)\n"
+    "            v_store_float(noise_tensor_row(&tensor, y, (vfloat)(0.0f)), out);\n"
+    "    }\n"
+    "}\n"
+    "#endif\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void probe_noise(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
     "{\n"
@@ -55,18 +77,21 @@ static const char probes[] =
 #define LOAD_LONG_(p) (*(p))
 #define LOAD_UINT(p) (*(p))
 PROBES(
-K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first, K_GLOBAL float *out)
+K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
+                          K_GLOBAL float *out)
 {
     noise_position p;
     for (uint a = 0; a < 3; a++)
-        p.axis[a] = noise_coordinate_at(LOAD_LONG(voxel + a * count + first), LOAD_UINT(fraction + a * count + first), 3L << (44 + a));
+        p.axis[a] = noise_coordinate_at(LOAD_LONG(voxel + a * count + first), LOAD_UINT(fraction + a * count + first),
+                                        3L << (44 + a));
     vfloat warp = noise_octave(&p, 77u, 1.5f, (vfloat)(0.0f));
     p.axis[0] = noise_coordinate_move(p.axis[0], warp * (vfloat)(1e-3f));
     p.axis[2] = noise_coordinate_move(p.axis[2], warp * (vfloat)(-50.0f));
     noise_octaves octaves = noise_octaves_at(3L << 44, 9, 1.0f, 0.625f, (int)(first >> 4) % 12);
     v_store_float(noise_fbm(&p, 99u, &octaves, 9, (vfloat)(0.0f)), out + first);
 }
-K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first, K_GLOBAL float *out)
+K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
+                          K_GLOBAL float *out)
 {
     world_point_at at;
     for (uint a = 0; a < 3; a++) {
@@ -75,10 +100,12 @@ K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fract
     }
     v_store_float(world_point(&at, (int)(first >> 4) % 13 - 1), out + first);
 }
-K_INLINE void bounds_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, uint first, K_GLOBAL float *out)
+K_INLINE void bounds_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, uint first,
+                           K_GLOBAL float *out)
 {
     world_bound bound;
-    world_bounds(LOAD_LONG(voxel + first), LOAD_LONG(voxel + count + first), LOAD_LONG(voxel + 2 * count + first), v_uint_to_int(LOAD_UINT(level + first)), &bound);
+    world_bounds(LOAD_LONG(voxel + first), LOAD_LONG(voxel + count + first), LOAD_LONG(voxel + 2 * count + first),
+                 v_uint_to_int(LOAD_UINT(level + first)), &bound);
     v_store_float(bound.lo, out + first);
     v_store_float(bound.hi, out + count + first);
     for (uint a = 0; a < 3; a++)
@@ -93,8 +120,8 @@ static void expect(bool good, const char *what, const karst_error *error)
 }
 
 /* Runs a kernel of the probes over `count` items and returns what it wrote; free it. */
-static float *device_results(int lanes, const char *kernel_name, const int64_t *voxel, const uint32_t *word,
-                             size_t num_words, uint32_t count, size_t num_results)
+static float *device_results(int lanes, const char *kernel_name, const int64_t *voxel, size_t num_voxels,
+                             const uint32_t *word, size_t num_words, uint32_t count, size_t num_results)
 {
     karst_error error = {0};
     char text[sizeof probes_text + 256];
@@ -109,7 +136,7 @@ static float *device_results(int lanes, const char *kernel_name, const int64_t *
     expect(program, "program", &error);
     cl_kernel kernel = karst_program_kernel(program, kernel_name, &error);
     expect(kernel, kernel_name, &error);
-    karst_buffer *voxels = karst_buffer_create(context, "test", 3 * count * sizeof *voxel, voxel, &error);
+    karst_buffer *voxels = karst_buffer_create(context, "test", num_voxels * sizeof *voxel, voxel, &error);
     karst_buffer *words = karst_buffer_create(context, "test", num_words * sizeof *word, word, &error);
     karst_buffer *out = karst_buffer_create(context, "test", num_results * sizeof(float), NULL, &error);
     expect(voxels && words && out, "buffers", &error);
@@ -117,7 +144,7 @@ static float *device_results(int lanes, const char *kernel_name, const int64_t *
     assert_non_null(results);
     expect(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(voxels), KARST_BUFFER_ARG(words), KARST_VALUE_ARG(count),
                            KARST_BUFFER_ARG(out)) &&
-               karst_launch(context, kernel, KARST_STAGE_EVALUATE, count / (uint32_t)lanes, 1, &error) &&
+               karst_launch(context, kernel, KARST_STAGE_EVALUATE, count, 1, &error) &&
                karst_buffer_read(out, 0, results, num_results * sizeof *results, &error),
            kernel_name, &error);
     karst_buffer_destroy(out);
@@ -176,8 +203,8 @@ static void test_points(void **state)
         for (uint i = 0; i < NUM_POINTS; i++)
             cases[c].host(voxels, fractions, NUM_POINTS, i, wanted);
         for (int lanes = 1; lanes <= 16; lanes += 15) {
-            float *got =
-                device_results(lanes, cases[c].kernel, voxels, fractions, 3 * NUM_POINTS, NUM_POINTS, NUM_POINTS);
+            float *got = device_results(lanes, cases[c].kernel, voxels, 3 * NUM_POINTS, fractions, 3 * NUM_POINTS,
+                                        NUM_POINTS, NUM_POINTS);
             char what[64];
             snprintf(what, sizeof what, "%s, %d lanes", cases[c].kernel, lanes);
             assert_same_bits(got, wanted, NUM_POINTS, what);
@@ -204,8 +231,8 @@ static void test_bounds(void **state)
     for (uint i = 0; i < NUM_NODES; i++)
         bounds_probe(voxels, levels, NUM_NODES, i, wanted);
     for (int lanes = 1; lanes <= 16; lanes += 15) {
-        float *got =
-            device_results(lanes, "probe_bounds", voxels, levels, NUM_NODES, NUM_NODES, NUM_BOUNDS * NUM_NODES);
+        float *got = device_results(lanes, "probe_bounds", voxels, 3 * NUM_NODES, levels, NUM_NODES, NUM_NODES,
+                                    NUM_BOUNDS * NUM_NODES);
         assert_same_bits(got, wanted, NUM_BOUNDS * NUM_NODES, lanes == 1 ? "bounds, 1 lane" : "bounds, 16 lanes");
         free(got);
     }
@@ -215,8 +242,55 @@ static void test_bounds(void **state)
     free(levels);
 }
 
+/* Rows of a brick by tensor against single points, for all octaves and frequencies that a tensor may see. */
+static void test_tensor(void **state)
+{
+    (void)state;
+    enum { BRICKS = 600, SAMPLES = 17 * 17 * 16 };
+    int64_t *bricks = malloc(6 * BRICKS * sizeof *bricks);
+    uint32_t *words = malloc(3 * BRICKS * sizeof *words);
+    float *wanted = malloc(BRICKS * SAMPLES * sizeof *wanted), *out = wanted;
+    assert_true(bricks && words && wanted);
+    uint32_t *unused = malloc(3 * 2 * BRICKS * sizeof *unused);
+    assert_non_null(unused);
+    int64_t *places = random_voxels(2 * BRICKS, unused);
+    free(unused);
+    for (int i = 0; i < BRICKS; i++) {
+        int level = (int)random_below(12), octave = (int)random_below(9);
+        noise_axis axis[3];
+        words[3 * i] = (uint32_t)level;
+        words[3 * i + 1] = (uint32_t)octave;
+        words[3 * i + 2] = (uint32_t)random_bits();
+        for (int a = 0; a < 3; a++) {
+            /* up to half a cell from sample to sample, and often just that */
+            int64_t most = INT64_C(1) << (55 - level - octave);
+            int64_t frequency = random_below(4) ? (int64_t)((double)most * random_magnitude(1e-5, 1)) : most;
+            bricks[6 * i + a] = places[3 * i + a];
+            bricks[6 * i + 3 + a] = random_below(3) ? frequency : -frequency;
+            axis[a] = noise_axis_at(bricks[6 * i + a], bricks[6 * i + 3 + a], level);
+        }
+        for (int z = 0; z < 17; z++)
+            for (int y = 0; y < 17; y++)
+                for (int x = 0; x < 16; x++) {
+                    const int at[3] = {x, y, z};
+                    noise_position p;
+                    for (int a = 0; a < 3; a++)
+                        p.axis[a] = noise_coordinate_octave(noise_axis_sample(&axis[a], at[a]), octave);
+                    *out++ = noise_octave(&p, words[3 * i + 2], 0.75f, 0.0f);
+                }
+    }
+    float *got = device_results(16, "probe_tensor", bricks, 6 * BRICKS, words, 3 * BRICKS, BRICKS, BRICKS * SAMPLES);
+    assert_same_bits(got, wanted, BRICKS * SAMPLES, "tensor");
+    free(got);
+    free(places);
+    free(bricks);
+    free(words);
+    free(wanted);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_bounds)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_bounds),
+                                       cmocka_unit_test(test_tensor)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,13 +1,10 @@
 /* The world 'hills' with a warp several times as strong, so that the rules for warped boxes carry weight. */
 #define HILLS_WARP_M 600.0f
 
-#include "tests/noise/mutants.h"
-
-#include "producers/worlds/hills.clh"
-
+#define WORLD_SOURCE "producers/worlds/hills.clh"
 #include "tests/noise/world_bounds.h"
 
-static void world_surface(int64_t voxel[3]) { voxel[1] = random_between(-4000, 4000); }
+static void warp_surface(int64_t voxel[3]) { voxel[1] = random_between(-4000, 4000); }
 
 static void test_each_rule_is_needed(void **state)
 {
@@ -18,6 +15,7 @@ static void test_each_rule_is_needed(void **state)
 
 int main(void)
 {
+    world_surface = warp_surface;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_hold_the_density),
         cmocka_unit_test(test_each_rule_is_needed),

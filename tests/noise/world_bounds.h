@@ -1,5 +1,5 @@
-/* What every world's bounds must pass. A test defines WORLD_SURFACE(voxel), which moves a random level-0 voxel to the
- * surface, includes tests/noise/mutants.h, the world (host C, one lane) and then this. */
+/* What every world's bounds must pass. A test defines WORLD_SOURCE (host C, one lane) before it includes this, and sets
+ * world_surface. */
 #ifndef KARST_TESTS_NOISE_WORLD_BOUNDS_H
 #define KARST_TESTS_NOISE_WORLD_BOUNDS_H
 
@@ -13,11 +13,18 @@
 
 #include <cmocka.h>
 
+#include "tests/noise/mutants.h"
+
+#ifndef WORLD_SOURCE
+#define WORLD_SOURCE "producers/worlds/hills.clh"
+#endif
+#include WORLD_SOURCE
 #include "tests/noise/random.h"
 
-static void world_surface(int64_t voxel[3]);
+/* Moves a random level-0 voxel to the surface, or near it. */
+static void (*world_surface)(int64_t voxel[3]);
 
-static float density_at(const int64_t voxel[3], const uint32_t fraction[3], int level)
+static inline float density_at(const int64_t voxel[3], const uint32_t fraction[3], int level)
 {
     world_point_at at;
     for (int a = 0; a < 3; a++) {
@@ -28,10 +35,10 @@ static float density_at(const int64_t voxel[3], const uint32_t fraction[3], int 
 }
 
 /* Full detail, the parent's voxel, and all between. */
-static int random_footprint(int level) { return (int)random_between(-1, level + 1); }
+static inline int random_footprint(int level) { return (int)random_between(-1, level + 1); }
 
 /* A point of the box from `corner`, `side` voxels wide: often on its faces, edges and corners. */
-static void random_in_box(const int64_t corner[3], int64_t side, int64_t voxel[3], uint32_t fraction[3])
+static inline void random_in_box(const int64_t corner[3], int64_t side, int64_t voxel[3], uint32_t fraction[3])
 {
     for (int a = 0; a < 3; a++) {
         int64_t at = random_below(3) ? random_below(side) : random_bits() & 1 ? side : 0;
@@ -41,7 +48,7 @@ static void random_in_box(const int64_t corner[3], int64_t side, int64_t voxel[3
 }
 
 /* A node of the level that touches a place near the surface. */
-static void random_node(int level, int64_t corner[3])
+static inline void random_node(int level, int64_t corner[3])
 {
     static const int64_t offsets[] = {0, 1000000000, 1000000000000000};
     int64_t side = INT64_C(16) << level, offset = offsets[random_below(3)];
@@ -58,7 +65,7 @@ typedef struct {
 
 /* Bounds of nodes, and of parts of nodes, against densities at points and footprints; slopes against pairs of points.
  */
-static escape_count world_escapes(int nodes, int points, int max_level)
+static inline escape_count world_escapes(int nodes, int points, int max_level)
 {
     escape_count num = {0, 0};
     for (int n = 0; n < nodes; n++) {
@@ -109,7 +116,7 @@ static escape_count world_escapes(int nodes, int points, int max_level)
     return num;
 }
 
-static void test_bounds_hold_the_density(void **state)
+static inline void test_bounds_hold_the_density(void **state)
 {
     (void)state;
     mutant = MUTANT_NONE;
@@ -122,7 +129,7 @@ static void test_bounds_hold_the_density(void **state)
 }
 
 /* Every rule that the world's bounds rest on, broken, must let something escape. */
-static void assert_mutants_escape(const enum mutant *mutants, size_t num_mutants)
+static inline void assert_mutants_escape(const enum mutant *mutants, size_t num_mutants)
 {
     for (size_t i = 0; i < num_mutants; i++) {
         escape_count num = {0, 0};
@@ -137,7 +144,7 @@ static void assert_mutants_escape(const enum mutant *mutants, size_t num_mutants
 }
 
 /* What a footprint changes is within the slack, near the surface. */
-static void test_slack_holds_what_fades(void **state)
+static inline void test_slack_holds_what_fades(void **state)
 {
     (void)state;
     mutant = MUTANT_NONE;
@@ -152,7 +159,7 @@ static void test_slack_holds_what_fades(void **state)
 }
 
 /* Both signs in a node, as dense samples see it at full detail and at the footprints up to the parent's. */
-static bool has_surface(const int64_t corner[3], int level, int samples_a_side)
+static inline bool has_surface(const int64_t corner[3], int level, int samples_a_side)
 {
     bool solid = false, air = false;
     int64_t side = INT64_C(16) << level;
