@@ -1,5 +1,6 @@
 #include "producers/language/data.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -136,7 +137,7 @@ void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
             lay_out_node(layout, &chains, e);
     }
     layout->values_word = layout->num_words;
-    layout->num_words += layout->num_values / 2 + 1;
+    layout->num_words += layout->num_values + 1;
 }
 
 /* ---- filling ---- */
@@ -195,6 +196,14 @@ static void fill_record(const karst_world_layout *layout, karst_expr e, const ka
             karst_cells_of(n->op == KARST_OP_MOD ? karst_affine_divide(form, values[n->arg[1]]) : form, voxel_log2_m);
 }
 
+float karst_number_rest(karst_number number)
+{
+    float nearest = karst_number_to_float(number);
+    if (!isfinite(nearest))
+        return 0;
+    return karst_number_to_float(karst_number_subtract(number, karst_number_double((double)nearest)));
+}
+
 /* As the lanes see it: a float's bits, an int's, a mask. */
 static uint32_t bits_of(karst_number number, uint8_t type)
 {
@@ -221,9 +230,10 @@ bool karst_world_data_fill(const karst_world_layout *layout, const karst_number 
         for (karst_expr e = 1; e < graph->num_nodes; e++) {
             if (layout->word[e] == KARST_NO_WORD)
                 continue;
-            if (layout->is_known[e])
+            if (layout->is_known[e]) {
                 value_bits[layout->word[e]] = bits_of(values[e], graph->nodes[e].type);
-            else
+                value_bits[layout->num_values + layout->word[e]] = k_as_uint(karst_number_rest(values[e]));
+            } else
                 fill_record(layout, e, values, seed, voxel_log2_m, word_at(words, layout->word[e]));
         }
     }

@@ -20,12 +20,14 @@ typedef struct {
 
 typedef struct {
     karst_resolved_world world;
-    /* Per node. is_known: uniform, and its value is the host's. word: where its record begins, in 64-bit words:
-     *   AFFINE                           karst_linear
-     *   FLOOR, FRACT, MOD                karst_cells, if the first argument is AFFINE or SHIFTED (MOD: and the second
-     * known) SIN_TURNS, COS_TURNS             karst_lattice NOISE                            its octaves, karst_octave
-     * each known, but not a constant        its number among the values, 32 bits each (bools are -1 and 0)
-     * KARST_NO_WORD for what needs none. */
+    /* Per node: is_known, if it is uniform and its value is the host's; and the 64-bit word at which its record begins,
+     * or KARST_NO_WORD:
+     * - AFFINE: karst_linear;
+     * - FLOOR, FRACT, MOD that take their argument's place (below): karst_cells;
+     * - SIN_TURNS, COS_TURNS: karst_lattice;
+     * - NOISE: its octaves, karst_octave each.
+     * Of what is known but no constant, word is its number among the values, 32 bits each: a float, an int, a mask.
+     * What the float leaves of the value follows num_values floats later. */
     uint8_t *is_known;
     uint32_t *word;
     uint32_t values_word; /* where the values begin */
@@ -40,6 +42,9 @@ void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
  * `words` is aligned to 8 bytes. false: out of memory. Thread-safe. */
 bool karst_world_data_fill(const karst_world_layout *layout, const karst_number *parameters, uint32_t seed,
                            int voxel_log2_m, void *words);
+
+/* What the nearest float leaves of a number, as a float: the second half of a pair (wide.clh). */
+float karst_number_rest(karst_number number);
 
 /* True if the node works on the exact place of its argument number k, which is AFFINE or SHIFTED, not on its float. */
 bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k);

@@ -2,8 +2,9 @@
  *
  * world_prepare runs the blocks of no axis, x, y, z and xy; world_plane, once for each z, those of xz and yz; world_row
  * the rest. A value that a block of more axes reads is kept in world_axes:
- *     none   b12                  x   x12[c]       y, z   y12[c] (read one by one in blocks along x)
- *     xy     xy12[iy][c]          xz  xz12[c]      yz     yz12[c] (likewise)
+ *     none   bv12                 x   xv12[c]      y, z   yv12[c] (read one by one in blocks along x)
+ *     xy     xyv12[iy][c]         xz  xzv12[c]     yz     yzv12[c] (likewise)
+ * and so h and l, the halves of a pair.
  * Kept along x are the EMIT_ROW_VECTORS vectors of a row, along y and z the EMIT_SIDE_VECTORS of a side. */
 #include "producers/language/emit_internal.h"
 
@@ -11,7 +12,7 @@ enum { X = KARST_DEPENDS_X, Y = KARST_DEPENDS_Y, Z = KARST_DEPENDS_Z };
 
 static bool in_block(const karst_emit *emit, karst_expr e, uint8_t axes)
 {
-    return emit->nodes[e].is_needed && emit->nodes[e].axes == axes;
+    return emit->nodes[e].needs && emit->nodes[e].axes == axes;
 }
 
 static bool any_in_block(const karst_emit *emit, uint8_t axes)
@@ -20,6 +21,13 @@ static bool any_in_block(const karst_emit *emit, uint8_t axes)
         if (in_block(emit, e, axes))
             return true;
     return false;
+}
+
+/* The letters of what is kept of a node. */
+static const char *parts_kept(const karst_emit *emit, karst_expr e)
+{
+    static const char *const letters[4] = {"", "v", "hl", "vhl"};
+    return letters[emit->nodes[e].keeps];
 }
 
 /* The nodes of a block, and what it keeps. */
@@ -31,8 +39,10 @@ static void lines(karst_emit *emit, uint8_t axes)
         if (!in_block(emit, e, axes))
             continue;
         karst_emit_lines(emit, e);
-        if (emit->nodes[e].is_kept)
-            karst_text_add(&emit->text, "    axes->%s%u%s = v%u;\n", karst_emit_axes_name(axes), e, index, e);
+        const char *parts = parts_kept(emit, e);
+        for (size_t i = 0; parts[i]; i++)
+            karst_text_add(&emit->text, "    axes->%s%c%u%s = %c%u;\n", karst_emit_axes_name(axes), parts[i], e, index,
+                           parts[i], e);
     }
 }
 
@@ -68,16 +78,16 @@ static void declare_axes(karst_emit *emit)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         const karst_emit_node *node = &emit->nodes[e];
         const char *name = karst_emit_axes_name(node->axes);
-        if (node->is_needed && emit->graph->nodes[e].op == KARST_OP_NOISE)
+        if (node->needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
             karst_text_add(text, "    emit_octave n%u[%u];\n", e,
                            emit->graph->noises[emit->graph->nodes[e].extra].num_octaves);
-        if (!node->is_kept)
-            continue;
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
                            : node->axes & X        ? "[EMIT_ROW_VECTORS]"
                                                    : "[EMIT_SIDE_VECTORS]";
-        karst_text_add(text, "    %s %s%u%s;\n", karst_emit_type(emit, e), name, e, size);
+        const char *parts = parts_kept(emit, e);
+        for (size_t i = 0; parts[i]; i++)
+            karst_text_add(text, "    %s %s%c%u%s;\n", karst_emit_type(emit, e), name, parts[i], e, size);
     }
     karst_text_add(text, "} world_axes;\n\n");
 }
@@ -91,7 +101,7 @@ static void prepare(karst_emit *emit)
         "{\n    axes->data = data;\n    axes->origin[0] = x;\n    axes->origin[1] = y;\n"
         "    axes->origin[2] = z;\n    axes->level = level;\n    axes->plane = -1;\n");
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].is_needed && emit->graph->nodes[e].op == KARST_OP_NOISE)
+        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
             karst_text_add(text,
                            "    for (int k = 0; k < %u; k++)\n"
                            "        axes->n%u[k] = emit_octave_at(EMIT_OCTAVE(data, %u) + k, axes->origin, level);\n",
@@ -142,20 +152,20 @@ static uint32_t mark_kept(karst_emit *emit, karst_expr root)
 {
     uint32_t num_xy = 0;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        emit->nodes[e].is_kept = 0;
+        emit->nodes[e].keeps = 0;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
-        karst_expr inputs[4];
-        size_t count = emit->nodes[e].is_needed ? karst_emit_inputs(emit, e, inputs) : 0;
+        karst_emit_input inputs[KARST_MAX_INPUTS];
+        size_t count = emit->nodes[e].needs ? karst_emit_inputs(emit, e, inputs) : 0;
         for (size_t i = 0; i < count; i++) {
-            karst_emit_node *input = &emit->nodes[inputs[i]];
-            if (input->axes == emit->nodes[e].axes || input->is_kept)
+            karst_emit_node *input = &emit->nodes[inputs[i].e];
+            if (input->axes == emit->nodes[e].axes)
                 continue;
-            input->is_kept = 1;
-            num_xy += input->axes == (X | Y);
+            num_xy += !input->keeps && input->axes == (X | Y);
+            input->keeps |= inputs[i].part;
         }
     }
-    if (emit->nodes[root].is_needed && emit->nodes[root].axes != KARST_AXES)
-        emit->nodes[root].is_kept = 1;
+    if (emit->nodes[root].axes != KARST_AXES)
+        emit->nodes[root].keeps |= emit->nodes[root].needs;
     return num_xy;
 }
 
@@ -173,7 +183,7 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
         mark_kept(emit, root);
     }
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].is_needed)
+        if (emit->nodes[e].needs)
             emitted->num_ops[emit->nodes[e].axes]++;
     declare_axes(emit);
     prepare(emit);

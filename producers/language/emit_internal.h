@@ -17,10 +17,20 @@ typedef struct {
 
 /* What a node is to the code. */
 typedef struct {
-    uint8_t axes;      /* that it depends on */
-    uint8_t is_needed; /* some block computes its value */
-    uint8_t is_kept;   /* the brick form hands the value from one block to others */
+    uint8_t axes;  /* that it depends on */
+    uint8_t needs; /* KARST_PART_*: what some block computes */
+    uint8_t keeps; /* what the brick form hands from one block to others */
 } karst_emit_node;
+
+/* A node's value is v12, or, for nodes of kind WIDE, the pair h12 and l12. AFFINE and SHIFTED have both, where wanted.
+ */
+#define KARST_PART_VALUE 1u
+#define KARST_PART_PAIR 2u
+typedef struct {
+    karst_expr e;
+    uint8_t part;
+} karst_emit_input;
+#define KARST_MAX_INPUTS 4
 
 typedef struct {
     const karst_world_layout *layout;
@@ -35,18 +45,22 @@ typedef struct {
 /* Marks what the roots need: an error if it is too much. Returns how many nodes that is. */
 uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots);
 /* The nodes whose values the line of a node reads. */
-size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_expr inputs[4]);
+size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_emit_input inputs[KARST_MAX_INPUTS]);
+/* True for nodes that compute with pairs, whatever they give. */
+bool karst_emit_is_wide(const karst_emit *emit, karst_expr e);
 void karst_emit_begin_block(karst_emit *emit, karst_block block);
 /* The name of what a block of these axes keeps: "xz"; "b" for none. */
 const char *karst_emit_axes_name(uint8_t axes);
 
 /* ---- emit_ops.c ---- */
-#define KARST_OPERAND_BYTES 80
+#define KARST_OPERAND_BYTES 160
 typedef struct {
     char text[KARST_OPERAND_BYTES];
 } karst_operand;
 /* "v12", or how this block reads a value that another computed, or a number. */
 karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e);
+/* The same as a pair. */
+karst_operand karst_emit_wide_operand(const karst_emit *emit, karst_expr e);
 /* The lines that compute a node: "const vfloat v12 = ...;". */
 void karst_emit_lines(karst_emit *emit, karst_expr e);
 /* "vfloat" or "vint". */

@@ -33,7 +33,13 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     const karst_number *known = karst_graph_constant(emit->graph, moved);
     if (!moved || (known && karst_number_is(*known, 0)))
         return;
-    karst_operand offset = karst_emit_operand(emit, moved);
+    karst_operand offset;
+    if (emit->graph->nodes[moved].kind == KARST_KIND_WIDE) {
+        offset = karst_emit_wide_operand(emit, moved);
+        karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, octave->scale);\n", i, i, offset.text);
+        return;
+    }
+    offset = karst_emit_operand(emit, moved);
     karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(octave->scale));\n", i,
                    i, offset.text);
 }

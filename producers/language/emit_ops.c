@@ -42,9 +42,9 @@ static karst_operand constant(const karst_emit *emit, karst_expr e)
     return operand;
 }
 
-/* A value of fewer axes, kept by another block. Lanes along its first axis are read as they are, if they are this
- * block's too; otherwise the block's lanes share one of them. */
-static karst_operand kept(const karst_emit *emit, karst_expr e)
+/* A part of a value: this block's own, or one of fewer axes that another block kept. Lanes along its first axis are
+ * read as they are, if they are this block's too; otherwise the block's lanes share one of them. */
+static karst_operand part(const karst_emit *emit, karst_expr e, char letter)
 {
     karst_operand operand;
     uint8_t axes = emit->nodes[e].axes, here = emit->block.axes;
@@ -52,13 +52,15 @@ static karst_operand kept(const karst_emit *emit, karst_expr e)
     bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
     uint8_t first = axes & (uint8_t)-axes, lanes = here & (uint8_t)-here;
     const char *plane = axes == (KARST_DEPENDS_X | KARST_DEPENDS_Y) ? "[iy]" : "";
-    if (!axes)
-        snprintf(operand.text, sizeof operand.text, "axes->%s%u", name, e);
+    if (emit->block.is_point || axes == here)
+        snprintf(operand.text, sizeof operand.text, "%c%u", letter, e);
+    else if (!axes)
+        snprintf(operand.text, sizeof operand.text, "axes->%s%c%u", name, letter, e);
     else if (first == lanes)
-        snprintf(operand.text, sizeof operand.text, "axes->%s%u%s[c]", name, e, plane);
+        snprintf(operand.text, sizeof operand.text, "axes->%s%c%u%s[c]", name, letter, e, plane);
     else
-        snprintf(operand.text, sizeof operand.text, "(%s)(%s(axes->%s%u, %s))", is_float ? "vfloat" : "vint",
-                 is_float ? "EMIT_ONE_FLOAT" : "EMIT_ONE_INT", name, e, first == KARST_DEPENDS_Y ? "iy" : "iz");
+        snprintf(operand.text, sizeof operand.text, "(%s)(%s(axes->%s%c%u, %s))", is_float ? "vfloat" : "vint",
+                 is_float ? "EMIT_ONE_FLOAT" : "EMIT_ONE_INT", name, letter, e, first == KARST_DEPENDS_Y ? "iy" : "iz");
     return operand;
 }
 
@@ -68,16 +70,39 @@ karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e)
     const karst_world_layout *layout = emit->layout;
     if (node_of(emit, e)->op == KARST_OP_CONSTANT)
         return constant(emit, e);
-    if (layout->is_known[e]) {
-        bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
-        snprintf(operand.text, sizeof operand.text, "(%s)(%s(data, %u, %u))", is_float ? "vfloat" : "vint",
-                 is_float ? "EMIT_FLOAT" : "EMIT_INT", layout->values_word, layout->word[e]);
-        return operand;
-    }
-    if (!emit->block.is_point && emit->nodes[e].axes != emit->block.axes)
-        return kept(emit, e);
-    snprintf(operand.text, sizeof operand.text, "v%u", e);
+    if (!layout->is_known[e])
+        return part(emit, e, node_of(emit, e)->kind == KARST_KIND_WIDE ? 'h' : 'v');
+    bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
+    snprintf(operand.text, sizeof operand.text, "(%s)(%s(data, %u, %u))", is_float ? "vfloat" : "vint",
+             is_float ? "EMIT_FLOAT" : "EMIT_INT", layout->values_word, layout->word[e]);
     return operand;
+}
+
+static karst_operand pair_of(const char *hi, const char *lo)
+{
+    karst_operand pair;
+    snprintf(pair.text, sizeof pair.text, "wide_of(%.70s, %.70s)", hi, lo);
+    return pair;
+}
+
+karst_operand karst_emit_wide_operand(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    const karst_world_layout *layout = emit->layout;
+    karst_operand value = karst_emit_operand(emit, e), rest;
+    if (n->op == KARST_OP_CONSTANT) {
+        float_literal(karst_number_rest(*karst_graph_constant(emit->graph, e)), rest.text, sizeof rest.text);
+        return pair_of(value.text, rest.text);
+    }
+    if (layout->is_known[e]) {
+        snprintf(rest.text, sizeof rest.text, "(vfloat)(EMIT_FLOAT(data, %u, %u))", layout->values_word,
+                 layout->num_values + layout->word[e]);
+        return pair_of(value.text, rest.text);
+    }
+    if (n->kind == KARST_KIND_WIDE || n->op == KARST_OP_AFFINE || n->op == KARST_OP_SHIFTED)
+        return pair_of(part(emit, e, 'h').text, part(emit, e, 'l').text);
+    snprintf(rest.text, sizeof rest.text, "wide_from(%.100s)", value.text);
+    return rest;
 }
 
 /* ---- functions ---- */
@@ -134,9 +159,6 @@ static void function_name(const karst_emit *emit, karst_expr e, char *name, size
                  from == KARST_TYPE_FLOAT      ? "op_float_to_bits"
                  : n->type == KARST_TYPE_FLOAT ? "op_bits_to_float"
                                                : " ");
-        break;
-    case KARST_OP_SHIFTED: /* as a float it is the sum */
-        snprintf(name, size_bytes, "op_add");
         break;
     default:
         snprintf(name, size_bytes, "op_%s", op);
@@ -199,34 +221,84 @@ static void place_lines(karst_emit *emit, karst_expr e)
 
 /* ---- lines ---- */
 
-void karst_emit_lines(karst_emit *emit, karst_expr e)
+/* A function and its arguments, up to the semicolon. */
+static void call(karst_emit *emit, karst_expr e, const char *name, bool swapped, bool wide)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    karst_text_add(&emit->text, "%s(", name);
+    for (int k = 0; k < 4 && n->arg[k]; k++) {
+        karst_expr argument = n->arg[swapped ? 1 - k : k];
+        bool is_float = node_of(emit, argument)->type == KARST_TYPE_FLOAT;
+        karst_operand operand =
+            wide && is_float ? karst_emit_wide_operand(emit, argument) : karst_emit_operand(emit, argument);
+        karst_text_add(&emit->text, "%s%s", k ? ", " : "", operand.text);
+    }
+    karst_text_add(&emit->text, ");\n");
+}
+
+/* Declares h and l as the halves of w, which the text just defined. */
+static void halves(karst_emit *emit, karst_expr e)
+{
+    karst_text_add(&emit->text, "    const vfloat h%u = w%u.hi, l%u = w%u.lo;\n", e, e, e, e);
+}
+
+static void wide_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    char name[48];
+    if (n->op == KARST_OP_LENGTH)
+        snprintf(name, sizeof name, "wide_length%d", n->arg[3] ? 4 : n->arg[2] ? 3 : 2);
+    else
+        snprintf(name, sizeof name, "wide_%s", karst_op_name(n->op));
+    bool is_pair = n->kind == KARST_KIND_WIDE;
+    karst_text_add(&emit->text, "    const %s %c%u = ", is_pair ? "wide" : karst_emit_type(emit, e),
+                   is_pair ? 'w' : 'v', e);
+    call(emit, e, name, false, true);
+    if (is_pair)
+        halves(emit, e);
+}
+
+/* An AFFINE or SHIFTED as float, as pair, or both. */
+static void affine_lines(karst_emit *emit, karst_expr e)
 {
     const karst_expr_node *n = node_of(emit, e);
     karst_text *text = &emit->text;
+    uint8_t needs = emit->nodes[e].needs;
+    if (needs & KARST_PART_VALUE) {
+        karst_text_add(text, "    const vfloat v%u = ", e);
+        if (n->op == KARST_OP_AFFINE)
+            karst_text_add(text, "affine_float(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
+        else
+            call(emit, e, "op_add", false, false);
+    }
+    if (needs & KARST_PART_PAIR) {
+        karst_text_add(text, "    const wide w%u = ", e);
+        if (n->op == KARST_OP_AFFINE)
+            karst_text_add(text, "wide_affine(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
+        else
+            call(emit, e, "wide_add", false, true);
+        halves(emit, e);
+    }
+}
+
+void karst_emit_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
     if (n->op == KARST_OP_NOISE) {
         karst_emit_noise_lines(emit, e);
-        return;
-    }
-    if (karst_takes_place(emit->layout, e, 0)) {
+    } else if (karst_takes_place(emit->layout, e, 0)) {
         place_lines(emit, e);
-        return;
+    } else if (n->op == KARST_OP_AFFINE || n->op == KARST_OP_SHIFTED) {
+        affine_lines(emit, e);
+    } else if (karst_emit_is_wide(emit, e)) {
+        wide_lines(emit, e);
+    } else if (n->op == KARST_OP_NORMAL) {
+        karst_text_add(&emit->text, "    const vfloat v%u = n%c;\n", e, "xyz"[n->extra]);
+    } else {
+        char name[48];
+        bool swapped;
+        function_name(emit, e, name, sizeof name, &swapped);
+        karst_text_add(&emit->text, "    const %s v%u = ", karst_emit_type(emit, e), e);
+        call(emit, e, name, swapped, false);
     }
-    karst_text_add(text, "    const %s v%u = ", karst_emit_type(emit, e), e);
-    if (n->op == KARST_OP_AFFINE) {
-        karst_text_add(text, "affine_float(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
-        return;
-    }
-    if (n->op == KARST_OP_NORMAL) {
-        karst_text_add(text, "n%c;\n", "xyz"[n->extra]);
-        return;
-    }
-    char name[48];
-    bool swapped;
-    function_name(emit, e, name, sizeof name, &swapped);
-    karst_text_add(text, "%s(", name);
-    for (int k = 0; k < 4 && n->arg[k]; k++) {
-        karst_operand operand = karst_emit_operand(emit, n->arg[swapped ? 1 - k : k]);
-        karst_text_add(text, "%s%s", k ? ", " : "", operand.text);
-    }
-    karst_text_add(text, ");\n");
 }

@@ -6,7 +6,7 @@ static uint32_t lines_of(karst_emit *emit, const karst_expr *roots, size_t num_r
     uint32_t count = karst_emit_mark(emit, roots, num_roots);
     karst_emit_begin_block(emit, (karst_block){.is_point = true});
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].is_needed)
+        if (emit->nodes[e].needs)
             karst_emit_lines(emit, e);
     return count;
 }

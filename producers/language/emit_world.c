@@ -17,9 +17,39 @@ void karst_emit_begin_block(karst_emit *emit, karst_block block)
     emit->serial++;
 }
 
-size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_expr inputs[4])
+static bool is_pair(const karst_emit *emit, karst_expr e) { return emit->graph->nodes[e].kind == KARST_KIND_WIDE; }
+
+bool karst_emit_is_wide(const karst_emit *emit, karst_expr e)
 {
     const karst_expr_node *n = &emit->graph->nodes[e];
+    switch (n->op) {
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+    case KARST_OP_FLOOR:
+    case KARST_OP_FRACT:
+    case KARST_OP_MOD:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+        return is_pair(emit, n->arg[0]) || is_pair(emit, n->arg[1]);
+    default:
+        return is_pair(emit, e);
+    }
+}
+
+/* As which part a wide node reads an argument: AFFINE and SHIFTED have both, others what they have. */
+static uint8_t part_of(const karst_emit *emit, karst_expr e, bool wide)
+{
+    uint8_t op = emit->graph->nodes[e].op;
+    return is_pair(emit, e) || (wide && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? KARST_PART_PAIR
+                                                                                           : KARST_PART_VALUE;
+}
+
+size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_emit_input inputs[KARST_MAX_INPUTS])
+{
+    const karst_expr_node *n = &emit->graph->nodes[e];
+    bool wide = karst_emit_is_wide(emit, e);
     size_t count = 0;
     for (int k = 0; k < 4; k++) {
         karst_expr input = n->arg[k];
@@ -28,7 +58,7 @@ size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_expr inputs
             input = a->op == KARST_OP_SHIFTED ? a->arg[1] : KARST_NO_EXPR;
         }
         if (input && !emit->layout->is_known[input])
-            inputs[count++] = input;
+            inputs[count++] = (karst_emit_input){input, part_of(emit, input, wide)};
     }
     return count;
 }
@@ -39,14 +69,15 @@ uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_r
     for (karst_expr e = 0; e < num_nodes; e++)
         emit->nodes[e] = (karst_emit_node){.axes = emit->graph->nodes[e].depends & KARST_AXES};
     for (size_t i = 0; i < num_roots; i++)
-        emit->nodes[roots[i]].is_needed = !emit->layout->is_known[roots[i]];
+        if (!emit->layout->is_known[roots[i]])
+            emit->nodes[roots[i]].needs = part_of(emit, roots[i], false);
     for (karst_expr e = num_nodes - 1; e > 0; e--) {
-        if (!emit->nodes[e].is_needed)
+        if (!emit->nodes[e].needs)
             continue;
-        karst_expr inputs[4];
+        karst_emit_input inputs[KARST_MAX_INPUTS];
         size_t num_inputs = karst_emit_inputs(emit, e, inputs);
         for (size_t i = 0; i < num_inputs; i++)
-            emit->nodes[inputs[i]].is_needed = 1;
+            emit->nodes[inputs[i].e].needs |= inputs[i].part;
         count++;
     }
     return count;
@@ -62,7 +93,7 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
     uint32_t num_octaves = 0;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         const karst_expr_node *n = &emit->graph->nodes[e];
-        if (!emit->nodes[e].is_needed)
+        if (!emit->nodes[e].needs)
             continue;
         if (n->op == KARST_OP_NOISE &&
             (emit->graph->noises[n->extra].base != KARST_NOISE_GRADIENT || emit->graph->noises[n->extra].derivative))

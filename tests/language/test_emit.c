@@ -13,7 +13,7 @@
 #include "cache/layout_shared.h"
 #include "core/context.h"
 #include "producers/language/emit.h"
-#include "tests/language/random_graph.h"
+#include "tests/language/wild_graph.h"
 
 #define NUM_SAMPLES KARST_BRICK_SAMPLES
 #define VOXEL_LOG2_M (-4)
@@ -175,7 +175,7 @@ static const struct {
 #define NUM_PLACES (sizeof places / sizeof *places)
 
 /* What the graphs' parameters are at first, and after a change. */
-static const double parameters[2][RANDOM_PARAMETERS] = {{0.75, -3, 40}, {1.5, 7, 0.01}};
+static const double parameters[2][WILD_PARAMETERS] = {{0.75, -3, 40}, {1.5, 7, 0.01}};
 
 static device devices[2];
 
@@ -212,8 +212,8 @@ static void check_world(const karst_resolved_world *world, uint32_t number)
     for (int i = 0; i < 2; i++)
         device_build(&devices[i], emitted.source, data_bytes);
     for (int change = 0; change < 2; change++) {
-        karst_number values[RANDOM_PARAMETERS];
-        for (int i = 0; i < RANDOM_PARAMETERS; i++)
+        karst_number values[WILD_PARAMETERS];
+        for (int i = 0; i < WILD_PARAMETERS; i++)
             values[i] = karst_number_double(parameters[change][i]);
         assert_true(karst_world_data_fill(&layout, values, 7, VOXEL_LOG2_M, words));
         for (size_t p = 0; p < NUM_PLACES; p++) {
@@ -243,11 +243,11 @@ static void test_random_graphs(void **state)
     for (uint32_t i = first; i < first + count; i++) {
         karst_arena arena;
         karst_graph graph;
-        random_source random = {0x9e3779b97f4a7c15u * (i + 1)};
+        wild_source random = {0x9e3779b97f4a7c15u * (i + 1)};
         karst_arena_init(&arena, (size_t)64 << 20, NULL, NULL);
         karst_graph_init(&graph, &arena, 1u << 16, full, NULL);
         karst_resolved_world world = {.graph = &graph};
-        world.density = random_graph(&graph, &random, 20 + random_below(&random, 150));
+        world.density = wild_graph(&graph, &random, 20 + wild_below(&random, 150));
         check_world(&world, i);
         karst_arena_finish(&arena);
     }
