@@ -41,7 +41,7 @@ KLIBS := $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lOpenCL -ldl -lm -pthre
 SOURCES := $(sort $(shell find $(MODULES) -name '*.c'))
 OBJECTS := $(SOURCES:%.c=$(OBJ)/%.o) $(OBJ)/embedded_kernels.o
 # Everything that a kernel may include travels inside the library.
-KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h') core/dialect.h)
+KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h' -o -name '*.karst') core/dialect.h)
 HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c $(sort $(wildcard demos/command_*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))

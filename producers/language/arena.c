@@ -66,7 +66,8 @@ void *karst_arena_alloc(karst_arena *arena, size_t size_bytes)
     return memset(piece, 0, size_bytes);
 }
 
-void *karst_arena_grow(karst_arena *arena, void *items, size_t count, size_t *capacity, size_t needed, size_t item_bytes)
+void *karst_arena_grow(karst_arena *arena, void *items, size_t count, size_t *capacity, size_t needed,
+                       size_t item_bytes)
 {
     if (needed <= *capacity)
         return items;

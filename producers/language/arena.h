@@ -12,7 +12,7 @@ typedef struct {
     karst_arena_block *blocks; /* newest first */
     size_t used_bytes;         /* what was handed out, plus what growing arrays left behind */
     size_t limit_bytes;
-    void (*full)(void *user);  /* called instead of returning NULL; must not return (it leaves by longjmp) */
+    void (*full)(void *user); /* called instead of returning NULL; must not return (it leaves by longjmp) */
     void *user;
 } karst_arena;
 
@@ -22,6 +22,7 @@ void karst_arena_finish(karst_arena *arena);
 /* Zeroed, aligned to 16 bytes. */
 void *karst_arena_alloc(karst_arena *arena, size_t size_bytes);
 /* Room for at least `needed` items of an array that holds `count`: returns `items`, or a copy at twice the room. */
-void *karst_arena_grow(karst_arena *arena, void *items, size_t count, size_t *capacity, size_t needed, size_t item_bytes);
+void *karst_arena_grow(karst_arena *arena, void *items, size_t count, size_t *capacity, size_t needed,
+                       size_t item_bytes);
 
 #endif

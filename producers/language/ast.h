@@ -1,4 +1,5 @@
-/* The syntax tree. Bodies of functions are parsed when they are first called: what no entry reaches is only matched for brackets. */
+/* The syntax tree. Bodies of functions are parsed when they are first called: what no entry reaches is only matched for
+ * brackets. */
 #ifndef KARST_LANGUAGE_AST_H
 #define KARST_LANGUAGE_AST_H
 
@@ -29,7 +30,7 @@ typedef enum {
 
 /* How a type is written: a base, and the size of an array of it. */
 typedef struct {
-    const karst_type *base;  /* NULL: a struct */
+    const karst_type *base; /* NULL: a struct */
     karst_ast_struct *structure;
     karst_ast_expr *size;    /* NULL: no array, or unsized */
     bool unsized;            /* "[]": the initialiser says */
@@ -48,17 +49,24 @@ struct karst_ast_expr {
 };
 
 typedef enum {
-    KARST_AST_DECLARE, KARST_AST_EVALUATE, KARST_AST_BLOCK, KARST_AST_IF, KARST_AST_FOR, KARST_AST_RETURN, KARST_AST_BREAK, KARST_AST_CONTINUE
+    KARST_AST_DECLARE,
+    KARST_AST_EVALUATE,
+    KARST_AST_BLOCK,
+    KARST_AST_IF,
+    KARST_AST_FOR,
+    KARST_AST_RETURN,
+    KARST_AST_BREAK,
+    KARST_AST_CONTINUE
 } karst_ast_statement_kind;
 
 struct karst_ast_statement {
     uint8_t kind;
     uint32_t where;
-    karst_ast_variable *variables;          /* DECLARE */
-    karst_ast_expr *value;                  /* EVALUATE, RETURN (may be NULL); condition of IF and FOR (may be NULL) */
-    karst_ast_expr *step;                   /* FOR; may be NULL */
-    karst_ast_statement *first;             /* of a BLOCK; the initialiser of FOR */
-    karst_ast_statement *body, *otherwise;  /* IF, FOR */
+    karst_ast_variable *variables;         /* DECLARE */
+    karst_ast_expr *value;                 /* EVALUATE, RETURN (may be NULL); condition of IF and FOR (may be NULL) */
+    karst_ast_expr *step;                  /* FOR; may be NULL */
+    karst_ast_statement *first;            /* of a BLOCK; the initialiser of FOR */
+    karst_ast_statement *body, *otherwise; /* IF, FOR */
     karst_ast_statement *next;
 };
 
@@ -67,7 +75,7 @@ struct karst_ast_variable { /* also parameters, fields and globals */
     karst_ast_type type;
     bool is_const, is_in, is_out; /* parameters: in, out, inout */
     bool is_prelude;
-    karst_ast_expr *value;        /* initialiser; may be NULL */
+    karst_ast_expr *value; /* initialiser; may be NULL */
     karst_ast_variable *next;
 };
 

@@ -1,5 +1,5 @@
-/* The canonical forms: what the constructors make of what they are asked for. Each rule keeps the value in real numbers; after this file nobody
- * changes an expression again. */
+/* The canonical forms: what the constructors make of what they are asked for. Each rule keeps the value in real
+ * numbers; after this file nobody changes an expression again. */
 #include "producers/language/graph.h"
 #include "producers/language/uniform.h"
 
@@ -21,7 +21,8 @@ static karst_expr raw(karst_graph *g, karst_op op, karst_scalar_type type, karst
 }
 
 /* The folded constant if all arguments are constants, else KARST_NO_EXPR. */
-static karst_expr fold(karst_graph *g, karst_op op, karst_scalar_type type, karst_expr a, karst_expr b, karst_expr c, karst_expr d)
+static karst_expr fold(karst_graph *g, karst_op op, karst_scalar_type type, karst_expr a, karst_expr b, karst_expr c,
+                       karst_expr d)
 {
     const karst_expr e[4] = {a, b, c, d};
     karst_number arg[4], result;
@@ -31,7 +32,8 @@ static karst_expr fold(karst_graph *g, karst_op op, karst_scalar_type type, kars
             return KARST_NO_EXPR;
         arg[i] = n ? *n : karst_number_int(0);
     }
-    return karst_uniform_apply(op, type, node(g, a)->type, arg, &result) ? karst_graph_number(g, type, result) : KARST_NO_EXPR;
+    return karst_uniform_apply(op, type, node(g, a)->type, arg, &result) ? karst_graph_number(g, type, result)
+                                                                         : KARST_NO_EXPR;
 }
 
 static void sort(karst_expr *a, karst_expr *b)
@@ -155,7 +157,8 @@ static karst_expr divide(karst_graph *g, karst_expr a, karst_expr b)
     if (is_constant(g, b, -1))
         return karst_expr_1(g, KARST_OP_NEGATE, a);
     if (is_power_of_two(n))
-        return karst_expr_2(g, KARST_OP_MULTIPLY, a, karst_graph_number(g, KARST_TYPE_FLOAT, karst_number_divide(karst_number_int(1), *n)));
+        return karst_expr_2(g, KARST_OP_MULTIPLY, a,
+                            karst_graph_number(g, KARST_TYPE_FLOAT, karst_number_divide(karst_number_int(1), *n)));
     return raw(g, KARST_OP_DIVIDE, KARST_TYPE_FLOAT, a, b, 0);
 }
 
@@ -173,9 +176,10 @@ static karst_expr negate(karst_graph *g, karst_expr a)
 
 static bool are_opposite(const karst_graph *g, karst_expr a, karst_expr b)
 {
-    return (is_op(g, a, KARST_OP_NEGATE) && node(g, a)->arg[0] == b) || (is_op(g, b, KARST_OP_NEGATE) && node(g, b)->arg[0] == a) ||
-           (is_op(g, a, KARST_OP_SUBTRACT) && is_op(g, b, KARST_OP_SUBTRACT) && node(g, a)->arg[0] == node(g, b)->arg[1] &&
-            node(g, a)->arg[1] == node(g, b)->arg[0]);
+    return (is_op(g, a, KARST_OP_NEGATE) && node(g, a)->arg[0] == b) ||
+           (is_op(g, b, KARST_OP_NEGATE) && node(g, b)->arg[0] == a) ||
+           (is_op(g, a, KARST_OP_SUBTRACT) && is_op(g, b, KARST_OP_SUBTRACT) &&
+            node(g, a)->arg[0] == node(g, b)->arg[1] && node(g, a)->arg[1] == node(g, b)->arg[0]);
 }
 
 static karst_expr absolute(karst_graph *g, karst_expr a)
@@ -201,13 +205,15 @@ static karst_expr extremum(karst_graph *g, karst_op op, karst_expr a, karst_expr
 }
 
 /* Gathers the squares that a sum is made of. */
-static bool gather_squares(const karst_graph *g, karst_expr e, karst_expr *v, int *n)
+static bool gather_squares(const karst_graph *g, karst_expr e, karst_expr *v, int *n, int depth)
 {
     const karst_expr_node *s = node(g, e);
+    if (depth > 4)
+        return false;
     if (s->op == KARST_OP_ADD)
-        return gather_squares(g, s->arg[0], v, n) && gather_squares(g, s->arg[1], v, n);
+        return gather_squares(g, s->arg[0], v, n, depth + 1) && gather_squares(g, s->arg[1], v, n, depth + 1);
     bool square = (s->op == KARST_OP_MULTIPLY || s->op == KARST_OP_FMA) && s->arg[0] == s->arg[1];
-    if (!square || (s->op == KARST_OP_FMA && !gather_squares(g, s->arg[2], v, n)) || *n == 4)
+    if (!square || (s->op == KARST_OP_FMA && !gather_squares(g, s->arg[2], v, n, depth + 1)) || *n == 4)
         return false;
     v[(*n)++] = s->arg[0];
     return true;
@@ -217,7 +223,7 @@ static karst_expr root(karst_graph *g, karst_expr a)
 {
     karst_expr v[4];
     int n = 0;
-    if (gather_squares(g, a, v, &n))
+    if (gather_squares(g, a, v, &n, 0))
         return karst_expr_length(g, v, n);
     return raw(g, KARST_OP_SQRT, KARST_TYPE_FLOAT, a, 0, 0);
 }
@@ -232,7 +238,8 @@ karst_expr karst_expr_length(karst_graph *g, const karst_expr *v, int n)
     if (count < 2)
         return count ? karst_expr_1(g, KARST_OP_ABS, kept[0]) : karst_graph_float(g, 0);
     karst_expr folded = fold(g, KARST_OP_LENGTH, KARST_TYPE_FLOAT, kept[0], kept[1], kept[2], kept[3]);
-    return folded ? folded : karst_graph_raw(g, KARST_OP_LENGTH, KARST_TYPE_FLOAT, 0, kept[0], kept[1], kept[2], kept[3]);
+    return folded ? folded
+                  : karst_graph_raw(g, KARST_OP_LENGTH, KARST_TYPE_FLOAT, 0, kept[0], kept[1], kept[2], kept[3]);
 }
 
 /* ---- choices ---- */
@@ -244,7 +251,8 @@ static karst_expr recognise_choice(karst_graph *g, karst_expr condition, karst_e
     if ((c->op != KARST_OP_LESS && c->op != KARST_OP_LESS_EQUAL) || node(g, c->arg[0])->type != KARST_TYPE_FLOAT)
         return KARST_NO_EXPR;
     karst_expr l = c->arg[0], r = c->arg[1];
-    /* min(x, y) is y < x ? y : x, to the letter; with <= the tie goes the other way, which only a zero's sign could tell. */
+    /* min(x, y) is y < x ? y : x, to the letter; with <= the tie goes the other way, which only a zero's sign could
+     * tell. */
     if (l == a && r == b)
         return extremum(g, KARST_OP_MIN, c->op == KARST_OP_LESS ? b : a, c->op == KARST_OP_LESS ? a : b);
     if (l == b && r == a)
@@ -285,7 +293,9 @@ static karst_expr choose(karst_graph *g, karst_expr c, karst_expr a, karst_expr 
     if (a == b)
         return a;
     karst_scalar_type type = node(g, a)->type;
-    karst_expr simple = type == KARST_TYPE_FLOAT ? recognise_choice(g, c, a, b) : type == KARST_TYPE_BOOL ? choose_bool(g, c, a, b) : KARST_NO_EXPR;
+    karst_expr simple = type == KARST_TYPE_FLOAT  ? recognise_choice(g, c, a, b)
+                        : type == KARST_TYPE_BOOL ? choose_bool(g, c, a, b)
+                                                  : KARST_NO_EXPR;
     return simple ? simple : raw(g, KARST_OP_SELECT, type, c, a, b);
 }
 
@@ -333,7 +343,8 @@ static karst_expr invert(karst_graph *g, karst_expr a)
 static karst_expr integer(karst_graph *g, karst_op op, karst_expr a, karst_expr b)
 {
     karst_scalar_type type = node(g, a)->type;
-    if (op == KARST_OP_INT_ADD || op == KARST_OP_INT_MULTIPLY || op == KARST_OP_BIT_AND || op == KARST_OP_BIT_OR || op == KARST_OP_BIT_XOR)
+    if (op == KARST_OP_INT_ADD || op == KARST_OP_INT_MULTIPLY || op == KARST_OP_BIT_AND || op == KARST_OP_BIT_OR ||
+        op == KARST_OP_BIT_XOR)
         sort(&a, &b);
     for (int side = 0; side < 2; side++) {
         karst_expr x = side ? b : a, y = side ? a : b;
@@ -352,27 +363,37 @@ static karst_expr integer(karst_graph *g, karst_op op, karst_expr a, karst_expr 
 
 karst_expr karst_expr_1(karst_graph *g, karst_op op, karst_expr a)
 {
-    karst_scalar_type type = op == KARST_OP_BIT_NOT ? node(g, a)->type : op == KARST_OP_NOT ? KARST_TYPE_BOOL : KARST_TYPE_FLOAT;
+    karst_scalar_type type = op == KARST_OP_BIT_NOT ? node(g, a)->type
+                             : op == KARST_OP_NOT   ? KARST_TYPE_BOOL
+                                                    : KARST_TYPE_FLOAT;
     karst_expr folded = fold(g, op, type, a, 0, 0, 0);
     if (folded)
         return folded;
     switch (op) {
-    case KARST_OP_NEGATE: return negate(g, a);
-    case KARST_OP_ABS: return absolute(g, a);
-    case KARST_OP_SQRT: return root(g, a);
-    case KARST_OP_NOT: return invert(g, a);
-    case KARST_OP_FLOOR: case KARST_OP_CEIL: case KARST_OP_RINT:
+    case KARST_OP_NEGATE:
+        return negate(g, a);
+    case KARST_OP_ABS:
+        return absolute(g, a);
+    case KARST_OP_SQRT:
+        return root(g, a);
+    case KARST_OP_NOT:
+        return invert(g, a);
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
         if (is_op(g, a, KARST_OP_FLOOR) || is_op(g, a, KARST_OP_CEIL) || is_op(g, a, KARST_OP_RINT))
             return a;
         break;
-    default: break;
+    default:
+        break;
     }
     return raw(g, op, type, a, 0, 0);
 }
 
 karst_expr karst_expr_2(karst_graph *g, karst_op op, karst_expr a, karst_expr b)
 {
-    bool is_int = op >= KARST_OP_INT_ADD && op <= KARST_OP_SHIFT_RIGHT, is_bool = op >= KARST_OP_LESS && op <= KARST_OP_OR;
+    bool is_int = op >= KARST_OP_INT_ADD && op <= KARST_OP_SHIFT_RIGHT,
+         is_bool = op >= KARST_OP_LESS && op <= KARST_OP_OR;
     karst_scalar_type type = is_int ? node(g, a)->type : is_bool ? KARST_TYPE_BOOL : KARST_TYPE_FLOAT;
     karst_expr folded = fold(g, op, type, a, b, 0, 0);
     if (folded)
@@ -380,20 +401,33 @@ karst_expr karst_expr_2(karst_graph *g, karst_op op, karst_expr a, karst_expr b)
     if (is_int)
         return integer(g, op, a, b);
     switch (op) {
-    case KARST_OP_ADD: return add(g, a, b);
-    case KARST_OP_SUBTRACT: return subtract(g, a, b);
-    case KARST_OP_MULTIPLY: return multiply(g, a, b);
-    case KARST_OP_DIVIDE: return divide(g, a, b);
-    case KARST_OP_MIN: case KARST_OP_MAX: return extremum(g, op, a, b);
-    case KARST_OP_AND: case KARST_OP_OR: return logical(g, op, a, b);
-    case KARST_OP_LESS: case KARST_OP_LESS_EQUAL: case KARST_OP_EQUAL: case KARST_OP_NOT_EQUAL: return compare(g, op, a, b);
+    case KARST_OP_ADD:
+        return add(g, a, b);
+    case KARST_OP_SUBTRACT:
+        return subtract(g, a, b);
+    case KARST_OP_MULTIPLY:
+        return multiply(g, a, b);
+    case KARST_OP_DIVIDE:
+        return divide(g, a, b);
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+        return extremum(g, op, a, b);
+    case KARST_OP_AND:
+    case KARST_OP_OR:
+        return logical(g, op, a, b);
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+        return compare(g, op, a, b);
     case KARST_OP_MOD:
         if (is_constant(g, b, 1)) /* the same, but for the last bit below 1 */
             return karst_expr_1(g, KARST_OP_FRACT, a);
         if (is_constant(g, b, 0))
             return karst_graph_float(g, 0);
         break;
-    default: break;
+    default:
+        break;
     }
     return raw(g, op, type, a, b, 0);
 }

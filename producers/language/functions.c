@@ -1,5 +1,5 @@
-/* Functions of uniform values, in double. Series, written out: they run once per world, not per voxel, and must give the same bits on
- * every host, which a host's libm does not. sqrt, fma, floor and rint are IEEE's and exact. */
+/* Functions of uniform values, in double. Series, written out: they run once per world, not per voxel, and must give
+ * the same bits on every host, which a host's libm does not. sqrt, fma, floor and rint are IEEE's and exact. */
 #include "producers/language/number.h"
 
 #include <math.h>

@@ -21,7 +21,8 @@ static bool same_node(const karst_expr_node *a, const karst_expr_node *b)
     return a->op == b->op && a->type == b->type && a->extra == b->extra && !memcmp(a->arg, b->arg, sizeof a->arg);
 }
 
-void karst_graph_init(karst_graph *graph, karst_arena *arena, uint32_t max_nodes, void (*full)(void *user, uint32_t where), void *user)
+void karst_graph_init(karst_graph *graph, karst_arena *arena, uint32_t max_nodes,
+                      void (*full)(void *user, uint32_t where), void *user)
 {
     *graph = (karst_graph){.arena = arena, .max_nodes = max_nodes, .full = full, .user = user, .table_size = 1024};
     graph->table = karst_arena_alloc(arena, graph->table_size * sizeof *graph->table);
@@ -55,20 +56,23 @@ static uint8_t own_dependence(const karst_graph *graph, karst_op op, uint32_t ex
         uint8_t depends = graph->nodes[graph->affines[extra].offset].depends;
         for (int i = 0; i < 3; i++)
             if (graph->affines[extra].coefficient[i])
-                depends |= (uint8_t)((KARST_DEPENDS_X << i) | graph->nodes[graph->affines[extra].coefficient[i]].depends);
+                depends |=
+                    (uint8_t)((KARST_DEPENDS_X << i) | graph->nodes[graph->affines[extra].coefficient[i]].depends);
         return depends;
     }
     case KARST_OP_NOISE:
-        return (graph->nodes[graph->noises[extra].gain].depends | graph->nodes[graph->noises[extra].lacunarity].depends);
+        return (graph->nodes[graph->noises[extra].gain].depends |
+                graph->nodes[graph->noises[extra].lacunarity].depends);
     default:
         return 0;
     }
 }
 
-karst_expr karst_graph_raw(karst_graph *graph, karst_op op, karst_scalar_type type, uint32_t extra, karst_expr a, karst_expr b,
-                           karst_expr c, karst_expr d)
+karst_expr karst_graph_raw(karst_graph *graph, karst_op op, karst_scalar_type type, uint32_t extra, karst_expr a,
+                           karst_expr b, karst_expr c, karst_expr d)
 {
-    karst_expr_node node = {.op = (uint8_t)op, .type = (uint8_t)type, .extra = extra, .arg = {a, b, c, d}, .where = graph->where};
+    karst_expr_node node = {
+        .op = (uint8_t)op, .type = (uint8_t)type, .extra = extra, .arg = {a, b, c, d}, .where = graph->where};
     uint32_t at = hash_node(&node) & (graph->table_size - 1);
     for (; graph->table[at]; at = (at + 1) & (graph->table_size - 1))
         if (same_node(&graph->nodes[graph->table[at]], &node))
@@ -78,7 +82,8 @@ karst_expr karst_graph_raw(karst_graph *graph, karst_op op, karst_scalar_type ty
     node.depends = own_dependence(graph, op, extra);
     for (int i = 0; i < 4; i++)
         node.depends |= graph->nodes[node.arg[i]].depends;
-    graph->nodes = karst_arena_grow(graph->arena, graph->nodes, graph->num_nodes, &graph->node_room, graph->num_nodes + 1u, sizeof node);
+    graph->nodes = karst_arena_grow(graph->arena, graph->nodes, graph->num_nodes, &graph->node_room,
+                                    graph->num_nodes + 1u, sizeof node);
     graph->nodes[graph->num_nodes] = node;
     graph->table[at] = graph->num_nodes++;
     if (graph->num_nodes * 2 > graph->table_size)
@@ -98,7 +103,8 @@ static uint32_t constant_index(karst_graph *graph, karst_number number)
 {
     if ((graph->num_constants + 1) * 2 > graph->constant_table_size) {
         graph->constant_table_size = graph->constant_table_size ? graph->constant_table_size * 2 : 256;
-        graph->constant_table = karst_arena_alloc(graph->arena, graph->constant_table_size * sizeof *graph->constant_table);
+        graph->constant_table =
+            karst_arena_alloc(graph->arena, graph->constant_table_size * sizeof *graph->constant_table);
         for (uint32_t i = 0; i < graph->num_constants; i++) {
             uint32_t at = hash_number(graph->constants[i]) & (graph->constant_table_size - 1);
             while (graph->constant_table[at])
@@ -110,8 +116,8 @@ static uint32_t constant_index(karst_graph *graph, karst_number number)
     for (; graph->constant_table[at]; at = (at + 1) & (graph->constant_table_size - 1))
         if (karst_number_same(graph->constants[graph->constant_table[at] - 1], number))
             return graph->constant_table[at] - 1;
-    graph->constants = karst_arena_grow(graph->arena, graph->constants, graph->num_constants, &graph->constant_room, graph->num_constants + 1u,
-                                        sizeof number);
+    graph->constants = karst_arena_grow(graph->arena, graph->constants, graph->num_constants, &graph->constant_room,
+                                        graph->num_constants + 1u, sizeof number);
     graph->constants[graph->num_constants] = number;
     graph->constant_table[at] = ++graph->num_constants;
     return graph->num_constants - 1;
@@ -122,9 +128,18 @@ karst_expr karst_graph_number(karst_graph *graph, karst_scalar_type type, karst_
     return karst_graph_raw(graph, KARST_OP_CONSTANT, type, constant_index(graph, number), 0, 0, 0, 0);
 }
 
-karst_expr karst_graph_float(karst_graph *graph, double value) { return karst_graph_number(graph, KARST_TYPE_FLOAT, karst_number_double(value)); }
-karst_expr karst_graph_int(karst_graph *graph, int32_t value) { return karst_graph_number(graph, KARST_TYPE_INT, karst_number_int(value)); }
-karst_expr karst_graph_bool(karst_graph *graph, bool value) { return karst_graph_number(graph, KARST_TYPE_BOOL, karst_number_int(value)); }
+karst_expr karst_graph_float(karst_graph *graph, double value)
+{
+    return karst_graph_number(graph, KARST_TYPE_FLOAT, karst_number_double(value));
+}
+karst_expr karst_graph_int(karst_graph *graph, int32_t value)
+{
+    return karst_graph_number(graph, KARST_TYPE_INT, karst_number_int(value));
+}
+karst_expr karst_graph_bool(karst_graph *graph, bool value)
+{
+    return karst_graph_number(graph, KARST_TYPE_BOOL, karst_number_int(value));
+}
 
 karst_expr karst_graph_leaf(karst_graph *graph, karst_op op, uint32_t extra)
 {
@@ -148,8 +163,9 @@ karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a
     uint32_t i = 0;
     for (; i < graph->num_noises; i++) {
         const karst_noise *n = &graph->noises[i];
-        if (n->base == noise.base && n->shape == noise.shape && n->derivative == noise.derivative && n->num_octaves == noise.num_octaves &&
-            n->seed_offset == noise.seed_offset && n->gain == noise.gain && n->lacunarity == noise.lacunarity)
+        if (n->base == noise.base && n->shape == noise.shape && n->derivative == noise.derivative &&
+            n->num_octaves == noise.num_octaves && n->seed_offset == noise.seed_offset && n->gain == noise.gain &&
+            n->lacunarity == noise.lacunarity)
             break;
     }
     if (i == graph->num_noises) {
@@ -170,33 +186,73 @@ static const struct {
     uint8_t least, most;
 } ops[KARST_NUM_OPS] = {
     [KARST_OP_NONE] = {"none", 0, 0},
-    [KARST_OP_CONSTANT] = {"constant", 0, 0}, [KARST_OP_PARAMETER] = {"parameter", 0, 0}, [KARST_OP_POSITION] = {"position", 0, 0},
-    [KARST_OP_NORMAL] = {"normal", 0, 0}, [KARST_OP_AFFINE] = {"affine", 0, 0},
-    [KARST_OP_ADD] = {"add", 2, 2}, [KARST_OP_SUBTRACT] = {"subtract", 2, 2}, [KARST_OP_MULTIPLY] = {"multiply", 2, 2},
-    [KARST_OP_DIVIDE] = {"divide", 2, 2}, [KARST_OP_FMA] = {"fma", 3, 3}, [KARST_OP_NEGATE] = {"negate", 1, 1},
-    [KARST_OP_MIN] = {"min", 2, 2}, [KARST_OP_MAX] = {"max", 2, 2}, [KARST_OP_ABS] = {"abs", 1, 1}, [KARST_OP_FLOOR] = {"floor", 1, 1},
-    [KARST_OP_CEIL] = {"ceil", 1, 1}, [KARST_OP_RINT] = {"rint", 1, 1}, [KARST_OP_FRACT] = {"fract", 1, 1}, [KARST_OP_MOD] = {"mod", 2, 2},
-    [KARST_OP_MIX] = {"mix", 3, 3}, [KARST_OP_SQRT] = {"sqrt", 1, 1}, [KARST_OP_LENGTH] = {"length", 2, 4}, [KARST_OP_SIN] = {"sin", 1, 1},
-    [KARST_OP_COS] = {"cos", 1, 1}, [KARST_OP_SIN_TURNS] = {"sin_turns", 1, 1}, [KARST_OP_COS_TURNS] = {"cos_turns", 1, 1},
-    [KARST_OP_EXP2] = {"exp2", 1, 1}, [KARST_OP_LOG] = {"log", 1, 1}, [KARST_OP_ATAN] = {"atan", 2, 2}, [KARST_OP_NOISE] = {"noise", 3, 3},
-    [KARST_OP_SHIFTED] = {"shifted", 2, 2}, [KARST_OP_LESS] = {"less", 2, 2}, [KARST_OP_LESS_EQUAL] = {"less_equal", 2, 2},
-    [KARST_OP_EQUAL] = {"equal", 2, 2}, [KARST_OP_NOT_EQUAL] = {"not_equal", 2, 2}, [KARST_OP_NOT] = {"not", 1, 1},
-    [KARST_OP_AND] = {"and", 2, 2}, [KARST_OP_OR] = {"or", 2, 2}, [KARST_OP_SELECT] = {"select", 3, 3}, [KARST_OP_INT_ADD] = {"int_add", 2, 2},
-    [KARST_OP_INT_SUBTRACT] = {"int_subtract", 2, 2}, [KARST_OP_INT_MULTIPLY] = {"int_multiply", 2, 2}, [KARST_OP_INT_DIVIDE] = {"int_divide", 2, 2},
-    [KARST_OP_INT_MODULO] = {"int_modulo", 2, 2}, [KARST_OP_BIT_AND] = {"bit_and", 2, 2}, [KARST_OP_BIT_OR] = {"bit_or", 2, 2},
-    [KARST_OP_BIT_XOR] = {"bit_xor", 2, 2}, [KARST_OP_BIT_NOT] = {"bit_not", 1, 1}, [KARST_OP_SHIFT_LEFT] = {"shift_left", 2, 2},
-    [KARST_OP_SHIFT_RIGHT] = {"shift_right", 2, 2}, [KARST_OP_CONVERT] = {"convert", 1, 1}, [KARST_OP_BITS] = {"bits", 1, 1},
+    [KARST_OP_CONSTANT] = {"constant", 0, 0},
+    [KARST_OP_PARAMETER] = {"parameter", 0, 0},
+    [KARST_OP_POSITION] = {"position", 0, 0},
+    [KARST_OP_NORMAL] = {"normal", 0, 0},
+    [KARST_OP_AFFINE] = {"affine", 0, 0},
+    [KARST_OP_ADD] = {"add", 2, 2},
+    [KARST_OP_SUBTRACT] = {"subtract", 2, 2},
+    [KARST_OP_MULTIPLY] = {"multiply", 2, 2},
+    [KARST_OP_DIVIDE] = {"divide", 2, 2},
+    [KARST_OP_FMA] = {"fma", 3, 3},
+    [KARST_OP_NEGATE] = {"negate", 1, 1},
+    [KARST_OP_MIN] = {"min", 2, 2},
+    [KARST_OP_MAX] = {"max", 2, 2},
+    [KARST_OP_ABS] = {"abs", 1, 1},
+    [KARST_OP_FLOOR] = {"floor", 1, 1},
+    [KARST_OP_CEIL] = {"ceil", 1, 1},
+    [KARST_OP_RINT] = {"rint", 1, 1},
+    [KARST_OP_FRACT] = {"fract", 1, 1},
+    [KARST_OP_MOD] = {"mod", 2, 2},
+    [KARST_OP_MIX] = {"mix", 3, 3},
+    [KARST_OP_SQRT] = {"sqrt", 1, 1},
+    [KARST_OP_LENGTH] = {"length", 2, 4},
+    [KARST_OP_SIN] = {"sin", 1, 1},
+    [KARST_OP_COS] = {"cos", 1, 1},
+    [KARST_OP_SIN_TURNS] = {"sin_turns", 1, 1},
+    [KARST_OP_COS_TURNS] = {"cos_turns", 1, 1},
+    [KARST_OP_EXP2] = {"exp2", 1, 1},
+    [KARST_OP_LOG] = {"log", 1, 1},
+    [KARST_OP_ATAN] = {"atan", 2, 2},
+    [KARST_OP_NOISE] = {"noise", 3, 3},
+    [KARST_OP_SHIFTED] = {"shifted", 2, 2},
+    [KARST_OP_LESS] = {"less", 2, 2},
+    [KARST_OP_LESS_EQUAL] = {"less_equal", 2, 2},
+    [KARST_OP_EQUAL] = {"equal", 2, 2},
+    [KARST_OP_NOT_EQUAL] = {"not_equal", 2, 2},
+    [KARST_OP_NOT] = {"not", 1, 1},
+    [KARST_OP_AND] = {"and", 2, 2},
+    [KARST_OP_OR] = {"or", 2, 2},
+    [KARST_OP_SELECT] = {"select", 3, 3},
+    [KARST_OP_INT_ADD] = {"int_add", 2, 2},
+    [KARST_OP_INT_SUBTRACT] = {"int_subtract", 2, 2},
+    [KARST_OP_INT_MULTIPLY] = {"int_multiply", 2, 2},
+    [KARST_OP_INT_DIVIDE] = {"int_divide", 2, 2},
+    [KARST_OP_INT_MODULO] = {"int_modulo", 2, 2},
+    [KARST_OP_BIT_AND] = {"bit_and", 2, 2},
+    [KARST_OP_BIT_OR] = {"bit_or", 2, 2},
+    [KARST_OP_BIT_XOR] = {"bit_xor", 2, 2},
+    [KARST_OP_BIT_NOT] = {"bit_not", 1, 1},
+    [KARST_OP_SHIFT_LEFT] = {"shift_left", 2, 2},
+    [KARST_OP_SHIFT_RIGHT] = {"shift_right", 2, 2},
+    [KARST_OP_CONVERT] = {"convert", 1, 1},
+    [KARST_OP_BITS] = {"bits", 1, 1},
 };
 
 const char *karst_op_name(karst_op op) { return op < KARST_NUM_OPS ? ops[op].name : "?"; }
 
 /* ---- extraction ---- */
 
-static karst_number constant_of(const karst_graph *graph, const karst_expr_node *n) { return graph->constants[n->extra]; }
+static karst_number constant_of(const karst_graph *graph, const karst_expr_node *n)
+{
+    return graph->constants[n->extra];
+}
 
 void karst_graph_extract(const karst_graph *graph, karst_graph *live, karst_expr *roots, size_t num_roots)
 {
-    uint32_t *map = karst_arena_alloc(live->arena, graph->num_nodes * sizeof *map); /* first 1: reached; then the new index */
+    uint32_t *map =
+        karst_arena_alloc(live->arena, graph->num_nodes * sizeof *map); /* first 1: reached; then the new index */
     for (size_t i = 0; i < num_roots; i++)
         map[roots[i]] = 1;
     for (uint32_t i = graph->num_nodes - 1; i > 0; i--) {
@@ -232,7 +288,8 @@ void karst_graph_extract(const karst_graph *graph, karst_graph *live, karst_expr
             noise.lacunarity = map[noise.lacunarity];
             map[i] = karst_graph_noise(live, noise, map[n->arg[0]], map[n->arg[1]], map[n->arg[2]]);
         } else {
-            map[i] = karst_graph_raw(live, n->op, n->type, n->extra, map[n->arg[0]], map[n->arg[1]], map[n->arg[2]], map[n->arg[3]]);
+            map[i] = karst_graph_raw(live, n->op, n->type, n->extra, map[n->arg[0]], map[n->arg[1]], map[n->arg[2]],
+                                     map[n->arg[3]]);
         }
         live->nodes[map[i]].kind = n->kind;
     }
@@ -262,13 +319,17 @@ static const char *fault_of(const karst_graph *graph, uint32_t i)
         return "a wrong number of arguments";
     const karst_expr_node *a = &graph->nodes[n->arg[0]], *b = &graph->nodes[n->arg[1]], *c = &graph->nodes[n->arg[2]];
     if (n->op == KARST_OP_SELECT)
-        return a->type != KARST_TYPE_BOOL || b->type != n->type || c->type != n->type ? "a select of wrong types" : NULL;
+        return a->type != KARST_TYPE_BOOL || b->type != n->type || c->type != n->type ? "a select of wrong types"
+                                                                                      : NULL;
     if (n->op >= KARST_OP_LESS && n->op <= KARST_OP_NOT_EQUAL)
         return a->type != b->type || n->type != KARST_TYPE_BOOL ? "a comparison of wrong types" : NULL;
     if (is_bool_op(n->op))
-        return n->type != KARST_TYPE_BOOL || a->type != KARST_TYPE_BOOL || (count > 1 && b->type != KARST_TYPE_BOOL) ? "a bool op of wrong types" : NULL;
+        return n->type != KARST_TYPE_BOOL || a->type != KARST_TYPE_BOOL || (count > 1 && b->type != KARST_TYPE_BOOL)
+                   ? "a bool op of wrong types"
+                   : NULL;
     if (is_int_op(n->op))
-        return (n->type != KARST_TYPE_INT && n->type != KARST_TYPE_UINT) || a->type != n->type || (count > 1 && b->type != n->type)
+        return (n->type != KARST_TYPE_INT && n->type != KARST_TYPE_UINT) || a->type != n->type ||
+                       (count > 1 && b->type != n->type)
                    ? "an int op of wrong types"
                    : NULL;
     if (n->op == KARST_OP_CONVERT || n->op == KARST_OP_BITS)

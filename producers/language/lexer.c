@@ -41,7 +41,8 @@ uint32_t karst_names_id(karst_names *names, const char *text, size_t length)
     }
     char *copy = karst_arena_alloc(names->arena, length + 1);
     memcpy(copy, text, length);
-    names->items = karst_arena_grow(names->arena, names->items, names->count, &names->capacity, names->count + 1, sizeof *names->items);
+    names->items = karst_arena_grow(names->arena, names->items, names->count, &names->capacity, names->count + 1,
+                                    sizeof *names->items);
     names->items[names->count] = (karst_name){.text = copy, .length = (uint32_t)length, .hash = hash, .macro = -1};
     names->table[at] = (uint32_t)++names->count;
     return (uint32_t)names->count - 1;
@@ -49,13 +50,17 @@ uint32_t karst_names_id(karst_names *names, const char *text, size_t length)
 
 void karst_tokens_push(karst_arena *arena, karst_tokens *tokens, karst_token token)
 {
-    tokens->items = karst_arena_grow(arena, tokens->items, tokens->count, &tokens->capacity, tokens->count + 1, sizeof token);
+    tokens->items =
+        karst_arena_grow(arena, tokens->items, tokens->count, &tokens->capacity, tokens->count + 1, sizeof token);
     tokens->items[tokens->count++] = token;
 }
 
 static bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 static bool is_digit(char c) { return c >= '0' && c <= '9'; }
-static int hex_digit(char c) { return is_digit(c) ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1; }
+static int hex_digit(char c)
+{
+    return is_digit(c) ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
 
 /* White space, comments and spliced lines. Returns where the next token begins; notes in *token what came before it. */
 static uint32_t skip_space(karst_source *source, uint32_t at, uint32_t end, karst_token *token)
@@ -140,18 +145,21 @@ static void lex_number(karst_source *source, uint32_t *at, uint32_t end, karst_t
         ++*at;
     }
     if (*at < end && (is_letter(s[*at]) || is_digit(s[*at]) || s[*at] == '.'))
-        karst_source_error(source, token->where, NULL, "this number goes on with '%c', which is none of its digits", s[*at]);
-    if (token->kind != KARST_TOKEN_FLOAT && !(s[begin] == '0' && token->length > 1 && (s[begin + 1] == 'x' || s[begin + 1] == 'X'))) {
+        karst_source_error(source, token->where, NULL, "this number goes on with '%c', which is none of its digits",
+                           s[*at]);
+    if (token->kind != KARST_TOKEN_FLOAT &&
+        !(s[begin] == '0' && token->length > 1 && (s[begin + 1] == 'x' || s[begin + 1] == 'X'))) {
         uint64_t value = 0;
         uint32_t base = s[begin] == '0' && token->length > 1 ? 8 : 10;
         for (uint32_t i = 0; i < token->length; i++) {
             uint32_t digit = (uint32_t)(s[begin + i] - '0');
             if (digit >= base)
-                karst_source_error(source, token->where, "leave out the leading 0", "a number that begins with 0 is octal, and '%c' is no octal digit",
-                                   s[begin + i]);
+                karst_source_error(source, token->where, "leave out the leading 0",
+                                   "a number that begins with 0 is octal, and '%c' is no octal digit", s[begin + i]);
             value = value * base + digit;
             if (value > UINT32_MAX)
-                karst_source_error(source, token->where, "write a point behind it to make it a float", "this integer does not fit 32 bits");
+                karst_source_error(source, token->where, "write a point behind it to make it a float",
+                                   "this integer does not fit 32 bits");
         }
         token->what = (uint32_t)value;
     }
@@ -161,7 +169,8 @@ static void lex_number(karst_source *source, uint32_t *at, uint32_t end, karst_t
 static uint32_t lex_punctuation(const char *s, uint32_t left)
 {
     static const char *const three[] = {"<<=", ">>="};
-    static const char *const two[] = {"<<", ">>", "++", "--", "<=", ">=", "==", "!=", "&&", "||", "^^", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "##"};
+    static const char *const two[] = {"<<", ">>", "++", "--", "<=", ">=", "==", "!=", "&&", "||",
+                                      "^^", "+=", "-=", "*=", "/=", "%=", "&=", "|=", "^=", "##"};
     for (size_t i = 0; i < sizeof three / sizeof *three && left >= 3; i++)
         if (!memcmp(s, three[i], 3))
             return KARST_P3((uint32_t)s[0], (uint32_t)s[1], (uint32_t)s[2]);
@@ -185,7 +194,8 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
             token.kind = KARST_TOKEN_NAME;
             token.length = at - token.text;
             if (token.length > 256)
-                karst_source_error(source, token.where, NULL, "this name has %u characters; 256 are allowed", token.length);
+                karst_source_error(source, token.where, NULL, "this name has %u characters; 256 are allowed",
+                                   token.length);
             token.what = karst_names_id(names, s + token.text, token.length);
         } else if (is_digit(c) || (c == '.' && at + 1 < end && is_digit(s[at + 1]))) {
             lex_number(source, &at, end, &token);
@@ -196,7 +206,8 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
             if (!token.what && (unsigned char)c < 0x80)
                 karst_source_error(source, at, NULL, "the character '%c' has no meaning here", c);
             if (!token.what)
-                karst_source_error(source, at, "names are made of a-z, A-Z, 0-9 and _", "letters beyond ASCII may stand in comments only");
+                karst_source_error(source, at, "names are made of a-z, A-Z, 0-9 and _",
+                                   "letters beyond ASCII may stand in comments only");
             at += token.length;
         }
         if (tokens->count - first >= KARST_MAX_TOKENS)
@@ -204,5 +215,6 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
         karst_tokens_push(source->arena, tokens, token);
         token = (karst_token){0};
     }
-    karst_tokens_push(source->arena, tokens, (karst_token){.kind = KARST_TOKEN_END, .line_start = 1, .text = end, .where = end});
+    karst_tokens_push(source->arena, tokens,
+                      (karst_token){.kind = KARST_TOKEN_END, .line_start = 1, .text = end, .where = end});
 }

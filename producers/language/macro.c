@@ -1,5 +1,5 @@
-/* Expansion in the C standard's manner: a stack of token lists is read as one stream; a macro is off while its own list is on the stack, and
- * its name, met there, stays as it is for ever. */
+/* Expansion in the C standard's manner: a stack of token lists is read as one stream; a macro is off while its own list
+ * is on the stack, and its name, met there, stays as it is for ever. */
 #include "producers/language/macro.h"
 
 #include <string.h>
@@ -18,8 +18,8 @@ typedef struct frame {
     struct frame *below;
     const karst_token *items;
     size_t count, at;
-    macro *of;        /* turned on again when the frame ends; NULL: a plain list */
-    bool is_file;     /* directives are obeyed here */
+    macro *of;    /* turned on again when the frame ends; NULL: a plain list */
+    bool is_file; /* directives are obeyed here */
 } frame;
 
 typedef struct {
@@ -47,7 +47,8 @@ static macro *macro_make(preprocessor *p, uint32_t name)
 {
     karst_name *entry = &p->names->items[name];
     if (entry->macro < 0 || (size_t)entry->macro >= p->count) {
-        p->macros = karst_arena_grow(p->source->arena, p->macros, p->count, &p->capacity, p->count + 1, sizeof *p->macros);
+        p->macros =
+            karst_arena_grow(p->source->arena, p->macros, p->count, &p->capacity, p->count + 1, sizeof *p->macros);
         entry->macro = (int32_t)p->count;
         p->macros[p->count++] = karst_arena_alloc(p->source->arena, sizeof(macro));
     }
@@ -78,7 +79,8 @@ static void define(preprocessor *p, const karst_token *t, const karst_token *end
                 karst_source_error(source, t->where, NULL, "a macro's parameters are names");
             for (uint32_t i = 0; i < m->num_parameters; i++)
                 if (m->parameters[i] == t->what)
-                    karst_source_error(source, t->where, NULL, "this macro has two parameters called '%s'", karst_name_text(p->names, t->what));
+                    karst_source_error(source, t->where, NULL, "this macro has two parameters called '%s'",
+                                       karst_name_text(p->names, t->what));
             if (m->num_parameters == MAX_PARAMETERS)
                 karst_source_error(source, t->where, NULL, "a macro may have %u parameters", MAX_PARAMETERS);
             m->parameters[m->num_parameters++] = t++->what;
@@ -145,22 +147,38 @@ static int64_t condition_apply(condition *c, const karst_token *op, int64_t a, i
 {
     uint64_t ua = (uint64_t)a, ub = (uint64_t)b;
     switch (op->what) {
-    case KARST_P2('|', '|'): return a || b;
-    case KARST_P2('&', '&'): return a && b;
-    case '|': return a | b;
-    case '^': return a ^ b;
-    case '&': return a & b;
-    case KARST_P2('=', '='): return a == b;
-    case KARST_P2('!', '='): return a != b;
-    case '<': return a < b;
-    case '>': return a > b;
-    case KARST_P2('<', '='): return a <= b;
-    case KARST_P2('>', '='): return a >= b;
-    case KARST_P2('<', '<'): return (int64_t)(ua << (b & 63));
-    case KARST_P2('>', '>'): return a >> (b & 63);
-    case '+': return (int64_t)(ua + ub);
-    case '-': return (int64_t)(ua - ub);
-    case '*': return (int64_t)(ua * ub);
+    case KARST_P2('|', '|'):
+        return a || b;
+    case KARST_P2('&', '&'):
+        return a && b;
+    case '|':
+        return a | b;
+    case '^':
+        return a ^ b;
+    case '&':
+        return a & b;
+    case KARST_P2('=', '='):
+        return a == b;
+    case KARST_P2('!', '='):
+        return a != b;
+    case '<':
+        return a < b;
+    case '>':
+        return a > b;
+    case KARST_P2('<', '='):
+        return a <= b;
+    case KARST_P2('>', '='):
+        return a >= b;
+    case KARST_P2('<', '<'):
+        return (int64_t)(ua << (b & 63));
+    case KARST_P2('>', '>'):
+        return a >> (b & 63);
+    case '+':
+        return (int64_t)(ua + ub);
+    case '-':
+        return (int64_t)(ua - ub);
+    case '*':
+        return (int64_t)(ua * ub);
     default:
         if (!b)
             karst_source_error(c->p->source, op->where, NULL, "this condition divides by zero");
@@ -171,9 +189,16 @@ static int64_t condition_apply(condition *c, const karst_token *op, int64_t a, i
 }
 
 /* Precedence levels, loosest first; each row ends with 0. */
-static const uint32_t condition_levels[][5] = {
-    {KARST_P2('|', '|')}, {KARST_P2('&', '&')}, {'|'}, {'^'}, {'&'}, {KARST_P2('=', '='), KARST_P2('!', '=')},
-    {'<', '>', KARST_P2('<', '='), KARST_P2('>', '=')}, {KARST_P2('<', '<'), KARST_P2('>', '>')}, {'+', '-'}, {'*', '/', '%'}};
+static const uint32_t condition_levels[][5] = {{KARST_P2('|', '|')},
+                                               {KARST_P2('&', '&')},
+                                               {'|'},
+                                               {'^'},
+                                               {'&'},
+                                               {KARST_P2('=', '='), KARST_P2('!', '=')},
+                                               {'<', '>', KARST_P2('<', '='), KARST_P2('>', '=')},
+                                               {KARST_P2('<', '<'), KARST_P2('>', '>')},
+                                               {'+', '-'},
+                                               {'*', '/', '%'}};
 #define NUM_CONDITION_LEVELS ((int)(sizeof condition_levels / sizeof *condition_levels))
 
 static int64_t condition_binary(condition *c, int level)
@@ -205,10 +230,13 @@ static bool condition_holds(preprocessor *p, const karst_token *t, const karst_t
         }
         bool bracket = t + 1 < end && karst_token_is(t + 1, '(');
         const karst_token *name = t + 1 + bracket;
-        if (name >= end || name->kind != KARST_TOKEN_NAME || (bracket && (name + 1 >= end || !karst_token_is(name + 1, ')'))))
+        if (name >= end || name->kind != KARST_TOKEN_NAME ||
+            (bracket && (name + 1 >= end || !karst_token_is(name + 1, ')'))))
             karst_source_error(p->source, t->where, "write defined(NAME)", "'defined' needs a name");
-        karst_tokens_push(p->source->arena, &plain,
-                          (karst_token){.kind = KARST_TOKEN_INT, .what = macro_named(p, name) != NULL, .where = t->where, .text = t->text});
+        karst_tokens_push(
+            p->source->arena, &plain,
+            (karst_token){
+                .kind = KARST_TOKEN_INT, .what = macro_named(p, name) != NULL, .where = t->where, .text = t->text});
         t = name + bracket;
     }
     frame list = {.items = plain.items, .count = plain.count};
@@ -230,8 +258,8 @@ static const karst_token *line_end(const karst_token *t)
     return t;
 }
 
-/* `t` stands on the '#' of an #if whose branch is not taken, or of a later #elif or #else. Returns the '#' of the #elif, #else or #endif
- * that belongs to it. */
+/* `t` stands on the '#' of an #if whose branch is not taken, or of a later #elif or #else. Returns the '#' of the
+ * #elif, #else or #endif that belongs to it. */
 static const karst_token *skip_branch(preprocessor *p, const karst_token *t)
 {
     uint32_t depth = 0, where = t->where;
@@ -248,7 +276,8 @@ static const karst_token *skip_branch(preprocessor *p, const karst_token *t)
     karst_source_error(p->source, where, "close it with #endif", "this condition never ends");
 }
 
-/* Walks from an #if, #elif or #else that was not taken to the first token of the branch that is, or behind the #endif. */
+/* Walks from an #if, #elif or #else that was not taken to the first token of the branch that is, or behind the #endif.
+ */
 static const karst_token *find_branch(preprocessor *p, const karst_token *t)
 {
     for (;;) {
@@ -288,15 +317,18 @@ static const karst_token *directive(preprocessor *p, const karst_token *t)
             karst_source_error(source, name->where, NULL, "conditions are nested deeper than %u", KARST_MAX_NESTING);
         bool plain = is_name(p, name, "if");
         if (name + 1 == end || (!plain && name[1].kind != KARST_TOKEN_NAME))
-            karst_source_error(source, name->where, NULL, "#%s needs a %s", karst_name_text(p->names, name->what), plain ? "condition" : "name");
-        bool holds = plain ? condition_holds(p, name + 1, end) : (macro_named(p, name + 1) != NULL) == is_name(p, name, "ifdef");
+            karst_source_error(source, name->where, NULL, "#%s needs a %s", karst_name_text(p->names, name->what),
+                               plain ? "condition" : "name");
+        bool holds =
+            plain ? condition_holds(p, name + 1, end) : (macro_named(p, name + 1) != NULL) == is_name(p, name, "ifdef");
         p->ifs[p->num_ifs].where = t->where;
         p->ifs[p->num_ifs].taken = holds;
         p->ifs[p->num_ifs++].had_else = false;
         return holds ? end : find_branch(p, t);
     } else if (is_name(p, name, "elif") || is_name(p, name, "else") || is_name(p, name, "endif")) {
         if (!p->num_ifs)
-            karst_source_error(source, name->where, NULL, "there is no #if before this #%s", karst_name_text(p->names, name->what));
+            karst_source_error(source, name->where, NULL, "there is no #if before this #%s",
+                               karst_name_text(p->names, name->what));
         if (is_name(p, name, "endif")) {
             p->num_ifs--;
             return end;
@@ -306,15 +338,17 @@ static const karst_token *directive(preprocessor *p, const karst_token *t)
         p->ifs[p->num_ifs - 1].had_else = is_name(p, name, "else");
         return find_branch(p, t);
     } else if (is_name(p, name, "include") || is_name(p, name, "import")) {
-        karst_source_error(source, t->where, "paste the text of that file here", "a world is one file: there is no #include");
+        karst_source_error(source, t->where, "paste the text of that file here",
+                           "a world is one file: there is no #include");
     } else if (is_name(p, name, "error")) {
         karst_source_error(source, t->where, NULL, "the world stops here with #error");
-    } else if (!is_name(p, name, "version") && !is_name(p, name, "extension") && !is_name(p, name, "pragma") && !is_name(p, name, "line")) {
+    } else if (!is_name(p, name, "version") && !is_name(p, name, "extension") && !is_name(p, name, "pragma") &&
+               !is_name(p, name, "line")) {
         karst_nearest nearest = karst_nearest_begin(source->text + name->text, name->length);
         for (size_t i = 0; i < sizeof known / sizeof *known; i++)
             karst_nearest_offer(&nearest, known[i]);
-        karst_source_error(source, name->where, karst_nearest_hint(&nearest, source->arena), "there is no directive #%.*s", (int)name->length,
-                           source->text + name->text);
+        karst_source_error(source, name->where, karst_nearest_hint(&nearest, source->arena),
+                           "there is no directive #%.*s", (int)name->length, source->text + name->text);
     }
     return end;
 }
@@ -361,8 +395,8 @@ static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_
             break;
         if (!depth && karst_token_is(t, ',')) {
             if (++n >= m->num_parameters)
-                karst_source_error(source, where, NULL, "macro '%s' takes %u argument%s, not more", name, m->num_parameters,
-                                   m->num_parameters == 1 ? "" : "s");
+                karst_source_error(source, where, NULL, "macro '%s' takes %u argument%s, not more", name,
+                                   m->num_parameters, m->num_parameters == 1 ? "" : "s");
             continue;
         }
         depth += karst_token_is(t, '(');
@@ -372,14 +406,16 @@ static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_
         karst_tokens_push(source->arena, &raw[n], *t);
     }
     if (m->num_parameters && n + 1 != m->num_parameters)
-        karst_source_error(source, where, NULL, "macro '%s' takes %u arguments, not %u", name, m->num_parameters, n + 1);
+        karst_source_error(source, where, NULL, "macro '%s' takes %u arguments, not %u", name, m->num_parameters,
+                           n + 1);
     for (uint32_t i = 0; i < m->num_parameters; i++) {
         frame list = {.items = raw[i].items, .count = raw[i].count};
         expand(p, &list, &arguments[i]);
     }
 }
 
-/* Puts the expansion of a macro on the stream. What the macro's own text says points to the call, what the user wrote as an argument to itself. */
+/* Puts the expansion of a macro on the stream. What the macro's own text says points to the call, what the user wrote
+ * as an argument to itself. */
 static void enter_macro(preprocessor *p, frame **top, macro *m, uint32_t where)
 {
     karst_arena *arena = p->source->arena;
@@ -434,7 +470,8 @@ static void expand(preprocessor *p, frame *top, karst_tokens *out)
             continue;
         }
         if (out->count >= KARST_MAX_EXPANDED_TOKENS)
-            karst_source_error(source, token.where, NULL, "macros expand to more than %u words", KARST_MAX_EXPANDED_TOKENS);
+            karst_source_error(source, token.where, NULL, "macros expand to more than %u words",
+                               KARST_MAX_EXPANDED_TOKENS);
         karst_tokens_push(source->arena, out, token);
     }
     p->depth--;

@@ -35,7 +35,8 @@ static int bit_length(wide v)
     return high ? 128 - __builtin_clzll(high) : low ? 64 - __builtin_clzll(low) : 0;
 }
 
-/* v * 2^e, and a little more if `sticky`, to the nearest number (ties to even) of `bits` bits whose last bit is not below 2^lowest. */
+/* v * 2^e, and a little more if `sticky`, to the nearest number (ties to even) of `bits` bits whose last bit is not
+ * below 2^lowest. */
 static double round_bits(wide v, bool sticky, int e, int bits, int lowest)
 {
     int drop = bit_length(v) - bits;
@@ -62,7 +63,10 @@ static double round_ratio(int64_t numerator, int64_t denominator, int bits, int 
     return numerator < 0 ? -d : d;
 }
 
-static karst_number inexact(double value) { return (karst_number){.value = isnan(value) ? (double)NAN : value == 0 ? 0.0 : value}; }
+static karst_number inexact(double value)
+{
+    return (karst_number){.value = isnan(value) ? (double)NAN : value == 0 ? 0.0 : value};
+}
 
 static wide greatest_common_divisor(wide a, wide b)
 {
@@ -296,8 +300,8 @@ karst_number karst_number_add(karst_number a, karst_number b)
 {
     if (!both_exact(a, b))
         return inexact(a.value + b.value);
-    return reduced((__int128)a.numerator * b.denominator + (__int128)b.numerator * a.denominator, (wide)a.denominator * (wide)b.denominator,
-                   a.value + b.value);
+    return reduced((__int128)a.numerator * b.denominator + (__int128)b.numerator * a.denominator,
+                   (wide)a.denominator * (wide)b.denominator, a.value + b.value);
 }
 
 karst_number karst_number_negate(karst_number a)
@@ -307,7 +311,10 @@ karst_number karst_number_negate(karst_number a)
     return (karst_number){.value = a.numerator ? -a.value : 0, .numerator = -a.numerator, .denominator = a.denominator};
 }
 
-karst_number karst_number_subtract(karst_number a, karst_number b) { return karst_number_add(a, karst_number_negate(b)); }
+karst_number karst_number_subtract(karst_number a, karst_number b)
+{
+    return karst_number_add(a, karst_number_negate(b));
+}
 
 karst_number karst_number_multiply(karst_number a, karst_number b)
 {
@@ -337,7 +344,8 @@ karst_number karst_number_rint(karst_number a)
     if (!a.denominator)
         return karst_number_double(rint(a.value));
     int64_t q = karst_number_floor(a).numerator;
-    __int128 twice = 2 * ((__int128)a.numerator - (__int128)q * a.denominator); /* of the part above q, in denominators */
+    __int128 twice =
+        2 * ((__int128)a.numerator - (__int128)q * a.denominator); /* of the part above q, in denominators */
     return karst_number_int(q + (twice > a.denominator || (twice == a.denominator && (q & 1))));
 }
 

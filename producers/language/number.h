@@ -2,7 +2,8 @@
  *
  * Literals are decimals, and what a world does with them before any position comes in (0.1 / 256.0 * 3.0) is a rational
  * number. It is kept as one as long as numerator and denominator fit 63 bits; then it is a double. So a lattice
- * frequency is rounded once, into fixed point, and a period of 0.3 m is three tenths. No libm: the same bits on every host.
+ * frequency is rounded once, into fixed point, and a period of 0.3 m is three tenths. No libm: the same bits on every
+ * host.
  */
 #ifndef KARST_LANGUAGE_NUMBER_H
 #define KARST_LANGUAGE_NUMBER_H
@@ -23,7 +24,8 @@ karst_number karst_number_int(int64_t value);
 karst_number karst_number_double(double value);
 /* A double as people write it: the shortest decimal that reads back as `value`, exactly (0.1 is one tenth). */
 karst_number karst_number_shortest(double value);
-/* A decimal ("12", ".5", "1.5e-3") of `length` bytes, digits only as checked by the lexer. Correctly rounded where it is not exact. */
+/* A decimal ("12", ".5", "1.5e-3") of `length` bytes, digits only as checked by the lexer. Correctly rounded where it
+ * is not exact. */
 karst_number karst_number_decimal(const char *text, size_t length);
 /* numerator / denominator (which is not 0), reduced. */
 karst_number karst_number_ratio(int64_t numerator, int64_t denominator);
@@ -46,7 +48,8 @@ float karst_number_to_float(karst_number a);
 /* Nearest integer (ties to even) to a * 2^shift as 128 bits; false if |result| >= 2^126 or a is not finite. */
 bool karst_number_to_fixed(karst_number a, int shift, __int128 *fixed);
 
-/* Functions in double by our own polynomials, total as LANGUAGE says: relative error below 2^-48 in the ranges that worlds use. */
+/* Functions in double by our own polynomials, total as LANGUAGE says: relative error below 2^-48 in the ranges that
+ * worlds use. */
 double karst_double_sin(double x);
 double karst_double_cos(double x);
 double karst_double_exp2(double x);

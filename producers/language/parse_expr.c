@@ -3,7 +3,8 @@
 
 static karst_ast_expr *parse_unary(karst_parser *p);
 
-static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where, karst_ast_expr *a, karst_ast_expr *b, karst_ast_expr *c)
+static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where, karst_ast_expr *a, karst_ast_expr *b,
+                            karst_ast_expr *c)
 {
     karst_ast_expr *e = karst_arena_alloc(p->arena, sizeof *e);
     e->kind = (uint8_t)kind;
@@ -12,7 +13,8 @@ static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where
     e->b = b;
     e->c = c;
     unsigned height = 0;
-    bool chain = kind == KARST_AST_BINARY || kind == KARST_AST_COMMA; /* what leans to the left is walked, not descended */
+    bool chain =
+        kind == KARST_AST_BINARY || kind == KARST_AST_COMMA; /* what leans to the left is walked, not descended */
     if (a && a->height > height)
         height = a->height - (chain ? 1u : 0u);
     if (b && b->height > height)
@@ -20,7 +22,8 @@ static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where
     if (c && c->height > height)
         height = c->height;
     if (++height > KARST_MAX_NESTING)
-        karst_source_error(p->source, where, "split it with variables", "this expression is nested deeper than %u", KARST_MAX_NESTING);
+        karst_source_error(p->source, where, "split it with variables", "this expression is nested deeper than %u",
+                           KARST_MAX_NESTING);
     e->height = (uint16_t)height;
     return e;
 }
@@ -32,7 +35,8 @@ static karst_ast_expr *parse_arguments(karst_parser *p, uint32_t close, unsigned
     *height = 0;
     if (karst_parser_accept(p, close))
         return NULL;
-    if (karst_parser_peek(p)->kind == KARST_TOKEN_NAME && karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_TYPE &&
+    if (karst_parser_peek(p)->kind == KARST_TOKEN_NAME &&
+        karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_TYPE &&
         karst_token_is(karst_parser_ahead(p, 1), close) && close == ')' && karst_parser_peek(p)->length == 4 &&
         !karst_type_named(karst_name_text(p->names, karst_parser_peek(p)->what))->num_scalars) {
         p->at += 2; /* f(void) */
@@ -58,14 +62,17 @@ static karst_ast_expr *with_arguments(karst_parser *p, karst_ast_kind kind, uint
     e->a = arguments;
     e->height = (uint16_t)(height + 1);
     if (height + 1 > KARST_MAX_NESTING)
-        karst_source_error(p->source, where, "split it with variables", "this expression is nested deeper than %u", KARST_MAX_NESTING);
+        karst_source_error(p->source, where, "split it with variables", "this expression is nested deeper than %u",
+                           KARST_MAX_NESTING);
     return e;
 }
 
 static karst_ast_expr *parse_number(karst_parser *p, const karst_token *t)
 {
     karst_ast_expr *e = make(p, KARST_AST_NUMBER, t->where, NULL, NULL, NULL);
-    e->scalar = t->kind == KARST_TOKEN_FLOAT ? KARST_TYPE_FLOAT : t->kind == KARST_TOKEN_INT ? KARST_TYPE_INT : KARST_TYPE_UINT;
+    e->scalar = t->kind == KARST_TOKEN_FLOAT ? KARST_TYPE_FLOAT
+                : t->kind == KARST_TOKEN_INT ? KARST_TYPE_INT
+                                             : KARST_TYPE_UINT;
     if (t->kind == KARST_TOKEN_FLOAT)
         e->number = karst_number_decimal(p->source->text + t->text, t->length);
     else
@@ -158,7 +165,8 @@ static karst_ast_expr *parse_postfix(karst_parser *p)
             uint32_t where = karst_parser_peek(p)->where;
             uint32_t name = karst_parser_name(p, "a field or components such as xy behind the point");
             if (karst_token_is(karst_parser_peek(p), '('))
-                karst_source_error(p->source, where, "write the number of elements", "there are no methods such as .%s()", karst_name_text(p->names, name));
+                karst_source_error(p->source, where, "write the number of elements",
+                                   "there are no methods such as .%s()", karst_name_text(p->names, name));
             e = make(p, KARST_AST_MEMBER, where, e, NULL, NULL);
             e->name = name;
         } else if (karst_parser_accept(p, '[')) {
@@ -180,7 +188,8 @@ static karst_ast_expr *parse_unary(karst_parser *p)
     const karst_token *t = karst_parser_peek(p);
     karst_parser_enter(p);
     karst_ast_expr *e;
-    if (karst_parser_accept(p, '-') || karst_parser_accept(p, '+') || karst_parser_accept(p, '!') || karst_parser_accept(p, '~')) {
+    if (karst_parser_accept(p, '-') || karst_parser_accept(p, '+') || karst_parser_accept(p, '!') ||
+        karst_parser_accept(p, '~')) {
         karst_ast_expr *a = parse_unary(p);
         e = make(p, KARST_AST_UNARY, t->where, a, NULL, NULL);
         e->op = t->what;
@@ -201,18 +210,38 @@ static int precedence(const karst_token *t)
     if (t->kind != KARST_TOKEN_PUNCTUATION)
         return 0;
     switch (t->what) {
-    case KARST_P2('|', '|'): return 1;
-    case KARST_P2('^', '^'): return 2;
-    case KARST_P2('&', '&'): return 3;
-    case '|': return 4;
-    case '^': return 5;
-    case '&': return 6;
-    case KARST_P2('=', '='): case KARST_P2('!', '='): return 7;
-    case '<': case '>': case KARST_P2('<', '='): case KARST_P2('>', '='): return 8;
-    case KARST_P2('<', '<'): case KARST_P2('>', '>'): return 9;
-    case '+': case '-': return 10;
-    case '*': case '/': case '%': return 11;
-    default: return 0;
+    case KARST_P2('|', '|'):
+        return 1;
+    case KARST_P2('^', '^'):
+        return 2;
+    case KARST_P2('&', '&'):
+        return 3;
+    case '|':
+        return 4;
+    case '^':
+        return 5;
+    case '&':
+        return 6;
+    case KARST_P2('=', '='):
+    case KARST_P2('!', '='):
+        return 7;
+    case '<':
+    case '>':
+    case KARST_P2('<', '='):
+    case KARST_P2('>', '='):
+        return 8;
+    case KARST_P2('<', '<'):
+    case KARST_P2('>', '>'):
+        return 9;
+    case '+':
+    case '-':
+        return 10;
+    case '*':
+    case '/':
+    case '%':
+        return 11;
+    default:
+        return 0;
     }
 }
 
@@ -235,10 +264,17 @@ static karst_ast_expr *parse_binary(karst_parser *p, int lowest)
 static uint32_t assignment_operator(uint32_t what)
 {
     switch (what) {
-    case KARST_P2('+', '='): case KARST_P2('-', '='): case KARST_P2('*', '='): case KARST_P2('/', '='): case KARST_P2('%', '='):
-    case KARST_P2('&', '='): case KARST_P2('|', '='): case KARST_P2('^', '='):
+    case KARST_P2('+', '='):
+    case KARST_P2('-', '='):
+    case KARST_P2('*', '='):
+    case KARST_P2('/', '='):
+    case KARST_P2('%', '='):
+    case KARST_P2('&', '='):
+    case KARST_P2('|', '='):
+    case KARST_P2('^', '='):
         return what & 0xff;
-    case KARST_P3('<', '<', '='): case KARST_P3('>', '>', '='):
+    case KARST_P3('<', '<', '='):
+    case KARST_P3('>', '>', '='):
         return what & 0xffff;
     default:
         return 0;

@@ -61,15 +61,19 @@ static bool at_declaration(const karst_parser *p)
         return !karst_token_is(karst_parser_ahead(p, 1), '(') &&
                !(karst_token_is(karst_parser_ahead(p, 1), '[') && karst_token_is(karst_parser_ahead(p, 4), '('));
     /* Two names in a row: a type that is not known. */
-    return karst_parser_peek(p)->kind == KARST_TOKEN_NAME && karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE &&
-           karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME && karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_NONE;
+    return karst_parser_peek(p)->kind == KARST_TOKEN_NAME &&
+           karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE &&
+           karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME &&
+           karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_NONE;
 }
 
 static karst_ast_statement *parse_declaration(karst_parser *p)
 {
     karst_ast_statement *s = make(p, KARST_AST_DECLARE, karst_parser_peek(p)->where);
     bool is_const = false;
-    for (karst_keyword k; (k = karst_parser_keyword(p, karst_parser_peek(p))) == KARST_KEYWORD_CONST || k == KARST_KEYWORD_QUALIFIER; p->at++)
+    for (karst_keyword k;
+         (k = karst_parser_keyword(p, karst_parser_peek(p))) == KARST_KEYWORD_CONST || k == KARST_KEYWORD_QUALIFIER;
+         p->at++)
         is_const |= k == KARST_KEYWORD_CONST;
     s->variables = karst_parse_variables(p, karst_parse_type(p), is_const);
     return s;
@@ -149,7 +153,8 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
         karst_parser_expect(p, ';', "behind 'precision'");
         return NULL;
     case KARST_KEYWORD_WHILE:
-        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100 && CONDITION; i++)", "there is no 'while': a loop must have a bound");
+        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100 && CONDITION; i++)",
+                           "there is no 'while': a loop must have a bound");
     case KARST_KEYWORD_DO:
         karst_source_error(p->source, t->where, "write for (int i = 0; i < 100; i++) { ... if (!CONDITION) break; }",
                            "there is no 'do': a loop must have a bound");
@@ -158,9 +163,11 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
     case KARST_KEYWORD_GOTO:
         karst_source_error(p->source, t->where, "use if, for, break and return", "there is no 'goto'");
     case KARST_KEYWORD_DISCARD:
-        karst_source_error(p->source, t->where, "return a negative density: that is air", "there is no 'discard': a density has no pixel to drop");
+        karst_source_error(p->source, t->where, "return a negative density: that is air",
+                           "there is no 'discard': a density has no pixel to drop");
     case KARST_KEYWORD_STRUCT:
-        karst_source_error(p->source, t->where, "move it to the top of the file", "a struct is declared outside functions");
+        karst_source_error(p->source, t->where, "move it to the top of the file",
+                           "a struct is declared outside functions");
     case KARST_KEYWORD_ELSE:
         karst_source_error(p->source, t->where, NULL, "there is no 'if' before this 'else'");
     default:

@@ -7,21 +7,52 @@ static const struct {
     const char *name;
     karst_keyword keyword;
 } keywords[] = {
-    {"const", KARST_KEYWORD_CONST}, {"in", KARST_KEYWORD_IN}, {"out", KARST_KEYWORD_OUT}, {"inout", KARST_KEYWORD_INOUT},
-    {"struct", KARST_KEYWORD_STRUCT}, {"if", KARST_KEYWORD_IF}, {"else", KARST_KEYWORD_ELSE}, {"for", KARST_KEYWORD_FOR},
-    {"return", KARST_KEYWORD_RETURN}, {"break", KARST_KEYWORD_BREAK}, {"continue", KARST_KEYWORD_CONTINUE}, {"true", KARST_KEYWORD_TRUE},
-    {"false", KARST_KEYWORD_FALSE}, {"precision", KARST_KEYWORD_PRECISION}, {"layout", KARST_KEYWORD_LAYOUT}, {"while", KARST_KEYWORD_WHILE},
-    {"do", KARST_KEYWORD_DO}, {"switch", KARST_KEYWORD_SWITCH}, {"goto", KARST_KEYWORD_GOTO}, {"discard", KARST_KEYWORD_DISCARD},
-    {"highp", KARST_KEYWORD_QUALIFIER}, {"mediump", KARST_KEYWORD_QUALIFIER}, {"lowp", KARST_KEYWORD_QUALIFIER}, {"uniform", KARST_KEYWORD_QUALIFIER},
-    {"varying", KARST_KEYWORD_QUALIFIER}, {"attribute", KARST_KEYWORD_QUALIFIER}, {"flat", KARST_KEYWORD_QUALIFIER}, {"smooth", KARST_KEYWORD_QUALIFIER},
-    {"static", KARST_KEYWORD_QUALIFIER}, {"inline", KARST_KEYWORD_QUALIFIER}, {"invariant", KARST_KEYWORD_QUALIFIER}, {"precise", KARST_KEYWORD_QUALIFIER},
-    {"__constant", KARST_KEYWORD_CONST}, {"constant", KARST_KEYWORD_CONST}, {"__private", KARST_KEYWORD_QUALIFIER},
-    {"sampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE}, {"sampler3D", KARST_KEYWORD_UNSUPPORTED_TYPE}, {"samplerCube", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"image2D", KARST_KEYWORD_UNSUPPORTED_TYPE}, {"image2d_t", KARST_KEYWORD_UNSUPPORTED_TYPE}, {"isampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"const", KARST_KEYWORD_CONST},
+    {"in", KARST_KEYWORD_IN},
+    {"out", KARST_KEYWORD_OUT},
+    {"inout", KARST_KEYWORD_INOUT},
+    {"struct", KARST_KEYWORD_STRUCT},
+    {"if", KARST_KEYWORD_IF},
+    {"else", KARST_KEYWORD_ELSE},
+    {"for", KARST_KEYWORD_FOR},
+    {"return", KARST_KEYWORD_RETURN},
+    {"break", KARST_KEYWORD_BREAK},
+    {"continue", KARST_KEYWORD_CONTINUE},
+    {"true", KARST_KEYWORD_TRUE},
+    {"false", KARST_KEYWORD_FALSE},
+    {"precision", KARST_KEYWORD_PRECISION},
+    {"layout", KARST_KEYWORD_LAYOUT},
+    {"while", KARST_KEYWORD_WHILE},
+    {"do", KARST_KEYWORD_DO},
+    {"switch", KARST_KEYWORD_SWITCH},
+    {"goto", KARST_KEYWORD_GOTO},
+    {"discard", KARST_KEYWORD_DISCARD},
+    {"highp", KARST_KEYWORD_QUALIFIER},
+    {"mediump", KARST_KEYWORD_QUALIFIER},
+    {"lowp", KARST_KEYWORD_QUALIFIER},
+    {"uniform", KARST_KEYWORD_QUALIFIER},
+    {"varying", KARST_KEYWORD_QUALIFIER},
+    {"attribute", KARST_KEYWORD_QUALIFIER},
+    {"flat", KARST_KEYWORD_QUALIFIER},
+    {"smooth", KARST_KEYWORD_QUALIFIER},
+    {"static", KARST_KEYWORD_QUALIFIER},
+    {"inline", KARST_KEYWORD_QUALIFIER},
+    {"invariant", KARST_KEYWORD_QUALIFIER},
+    {"precise", KARST_KEYWORD_QUALIFIER},
+    {"__constant", KARST_KEYWORD_CONST},
+    {"constant", KARST_KEYWORD_CONST},
+    {"__private", KARST_KEYWORD_QUALIFIER},
+    {"sampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"sampler3D", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"samplerCube", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"image2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"image2d_t", KARST_KEYWORD_UNSUPPORTED_TYPE},
+    {"isampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
 };
-static const char *const type_names[] = {"void", "float", "int", "uint", "bool", "vec2", "vec3", "vec4", "ivec2", "ivec3", "ivec4", "uvec2", "uvec3",
-                                         "uvec4", "bvec2", "bvec3", "bvec4", "mat2", "mat3", "mat4", "mat2x2", "mat3x3", "mat4x4", "float2",
-                                         "float3", "float4", "int2", "int3", "int4", "uint2", "uint3", "uint4", "double", "half"};
+static const char *const type_names[] = {
+    "void",   "float",  "int",   "uint",  "bool",  "vec2",  "vec3",  "vec4",  "ivec2",  "ivec3",  "ivec4",  "uvec2",
+    "uvec3",  "uvec4",  "bvec2", "bvec3", "bvec4", "mat2",  "mat3",  "mat4",  "mat2x2", "mat3x3", "mat4x4", "float2",
+    "float3", "float4", "int2",  "int3",  "int4",  "uint2", "uint3", "uint4", "double", "half"};
 
 void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *names)
 {
@@ -59,7 +90,8 @@ const char *karst_parser_spell(const karst_parser *p, const karst_token *token)
 {
     if (token->kind == KARST_TOKEN_END)
         return "the end of the file";
-    return karst_format(p->arena, "'%.*s'", (int)(token->length < 40 ? token->length : 40), p->source->text + token->text);
+    return karst_format(p->arena, "'%.*s'", (int)(token->length < 40 ? token->length : 40),
+                        p->source->text + token->text);
 }
 
 /* A missing ';' is pointed out behind the word before it, where it belongs. */
@@ -71,7 +103,8 @@ void karst_parser_expect(karst_parser *p, uint32_t punctuation, const char *cont
     uint32_t where = t->where;
     if (punctuation == ';' && p->at && t->line_start && t[-1].where == t[-1].text)
         where = t[-1].text + t[-1].length;
-    karst_source_error(p->source, where, NULL, "expected '%c' %s, not %s", (int)punctuation, context, karst_parser_spell(p, t));
+    karst_source_error(p->source, where, NULL, "expected '%c' %s, not %s", (int)punctuation, context,
+                       karst_parser_spell(p, t));
 }
 
 uint32_t karst_parser_name(karst_parser *p, const char *what)
@@ -81,7 +114,8 @@ uint32_t karst_parser_name(karst_parser *p, const char *what)
         karst_source_error(p->source, t->where, NULL, "expected %s, not %s", what, karst_parser_spell(p, t));
     karst_keyword keyword = karst_parser_keyword(p, t);
     if (keyword != KARST_KEYWORD_NONE && keyword != KARST_KEYWORD_QUALIFIER)
-        karst_source_error(p->source, t->where, "choose another name", "'%s' is a word of the language, not a name", karst_name_text(p->names, t->what));
+        karst_source_error(p->source, t->where, "choose another name", "'%s' is a word of the language, not a name",
+                           karst_name_text(p->names, t->what));
     p->at++;
     return t->what;
 }
@@ -89,8 +123,8 @@ uint32_t karst_parser_name(karst_parser *p, const char *what)
 void karst_parser_enter(karst_parser *p)
 {
     if (++p->depth > KARST_MAX_NESTING)
-        karst_source_error(p->source, karst_parser_peek(p)->where, "split it with variables or functions", "this is nested deeper than %u",
-                           KARST_MAX_NESTING);
+        karst_source_error(p->source, karst_parser_peek(p)->where, "split it with variables or functions",
+                           "this is nested deeper than %u", KARST_MAX_NESTING);
 }
 
 static karst_ast_struct *find_struct(const karst_parser *p, uint32_t name)
@@ -158,7 +192,8 @@ static void parse_struct(karst_parser *p)
     s->where = karst_parser_peek(p)->where;
     s->name = karst_parser_name(p, "the name of the struct");
     if (find_struct(p, s->name))
-        karst_source_error(p->source, s->where, "rename one of them", "there are two structs called '%s'", karst_name_text(p->names, s->name));
+        karst_source_error(p->source, s->where, "rename one of them", "there are two structs called '%s'",
+                           karst_name_text(p->names, s->name));
     karst_parser_expect(p, '{', "behind the struct's name");
     karst_ast_variable **link = &s->fields;
     while (!karst_parser_accept(p, '}')) {
@@ -167,10 +202,12 @@ static void parse_struct(karst_parser *p)
         *link = karst_parse_variables(p, karst_parse_type(p), false);
         while (*link) {
             if ((*link)->value)
-                karst_source_error(p->source, (*link)->where, "set it where a variable is made", "a field has no value of its own");
+                karst_source_error(p->source, (*link)->where, "set it where a variable is made",
+                                   "a field has no value of its own");
             for (karst_ast_variable *other = s->fields; other != *link; other = other->next)
                 if (other->name == (*link)->name)
-                    karst_source_error(p->source, (*link)->where, "rename one of them", "this struct has two fields called '%s'",
+                    karst_source_error(p->source, (*link)->where, "rename one of them",
+                                       "this struct has two fields called '%s'",
                                        karst_name_text(p->names, other->name));
             link = &(*link)->next;
         }
@@ -229,7 +266,8 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
     *f = (karst_ast_function){.name = name, .where = where, .result = result, .is_prelude = p->is_prelude};
     karst_ast_variable **link = &f->parameters;
     const karst_token *t = karst_parser_peek(p);
-    if (karst_parser_keyword(p, t) == KARST_KEYWORD_TYPE && karst_type_named(karst_name_text(p->names, t->what)) == &karst_type_void &&
+    if (karst_parser_keyword(p, t) == KARST_KEYWORD_TYPE &&
+        karst_type_named(karst_name_text(p->names, t->what)) == &karst_type_void &&
         karst_token_is(karst_parser_ahead(p, 1), ')'))
         p->at++;
     if (!karst_parser_accept(p, ')')) {
@@ -237,8 +275,8 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
             *link = parse_parameter(p);
             for (karst_ast_variable *other = f->parameters; other != *link; other = other->next)
                 if (other->name && other->name == (*link)->name)
-                    karst_source_error(p->source, (*link)->where, "rename one of them", "there are two parameters called '%s'",
-                                       karst_name_text(p->names, other->name));
+                    karst_source_error(p->source, (*link)->where, "rename one of them",
+                                       "there are two parameters called '%s'", karst_name_text(p->names, other->name));
             link = &(*link)->next;
             f->num_parameters++;
         } while (karst_parser_accept(p, ','));
@@ -264,7 +302,8 @@ static void parse_global(karst_parser *p, karst_ast_type type, bool is_const)
     for (; v; v = v->next) {
         for (karst_ast_variable *other = p->globals; other && other != v; other = other->next)
             if (other->name == v->name && other->is_prelude == v->is_prelude)
-                karst_source_error(p->source, v->where, "rename one of them", "there are two globals called '%s'", karst_name_text(p->names, v->name));
+                karst_source_error(p->source, v->where, "rename one of them", "there are two globals called '%s'",
+                                   karst_name_text(p->names, v->name));
         if (p->last_global)
             p->last_global->next = v;
         else
@@ -299,7 +338,8 @@ static void parse_item(karst_parser *p)
         if (k == KARST_KEYWORD_LAYOUT) {
             while (!karst_token_is(karst_parser_peek(p), ')') && karst_parser_peek(p)->kind != KARST_TOKEN_END)
                 p->at++;
-        } else if (k != KARST_KEYWORD_CONST && k != KARST_KEYWORD_QUALIFIER && k != KARST_KEYWORD_IN && k != KARST_KEYWORD_OUT) {
+        } else if (k != KARST_KEYWORD_CONST && k != KARST_KEYWORD_QUALIFIER && k != KARST_KEYWORD_IN &&
+                   k != KARST_KEYWORD_OUT) {
             break;
         }
         if (karst_parser_peek(p)->kind == KARST_TOKEN_END)
@@ -313,9 +353,10 @@ static void parse_item(karst_parser *p)
         type = (karst_ast_type){.structure = p->structs};
     } else {
         const karst_token *t = karst_parser_peek(p);
-        if (t->kind != KARST_TOKEN_NAME || (karst_parser_keyword(p, t) != KARST_KEYWORD_NONE && !karst_parser_at_type(p)))
-            karst_source_error(p->source, t->where, "put statements into a function", "expected a function or a variable, not %s",
-                               karst_parser_spell(p, t));
+        if (t->kind != KARST_TOKEN_NAME ||
+            (karst_parser_keyword(p, t) != KARST_KEYWORD_NONE && !karst_parser_at_type(p)))
+            karst_source_error(p->source, t->where, "put statements into a function",
+                               "expected a function or a variable, not %s", karst_parser_spell(p, t));
         type = karst_parse_type(p);
     }
     const karst_token *name = karst_parser_peek(p);

@@ -6,7 +6,8 @@
 
 #define SHOWN_COLUMNS 100u /* of a long source line */
 
-/* The length of the UTF-8 sequence at s, or 0 if it is none (overlong forms, surrogates and what lies beyond U+10FFFF included). */
+/* The length of the UTF-8 sequence at s, or 0 if it is none (overlong forms, surrogates and what lies beyond U+10FFFF
+ * included). */
 static size_t utf8_length(const unsigned char *s, size_t left)
 {
     if (s[0] < 0x80)
@@ -22,13 +23,14 @@ static size_t utf8_length(const unsigned char *s, size_t left)
     return bad ? 0 : n;
 }
 
-void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape, const char *name, const char *prelude, const char *text,
-                       size_t length)
+void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape, const char *name, const char *prelude,
+                       const char *text, size_t length)
 {
     *source = (karst_source){.arena = arena, .escape = escape, .text = "", .name = "world"};
     source->name = karst_format(arena, "%s", name);
     if (length > KARST_SOURCE_MAX_BYTES)
-        karst_source_error(source, 0, NULL, "the file has %zu bytes; a world may have %zu", length, KARST_SOURCE_MAX_BYTES);
+        karst_source_error(source, 0, NULL, "the file has %zu bytes; a world may have %zu", length,
+                           KARST_SOURCE_MAX_BYTES);
     size_t before = strlen(prelude);
     char *copy = karst_arena_alloc(arena, before + length + 1);
     memcpy(copy, prelude, before);
@@ -43,14 +45,17 @@ void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape
     for (size_t i = before; i < source->length;) {
         size_t n = utf8_length((const unsigned char *)copy + i, source->length - i);
         if (!copy[i])
-            karst_source_error(source, (uint32_t)i, "save it as plain text", "the file holds a NUL byte; a world is text");
+            karst_source_error(source, (uint32_t)i, "save it as plain text",
+                               "the file holds a NUL byte; a world is text");
         if (!n)
-            karst_source_error(source, (uint32_t)i, "save it as UTF-8", "the file is not UTF-8 here (byte 0x%02x)", (unsigned char)copy[i]);
+            karst_source_error(source, (uint32_t)i, "save it as UTF-8", "the file is not UTF-8 here (byte 0x%02x)",
+                               (unsigned char)copy[i]);
         blank &= (unsigned char)copy[i] <= ' ';
         i += n;
     }
     if (blank)
-        karst_source_error(source, (uint32_t)before, "a world needs a function `float density(vec3 p)`", "the file is empty");
+        karst_source_error(source, (uint32_t)before, "a world needs a function `float density(vec3 p)`",
+                           "the file is empty");
 }
 
 static char *format_list(karst_arena *arena, const char *format, va_list list)
@@ -149,8 +154,9 @@ static void report(karst_source *source, uint32_t where, bool is_error, const ch
     d->message = message;
     d->hint = hint ? karst_format(source->arena, "%s", hint) : NULL;
     karst_source_place(source, where, &d->line, &d->column);
-    d->text = karst_format(source->arena, "%s:%u:%u: %s: %s%s%s%s", source->name, d->line, d->column, is_error ? "error" : "warning", message,
-                           show_line(source, where), hint ? "\n  " : "", hint ? hint : "");
+    d->text = karst_format(source->arena, "%s:%u:%u: %s: %s%s%s%s", source->name, d->line, d->column,
+                           is_error ? "error" : "warning", message, show_line(source, where), hint ? "\n  " : "",
+                           hint ? hint : "");
     if (source->last)
         source->last->next = d;
     else
@@ -185,7 +191,8 @@ karst_nearest karst_nearest_begin(const char *wanted, size_t length)
     return (karst_nearest){.wanted = wanted, .wanted_length = length, .distance = length < 4 ? 2 : length < 8 ? 3 : 4};
 }
 
-/* Levenshtein's distance, with a swap of neighbours as one edit; names longer than the table are far from everything. */
+/* Levenshtein's distance, with a swap of neighbours as one edit; names longer than the table are far from everything.
+ */
 static unsigned edit_distance(const char *a, size_t na, const char *b, size_t nb)
 {
     enum { MAX = 40 };

@@ -1,7 +1,7 @@
 /* The text of a world, places in it, and what is said about them.
  *
- * The prelude and the user's text lie one behind the other, so that a place is one number: a byte offset. The first error ends the
- * compilation (by longjmp to where it began); warnings pile up. */
+ * The prelude and the user's text lie one behind the other, so that a place is one number: a byte offset. The first
+ * error ends the compilation (by longjmp to where it began); warnings pile up. */
 #ifndef KARST_LANGUAGE_SOURCE_H
 #define KARST_LANGUAGE_SOURCE_H
 
@@ -31,18 +31,18 @@ struct karst_diagnostic {
 
 typedef struct {
     karst_arena *arena;
-    const char *name;      /* of the file, for messages */
-    const char *text;      /* prelude, then the user's text, then a NUL */
-    uint32_t user_begin;   /* where the user's text begins */
-    uint32_t length;       /* of all */
+    const char *name;    /* of the file, for messages */
+    const char *text;    /* prelude, then the user's text, then a NUL */
+    uint32_t user_begin; /* where the user's text begins */
+    uint32_t length;     /* of all */
     karst_diagnostic *first, *last;
     uint32_t num_warnings;
     jmp_buf *escape;
 } karst_source;
 
 /* Copies both texts. Errors (reported through the source itself): too large, not UTF-8, a NUL byte, empty. */
-void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape, const char *name, const char *prelude, const char *text,
-                       size_t length);
+void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape, const char *name, const char *prelude,
+                       const char *text, size_t length);
 
 /* `hint` may be NULL; it is copied. */
 _Noreturn void karst_source_error(karst_source *source, uint32_t where, const char *hint, const char *format, ...)

@@ -2,12 +2,24 @@
 
 #include <string.h>
 
-#define SCALAR(s, n) {.shape = KARST_SHAPE_SCALAR, .scalar = s, .size = 1, .num_scalars = 1, .name = n}
-#define VECTOR(s, k, n) {.shape = KARST_SHAPE_VECTOR, .scalar = s, .size = k, .num_scalars = k, .element = &vectors[s][0], .count = k, .name = n}
-#define VECTORS(s, n, v) {SCALAR(s, n), VECTOR(s, 2, v "2"), VECTOR(s, 3, v "3"), VECTOR(s, 4, v "4")}
-#define MATRIX(k, n)                                                                                                                       \
-    {.shape = KARST_SHAPE_MATRIX, .scalar = KARST_TYPE_FLOAT, .size = k, .num_scalars = (k) * (k),                                         \
-     .element = &vectors[KARST_TYPE_FLOAT][(k) - 1], .count = k, .name = n}
+#define SCALAR(s, n)                                                                     \
+    {                                                                                    \
+        .shape = KARST_SHAPE_SCALAR, .scalar = s, .size = 1, .num_scalars = 1, .name = n \
+    }
+#define VECTOR(s, k, n)                                                                                               \
+    {                                                                                                                 \
+        .shape = KARST_SHAPE_VECTOR, .scalar = s, .size = k, .num_scalars = k, .element = &vectors[s][0], .count = k, \
+        .name = n                                                                                                     \
+    }
+#define VECTORS(s, n, v)                                                            \
+    {                                                                               \
+        SCALAR(s, n), VECTOR(s, 2, v "2"), VECTOR(s, 3, v "3"), VECTOR(s, 4, v "4") \
+    }
+#define MATRIX(k, n)                                                                                  \
+    {                                                                                                 \
+        .shape = KARST_SHAPE_MATRIX, .scalar = KARST_TYPE_FLOAT, .size = k, .num_scalars = (k) * (k), \
+        .element = &vectors[KARST_TYPE_FLOAT][(k)-1], .count = k, .name = n                           \
+    }
 
 const karst_type karst_type_void = {.shape = KARST_SHAPE_VOID, .name = "void"};
 
@@ -23,9 +35,10 @@ static const struct {
     const char *name;
     uint8_t scalar, size;
 } aliases[] = {
-    {"float2", KARST_TYPE_FLOAT, 2}, {"float3", KARST_TYPE_FLOAT, 3}, {"float4", KARST_TYPE_FLOAT, 4}, {"int2", KARST_TYPE_INT, 2},
-    {"int3", KARST_TYPE_INT, 3},     {"int4", KARST_TYPE_INT, 4},     {"uint2", KARST_TYPE_UINT, 2},   {"uint3", KARST_TYPE_UINT, 3},
-    {"uint4", KARST_TYPE_UINT, 4},   {"double", KARST_TYPE_FLOAT, 1}, {"half", KARST_TYPE_FLOAT, 1},
+    {"float2", KARST_TYPE_FLOAT, 2}, {"float3", KARST_TYPE_FLOAT, 3}, {"float4", KARST_TYPE_FLOAT, 4},
+    {"int2", KARST_TYPE_INT, 2},     {"int3", KARST_TYPE_INT, 3},     {"int4", KARST_TYPE_INT, 4},
+    {"uint2", KARST_TYPE_UINT, 2},   {"uint3", KARST_TYPE_UINT, 3},   {"uint4", KARST_TYPE_UINT, 4},
+    {"double", KARST_TYPE_FLOAT, 1}, {"half", KARST_TYPE_FLOAT, 1},
 };
 
 const karst_type *karst_type_vector(karst_scalar_type scalar, unsigned size) { return &vectors[scalar][size - 1]; }
@@ -41,7 +54,8 @@ const karst_type *karst_type_named(const char *name)
                 return &vectors[s][k];
     for (int k = 0; k < 3; k++) {
         size_t n = strlen(matrices[k].name);
-        if (!strncmp(name, matrices[k].name, n) && (!name[n] || (name[n] == 'x' && name[n + 1] == name[n - 1] && !name[n + 2])))
+        if (!strncmp(name, matrices[k].name, n) &&
+            (!name[n] || (name[n] == 'x' && name[n + 1] == name[n - 1] && !name[n + 2])))
             return &matrices[k]; /* mat3 and mat3x3 */
     }
     for (size_t i = 0; i < sizeof aliases / sizeof *aliases; i++)
@@ -68,8 +82,13 @@ const karst_type *karst_type_array(karst_array_types *made, const karst_type *el
         *end++ = digits[--n];
     *end = ']';
     karst_type *type = karst_arena_alloc(made->arena, sizeof *type);
-    *type = (karst_type){.shape = KARST_SHAPE_ARRAY, .num_scalars = element->num_scalars * count, .element = element, .count = count, .name = name};
-    made->items = karst_arena_grow(made->arena, made->items, made->count, &made->capacity, made->count + 1, sizeof *made->items);
+    *type = (karst_type){.shape = KARST_SHAPE_ARRAY,
+                         .num_scalars = element->num_scalars * count,
+                         .element = element,
+                         .count = count,
+                         .name = name};
+    made->items =
+        karst_arena_grow(made->arena, made->items, made->count, &made->capacity, made->count + 1, sizeof *made->items);
     made->items[made->count++] = type;
     return type;
 }
@@ -78,7 +97,7 @@ int karst_type_conversion(const karst_type *from, const karst_type *to)
 {
     if (from == to)
         return 0;
-    bool widens = karst_type_is_plain(from) && karst_type_is_plain(to) && from->size == to->size && to->scalar == KARST_TYPE_FLOAT &&
-                  (from->scalar == KARST_TYPE_INT || from->scalar == KARST_TYPE_UINT);
+    bool widens = karst_type_is_plain(from) && karst_type_is_plain(to) && from->size == to->size &&
+                  to->scalar == KARST_TYPE_FLOAT && (from->scalar == KARST_TYPE_INT || from->scalar == KARST_TYPE_UINT);
     return widens ? 1 : -1;
 }

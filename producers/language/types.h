@@ -6,7 +6,14 @@
 
 #define KARST_MAX_ARRAY 1024u
 
-typedef enum { KARST_SHAPE_VOID, KARST_SHAPE_SCALAR, KARST_SHAPE_VECTOR, KARST_SHAPE_MATRIX, KARST_SHAPE_ARRAY, KARST_SHAPE_STRUCT } karst_shape;
+typedef enum {
+    KARST_SHAPE_VOID,
+    KARST_SHAPE_SCALAR,
+    KARST_SHAPE_VECTOR,
+    KARST_SHAPE_MATRIX,
+    KARST_SHAPE_ARRAY,
+    KARST_SHAPE_STRUCT
+} karst_shape;
 
 typedef struct karst_type karst_type;
 typedef struct {
@@ -24,7 +31,7 @@ struct karst_type {
     uint32_t count;            /* of elements */
     karst_field *fields;       /* of structs */
     uint32_t num_fields;
-    const char *name;          /* as in messages: "vec3", "float[4]" */
+    const char *name; /* as in messages: "vec3", "float[4]" */
 };
 
 extern const karst_type karst_type_void;
@@ -51,7 +58,8 @@ static inline bool karst_type_is_plain(const karst_type *type) /* scalar or vect
     return type->shape == KARST_SHAPE_SCALAR || type->shape == KARST_SHAPE_VECTOR;
 }
 
-/* What it costs to hand a value of type `from` to a place of type `to`: 0 nothing, 1 int to float (each component), -1 impossible. */
+/* What it costs to hand a value of type `from` to a place of type `to`: 0 nothing, 1 int to float (each component), -1
+ * impossible. */
 int karst_type_conversion(const karst_type *from, const karst_type *to);
 
 #endif

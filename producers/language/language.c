@@ -1,0 +1,225 @@
+#include "producers/language/language.h"
+
+#include <errno.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "core/embedded.h"
+#include "producers/language/lower.h"
+
+#define PRELUDE "producers/language/prelude.karst"
+
+static const char *prelude_text(void)
+{
+    for (const karst_embedded_file *f = karst_embedded_files; f->path; f++)
+        if (!strcmp(f->path, PRELUDE))
+            return f->text;
+    return "";
+}
+
+/* What one compilation holds besides its result. */
+typedef struct {
+    karst_program_graph *program;
+    karst_source source;
+    karst_names names;
+    karst_parser parser;
+    karst_lowering lowering;
+    karst_graph raw;
+    jmp_buf escape;
+    bool arena_full;
+} compilation;
+
+static void arena_full(void *user)
+{
+    compilation *c = user;
+    c->arena_full = true;
+    longjmp(c->escape, 1);
+}
+
+static void set_parameters(compilation *c, const karst_parameter_value *given, size_t num_given)
+{
+    const karst_world_header *h = &c->program->header;
+    for (uint32_t i = 0; i < h->num_parameters; i++)
+        c->lowering.parameters[i] =
+            (karst_lower_parameter){.name = h->parameters[i].name, .value = h->parameters[i].value};
+    c->lowering.num_parameters = h->num_parameters;
+    for (size_t k = 0; k < num_given; k++) {
+        uint32_t i = 0;
+        karst_nearest nearest = karst_nearest_begin(given[k].name, strlen(given[k].name));
+        while (i < h->num_parameters && strcmp(h->parameters[i].name, given[k].name))
+            karst_nearest_offer(&nearest, h->parameters[i++].name);
+        if (i == h->num_parameters)
+            karst_source_error(&c->source, c->source.user_begin, karst_nearest_hint(&nearest, c->source.arena),
+                               "this world has no parameter '%s'", given[k].name);
+        double v = given[k].value;
+        v = v < h->parameters[i].min ? h->parameters[i].min : v > h->parameters[i].max ? h->parameters[i].max : v;
+        c->lowering.parameters[i].value = karst_number_shortest(v);
+    }
+}
+
+static void parse(compilation *c)
+{
+    karst_tokens prelude = {0}, user = {0}, expanded = {0};
+    karst_names_init(&c->names, c->source.arena);
+    karst_parser_init(&c->parser, &c->source, &c->names);
+    karst_lex(&c->source, &c->names, 0, c->source.user_begin, &prelude);
+    karst_preprocess(&c->source, &c->names, &prelude, &expanded);
+    karst_parse_file(&c->parser, &expanded, true);
+    expanded = (karst_tokens){0};
+    karst_lex(&c->source, &c->names, c->source.user_begin, c->source.length, &user);
+    karst_preprocess(&c->source, &c->names, &user, &expanded);
+    karst_parse_file(&c->parser, &expanded, false);
+}
+
+static void live_full(void *user, uint32_t where)
+{
+    compilation *c = user;
+    karst_source_error(&c->source, where, "make the loops shorter, or call fewer functions in them",
+                       "the world has more than %u different operations", KARST_MAX_LIVE_NODES);
+}
+
+/* Keeps what the roots reach. */
+static void extract(compilation *c)
+{
+    karst_program_graph *p = c->program;
+    karst_expr roots[4] = {c->lowering.density, c->lowering.colour[0], c->lowering.colour[1], c->lowering.colour[2]};
+    karst_graph_init(&p->graph, &p->arena, KARST_MAX_LIVE_NODES, live_full, c);
+    karst_graph_extract(&c->raw, &p->graph, roots, c->lowering.has_colour ? 4 : 1);
+    p->density = roots[0];
+    p->has_colour = c->lowering.has_colour;
+    for (int i = 0; i < 3 && p->has_colour; i++)
+        p->colour[i] = roots[i + 1];
+    for (uint32_t i = 1; i < p->graph.num_nodes; i++) {
+        const karst_expr_node *n = &p->graph.nodes[i];
+        if (n->op != KARST_OP_NOISE)
+            continue;
+        p->num_octaves += p->graph.noises[n->extra].num_octaves;
+        if (p->num_octaves > KARST_MAX_OCTAVES)
+            karst_source_error(&c->source, n->where, "use fewer octaves, or call the noise once and keep its value",
+                               "the world has more than %u octaves of noise", KARST_MAX_OCTAVES);
+    }
+}
+
+static void list_parameters(compilation *c)
+{
+    karst_program_graph *p = c->program;
+    p->num_parameters = c->lowering.num_parameters;
+    p->parameters = karst_arena_alloc(&p->arena, (p->num_parameters + 1) * sizeof *p->parameters);
+    for (uint32_t i = 0; i < p->num_parameters; i++) {
+        const karst_lower_parameter *from = &c->lowering.parameters[i];
+        const karst_header_parameter *h = i < p->header.num_parameters ? &p->header.parameters[i] : NULL;
+        p->parameters[i] = (karst_world_parameter){.name = from->name,
+                                                   .value = from->value,
+                                                   .min = h ? h->min : 0,
+                                                   .max = h ? h->max : 0,
+                                                   .step = h ? h->step : 0,
+                                                   .unit = h ? h->unit : "",
+                                                   .label = h ? h->label : from->name,
+                                                   .is_implicit = from->is_implicit,
+                                                   .is_structural = from->is_structural,
+                                                   .is_used = from->is_used};
+        if (h && !from->is_used)
+            karst_source_warn(&c->source, h->where, NULL, "parameter '%s' is not used", from->name);
+    }
+}
+
+static void compile(compilation *c, const char *name, const char *text, size_t length,
+                    const karst_parameter_value *given, size_t num_given)
+{
+    karst_source_init(&c->source, &c->program->arena, &c->escape, name, prelude_text(), text, length);
+    c->program->name = c->source.name;
+    karst_header_read(&c->source, &c->program->header);
+    set_parameters(c, given, num_given);
+    parse(c);
+    c->lowering.source = &c->source;
+    c->lowering.names = &c->names;
+    c->lowering.parser = &c->parser;
+    c->lowering.graph = &c->raw;
+    karst_graph_init(&c->raw, &c->program->arena, KARST_MAX_RAW_NODES, NULL, NULL);
+    karst_lower(&c->lowering);
+    extract(c);
+    list_parameters(c);
+    c->program->max_iterations = c->lowering.max_iterations_seen;
+}
+
+/* false: an error was reported, or the arena is full. */
+static bool compile_guarded(compilation *c, const char *name, const char *text, size_t length,
+                            const karst_parameter_value *given, size_t num_given)
+{
+    if (setjmp(c->escape))
+        return false;
+    compile(c, name, text, length, given, num_given);
+    return true;
+}
+
+karst_program_graph *karst_language_compile(const char *name, const char *text, size_t length,
+                                            const karst_parameter_value *given, size_t num_given, bool *ok,
+                                            karst_error *error)
+{
+    *ok = false;
+    karst_program_graph *program = calloc(1, sizeof *program);
+    compilation *c = calloc(1, sizeof *c);
+    if (!program || !c) {
+        free(program);
+        free(c);
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    c->program = program;
+    program->name = "";
+    karst_arena_init(&program->arena, KARST_LANGUAGE_ARENA_BYTES, arena_full, c);
+    *ok = compile_guarded(c, name, text, length, given, num_given);
+    program->diagnostics = c->source.first;
+    if (!*ok) {
+        const karst_diagnostic *last = c->source.last;
+        program->graph = (karst_graph){0};
+        program->density = KARST_NO_EXPR;
+        program->has_colour = false;
+        if (c->arena_full || !last || !last->is_error)
+            karst_fail(error, KARST_BAD_WORLD, "%s: the world needs more than %zu MiB to compile", name,
+                       KARST_LANGUAGE_ARENA_BYTES >> 20);
+        else
+            karst_fail(error, KARST_BAD_WORLD, "%.300s:%u:%u: %.600s", name, last->line, last->column, last->message);
+    }
+    program->arena.full = NULL; /* the way back is gone */
+    program->graph.full = NULL;
+    free(c);
+    return program;
+}
+
+karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,
+                                                 bool *ok, karst_error *error)
+{
+    *ok = false;
+    struct stat status;
+    FILE *file = fopen(path, "rb");
+    if (!file || fstat(fileno(file), &status) || !S_ISREG(status.st_mode)) {
+        karst_fail(error, KARST_BAD_WORLD, "%.600s: %s", path, file ? "this is no regular file" : strerror(errno));
+        if (file)
+            fclose(file);
+        return NULL;
+    }
+    char *text = malloc(KARST_SOURCE_MAX_BYTES + 1); /* one more, so that too much shows */
+    size_t length = text ? fread(text, 1, KARST_SOURCE_MAX_BYTES + 1, file) : 0;
+    bool bad = !text || ferror(file);
+    fclose(file);
+    karst_program_graph *program = NULL;
+    if (bad)
+        karst_fail(error, KARST_BAD_WORLD, "%.600s: cannot be read", path);
+    else
+        program = karst_language_compile(path, text, length, given, num_given, ok, error);
+    free(text);
+    return program;
+}
+
+void karst_program_graph_destroy(karst_program_graph *program)
+{
+    if (!program)
+        return;
+    karst_arena arena = program->arena; /* what it holds is all there is */
+    karst_arena_finish(&arena);
+    free(program);
+}

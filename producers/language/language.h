@@ -1,0 +1,61 @@
+/* The world language: from text to a program graph. The only header of the front end that others need, with graph.h. */
+#ifndef KARST_LANGUAGE_LANGUAGE_H
+#define KARST_LANGUAGE_LANGUAGE_H
+
+#include "karst/error.h"
+#include "producers/language/graph.h"
+#include "producers/language/header.h"
+#include "producers/language/source.h"
+
+#define KARST_LANGUAGE_ARENA_BYTES ((size_t)256 << 20)
+
+/* A parameter: of the header, or an implicit one such as iTime, which is 0. Parameter leaves of the graph count in this
+ * order. */
+typedef struct {
+    const char *name;
+    karst_number value;    /* as the header says, or as the caller asked */
+    double min, max, step; /* step 0: any value */
+    const char *unit, *label;
+    bool is_implicit;
+    bool is_structural; /* it decided a loop, an array's size or a number of octaves: a change of it means compiling
+                           again */
+    bool is_used;
+} karst_world_parameter;
+
+/* All of it is owned by the program and lives until karst_program_graph_destroy. Immutable: any number of threads may
+ * read it. */
+typedef struct {
+    karst_arena arena;
+    const char *name; /* of the file */
+    karst_world_header header;
+    karst_graph graph;  /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
+    karst_expr density; /* float */
+    bool has_colour;
+    karst_expr colour[3]; /* floats: linear RGB */
+    uint32_t num_parameters;
+    karst_world_parameter *parameters;
+    uint32_t num_octaves;                /* of all noises together */
+    uint32_t max_iterations;             /* of the longest loop */
+    const karst_diagnostic *diagnostics; /* warnings in order; the error last, if there is one */
+} karst_program_graph;
+
+/* A value given from outside (--param, --seed is not one). */
+typedef struct {
+    const char *name;
+    double value;
+} karst_parameter_value;
+
+/* Compiles `length` bytes of text. `name` stands in messages. `given` overrides the header's values (clamped to their
+ * ranges; unknown names are an error). Always returns a program, unless memory is out (NULL, KARST_FAILED): on a bad
+ * world its graph is empty, its diagnostics say why, *ok is false and *error is KARST_BAD_WORLD with the first line of
+ * the error. Never crashes and never runs long, whatever the text: the caps stand in source.h, lexer.h, macro.h,
+ * lower.h and types.h. Thread-safe. */
+karst_program_graph *karst_language_compile(const char *name, const char *text, size_t length,
+                                            const karst_parameter_value *given, size_t num_given, bool *ok,
+                                            karst_error *error);
+/* The same for a file. Errors also: KARST_BAD_WORLD naming the path if it cannot be read or is no regular file. */
+karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,
+                                                 bool *ok, karst_error *error);
+void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
+
+#endif
