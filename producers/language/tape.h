@@ -13,14 +13,16 @@ typedef struct {
     uint32_t num_instructions;
     uint32_t *constants; /* bits; never NULL */
     uint32_t num_constants;
-    uint32_t num_slots; /* at least 1 */
+    uint32_t num_slots;                      /* at least 1 */
     uint32_t output[KARST_TAPE_MAX_OUTPUTS]; /* operands */
     uint32_t num_outputs;
 } karst_tape;
 
-/* The tape of what `roots` (1 to KARST_TAPE_MAX_OUTPUTS of them, reached by the layout's world) need. Memory is malloc'ed. Thread-safe.
- * Errors: KARST_BAD_WORLD for what no back end can execute (a noise without an evaluator), KARST_FAILED for lack of memory. */
-bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape, karst_error *error);
+/* The tape of what `roots` (1 to KARST_TAPE_MAX_OUTPUTS of them, reached by the layout's world) need. Memory is
+ * malloc'ed. Thread-safe. Errors: KARST_BAD_WORLD for what no back end can execute (a noise without an evaluator),
+ * KARST_FAILED for lack of memory. */
+bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
+                      karst_error *error);
 void karst_tape_finish(karst_tape *tape); /* a zeroed tape is fine */
 
 #endif

@@ -6,11 +6,11 @@
 
 #include "producers/language/octave.clh"
 
-_Static_assert((int)TAPE_FLOAT_TYPE == KARST_TYPE_FLOAT && (int)TAPE_INT_TYPE == KARST_TYPE_INT && (int)TAPE_UINT_TYPE == KARST_TYPE_UINT &&
-                   (int)TAPE_BOOL_TYPE == KARST_TYPE_BOOL,
+_Static_assert((int)TAPE_FLOAT_TYPE == KARST_TYPE_FLOAT && (int)TAPE_INT_TYPE == KARST_TYPE_INT &&
+                   (int)TAPE_UINT_TYPE == KARST_TYPE_UINT && (int)TAPE_BOOL_TYPE == KARST_TYPE_BOOL,
                "tape_shared.h has graph.h's types");
-_Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST_NOISE_RIDGED && (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW &&
-                   (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
+_Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
+                   (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW && (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
                "octave.clh has graph.h's shapes");
 
 typedef struct {
@@ -24,7 +24,8 @@ typedef struct {
     uint32_t *free_slots, num_free;
 } builder;
 
-/* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it. */
+/* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it.
+ */
 static karst_expr read_by(const builder *b, karst_expr e, int k)
 {
     karst_expr argument = b->graph->nodes[e].arg[k];
@@ -78,23 +79,55 @@ static uint32_t operand_of(builder *b, karst_expr e)
 /* ---- ops ---- */
 
 static const uint8_t plain_ops[KARST_NUM_OPS] = {
-    [KARST_OP_AFFINE] = TAPE_AFFINE, [KARST_OP_NORMAL] = TAPE_NORMAL,
-    [KARST_OP_ADD] = TAPE_ADD, [KARST_OP_SUBTRACT] = TAPE_SUBTRACT, [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
-    [KARST_OP_DIVIDE] = TAPE_DIVIDE, [KARST_OP_FMA] = TAPE_FMA, [KARST_OP_NEGATE] = TAPE_NEGATE,
-    [KARST_OP_MIN] = TAPE_MIN, [KARST_OP_MAX] = TAPE_MAX, [KARST_OP_ABS] = TAPE_ABS,
-    [KARST_OP_FLOOR] = TAPE_FLOOR, [KARST_OP_CEIL] = TAPE_CEIL, [KARST_OP_RINT] = TAPE_RINT,
-    [KARST_OP_FRACT] = TAPE_FRACT, [KARST_OP_MOD] = TAPE_MOD, [KARST_OP_MIX] = TAPE_MIX,
-    [KARST_OP_SQRT] = TAPE_SQRT, [KARST_OP_LENGTH] = TAPE_LENGTH, [KARST_OP_SIN] = TAPE_SIN,
-    [KARST_OP_COS] = TAPE_COS, [KARST_OP_SIN_TURNS] = TAPE_SIN_TURNS, [KARST_OP_COS_TURNS] = TAPE_COS_TURNS,
-    [KARST_OP_EXP2] = TAPE_EXP2, [KARST_OP_LOG] = TAPE_LOG, [KARST_OP_ATAN] = TAPE_ATAN,
-    [KARST_OP_NOISE] = TAPE_NOISE, [KARST_OP_SHIFTED] = TAPE_ADD, [KARST_OP_LESS] = TAPE_LESS,
-    [KARST_OP_LESS_EQUAL] = TAPE_LESS_EQUAL, [KARST_OP_EQUAL] = TAPE_EQUAL, [KARST_OP_NOT_EQUAL] = TAPE_NOT_EQUAL,
-    [KARST_OP_NOT] = TAPE_NOT, [KARST_OP_AND] = TAPE_AND, [KARST_OP_OR] = TAPE_OR,
-    [KARST_OP_SELECT] = TAPE_SELECT, [KARST_OP_INT_ADD] = TAPE_INT_ADD, [KARST_OP_INT_SUBTRACT] = TAPE_INT_SUBTRACT,
-    [KARST_OP_INT_MULTIPLY] = TAPE_INT_MULTIPLY, [KARST_OP_INT_DIVIDE] = TAPE_INT_DIVIDE, [KARST_OP_INT_MODULO] = TAPE_INT_MODULO,
-    [KARST_OP_BIT_AND] = TAPE_BIT_AND, [KARST_OP_BIT_OR] = TAPE_BIT_OR, [KARST_OP_BIT_XOR] = TAPE_BIT_XOR,
-    [KARST_OP_BIT_NOT] = TAPE_BIT_NOT, [KARST_OP_SHIFT_LEFT] = TAPE_SHIFT_LEFT, [KARST_OP_SHIFT_RIGHT] = TAPE_SHIFT_RIGHT,
-    [KARST_OP_CONVERT] = TAPE_CONVERT, [KARST_OP_BITS] = TAPE_BITS,
+    [KARST_OP_AFFINE] = TAPE_AFFINE,
+    [KARST_OP_NORMAL] = TAPE_NORMAL,
+    [KARST_OP_ADD] = TAPE_ADD,
+    [KARST_OP_SUBTRACT] = TAPE_SUBTRACT,
+    [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
+    [KARST_OP_DIVIDE] = TAPE_DIVIDE,
+    [KARST_OP_FMA] = TAPE_FMA,
+    [KARST_OP_NEGATE] = TAPE_NEGATE,
+    [KARST_OP_MIN] = TAPE_MIN,
+    [KARST_OP_MAX] = TAPE_MAX,
+    [KARST_OP_ABS] = TAPE_ABS,
+    [KARST_OP_FLOOR] = TAPE_FLOOR,
+    [KARST_OP_CEIL] = TAPE_CEIL,
+    [KARST_OP_RINT] = TAPE_RINT,
+    [KARST_OP_FRACT] = TAPE_FRACT,
+    [KARST_OP_MOD] = TAPE_MOD,
+    [KARST_OP_MIX] = TAPE_MIX,
+    [KARST_OP_SQRT] = TAPE_SQRT,
+    [KARST_OP_LENGTH] = TAPE_LENGTH,
+    [KARST_OP_SIN] = TAPE_SIN,
+    [KARST_OP_COS] = TAPE_COS,
+    [KARST_OP_SIN_TURNS] = TAPE_SIN_TURNS,
+    [KARST_OP_COS_TURNS] = TAPE_COS_TURNS,
+    [KARST_OP_EXP2] = TAPE_EXP2,
+    [KARST_OP_LOG] = TAPE_LOG,
+    [KARST_OP_ATAN] = TAPE_ATAN,
+    [KARST_OP_NOISE] = TAPE_NOISE,
+    [KARST_OP_SHIFTED] = TAPE_ADD,
+    [KARST_OP_LESS] = TAPE_LESS,
+    [KARST_OP_LESS_EQUAL] = TAPE_LESS_EQUAL,
+    [KARST_OP_EQUAL] = TAPE_EQUAL,
+    [KARST_OP_NOT_EQUAL] = TAPE_NOT_EQUAL,
+    [KARST_OP_NOT] = TAPE_NOT,
+    [KARST_OP_AND] = TAPE_AND,
+    [KARST_OP_OR] = TAPE_OR,
+    [KARST_OP_SELECT] = TAPE_SELECT,
+    [KARST_OP_INT_ADD] = TAPE_INT_ADD,
+    [KARST_OP_INT_SUBTRACT] = TAPE_INT_SUBTRACT,
+    [KARST_OP_INT_MULTIPLY] = TAPE_INT_MULTIPLY,
+    [KARST_OP_INT_DIVIDE] = TAPE_INT_DIVIDE,
+    [KARST_OP_INT_MODULO] = TAPE_INT_MODULO,
+    [KARST_OP_BIT_AND] = TAPE_BIT_AND,
+    [KARST_OP_BIT_OR] = TAPE_BIT_OR,
+    [KARST_OP_BIT_XOR] = TAPE_BIT_XOR,
+    [KARST_OP_BIT_NOT] = TAPE_BIT_NOT,
+    [KARST_OP_SHIFT_LEFT] = TAPE_SHIFT_LEFT,
+    [KARST_OP_SHIFT_RIGHT] = TAPE_SHIFT_RIGHT,
+    [KARST_OP_CONVERT] = TAPE_CONVERT,
+    [KARST_OP_BITS] = TAPE_BITS,
 };
 
 static uint8_t op_of(const builder *b, karst_expr e)
@@ -102,7 +135,10 @@ static uint8_t op_of(const builder *b, karst_expr e)
     uint8_t op = b->graph->nodes[e].op;
     if (!karst_takes_place(b->layout, e, 0))
         return plain_ops[op];
-    return op == KARST_OP_FLOOR ? TAPE_PLACE_FLOOR : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT : op == KARST_OP_MOD ? TAPE_PLACE_MOD : plain_ops[op];
+    return op == KARST_OP_FLOOR   ? TAPE_PLACE_FLOOR
+           : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT
+           : op == KARST_OP_MOD   ? TAPE_PLACE_MOD
+                                  : plain_ops[op];
 }
 
 static bool can_run(const builder *b, karst_expr e, karst_error *error)
@@ -111,11 +147,13 @@ static bool can_run(const builder *b, karst_expr e, karst_error *error)
     if (n->op == KARST_OP_NOISE) {
         const karst_noise *noise = &b->graph->noises[n->extra];
         if (noise->base != KARST_NOISE_GRADIENT || noise->derivative)
-            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d, derivative %d cannot be evaluated", noise->base, noise->derivative);
+            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d, derivative %d cannot be evaluated",
+                              noise->base, noise->derivative);
         return true;
     }
     bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
-    if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE || (is_turns && !karst_takes_place(b->layout, e, 0)))
+    if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE ||
+        (is_turns && !karst_takes_place(b->layout, e, 0)))
         return karst_fail(error, KARST_BAD_WORLD, "%s is not an op of a resolved graph", karst_op_name(n->op));
     return true;
 }
@@ -136,7 +174,8 @@ static void add_instruction(builder *b, karst_expr e)
     const karst_expr_node *n = &b->graph->nodes[e];
     karst_tape *tape = b->tape;
     karst_instruction *i = &tape->code[tape->num_instructions++];
-    *i = (karst_instruction){.op = op_of(b, e), .type = n->type, .is_steps = n->kind == KARST_KIND_STEPS, .word = b->layout->word[e]};
+    *i = (karst_instruction){
+        .op = op_of(b, e), .type = n->type, .is_steps = n->kind == KARST_KIND_STEPS, .word = b->layout->word[e]};
     for (int k = 0; k < 4; k++) {
         i->arg[k] = operand_of(b, read_by(b, e, k));
         i->count += n->arg[k] != 0;
@@ -156,7 +195,8 @@ static void add_instruction(builder *b, karst_expr e)
     i->slot = b->slot[e];
 }
 
-bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape, karst_error *error)
+bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
+                      karst_error *error)
 {
     uint32_t count = layout->world.graph->num_nodes;
     builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape};

@@ -1,0 +1,451 @@
+/* Bounds of random graphs over random boxes hold, at every node, for the device's floats and for real numbers alike;
+ * and would not without any one of their rules.
+ *
+ * KARST_BOUNDS_GRAPHS sets how many graphs (10000), KARST_SEED where they start. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+/* Every rule that can be broken. */
+#define BOUNDS_RULES(X)                                                                                                \
+    X(JUMP)                                                                                                            \
+    X(ADD) X(NEGATE) X(MULTIPLY) X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS)         \
+        X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) \
+            X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS)               \
+                X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
+#define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
+#define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
+#define NAME_NOISE(rule) BREAK_NOISE_##rule,
+enum broken { BREAK_NOTHING, BOUNDS_RULES(NAME_BOUNDS) NOISE_RULES(NAME_NOISE) NUM_BROKEN };
+static enum broken broken;
+#define BOUNDS_MUTANT(rule) (broken == BREAK_BOUNDS_##rule)
+#define NOISE_MUTANT(rule) (broken == BREAK_NOISE_##rule)
+#define NOISE_MARGIN (broken == BREAK_NOISE_MARGIN ? 0x1p-24f : 0x1p-22f)
+
+#include "producers/language/tape.clh"
+#include "tests/language/random_graph.h"
+
+__extension__ typedef __int128 int128;
+typedef long double real;
+
+enum { NUM_SAMPLES = 14 };
+
+/* ---- real numbers ---- */
+
+/* A tape in long double; and twice more with every result off by a little, to see what rounding does to it. What is
+ * piecewise constant takes the float. */
+enum { NUM_PASSES = 3 };
+typedef struct {
+    real value[NUM_PASSES];
+} real_slot;
+
+/* x in the first pass, else off by up to one part in `parts`. */
+static real shaken(real x, int pass, real parts)
+{
+    return pass ? x * (1 + (random_chance(2) ? 1 : -1) * (real)(0.5 + 0.5 * random_unit()) / parts) : x;
+}
+
+static real affine_real(const affine_position *at, const karst_linear *form)
+{
+    int128 sum = ((int128)form->offset_high << 64) | (int128)form->offset_low;
+    for (int i = 0; i < 3; i++)
+        sum += (int128)form->factor[i] * at->voxel[i] + (((int128)form->factor[i] * (int128)at->fraction[i]) >> 32);
+    return (real)sum * (real)form->scale[0] * (real)form->scale[1];
+}
+
+/* The part of a cell, to all its bits. */
+static real lattice_part(const affine_position *at, const karst_lattice *form, int pass)
+{
+    int128 sum = form->fraction;
+    for (int i = 0; i < 3; i++)
+        sum +=
+            (int128)form->frequency[i] * at->voxel[i] + (((int128)form->frequency[i] * (int128)at->fraction[i]) >> 32);
+    return ((real)(int64_t)((uint64_t)sum & 0xffffffffffffffULL) + pass) * 0x1p-56L; /* rounded down thrice */
+}
+static real cells_part(const affine_position *at, const karst_cells *cells, int pass)
+{
+    const karst_period *p = &cells->period;
+    if (!p->period)
+        return lattice_part(at, &cells->lattice, pass);
+    int128 units = ((int128)at->voxel[p->axis] * ((int128)1 << 32) + at->fraction[p->axis]) -
+                   ((int128)p->offset_voxel * ((int128)1 << 32) + p->offset_fraction);
+    int128 whole = (int128)p->period << 32;
+    units = (p->negative ? -units : units) % whole;
+    units = (units < 0 ? units + whole : units) * p->repeats % whole;
+    return (real)units / (real)whole;
+}
+
+static real mod_real(real a, real b) { return b == 0 ? 0 : a - b * floorl(a / b); }
+static real clamp_real(real a, real lo, real hi) { return a < lo ? lo : a > hi ? hi : a; }
+
+static real real_op(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
+                    const real x[4], int condition, float as_float, int pass)
+{
+    real a = x[0], b = x[1], c = x[2], d = x[3];
+    if (i->is_steps && i->op >= TAPE_FLOOR && i->op <= TAPE_RINT)
+        return (real)as_float;
+    if (i->is_steps)
+        return shaken((real)as_float, pass, 0x1p23L);
+    switch (i->op) {
+    case TAPE_AFFINE:
+        return affine_real(at, (const karst_linear *)(tape->data + i->word));
+    case TAPE_ADD:
+        return a + b;
+    case TAPE_SUBTRACT:
+        return a - b;
+    case TAPE_MULTIPLY:
+        return a * b;
+    case TAPE_DIVIDE:
+        return a / b;
+    case TAPE_FMA:
+        return a * b + c;
+    case TAPE_NEGATE:
+        return -a;
+    case TAPE_MIN:
+        return b < a ? b : a;
+    case TAPE_MAX:
+        return b > a ? b : a;
+    case TAPE_ABS:
+        return fabsl(a);
+    case TAPE_FRACT:
+        return a - floorl(a);
+    case TAPE_MOD:
+        return mod_real(a, b);
+    case TAPE_MIX:
+        return a + c * (b - a);
+    case TAPE_SQRT:
+        return a < 0 ? 0 : sqrtl(a);
+    case TAPE_LENGTH:
+        return sqrtl(a * a + b * b + (i->count > 2 ? c * c : 0) + (i->count > 3 ? d * d : 0));
+    case TAPE_SIN:
+        return sinl(a);
+    case TAPE_COS:
+        return cosl(a);
+    case TAPE_EXP2:
+        return exp2l(clamp_real(a, -126, 126));
+    case TAPE_LOG:
+        return logl(clamp_real(a, 0x1p-126L, 0x1.fffffep127L));
+    case TAPE_ATAN:
+        return a == 0 && b == 0 ? 0 : atan2l(a == 0 ? 0 : a, b);
+    case TAPE_PLACE_FRACT:
+        a += cells_part(at, (const karst_cells *)(tape->data + i->word), pass);
+        return a - floorl(a);
+    case TAPE_PLACE_MOD:
+        return mod_real(cells_part(at, (const karst_cells *)(tape->data + i->word), pass) * b + a, b);
+    case TAPE_SIN_TURNS:
+        return sinl(2 * 3.14159265358979323846264L *
+                    (lattice_part(at, (const karst_lattice *)(tape->data + i->word), pass) + a));
+    case TAPE_COS_TURNS:
+        return cosl(2 * 3.14159265358979323846264L *
+                    (lattice_part(at, (const karst_lattice *)(tape->data + i->word), pass) + a));
+    case TAPE_SELECT:
+        return condition ? b : c;
+    case TAPE_NOISE: { /* floats know it to NOISE_VALUE_ERROR, which bounds allow for */
+        vfloat offset[3] = {(float)a, (float)b, (float)c};
+        return (real)tape_noise(tape, i, at, level, offset);
+    }
+    default:
+        return (real)as_float;
+    }
+}
+
+static void run_real(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
+                     real_slot *slots)
+{
+    real_slot result;
+    float as_float = k_as_float((uint)tape_load(tape, i->slot)); /* floats have run before */
+    int condition = i->op == TAPE_SELECT ? slots[i->arg[0] & TAPE_INDEX].value[0] != 0 : 0;
+    if (i->op == TAPE_SELECT && tape_is_known(i->arg[0]))
+        condition = tape_known(tape, i->arg[0]);
+    for (int pass = 0; pass < NUM_PASSES; pass++) {
+        real x[4];
+        for (int k = 0; k < 4; k++) {
+            uint operand = i->arg[k];
+            x[k] = operand == TAPE_NOTHING  ? 0
+                   : tape_is_known(operand) ? (real)k_as_float((uint)tape_known(tape, operand))
+                                            : slots[operand].value[pass];
+        }
+        result.value[pass] = i->op != TAPE_NOISE && i->type == TAPE_BOOL_TYPE
+                                 ? (real)(tape_load(tape, i->slot) != 0)
+                                 : shaken(real_op(tape, i, at, level, x, condition, as_float, pass), pass, 0x1p45L);
+    }
+    slots[i->slot] = result;
+}
+
+/* ---- one graph ---- */
+
+typedef struct {
+    random_place place;
+    random_graph graph;
+    karst_world_layout layout;
+    karst_tape tape;
+    uint64_t *data;
+    int *value_slots[NUM_SAMPLES], *bound_slots;
+    real_slot *real_slots[NUM_SAMPLES];
+    affine_position sample[NUM_SAMPLES];
+    real delta[NUM_SAMPLES][3]; /* from the centre, level-0 voxels */
+    int level;
+    op_box box;
+} subject;
+
+static void subject_finish(subject *s)
+{
+    for (int i = 0; i < NUM_SAMPLES; i++) {
+        free(s->value_slots[i]);
+        free(s->real_slots[i]);
+    }
+    free(s->bound_slots);
+    free(s->data);
+    karst_tape_finish(&s->tape);
+    random_graph_finish(&s->graph);
+}
+
+/* Corners first, then points inside and on faces, the centre. */
+static void place_samples(subject *s)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        s->box.centre.voxel[axis] = s->place.voxel[axis];
+        s->box.centre.fraction[axis] = s->place.fraction[axis];
+        s->box.radius[axis] = s->place.radius[axis];
+    }
+    for (int n = 0; n < NUM_SAMPLES; n++) {
+        for (int axis = 0; axis < 3; axis++) {
+            int64_t most = (int64_t)((double)s->place.radius[axis] * 0x1p32); /* rounds down */
+            int64_t offset = n < 8    ? (n >> axis & 1 ? most : -most)
+                             : n == 8 ? 0
+                                      : (int64_t)((random_unit() * 2 - 1) * (double)most);
+            if (n > 8 && random_chance(4))
+                offset = random_chance(2) ? most : -most;
+            uint64_t sum = (uint64_t)s->place.fraction[axis] + (uint32_t)offset;
+            s->sample[n].voxel[axis] = s->place.voxel[axis] + (offset >> 32) + (int64_t)(sum >> 32);
+            s->sample[n].fraction[axis] = (uint32_t)sum;
+            s->delta[n][axis] = (real)offset * 0x1p-32L;
+        }
+    }
+}
+
+static void subject_make(subject *s, uint64_t seed)
+{
+    *s = (subject){.level = 0};
+    random_state = seed * 0x9e3779b97f4a7c15ULL + 12345;
+    random_bits();
+    s->place = random_place_make();
+    uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
+    random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2));
+    const karst_expr *root = s->graph.root;
+    karst_resolved_world world = {
+        .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
+    karst_world_layout_init(&s->layout, &world);
+    s->data = calloc(s->layout.num_words, sizeof *s->data);
+    assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, 7, s->place.voxel_log2_m, s->data));
+    karst_error error;
+    assert_true(karst_tape_build(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error));
+    s->bound_slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof(int));
+    for (int n = 0; n < NUM_SAMPLES; n++) {
+        s->value_slots[n] = calloc(s->tape.num_slots, sizeof(int));
+        s->real_slots[n] = calloc(s->tape.num_slots, sizeof(real_slot));
+    }
+    place_samples(s);
+    s->box.level = random_chance(2) ? -1 : (int)random_below(12);
+    s->level = s->box.level < 0 ? -1 : (int)random_below((uint32_t)s->box.level + 3) - 1; /* up to the parent's */
+}
+
+static tape_program program_of(const subject *s, int *slots)
+{
+    return (tape_program){.code = s->tape.code,
+                          .num_instructions = s->tape.num_instructions,
+                          .constants = s->tape.constants,
+                          .data = s->data,
+                          .values = (const uint *)(s->data + s->layout.values_word),
+                          .slots = slots,
+                          .stride = 1};
+}
+
+/* ---- what must hold ---- */
+
+typedef struct {
+    const char *rule; /* that is broken; NULL: none */
+    uint32_t instruction;
+    int sample, other;
+    real value, lo, hi;
+} violation;
+
+static bool inside(iv a, real x) { return x >= (real)a.lo && x <= (real)a.hi; }
+
+/* g . delta + r */
+static void centred(const op_bound *b, const real delta[3], real *lo, real *hi)
+{
+    for (int i = 0; i < 3; i++) {
+        real p = (real)b->g[i].lo * delta[i], q = (real)b->g[i].hi * delta[i];
+        *lo += p < q ? p : q;
+        *hi += p < q ? q : p;
+    }
+}
+
+static bool check_value(const op_bound *b, const real delta[3], real value, violation *v)
+{
+    *v = (violation){.value = value, .lo = (real)b->v.lo, .hi = (real)b->v.hi, .rule = "v"};
+    if (!inside(b->v, value))
+        return false;
+    real lo = (real)b->c.lo + (real)b->r.lo, hi = (real)b->c.hi + (real)b->r.hi;
+    centred(b, delta, &lo, &hi);
+    *v = (violation){.value = value, .lo = lo, .hi = hi, .rule = "centred form"};
+    return value >= lo && value <= hi;
+}
+
+/* Real numbers only, and where their own rounding is seen to be small. */
+static bool check_pair(const op_bound *b, const real *x, const real *s, const real_slot *fx, const real_slot *fs,
+                       violation *v)
+{
+    real delta[3] = {x[0] - s[0], x[1] - s[1], x[2] - s[2]}, width = (real)b->r.hi - (real)b->r.lo, lo = -width,
+         hi = width;
+    centred(b, delta, &lo, &hi);
+    real noise = 0;
+    for (int pass = 1; pass < NUM_PASSES; pass++)
+        noise += 4 * (fabsl(fx->value[0] - fx->value[pass]) + fabsl(fs->value[0] - fs->value[pass]));
+    real change = fx->value[0] - fs->value[0];
+    *v = (violation){.value = change, .lo = lo - noise, .hi = hi + noise, .rule = "two points"};
+    return change >= v->lo && change <= v->hi;
+}
+
+static bool check_discrete(const karst_instruction *i, const op_bound *b, int value, violation *v)
+{
+    int lo = (int)k_as_uint(b->v.lo), hi = (int)k_as_uint(b->v.hi);
+    *v = (violation){.rule = "range", .value = (real)value, .lo = (real)lo, .hi = (real)hi};
+    if (i->type == TAPE_BOOL_TYPE)
+        return (value == 0 || value == -1) && !(lo & ~value) && !(value & ~hi);
+    return i->type == TAPE_UINT_TYPE ? (uint)value >= (uint)lo && (uint)value <= (uint)hi : value >= lo && value <= hi;
+}
+
+/* Floats hold noise to an error that bounds allow for, but pairs do not: so no pairs from there on. */
+static bool has_noise(const subject *s) { return s->graph.with_noise; }
+
+/* false: something escaped. *num_checked counts nodes whose bounds said anything. */
+static bool subject_holds(subject *s, violation *v, long *num_checked)
+{
+    int unknown = 0;
+    for (uint32_t n = 0; n < s->tape.num_instructions; n++) {
+        const karst_instruction *i = &s->tape.code[n];
+        tape_program one = program_of(s, s->bound_slots);
+        one.code += n;
+        one.num_instructions = 1;
+        unknown |= tape_bounds(&one, &s->box, NULL);
+        op_bound b = tape_load_bound(&one, i->slot);
+        if (unknown)
+            return true;
+        bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
+        (*num_checked)++;
+        for (int k = 0; k < NUM_SAMPLES; k++) {
+            one.slots = s->value_slots[k];
+            tape_values(&one, &s->sample[k], NULL, s->level);
+            run_real(&one, i, &s->sample[k], s->level, s->real_slots[k]);
+            int bits = tape_load(&one, i->slot);
+            bool good = is_float ? check_value(&b, s->delta[k], (real)k_as_float((uint)bits), v) &&
+                                       check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0], v)
+                                 : check_discrete(i, &b, bits, v);
+            int other = (int)random_below(NUM_SAMPLES);
+            if (good && is_float && !has_noise(s) && other < k)
+                good = check_pair(&b, s->delta[k], s->delta[other], &s->real_slots[k][i->slot],
+                                  &s->real_slots[other][i->slot], v);
+            if (!good) {
+                v->instruction = n;
+                v->sample = k;
+                v->other = other;
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+static void describe(const subject *s, uint64_t seed, const violation *v)
+{
+    const karst_instruction *i = &s->tape.code[v->instruction];
+    print_message(
+        "seed %lu: tape op %u (type %u, steps %u), instruction %u of %u, %s: %.12Lg is not in [%.12Lg, %.12Lg]\n",
+        (unsigned long)seed, i->op, i->type, i->is_steps, v->instruction, s->tape.num_instructions, v->rule, v->value,
+        v->lo, v->hi);
+    print_message("  sample %d, %d; box at %ld %ld %ld, radius %g %g %g, level %d, footprint %d\n", v->sample, v->other,
+                  (long)s->place.voxel[0], (long)s->place.voxel[1], (long)s->place.voxel[2], (double)s->place.radius[0],
+                  (double)s->place.radius[1], (double)s->place.radius[2], s->box.level, s->level);
+    for (int k = 0; k < 4; k++)
+        if (i->arg[k] != TAPE_NOTHING && tape_is_known(i->arg[k])) {
+            tape_program p = program_of(s, s->bound_slots);
+            print_message("  argument %d is %g\n", k, (double)k_as_float((uint)tape_known(&p, i->arg[k])));
+        }
+}
+
+/* Graphs from `first` on; returns how many escapes there were, at most `most`. */
+static long escapes(uint64_t first, long count, long most, bool tell, long *num_checked)
+{
+    long num = 0;
+    for (long i = 0; i < count && num < most; i++) {
+        subject s;
+        violation v;
+        subject_make(&s, first + (uint64_t)i);
+        if (!subject_holds(&s, &v, num_checked)) {
+            num++;
+            if (tell)
+                describe(&s, first + (uint64_t)i, &v);
+        }
+        subject_finish(&s);
+    }
+    return num;
+}
+
+static uint64_t number_from(const char *name, uint64_t otherwise)
+{
+    const char *text = getenv(name);
+    return text && *text ? strtoull(text, NULL, 10) : otherwise;
+}
+
+static void test_bounds_of_random_graphs_hold(void **state)
+{
+    (void)state;
+    long num_checked = 0, count = (long)number_from("KARST_BOUNDS_GRAPHS", 10000);
+    broken = BREAK_NOTHING;
+    long num = escapes(number_from("KARST_SEED", 1), count, 10, true, &num_checked);
+    print_message("%ld nodes over %ld graphs\n", num_checked, count);
+    assert_int_equal(num, 0);
+    assert_true(num_checked > 8 * count); /* most graphs are bounded for a good while */
+}
+
+static void test_every_rule_is_needed(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"nothing",
+#define TEXT_BOUNDS(rule) #rule,
+#define TEXT_NOISE(rule) "noise " #rule,
+                                        BOUNDS_RULES(TEXT_BOUNDS) NOISE_RULES(TEXT_NOISE)};
+    long count = 4 * (long)number_from("KARST_BOUNDS_GRAPHS", 10000);
+    int missed = 0;
+    for (int rule = 1; rule < NUM_BROKEN; rule++) {
+        /* not in this interpreter's way: noise_form of noise/bounds.clh, which has tests of its own */
+        if (rule == BREAK_NOISE_SQUARE || rule == BREAK_NOISE_FADES || rule == BREAK_NOISE_SLOPE_REST)
+            continue;
+        long num_checked = 0;
+        broken = (enum broken)rule;
+        if (!escapes(1, count, 1, false, &num_checked)) {
+            print_message("nothing escapes without the rule %s\n", names[rule]);
+            missed++;
+        } else if (getenv("KARST_VERBOSE")) {
+            print_message("%s: %ld nodes\n", names[rule], num_checked);
+        }
+    }
+    broken = BREAK_NOTHING;
+    assert_int_equal(missed, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_bounds_of_random_graphs_hold),
+        cmocka_unit_test(test_every_rule_is_needed),
+    };
+    return cmocka_run_group_tests_name("bounds of graphs", tests, NULL, NULL);
+}
