@@ -19,6 +19,8 @@
 #define KARST_EMIT_MAX_OPS 4000u
 /* Octaves are 140 bytes each of a brick's working memory. */
 #define KARST_EMIT_MAX_OCTAVES 2048u
+/* Octaves of a brick that are tensor products; others cost ten times as much. */
+#define KARST_EMIT_MAX_TENSORS 48u
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */

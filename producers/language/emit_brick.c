@@ -71,6 +71,16 @@ static void block(karst_emit *emit, uint8_t axes)
     karst_text_add(text, "    }\n");
 }
 
+static uint32_t num_octaves(const karst_emit *emit, karst_expr e)
+{
+    return emit->graph->noises[emit->graph->nodes[e].extra].num_octaves;
+}
+
+static uint8_t shape_of(const karst_emit *emit, karst_expr e)
+{
+    return emit->graph->noises[emit->graph->nodes[e].extra].shape;
+}
+
 static void declare_axes(karst_emit *emit)
 {
     karst_text *text = &emit->text;
@@ -79,8 +89,9 @@ static void declare_axes(karst_emit *emit)
         const karst_emit_node *node = &emit->nodes[e];
         const char *name = karst_emit_axes_name(node->axes);
         if (node->needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
-            karst_text_add(text, "    emit_octave n%u[%u];\n", e,
-                           emit->graph->noises[emit->graph->nodes[e].extra].num_octaves);
+            karst_text_add(text, "    emit_octave n%u[%u];\n", e, num_octaves(emit, e));
+        if (node->is_tensor)
+            karst_text_add(text, "#if LANES == 16\n    noise_tensor t%u[%u];\n#endif\n", e, num_octaves(emit, e));
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
                            : node->axes & X        ? "[EMIT_ROW_VECTORS]"
@@ -105,7 +116,13 @@ static void prepare(karst_emit *emit)
             karst_text_add(text,
                            "    for (int k = 0; k < %u; k++)\n"
                            "        axes->n%u[k] = emit_octave_at(EMIT_OCTAVE(data, %u) + k, axes->origin, level);\n",
-                           emit->graph->noises[emit->graph->nodes[e].extra].num_octaves, e, emit->layout->word[e]);
+                           num_octaves(emit, e), e, emit->layout->word[e]);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_tensor)
+            karst_text_add(text,
+                           "#if LANES == 16\n    for (int k = 0; k < %u; k++)\n"
+                           "        emit_tensor_prepare(&axes->t%u[k], &axes->n%u[k], %d);\n#endif\n",
+                           num_octaves(emit, e), e, e, shape_of(emit, e) == KARST_NOISE_SUM);
     block(emit, 0);
     block(emit, X);
     block(emit, Y);
@@ -118,6 +135,13 @@ static void plane(karst_emit *emit)
 {
     karst_text_add(&emit->text, "K_INLINE K_WIDE void world_plane(world_axes *axes, int iz)\n{\n"
                                 "    world_data data = axes->data;\n    axes->plane = iz;\n    (void)data;\n");
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_tensor)
+            karst_text_add(&emit->text,
+                           "#if LANES == 16\n    for (int k = 0; k < %u; k++)\n"
+                           "        if (axes->n%u[k].weight.weight != 0.0f)\n"
+                           "            noise_tensor_plane(&axes->t%u[k], iz);\n#endif\n",
+                           num_octaves(emit, e), e, e);
     block(emit, X | Z);
     block(emit, Y | Z);
     karst_text_add(&emit->text, "}\n\n");
@@ -137,14 +161,31 @@ static void row(karst_emit *emit)
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
+/* Any samples: all nodes, but noise steps along the brick. */
 static void sample(karst_emit *emit)
 {
     karst_text_add(&emit->text,
                    "K_INLINE K_WIDE vfloat world_sample(const world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
-                   "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n"
-                   "    world_point_at place;\n    for (int i = 0; i < 3; i++) {\n"
-                   "        place.voxel[i] = at.voxel[i];\n        place.fraction[i] = at.fraction[i];\n    }\n"
-                   "    return world_point(axes->data, &place, axes->level);\n}\n\n");
+                   "    world_data data = axes->data;\n    (void)data;\n"
+                   "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n");
+    karst_emit_begin_block(emit, (karst_block){.is_sample = true});
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs)
+            karst_emit_lines(emit, e);
+    karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
+}
+
+/* The first noises that may be tensors, for as long as there is room: an octave takes 8 KiB of a brick's memory. */
+static void mark_tensors(karst_emit *emit)
+{
+    uint32_t room = KARST_EMIT_MAX_TENSORS;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || !karst_emit_may_be_tensor(emit, e) ||
+            num_octaves(emit, e) > room)
+            continue;
+        emit->nodes[e].is_tensor = 1;
+        room -= num_octaves(emit, e);
+    }
 }
 
 /* Marks what blocks hand on; returns how many values of xy that is. */
@@ -185,6 +226,7 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].needs)
             emitted->num_ops[emit->nodes[e].axes]++;
+    mark_tensors(emit);
     declare_axes(emit);
     prepare(emit);
     plane(emit);

@@ -11,15 +11,17 @@
 /* A straight piece of code. In all but the point form it computes the nodes that depend on just its axes, for samples
  * `lane` along the first of them, `iy` and `iz` along the others. */
 typedef struct {
-    bool is_point; /* everything, at any position `at` in each lane */
-    uint8_t axes;  /* what its nodes depend on; lanes run along the first of them */
+    bool is_point;  /* everything, at any position `at` in each lane */
+    bool is_sample; /* everything, at any samples `ix`, `iy`, `iz` of a brick */
+    uint8_t axes;   /* what its nodes depend on; lanes run along the first of them */
 } karst_block;
 
 /* What a node is to the code. */
 typedef struct {
-    uint8_t axes;  /* that it depends on */
-    uint8_t needs; /* KARST_PART_*: what some block computes */
-    uint8_t keeps; /* what the brick form hands from one block to others */
+    uint8_t axes;      /* that it depends on */
+    uint8_t needs;     /* KARST_PART_*: what some block computes */
+    uint8_t keeps;     /* what the brick form hands from one block to others */
+    uint8_t is_tensor; /* a noise that 16 lanes evaluate as a tensor product over the brick */
 } karst_emit_node;
 
 /* A node's value is v12, or, for nodes of kind WIDE, the pair h12 and l12. AFFINE and SHIFTED have both, where wanted.
@@ -68,6 +70,8 @@ const char *karst_emit_type(const karst_emit *emit, karst_expr e);
 
 /* ---- emit_noise.c ---- */
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
+/* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
+bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);

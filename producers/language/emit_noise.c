@@ -9,16 +9,39 @@ _Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RID
 
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
 
+/* What moves an argument in its lattice: an offset, or all of an argument that has no exact place. KARST_NO_EXPR:
+ * nothing does. */
+static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
+{
+    const karst_expr_node *n = &emit->graph->nodes[argument];
+    if (n->op == KARST_OP_AFFINE)
+        return KARST_NO_EXPR;
+    karst_expr by = n->op == KARST_OP_SHIFTED ? n->arg[1] : argument;
+    const karst_number *known = karst_graph_constant(emit->graph, by);
+    return known && karst_number_is(*known, 0) ? KARST_NO_EXPR : by;
+}
+
+bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = &emit->graph->nodes[e];
+    for (int i = 0; i < 3; i++) {
+        uint8_t axes = emit->graph->nodes[n->arg[i]].depends & KARST_AXES;
+        if (moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
+            return false;
+    }
+    return emit->nodes[e].axes == KARST_AXES;
+}
+
 /* Where one argument lies in the octave's lattice, as the brick form steps there or the point form computes it. */
 static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
-    const karst_expr_node *n = &emit->graph->nodes[noise];
-    const karst_expr_node *argument = &emit->graph->nodes[n->arg[i]];
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d]);\n", i);
+    else if (emit->block.is_sample)
+        karst_text_add(text, "emit_steps_any(&octave->arg[%d], ix, iy, iz);\n", i);
     else if (axes & KARST_DEPENDS_X)
         karst_text_add(text, "emit_steps_x(&octave->arg[%d], lane, %s, %s);\n", i, axes & KARST_DEPENDS_Y ? "iy" : "0",
                        axes & KARST_DEPENDS_Z ? "iz" : "0");
@@ -27,21 +50,25 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     else
         karst_text_add(text, "emit_steps_z(&octave->arg[%d], 0, 0, lane);\n", i);
 
-    karst_expr moved = argument->op == KARST_OP_AFFINE    ? KARST_NO_EXPR
-                       : argument->op == KARST_OP_SHIFTED ? argument->arg[1]
-                                                          : n->arg[i];
-    const karst_number *known = karst_graph_constant(emit->graph, moved);
-    if (!moved || (known && karst_number_is(*known, 0)))
+    karst_expr by = moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    if (!by)
         return;
-    karst_operand offset;
-    if (emit->graph->nodes[moved].kind == KARST_KIND_WIDE) {
-        offset = karst_emit_wide_operand(emit, moved);
-        karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, octave->scale);\n", i, i, offset.text);
-        return;
-    }
-    offset = karst_emit_operand(emit, moved);
-    karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(octave->scale));\n", i,
-                   i, offset.text);
+    if (emit->graph->nodes[by].kind == KARST_KIND_WIDE)
+        karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, octave->scale);\n", i, i,
+                       karst_emit_wide_operand(emit, by).text);
+    else
+        karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(octave->scale));\n",
+                       i, i, karst_emit_operand(emit, by).text);
+}
+
+/* Octaves at places of their own in each lane. */
+static void octaves(karst_emit *emit, karst_expr e, const char *shape)
+{
+    karst_text *text = &emit->text;
+    karst_text_add(text, "        noise_position q;\n");
+    for (int i = 0; i < 3; i++)
+        coordinate(emit, e, i);
+    karst_text_add(text, "        v%u = octave_add_%s(&q, &weight, v%u);\n", e, shape, e);
 }
 
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
@@ -54,21 +81,26 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     if (emit->block.is_point)
         karst_text_add(text,
                        "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u) + k;\n"
-                       "        octave_weight weight = octave_weight_at(octave, level);\n",
+                       "        const octave_weight weight = octave_weight_at(octave, level);\n",
                        emit->layout->word[e]);
     else
         karst_text_add(text,
                        "        const K_PRIVATE emit_octave *octave = &axes->n%u[k];\n"
-                       "        octave_weight weight = octave->weight;\n",
+                       "        const octave_weight weight = octave->weight;\n",
                        e);
     karst_text_add(text,
                    "        if (weight.weight == 0.0f) {\n"
                    "            v%u = octave_faded_%s(&weight, v%u);\n"
                    "            continue;\n"
-                   "        }\n"
-                   "        noise_position q;\n",
+                   "        }\n",
                    e, shape, e);
-    for (int i = 0; i < 3; i++)
-        coordinate(emit, e, i);
-    karst_text_add(text, "        v%u = octave_add_%s(&q, &weight, v%u);\n    }\n", e, shape, e);
+    bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point && !emit->block.is_sample;
+    if (is_tensor)
+        karst_text_add(text,
+                       "#if LANES == 16\n"
+                       "        v%u = emit_tensor_%s(&axes->t%u[k], &weight, iy, v%u);\n"
+                       "#else\n",
+                       e, shape, e, e);
+    octaves(emit, e, shape);
+    karst_text_add(text, "%s    }\n", is_tensor ? "#endif\n" : "");
 }

@@ -52,7 +52,7 @@ static karst_operand part(const karst_emit *emit, karst_expr e, char letter)
     bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
     uint8_t first = axes & (uint8_t)-axes, lanes = here & (uint8_t)-here;
     const char *plane = axes == (KARST_DEPENDS_X | KARST_DEPENDS_Y) ? "[iy]" : "";
-    if (emit->block.is_point || axes == here)
+    if (emit->block.is_point || emit->block.is_sample || axes == here)
         snprintf(operand.text, sizeof operand.text, "%c%u", letter, e);
     else if (!axes)
         snprintf(operand.text, sizeof operand.text, "axes->%s%c%u", name, letter, e);

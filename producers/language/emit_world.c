@@ -57,8 +57,14 @@ size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_emit_input 
             const karst_expr_node *a = &emit->graph->nodes[input];
             input = a->op == KARST_OP_SHIFTED ? a->arg[1] : KARST_NO_EXPR;
         }
-        if (input && !emit->layout->is_known[input])
-            inputs[count++] = (karst_emit_input){input, part_of(emit, input, wide)};
+        if (!input || emit->layout->is_known[input])
+            continue;
+        uint8_t part = 0;
+        if (n->op != KARST_OP_SHIFTED || (emit->nodes[e].needs & KARST_PART_VALUE))
+            part |= part_of(emit, input, wide);
+        if (n->op == KARST_OP_SHIFTED && (emit->nodes[e].needs & KARST_PART_PAIR))
+            part |= part_of(emit, input, true);
+        inputs[count++] = (karst_emit_input){input, part};
     }
     return count;
 }

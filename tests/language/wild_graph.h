@@ -37,11 +37,12 @@ static karst_expr wild_number(karst_graph *g, wild_source *random)
     }
 }
 
-static karst_expr wild_affine(karst_graph *g, wild_source *random)
+/* Of one axis (3: of one or several, at random). */
+static karst_expr wild_affine_of(karst_graph *g, wild_source *random, uint32_t axis)
 {
     karst_affine affine = {.offset = wild_number(g, random)};
-    bool one_axis = wild_below(random, 3) != 0;
-    uint32_t only = wild_below(random, 3);
+    bool one_axis = axis < 3 || wild_below(random, 3) != 0;
+    uint32_t only = axis < 3 ? axis : wild_below(random, 3);
     for (uint32_t i = 0; i < 3; i++) {
         if (one_axis ? i != only : wild_below(random, 3) == 0)
             continue;
@@ -53,6 +54,7 @@ static karst_expr wild_affine(karst_graph *g, wild_source *random)
     }
     return karst_graph_affine(g, affine);
 }
+static karst_expr wild_affine(karst_graph *g, wild_source *random) { return wild_affine_of(g, random, 3); }
 
 /* A node of a type, latest ones preferred; KARST_NO_EXPR if there is none. */
 static karst_expr wild_operand(const karst_graph *g, wild_source *random, karst_scalar_type type)
@@ -77,6 +79,11 @@ static karst_expr wild_noise(karst_graph *g, wild_source *random)
     noise.gain = karst_graph_float(g, 0.5);
     noise.lacunarity = wild_below(random, 2) ? karst_graph_float(g, 2) : karst_graph_float(g, 1.9);
     karst_expr arg[3];
+    if (wild_below(random, 2)) { /* a lattice along the axes, in parts of a cell a voxel */
+        for (uint32_t i = 0; i < 3; i++)
+            arg[i] = wild_affine_of(g, random, i);
+        return karst_graph_noise(g, noise, arg[0], arg[1], arg[2]);
+    }
     for (int i = 0; i < 3; i++) {
         arg[i] = wild_below(random, 3) ? wild_affine(g, random) : wild_operand(g, random, KARST_TYPE_FLOAT);
         if (wild_below(random, 3) == 0 && g->nodes[arg[i]].op == KARST_OP_AFFINE)
