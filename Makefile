@@ -45,6 +45,7 @@ KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name
 HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c $(sort $(wildcard demos/command_*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
+PATHS   := $(sort $(wildcard demos/paths/*.json))
 
 # A test or benchmark is one file with a main(); what several of them share stands in tests/support/.
 TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard tests))
@@ -182,13 +183,15 @@ install: all
 ifneq ($(WORLDS),)
 	$(Q)install -d $(sharedir)/worlds && install -m 644 $(WORLDS) $(sharedir)/worlds
 endif
+	$(Q)install -d $(sharedir)/paths && install -m 644 $(PATHS) $(sharedir)/paths
 
 uninstall:
 	$(say) REMOVE $(DESTDIR)$(PREFIX)
 	$(Q)rm -f $(DESTDIR)$(PREFIX)/bin/karst $(libdir)/libkarst.a $(libdir)/libkarst.so $(libdir)/libkarst.so.$(SOVERSION) \
 	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) \
-	    $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%)
-	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir) 2>/dev/null || true
+	    $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%) \
+	    $(PATHS:demos/paths/%=$(sharedir)/paths/%)
+	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir)/paths $(sharedir) 2>/dev/null || true
 
 check-install: all
 	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \

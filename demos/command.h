@@ -4,8 +4,12 @@
  *   command_options.c  options from a table: parsing and their help
  *   command_talk.c     messages and the progress line on stderr
  *   command_output.c   files that appear whole or not at all
+ *   command_data.c     files that come with Karst
+ *   command_interrupt.c  Ctrl-C and its like
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
+ *   command_flight.c   karst render --path
+ *   command_pictures.c   many pictures: numbered PNGs, or a video through ffmpeg
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -84,6 +88,21 @@ bool command_write_text(const char *path, const char *text, karst_error *error);
 /* A PNG, likewise. */
 bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error);
 
+/* All of it into a file descriptor; false with errno. */
+bool command_write_all(int fd, const void *data, size_t size_bytes);
+
+/* ---- command_data.c ---- */
+
+/* Where `name` lies: itself if it holds a slash or ends in `suffix`, else KIND/NAME+suffix in $KARST_DATA_DIR, in the
+ * installed share/karst or in the source tree's demos. `kind` is the folder, a plural. Errors: KARST_BAD_DATA. */
+bool command_find_data(const char *kind, const char *name, const char *suffix, char *path, size_t size_bytes,
+                       karst_error *error);
+
+/* ---- command_interrupt.c ---- */
+
+void command_catch_interrupts(void);
+bool command_interrupted(void); /* by SIGINT or SIGTERM, since then */
+
 /* ---- command_record.c ---- */
 
 /* What a run was, and the times of all its frames. Zero-initialise; command_record_free frees the times. */
@@ -92,19 +111,65 @@ typedef struct {
     char camera[512];
     const char *display, *display_description;
     int width_px, height_px;
-    bool settled;
+    bool settled;     /* all pictures */
+    bool live;        /* one frame for each picture */
+    const char *path; /* NULL: a single view */
     uint64_t elapsed_ns;
     size_t num_frames, max_frames;
     uint64_t *times_ns; /* of each frame: KARST_NUM_STAGES stages, then the frame */
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
+    size_t num_pictures, num_settled, max_pictures;
+    size_t frames_to_settle; /* the most that any picture took */
+    double *at_level;        /* of each picture: the share of its hits that are at the level asked for */
     karst_stats last;
 } command_record;
 
 /* Adds a frame. Errors: KARST_FAILED (memory). */
 bool command_record_add(command_record *record, const karst_stats *stats, karst_error *error);
+/* Notes that the frame last added is a picture, for which so many frames were drawn. Errors: KARST_FAILED (memory). */
+bool command_record_picture(command_record *record, const karst_stats *stats, size_t num_frames, bool settled,
+                            karst_error *error);
 /* The statistics file's text, malloc'ed. The names in it are a contract; README.md lists them. NULL: out of memory. */
-char *command_record_json(const command_record *record);
+char *command_record_json(command_record *record); /* sorts at_level */
 void command_record_free(command_record *record);
+
+/* ---- command_pictures.c ---- */
+
+/* Where many pictures go. */
+typedef struct command_pictures command_pictures;
+
+bool command_pictures_is_video(const char *output); /* by its suffix */
+/* Whether `output` will do, before long work is done for it: a pattern with one %05d (without, if there is only one
+ * picture) in a folder that can be written, or a video, with ffmpeg installed. Errors: KARST_USAGE, KARST_FAILED naming
+ * what to install. */
+bool command_pictures_check(const char *output, bool only_one, int width_px, int height_px, karst_error *error);
+/* `output` is borrowed. End it with finish or discard. */
+command_pictures *command_pictures_open(const char *output, int width_px, int height_px, double fps,
+                                        karst_error *error);
+/* Pictures in their order, from index 0; each is on disk, or in ffmpeg's hands, when it returns. */
+bool command_pictures_add(command_pictures *pictures, size_t index, const uint8_t *rgba, karst_error *error);
+/* A video appears now, whole. Also ends `pictures` if it fails. */
+bool command_pictures_finish(command_pictures *pictures, karst_error *error);
+/* Leaves no video behind; single pictures stay. NULL is fine. */
+void command_pictures_discard(command_pictures *pictures);
+
+/* ---- command_flight.c ---- */
+
+/* How to fly; zeros mean left out. */
+typedef struct {
+    const char *file; /* the path */
+    const char *output;
+    size_t num_pictures;
+    double fps, start_s, end_s;
+    bool has_start, has_end;
+    bool live;           /* one frame for each picture, whatever it lacks, after having settled at the start */
+    uint32_t max_frames; /* to settle a picture */
+} command_flight;
+
+/* Flies along the path and writes the pictures; fills all of `record` that a run fills. Errors: also KARST_BAD_DATA
+ * (the path). */
+bool command_flight_run(karst_engine *engine, const command_flight *flight, int width_px, int height_px,
+                        command_talk *talk, command_record *record, karst_error *error);
 
 /* ---- subcommands: arguments without their own names ---- */
 

@@ -55,15 +55,16 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
     return true;
 }
 
-static bool write_all(int fd, const char *data, size_t size_bytes)
+bool command_write_all(int fd, const void *data, size_t size_bytes)
 {
+    const char *rest = data;
     while (size_bytes) {
-        ssize_t written = write(fd, data, size_bytes);
+        ssize_t written = write(fd, rest, size_bytes);
         if (written < 0 && errno == EINTR)
             continue;
         if (written <= 0)
             return false;
-        data += written;
+        rest += written;
         size_bytes -= (size_t)written;
     }
     return true;
@@ -72,7 +73,7 @@ static bool write_all(int fd, const char *data, size_t size_bytes)
 bool command_write_text(const char *path, const char *text, karst_error *error)
 {
     if (is_stdout(path)) {
-        if (fflush(stdout) != 0 || !write_all(STDOUT_FILENO, text, strlen(text)))
+        if (fflush(stdout) != 0 || !command_write_all(STDOUT_FILENO, text, strlen(text)))
             return karst_fail(error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));
         return true;
     }
@@ -82,7 +83,7 @@ bool command_write_text(const char *path, const char *text, karst_error *error)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
     mode_t mask = umask(0);
     umask(mask);
-    bool written = write_all(fd, text, strlen(text)) && fchmod(fd, 0666 & ~mask) == 0;
+    bool written = command_write_all(fd, text, strlen(text)) && fchmod(fd, 0666 & ~mask) == 0;
     written = close(fd) == 0 && written && rename(temporary, path) == 0;
     if (!written) {
         karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
@@ -102,7 +103,7 @@ static bool copy_to_stdout(const char *path, karst_error *error)
     size_t size;
     bool copied = true;
     while (copied && (size = fread(buffer, 1, sizeof buffer, file)) > 0)
-        copied = write_all(STDOUT_FILENO, buffer, size);
+        copied = command_write_all(STDOUT_FILENO, buffer, size);
     if (!copied || ferror(file))
         karst_fail(error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));
     copied = copied && !ferror(file);

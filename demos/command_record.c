@@ -30,11 +30,33 @@ bool command_record_add(command_record *record, const karst_stats *stats, karst_
     return true;
 }
 
+bool command_record_picture(command_record *record, const karst_stats *stats, size_t num_frames, bool settled,
+                            karst_error *error)
+{
+    if (record->num_pictures == record->max_pictures) {
+        size_t max_pictures = record->max_pictures ? 2 * record->max_pictures : 128;
+        double *at_level = realloc(record->at_level, max_pictures * sizeof *at_level);
+        if (!at_level)
+            return karst_fail(error, KARST_FAILED, "out of memory for the figures of %zu pictures", max_pictures);
+        record->at_level = at_level;
+        record->max_pictures = max_pictures;
+    }
+    record->at_level[record->num_pictures++] =
+        stats->num_hits ? 1 - (double)stats->num_provisional / (double)stats->num_hits : 1;
+    record->num_settled += settled;
+    record->settled = record->num_settled == record->num_pictures;
+    if (num_frames > record->frames_to_settle)
+        record->frames_to_settle = num_frames;
+    return true;
+}
+
 void command_record_free(command_record *record)
 {
     free(record->times_ns);
+    free(record->at_level);
     record->times_ns = NULL;
-    record->num_frames = record->max_frames = 0;
+    record->at_level = NULL;
+    record->num_frames = record->max_frames = record->num_pictures = record->max_pictures = 0;
 }
 
 static int compare_times(const void *a, const void *b)
@@ -43,11 +65,22 @@ static int compare_times(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The value that `percent` of the sorted values do not exceed (nearest rank). */
-static double percentile_ms(const uint64_t *sorted_ns, size_t num, unsigned percent)
+static int compare_shares(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The place of the value that `percent` of the sorted values do not exceed (nearest rank). */
+static size_t rank_of(size_t num, unsigned percent)
 {
     size_t rank = (num * percent + 99) / 100;
-    return num ? (double)sorted_ns[rank ? rank - 1 : 0] / 1e6 : 0;
+    return rank ? rank - 1 : 0;
+}
+
+static double percentile_ms(const uint64_t *sorted_ns, size_t num, unsigned percent)
+{
+    return num ? (double)sorted_ns[rank_of(num, percent)] / 1e6 : 0;
 }
 
 /* Median, p95, p99 and max of one column of the times, in ms. */
@@ -75,6 +108,17 @@ static json_t *describe_all_times(const command_record *record)
     return times;
 }
 
+/* Median, worst hundredth and worst of the pictures; sorts them. */
+static json_t *describe_at_level(command_record *record)
+{
+    size_t num = record->num_pictures;
+    if (!num)
+        return json_null();
+    qsort(record->at_level, num, sizeof *record->at_level, compare_shares);
+    return json_pack("{s:f, s:f, s:f}", "median", record->at_level[rank_of(num, 50)], "p1",
+                     record->at_level[rank_of(num, 1)], "min", record->at_level[0]);
+}
+
 static json_t *describe_pool(const karst_stats_pool *pool, uint64_t num_resident)
 {
     return json_pack("{s:I, s:I, s:I, s:I}", "used", (json_int_t)pool->num_used, "resident", (json_int_t)num_resident,
@@ -89,7 +133,7 @@ static json_t *describe_memory(const karst_stats *stats)
     return memory;
 }
 
-char *command_record_json(const command_record *record)
+char *command_record_json(command_record *record)
 {
     const karst_stats *last = &record->last;
     json_t *root =
@@ -99,9 +143,13 @@ char *command_record_json(const command_record *record)
     if (!root)
         return NULL;
     json_object_set_new(root, "settled", json_boolean(record->settled));
+    json_object_set_new(root, "path", record->path ? json_string(record->path) : json_null());
+    json_object_set_new(root, "live", json_boolean(record->live));
+    json_object_set_new(root, "pictures", json_integer((json_int_t)record->num_pictures));
     json_object_set_new(root, "frames", json_integer((json_int_t)record->num_frames));
     json_object_set_new(root, "frames_to_settle",
-                        record->settled ? json_integer((json_int_t)record->num_frames) : json_null());
+                        record->settled && !record->live ? json_integer((json_int_t)record->frames_to_settle)
+                                                         : json_null());
     json_object_set_new(root, "elapsed_ms", json_real((double)record->elapsed_ns / 1e6));
     json_object_set_new(root, "time_ms", describe_all_times(record));
     json_object_set_new(root, "cache",
@@ -113,7 +161,8 @@ char *command_record_json(const command_record *record)
                                   "reproduced", (json_int_t)record->num_reproduced, "deferred",
                                   (json_int_t)record->num_deferred));
     json_object_set_new(root, "detail",
-                        json_pack("{s:f, s:f}", "asked_px", last->detail_asked_px, "given_px", last->detail_given_px));
+                        json_pack("{s:f, s:f, s:o}", "asked_px", last->detail_asked_px, "given_px",
+                                  last->detail_given_px, "at_level", describe_at_level(record)));
     json_object_set_new(root, "pixels",
                         json_pack("{s:I, s:I, s:I, s:I}", "total", (json_int_t)last->num_pixels, "hits",
                                   (json_int_t)last->num_hits, "provisional", (json_int_t)last->num_provisional,

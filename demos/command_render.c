@@ -1,17 +1,19 @@
-/* karst render: one picture, settled before it is written. */
+/* karst render: one picture, settled before it is written, or a flight's. */
 #include "command.h"
 
-#include <signal.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define MAX_WORLDS 64
 
 typedef struct {
-    const char *world, *output, *stats, *camera, *device, *display;
+    const char *world, *output, *stats, *camera, *device, *display, *path;
+    char path_file[PATH_MAX];
     int size_px[2];
-    uint64_t seed, budget_bricks, max_frames, lanes;
-    double pool_mib, detail_px, view_distance_m;
+    uint64_t seed, budget_bricks, max_frames, lanes, num_pictures;
+    double pool_mib, detail_px, view_distance_m, budget_ms, fps;
+    command_flight flight;
     bool has_seed, no_shadows, help;
 } render_options;
 
@@ -21,15 +23,6 @@ typedef struct {
     karst_error *error;
     uint64_t start_ns;
 } run_state;
-
-static volatile sig_atomic_t interrupted;
-
-static void interrupt(int signal_number)
-{
-    interrupted = signal_number;
-    /* A second one ends the program at once. */
-    signal(signal_number, SIG_DFL);
-}
 
 static const char *nearest_world(const char *name)
 {
@@ -62,9 +55,10 @@ static bool check_world(const char *name, karst_error *error)
 static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst render WORLD [-o out.png] [OPTIONS]\n"
+         "karst render WORLD --path PATH -o frames/%05d.png|out.mp4 [OPTIONS]\n"
          "Renders a world to a PNG. The picture is settled before it is written: it has all the detail that was asked "
          "for,\n"
-         "or all that the pools can hold.\n"
+         "or all that the pools can hold. Along a path, each picture is.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nWorlds:");
@@ -76,16 +70,31 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render hills -o far.png --size 1920x1080 --camera 1e9,320,-1e9,30,-12\n"
          "  karst render asteroid --display none --no-shadows --stats - | jq .time_ms.cast\n"
          "  karst render hills -o - --pool 2048 --detail 0.5 | display\n"
-         "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world.");
+         "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
+         "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
+         "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
+         "5 a path that cannot be read.");
 }
 
 static bool parse_options(int argc, char **argv, command_talk *talk, render_options *o, karst_error *error)
 {
     const command_option options[] = {
-        {"output", 'o', COMMAND_TEXT, "FILE", "the picture; - is stdout (default: out.png)", &o->output, 0, 0, NULL},
+        {"output", 'o', COMMAND_TEXT, "FILE",
+         "the picture; - is stdout (default: out.png); of a path: with %05d, or a .mp4", &o->output, 0, 0, NULL},
         {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 1280x720)", o->size_px, 1, 16384, NULL},
         {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
          "metres, exact at any distance, and degrees (default: the world's)", &o->camera, 0, 0, NULL},
+        {"path", 0, COMMAND_TEXT, "PATH", "fly: a file, or walk, low-flight, orbit, dive or jump", &o->path, 0, 0,
+         NULL},
+        {"frames", 0, COMMAND_INTEGER, "N", "pictures of the path, spread evenly unless --fps is given",
+         &o->num_pictures, 1, 10000000, NULL},
+        {"fps", 0, COMMAND_NUMBER, "F", "pictures a second (default: 30)", &o->fps, 0.001, 1000, NULL},
+        {"start", 0, COMMAND_NUMBER, "S", "seconds of the path at the first picture", &o->flight.start_s, -1e9, 1e9,
+         &o->flight.has_start},
+        {"end", 0, COMMAND_NUMBER, "S", "seconds of the path at which to stop", &o->flight.end_s, -1e9, 1e9,
+         &o->flight.has_end},
+        {"live", 0, COMMAND_FLAG, NULL, "draw each picture once, as it then is, for measuring", &o->flight.live, 0, 0,
+         NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &o->detail_px, 0.25, 64,
          NULL},
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
@@ -96,8 +105,11 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          16777216, NULL},
         {"budget-bricks", 0, COMMAND_INTEGER, "N", "bricks to produce in a frame at most (default: 4096)",
          &o->budget_bricks, 1, 8192, NULL},
-        {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle in at most (default: 1000)", &o->max_frames, 1,
-         1000000, NULL},
+        {"budget", 0, COMMAND_NUMBER, "MS",
+         "and what is expected to take so long (default: no clock, which is reproducible)", &o->budget_ms, 0.001, 60000,
+         NULL},
+        {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle a picture in at most (default: 1000)", &o->max_frames,
+         1, 1000000, NULL},
         {"device", 0, COMMAND_TEXT, "DEVICE", "number or part of the name from karst info; cpu; gpu", &o->device, 0, 0,
          NULL},
         {"display", 0, COMMAND_TEXT, "WAY", "auto, egl, osmesa or none (default: auto)", &o->display, 0, 0, NULL},
@@ -121,19 +133,49 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
     return true;
 }
 
-/* All that can be wrong and is found without opening a device. */
-static bool check_options(const render_options *o, karst_display_kind *display, karst_error *error)
+/* What concerns a path; fills in the flight. */
+static bool check_flight(render_options *o, karst_error *error)
 {
+    command_flight *flight = &o->flight;
+    if (!o->path) {
+        const char *stray = o->num_pictures     ? "frames"
+                            : o->fps > 0        ? "fps"
+                            : flight->has_start ? "start"
+                            : flight->has_end   ? "end"
+                            : flight->live      ? "live"
+                                                : NULL;
+        return !stray ||
+               karst_fail(error, KARST_USAGE, "--%s is about a path: name one, such as --path low-flight", stray);
+    }
+    if (o->camera)
+        return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
+    if (!o->output)
+        return karst_fail(error, KARST_USAGE, "where to? For example -o frames/%%05d.png or -o out.mp4");
+    flight->file = o->path_file;
+    flight->output = o->output;
+    flight->num_pictures = (size_t)o->num_pictures;
+    flight->fps = o->fps;
+    flight->max_frames = (uint32_t)o->max_frames;
+    return command_find_data("paths", o->path, ".json", o->path_file, sizeof o->path_file, error) &&
+           karst_path_check(o->path_file, error) &&
+           command_pictures_check(o->output, o->num_pictures == 1, o->size_px[0], o->size_px[1], error);
+}
+
+/* All that can be wrong and is found without opening a device. */
+static bool check_options(render_options *o, karst_display_kind *display, karst_error *error)
+{
+    if (!o->output && !o->path)
+        o->output = "out.png";
     karst_camera camera = {.fov_deg = 60};
     if (o->lanes != 0 && o->lanes != 1 && o->lanes != 16)
         return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)o->lanes);
-    if (strcmp(o->output, "-") == 0 && o->stats && strcmp(o->stats, "-") == 0)
+    if (o->output && strcmp(o->output, "-") == 0 && o->stats && strcmp(o->stats, "-") == 0)
         return karst_fail(error, KARST_USAGE, "-o - and --stats - both want stdout; give one of them a file");
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
     return karst_display_kind_parse(o->display, display, error) && check_world(o->world, error) &&
-           command_check_output(o->output, "-o", true, error) &&
+           check_flight(o, error) && (o->path || command_check_output(o->output, "-o", true, error)) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
 
@@ -143,10 +185,10 @@ static bool note_frame(void *user, const karst_stats *stats)
     command_progress(state->talk, "frame %u   %llu bricks   %llu requests   %.1f s", stats->frame,
                      (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
                      (double)(command_clock_ns() - state->start_ns) / 1e9);
-    return command_record_add(state->record, stats, state->error) && !interrupted;
+    return command_record_add(state->record, stats, state->error) && !command_interrupted();
 }
 
-/* Settles, reads the picture, writes what was asked for. */
+/* Settles, reads the picture, writes it. */
 static bool render(karst_engine *engine, const render_options *o, command_talk *talk, command_record *record,
                    karst_error *error)
 {
@@ -157,34 +199,45 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
     command_end_progress(talk);
     if (!ran)
         return false;
+    karst_stats stats;
+    karst_engine_stats(engine, &stats);
     if (frame_error.status != KARST_OK)
         return karst_fail(error, frame_error.status, "%s", frame_error.message);
-    if (interrupted)
+    if (command_interrupted())
         return karst_fail(error, KARST_FAILED, "interrupted after %zu frames; nothing was written", record->num_frames);
 
     size_t size_bytes = (size_t)o->size_px[0] * (size_t)o->size_px[1] * 4;
     uint8_t *rgba = malloc(size_bytes);
     if (!rgba)
         return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", o->size_px[0], o->size_px[1]);
-    bool written = karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
+    bool written = command_record_picture(record, &stats, record->num_frames, record->settled, error) &&
+                   karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
                    command_write_png(o->output, rgba, o->size_px[0], o->size_px[1], error);
     free(rgba);
-    if (written && o->stats) {
-        char *text = command_record_json(record);
-        written = text ? command_write_text(o->stats, text, error)
-                       : karst_fail(error, KARST_FAILED, "out of memory for the statistics");
-        free(text);
-    }
+    return written;
+}
+
+static bool write_stats(const char *path, command_record *record, karst_error *error)
+{
+    char *text = command_record_json(record);
+    bool written = text ? command_write_text(path, text, error)
+                        : karst_fail(error, KARST_FAILED, "out of memory for the statistics");
+    free(text);
     return written;
 }
 
 static void say_result(command_talk *talk, const render_options *o, const command_record *record)
 {
     const karst_stats *last = &record->last;
-    command_say(talk, "%s: %dx%d, %s after %zu frames in %.2f s, %llu bricks, on %s",
-                strcmp(o->output, "-") == 0 ? "stdout" : o->output, o->size_px[0], o->size_px[1],
-                record->settled ? "settled" : "not settled", record->num_frames, (double)record->elapsed_ns / 1e9,
-                (unsigned long long)last->num_resident_bricks, last->device);
+    if (o->path)
+        command_say(talk, "%s: %zu pictures of %dx%d, %zu settled, %zu frames in %.2f s, %llu bricks, on %s", o->output,
+                    record->num_pictures, o->size_px[0], o->size_px[1], record->num_settled, record->num_frames,
+                    (double)record->elapsed_ns / 1e9, (unsigned long long)last->num_resident_bricks, last->device);
+    else
+        command_say(talk, "%s: %dx%d, %s after %zu frames in %.2f s, %llu bricks, on %s",
+                    strcmp(o->output, "-") == 0 ? "stdout" : o->output, o->size_px[0], o->size_px[1],
+                    record->settled ? "settled" : "not settled", record->num_frames, (double)record->elapsed_ns / 1e9,
+                    (unsigned long long)last->num_resident_bricks, last->device);
     if (last->detail_given_px > last->detail_asked_px * 1.001)
         command_say(talk,
                     "detail: voxels of %.2f pixels instead of %.2f, which is what fits into the pools; a larger --pool "
@@ -202,6 +255,7 @@ static karst_engine_config make_config(const render_options *o, karst_display *d
     config.detail_px = o->detail_px;
     config.view_distance_m = o->view_distance_m;
     config.budget_bricks = (uint32_t)o->budget_bricks;
+    config.budget_ms = o->budget_ms;
     config.has_seed = o->has_seed;
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
@@ -211,12 +265,7 @@ static karst_engine_config make_config(const render_options *o, karst_display *d
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    render_options o = {.output = "out.png",
-                        .display = "auto",
-                        .size_px = {1280, 720},
-                        .pool_mib = 512,
-                        .max_frames = 1000,
-                        .detail_px = 1};
+    render_options o = {.display = "auto", .size_px = {1280, 720}, .pool_mib = 512, .max_frames = 1000, .detail_px = 1};
     karst_display_kind display_kind;
     if (!parse_options(argc, argv, talk, &o, error))
         return false;
@@ -225,10 +274,11 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     if (!check_options(&o, &display_kind, error))
         return false;
 
-    signal(SIGINT, interrupt);
-    signal(SIGTERM, interrupt);
+    command_catch_interrupts();
     const karst_log log = command_log(talk);
-    command_record record = {.world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1]};
+    command_record record = {
+        .world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1], .live = o.flight.live};
+    record.path = o.flight.file;
     karst_engine *engine = NULL;
     bool done = false;
 
@@ -250,12 +300,15 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
-    if (!render(engine, &o, talk, &record, error))
+    if (!(o.path ? command_flight_run(engine, &o.flight, o.size_px[0], o.size_px[1], talk, &record, error)
+                 : render(engine, &o, talk, &record, error)) ||
+        (o.stats && !write_stats(o.stats, &record, error)))
         goto out;
     say_result(talk, &o, &record);
-    done = record.settled || karst_fail(error, KARST_FAILED,
-                                        "not settled within %d frames: %s is written as it stands; raise --frames-max",
-                                        (int)o.max_frames, o.output);
+    done =
+        record.settled || record.live ||
+        karst_fail(error, KARST_FAILED, "not settled within %d frames: %s is written as it stands; raise --frames-max",
+                   (int)o.max_frames, o.output);
 out:
     command_end_progress(talk);
     karst_engine_destroy(engine);
