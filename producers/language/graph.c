@@ -146,15 +146,35 @@ karst_expr karst_graph_leaf(karst_graph *graph, karst_op op, uint32_t extra)
     return karst_graph_raw(graph, op, KARST_TYPE_FLOAT, extra, 0, 0, 0, 0);
 }
 
+static uint32_t hash_affine(const karst_affine *a)
+{
+    return mix(mix(mix(mix(0x2545f491u, a->coefficient[0]), a->coefficient[1]), a->coefficient[2]), a->offset);
+}
+
+static void grow_affine_table(karst_graph *graph)
+{
+    graph->affine_table_size = graph->affine_table_size ? graph->affine_table_size * 2 : 64;
+    graph->affine_table = karst_arena_alloc(graph->arena, graph->affine_table_size * sizeof *graph->affine_table);
+    for (uint32_t i = 0; i < graph->num_affines; i++) {
+        uint32_t at = hash_affine(&graph->affines[i]) & (graph->affine_table_size - 1);
+        while (graph->affine_table[at])
+            at = (at + 1) & (graph->affine_table_size - 1);
+        graph->affine_table[at] = i + 1;
+    }
+}
+
 karst_expr karst_graph_affine(karst_graph *graph, karst_affine affine)
 {
-    uint32_t i = 0;
-    while (i < graph->num_affines && memcmp(&graph->affines[i], &affine, sizeof affine))
-        i++;
-    if (i == graph->num_affines) {
-        graph->affines = karst_arena_grow(graph->arena, graph->affines, i, &graph->affine_room, i + 1u, sizeof affine);
-        graph->affines[graph->num_affines++] = affine;
-    }
+    if ((graph->num_affines + 1) * 2 > graph->affine_table_size)
+        grow_affine_table(graph);
+    uint32_t at = hash_affine(&affine) & (graph->affine_table_size - 1), i;
+    for (; (i = graph->affine_table[at]); at = (at + 1) & (graph->affine_table_size - 1))
+        if (!memcmp(&graph->affines[i - 1], &affine, sizeof affine))
+            return karst_graph_raw(graph, KARST_OP_AFFINE, KARST_TYPE_FLOAT, i - 1, 0, 0, 0, 0);
+    i = graph->num_affines++;
+    graph->affines = karst_arena_grow(graph->arena, graph->affines, i, &graph->affine_room, i + 1u, sizeof affine);
+    graph->affines[i] = affine;
+    graph->affine_table[at] = i + 1;
     return karst_graph_raw(graph, KARST_OP_AFFINE, KARST_TYPE_FLOAT, i, 0, 0, 0, 0);
 }
 

@@ -160,7 +160,7 @@ typedef struct karst_graph {
     void (*full)(void *user, uint32_t where); /* called at max_nodes; must not return */
     void *user;
     /* private to graph.c */
-    uint32_t *table, table_size, *constant_table, constant_table_size;
+    uint32_t *table, table_size, *constant_table, constant_table_size, *affine_table, affine_table_size;
     size_t node_room, constant_room, noise_room, affine_room;
 } karst_graph;
 

@@ -1,6 +1,8 @@
 #include "producers/language/language.h"
 
 #include <errno.h>
+#include <float.h>
+#include <math.h>
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "core/embedded.h"
+#include "producers/language/kinds.h"
 #include "producers/language/lower.h"
 
 #define PRELUDE "producers/language/prelude.karst"
@@ -103,6 +106,31 @@ static void extract(compilation *c)
     }
 }
 
+/* Ranges that a header leaves open are unbounded. */
+static double open_range(double bound)
+{
+    return bound == DBL_MAX ? (double)INFINITY : bound == -DBL_MAX ? -(double)INFINITY : bound;
+}
+
+static void resolve(compilation *c)
+{
+    karst_program_graph *p = c->program;
+    double low[KARST_MAX_PARAMETERS + 16], high[KARST_MAX_PARAMETERS + 16];
+    for (uint32_t i = 0; i < c->lowering.num_parameters; i++) {
+        low[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].min) : -(double)INFINITY;
+        high[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].max) : (double)INFINITY;
+    }
+    karst_kinds_settings settings = {.voxel_log2_m = p->header.voxel_log2_m, .extent_m = p->header.extent_m};
+    settings.parameter_min = low;
+    settings.parameter_max = high;
+    karst_expr roots[4] = {p->density, p->colour[0], p->colour[1], p->colour[2]};
+    karst_graph_init(&p->resolved, &p->arena, 2 * KARST_MAX_LIVE_NODES, live_full, c);
+    karst_kinds_resolve(&p->graph, &settings, &p->resolved, roots, p->has_colour ? 4 : 1);
+    p->world = (karst_resolved_world){.graph = &p->resolved, .density = roots[0], .has_colour = p->has_colour};
+    for (int i = 0; i < 3 && p->has_colour; i++)
+        p->world.colour[i] = roots[i + 1];
+}
+
 static void list_parameters(compilation *c)
 {
     karst_program_graph *p = c->program;
@@ -141,6 +169,7 @@ static void compile(compilation *c, const char *name, const char *text, size_t l
     karst_graph_init(&c->raw, &c->program->arena, KARST_MAX_RAW_NODES, NULL, NULL);
     karst_lower(&c->lowering);
     extract(c);
+    resolve(c);
     list_parameters(c);
     c->program->max_iterations = c->lowering.max_iterations_seen;
 }
@@ -175,7 +204,8 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
     program->diagnostics = c->source.first;
     if (!*ok) {
         const karst_diagnostic *last = c->source.last;
-        program->graph = (karst_graph){0};
+        program->graph = program->resolved = (karst_graph){0};
+        program->world = (karst_resolved_world){0};
         program->density = KARST_NO_EXPR;
         program->has_colour = false;
         if (c->arena_full || !last || !last->is_error)
@@ -185,7 +215,7 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
             karst_fail(error, KARST_BAD_WORLD, "%.300s:%u:%u: %.600s", name, last->line, last->column, last->message);
     }
     program->arena.full = NULL; /* the way back is gone */
-    program->graph.full = NULL;
+    program->graph.full = program->resolved.full = NULL;
     free(c);
     return program;
 }

@@ -3,7 +3,7 @@
 #define KARST_LANGUAGE_LANGUAGE_H
 
 #include "karst/error.h"
-#include "producers/language/graph.h"
+#include "producers/language/data.h"
 #include "producers/language/header.h"
 #include "producers/language/source.h"
 
@@ -31,7 +31,9 @@ typedef struct {
     karst_graph graph;  /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
     karst_expr density; /* float */
     bool has_colour;
-    karst_expr colour[3]; /* floats: linear RGB */
+    karst_expr colour[3];       /* floats: linear RGB */
+    karst_graph resolved;       /* what is executed: see kinds.h */
+    karst_resolved_world world; /* the same roots in it */
     uint32_t num_parameters;
     karst_world_parameter *parameters;
     uint32_t num_octaves;                /* of all noises together */
