@@ -9,8 +9,9 @@
 #include "producers/finalise.h"
 #include "producers/subdivide.h"
 
-/* Loads whose samples are in staging memory at a time. CPUs: 2.4 MiB, which stays in the last-level cache between evaluate and finalise
- * (32 to 512 were measured to be equally fast). Else 10 MiB: enough independent work-groups for a large GPU. */
+/* Loads whose samples are in staging memory at a time. CPUs: 2.4 MiB, which stays in the last-level cache between
+ * evaluate and finalise (32 to 512 were measured to be equally fast). Else 10 MiB: enough independent work-groups for a
+ * large GPU. */
 #define MAX_CHUNK_CPU 128
 #define MAX_CHUNK 512
 
@@ -24,31 +25,32 @@ typedef struct {
     karst_finaliser *finaliser;
     karst_buffer *data; /* of the program; NULL: it has none */
     karst_buffer *loads, *staging, *scrubs, *total;
-    karst_scrub_total known;  /* *total as last read */
+    karst_scrub_total known; /* *total as last read */
     bool total_may_have_changed;
 } density_producer;
 
-static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
+static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work,
+                      karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
     return karst_subdivide_tiles(producer->subdivider, cache, work, error);
 }
 
-static bool evaluate(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                     karst_error *error)
+static bool evaluate(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                     uint32_t count, karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
     return karst_bound_loads(producer->subdivider, cache, work, first, count, producer->loads, error) &&
            karst_evaluate_bricks(producer->evaluator, producer->loads, count, producer->staging, error);
 }
 
-static bool finalise(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                     karst_error *error)
+static bool finalise(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                     uint32_t count, karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
     producer->total_may_have_changed = true;
-    return karst_finalise_bricks(producer->finaliser, cache, work, first, count, producer->loads, producer->staging, producer->scrubs,
-                                 producer->total, error);
+    return karst_finalise_bricks(producer->finaliser, cache, work, first, count, producer->loads, producer->staging,
+                                 producer->scrubs, producer->total, error);
 }
 
 /* A density program does not change during its life. */
@@ -70,8 +72,12 @@ static void destroy(karst_producer *self)
     free(producer);
 }
 
-static const karst_producer_ops density_ops = {
-    .kind = "density", .subdivide = subdivide, .evaluate = evaluate, .finalise = finalise, .take_dirty = take_dirty, .destroy = destroy};
+static const karst_producer_ops density_ops = {.kind = "density",
+                                               .subdivide = subdivide,
+                                               .evaluate = evaluate,
+                                               .finalise = finalise,
+                                               .take_dirty = take_dirty,
+                                               .destroy = destroy};
 
 static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
 {
@@ -79,8 +85,10 @@ static bool create_kernels(density_producer *producer, const karst_density_progr
     karst_context *context = producer->context;
     const char *finalise_options = program->finalise_options ? program->finalise_options : "";
     return (producer->subdivider = karst_subdivider_create(context, &world, program->options, error)) &&
-           (producer->evaluator = karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
-           (producer->finaliser = karst_finaliser_create(context, program->shape, &producer->layout, finalise_options, error));
+           (producer->evaluator =
+                karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
+           (producer->finaliser =
+                karst_finaliser_create(context, program->shape, &producer->layout, finalise_options, error));
 }
 
 static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
@@ -109,21 +117,24 @@ static bool create_buffers(density_producer *producer, uint32_t max_chunk, karst
            (producer->total = karst_buffer_create(context, "staging", sizeof(karst_scrub_total), NULL, error));
 }
 
-karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program, karst_error *error)
+karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
+                                                      karst_error *error)
 {
     density_producer *producer = calloc(1, sizeof *producer);
     if (!producer) {
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    uint32_t most = context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK, max_chunk = program->max_loads < most ? program->max_loads : most;
-    producer->base = (karst_producer){.ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
+    uint32_t most = context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK,
+             max_chunk = program->max_loads < most ? program->max_loads : most;
+    producer->base = (karst_producer){
+        .ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
     producer->context = context;
     producer->channels[0] = (karst_channel){.name = "density", .format = KARST_FORMAT_SCALED_I16, .components = 1};
     bool fits = karst_channels_lay_out(producer->channels, 1, &producer->layout, error) &&
                 (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
-                 karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u", producer->layout.slot_stride,
-                            KARST_BRICK_STRIDE));
+                 karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u",
+                            producer->layout.slot_stride, KARST_BRICK_STRIDE));
     if (!fits || !create_kernels(producer, program, error) || !create_data(producer, program, error) ||
         !create_buffers(producer, producer->base.max_chunk, error)) {
         destroy(&producer->base);
@@ -132,8 +143,8 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
     return &producer->base;
 }
 
-karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed, uint32_t max_loads,
-                                              karst_error *error)
+karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed,
+                                              uint32_t max_loads, karst_error *error)
 {
     char source[256], options[128];
     snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
@@ -152,7 +163,8 @@ karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t 
 static const karst_scrub_total *scrub_total(karst_producer *self)
 {
     density_producer *producer = (density_producer *)self;
-    if (producer->total_may_have_changed && karst_buffer_read(producer->total, 0, &producer->known, sizeof producer->known, NULL))
+    if (producer->total_may_have_changed &&
+        karst_buffer_read(producer->total, 0, &producer->known, sizeof producer->known, NULL))
         producer->total_may_have_changed = false;
     return &producer->known;
 }

@@ -1,4 +1,5 @@
-/* The producer of a density program. karst_density_producer_create (producers/producer.h) makes one of a shipped world. */
+/* The producer of a density program. karst_density_producer_create (producers/producer.h) makes one of a shipped world.
+ */
 #ifndef KARST_PRODUCERS_DENSITY_PRODUCER_H
 #define KARST_PRODUCERS_DENSITY_PRODUCER_H
 
@@ -7,17 +8,18 @@
 
 /* A density program as text, and how to run it. */
 typedef struct {
-    const char *name;    /* for people; borrowed for the producer's life */
-    const char *source;  /* what "world.clh" is (producers/density.clh); borrowed during creation */
-    const char *options; /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
+    const char *name;             /* for people; borrowed for the producer's life */
+    const char *source;           /* what "world.clh" is (producers/density.clh); borrowed during creation */
+    const char *options;          /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
     const char *finalise_options; /* NULL, or more options for finalise (tests) */
     const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
     size_t data_bytes; /* a multiple of 8 */
     karst_shape shape;
-    uint32_t max_loads;  /* the most loads in one round's work */
+    uint32_t max_loads; /* the most loads in one round's work */
 } karst_density_program;
 
-karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program, karst_error *error);
+karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
+                                                      karst_error *error);
 
 /* Replaces a program's data by other of the same size, for work that is answered from now on; the caller drops what was
  * made of the old. */

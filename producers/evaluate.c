@@ -26,7 +26,8 @@ karst_evaluator *karst_evaluator_create(karst_context *context, karst_shape shap
     karst_channels_options(layout, channels, sizeof channels);
     snprintf(all_options, sizeof all_options, "%s %s -DKARST_GROUP=%zu", options, channels, evaluator->group_size);
     evaluator->program = karst_program_build(context, "producers/evaluate.cl", all_options, world, 1, error);
-    if (!evaluator->program || !(evaluator->bricks = karst_program_kernel(evaluator->program, "karst_evaluate_bricks", error))) {
+    if (!evaluator->program ||
+        !(evaluator->bricks = karst_program_kernel(evaluator->program, "karst_evaluate_bricks", error))) {
         karst_evaluator_destroy(evaluator);
         return NULL;
     }
@@ -48,10 +49,11 @@ void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *da
     evaluator->data = data ? data->mem : NULL;
 }
 
-bool karst_evaluate_bricks(karst_evaluator *evaluator, karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_error *error)
+bool karst_evaluate_bricks(karst_evaluator *evaluator, karst_buffer *loads, uint32_t count, karst_buffer *staging,
+                           karst_error *error)
 {
-    return KARST_ARGUMENTS(evaluator->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(staging),
-                           KARST_VALUE_ARG(evaluator->data)) &&
-           karst_launch(evaluator->context, evaluator->bricks, KARST_STAGE_EVALUATE, (size_t)count * evaluator->group_size,
-                        evaluator->group_size, error);
+    return KARST_ARGUMENTS(evaluator->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
+                           KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(evaluator->data)) &&
+           karst_launch(evaluator->context, evaluator->bricks, KARST_STAGE_EVALUATE,
+                        (size_t)count * evaluator->group_size, evaluator->group_size, error);
 }

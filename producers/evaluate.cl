@@ -8,11 +8,11 @@
 
 #if KARST_GROUP == 1
 
-/* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the seventeenth
- * samples, a face of the brick, are gathered into full vectors rather than a vector each. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
-                           world_data data)
+/* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the
+ * seventeenth samples, a face of the brick, are gathered into full vectors rather than a vector each. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                      world_data data)
 {
     uint brick = (uint)get_global_id(0);
     world_axes axes;
@@ -39,10 +39,11 @@ void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count
 
 #else
 
-/* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1)))
-void karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
-                           world_data data)
+/* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates.
+ */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
+karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                      world_data data)
 {
     uint brick = (uint)get_group_id(0);
 

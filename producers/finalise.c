@@ -11,8 +11,8 @@ struct karst_finaliser {
     size_t group_size; /* work-items a brick */
 };
 
-karst_finaliser *karst_finaliser_create(karst_context *context, karst_shape shape, const karst_channel_layout *layout, const char *options,
-                                        karst_error *error)
+karst_finaliser *karst_finaliser_create(karst_context *context, karst_shape shape, const karst_channel_layout *layout,
+                                        const char *options, karst_error *error)
 {
     karst_finaliser *finaliser = calloc(1, sizeof *finaliser);
     char all_options[1024], channels[512];
@@ -25,7 +25,8 @@ karst_finaliser *karst_finaliser_create(karst_context *context, karst_shape shap
     karst_channels_options(layout, channels, sizeof channels);
     snprintf(all_options, sizeof all_options, "%s %s -DKARST_GROUP=%zu", options, channels, finaliser->group_size);
     finaliser->program = karst_program_build(context, "producers/finalise.cl", all_options, NULL, 0, error);
-    if (!finaliser->program || !(finaliser->bricks = karst_program_kernel(finaliser->program, "karst_finalise_bricks", error)) ||
+    if (!finaliser->program ||
+        !(finaliser->bricks = karst_program_kernel(finaliser->program, "karst_finalise_bricks", error)) ||
         !(finaliser->tally = karst_program_kernel(finaliser->program, "karst_finalise_tally", error))) {
         karst_finaliser_destroy(finaliser);
         return NULL;
@@ -45,20 +46,21 @@ void karst_finaliser_destroy(karst_finaliser *finaliser)
     free(finaliser);
 }
 
-bool karst_finalise_bricks(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                           uint32_t count, karst_buffer *loads, karst_buffer *staging, karst_buffer *scrubs, karst_buffer *total,
-                           karst_error *error)
+bool karst_finalise_bricks(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work,
+                           uint32_t first, uint32_t count, karst_buffer *loads, karst_buffer *staging,
+                           karst_buffer *scrubs, karst_buffer *total, karst_error *error)
 {
     karst_buffer *const *b = cache->bricks;
-    if (!KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(first),
-                         KARST_VALUE_ARG(count), KARST_BUFFER_ARG(work->load_slots), KARST_BUFFER_ARG(work->load_results),
-                         KARST_BUFFER_ARG(cache->brick_info), KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(cache->bricks_per_segment),
-                         KARST_BUFFER_ARG(b[0]), KARST_BUFFER_ARG(b[1]), KARST_BUFFER_ARG(b[2]), KARST_BUFFER_ARG(b[3]),
-                         KARST_BUFFER_ARG(b[4]), KARST_BUFFER_ARG(b[5]), KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7])) ||
-        !karst_launch(finaliser->context, finaliser->bricks, KARST_STAGE_FINALISE, (size_t)count * finaliser->group_size,
-                      finaliser->group_size, error))
+    if (!KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(staging),
+                         KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(work->load_slots),
+                         KARST_BUFFER_ARG(work->load_results), KARST_BUFFER_ARG(cache->brick_info),
+                         KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(cache->bricks_per_segment), KARST_BUFFER_ARG(b[0]),
+                         KARST_BUFFER_ARG(b[1]), KARST_BUFFER_ARG(b[2]), KARST_BUFFER_ARG(b[3]), KARST_BUFFER_ARG(b[4]),
+                         KARST_BUFFER_ARG(b[5]), KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7])) ||
+        !karst_launch(finaliser->context, finaliser->bricks, KARST_STAGE_FINALISE,
+                      (size_t)count * finaliser->group_size, finaliser->group_size, error))
         return false;
-    return KARST_ARGUMENTS(finaliser->tally, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(total)) &&
+    return KARST_ARGUMENTS(finaliser->tally, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(scrubs),
+                           KARST_VALUE_ARG(count), KARST_BUFFER_ARG(total)) &&
            karst_launch(finaliser->context, finaliser->tally, KARST_STAGE_FINALISE, 1, 1, error);
 }

@@ -1,11 +1,11 @@
-/* Finalise: samples in staging memory become a constant or clear node or a 16-bit brick. KARST_GROUP work-items share a brick (1: the CPU
- * shape); whatever the shape, results are maxima, counts and bit masks, which do not depend on the order. */
+/* Finalise: samples in staging memory become a constant or clear node or a 16-bit brick. KARST_GROUP work-items share a
+ * brick (1: the CPU shape); whatever the shape, results are maxima, counts and bit masks, which do not depend on the
+ * order. */
 #include "core/lanes.clh"
 #include "producers/finalise_shared.h"
 
 #define ROW KARST_BRICK_SIDE
 #define PLANE (KARST_BRICK_SIDE * KARST_BRICK_SIDE)
-#define NUM_CELLS (KARST_BRICK_CELLS * KARST_BRICK_CELLS * KARST_BRICK_CELLS)
 #define LOCAL_ID ((int)get_local_id(0))
 #define NUM_GROUP_CELLS 9
 
@@ -59,7 +59,7 @@ typedef struct {
 } sample_survey;
 
 typedef struct {
-    float reach;          /* largest |d| at a corner of a surface cell */
+    float reach; /* largest |d| at a corner of a surface cell */
     uint blocks[2];
 } surface_survey;
 
@@ -109,29 +109,49 @@ K_INLINE uint block_bits(vint on, int x)
 #endif
 }
 
+/* Cells are walked in columns of x and z, LANES neighbours in x at a time, up along y: each cell begins with what its
+ * lower neighbour found of the four corners that they share. */
+#define NUM_COLUMNS (KARST_BRICK_CELLS * KARST_BRICK_CELLS)
+
+/* What four corners of a cell at one height have in common. */
+typedef struct {
+    vint all_solid, any_solid;
+    vfloat size; /* largest |d| */
+} corner_survey;
+
+K_INLINE K_WIDE corner_survey survey_corners(K_GLOBAL const float *corner)
+{
+    vfloat d00 = v_load_float(corner), d10 = v_load_float(corner + 1);
+    vfloat d01 = v_load_float(corner + PLANE), d11 = v_load_float(corner + PLANE + 1);
+    vint s00 = v_gt(d00, (vfloat)(0.0f)), s10 = v_gt(d10, (vfloat)(0.0f));
+    vint s01 = v_gt(d01, (vfloat)(0.0f)), s11 = v_gt(d11, (vfloat)(0.0f));
+    corner_survey survey;
+    survey.all_solid = s00 & s10 & s01 & s11;
+    survey.any_solid = s00 | s10 | s01 | s11;
+    survey.size = v_max(v_max(k_fabs(d00), k_fabs(d10)), v_max(k_fabs(d01), k_fabs(d11)));
+    return survey;
+}
+
 /* The surface cells (corners on both sides): which blocks have them, and how far their corners reach. */
 K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_survey *survey)
 {
     vfloat reach = (vfloat)(0.0f);
     uint blocks[2] = {0u, 0u};
 
-    for (int cell = LOCAL_ID * LANES; cell < NUM_CELLS; cell += KARST_GROUP * LANES) {
-        int x = cell % KARST_BRICK_CELLS, y = cell / KARST_BRICK_CELLS % KARST_BRICK_CELLS;
-        int z = cell / (KARST_BRICK_CELLS * KARST_BRICK_CELLS);
-        K_GLOBAL const float *corner = samples + z * PLANE + y * ROW + x;
-        vint all = (vint)(-1), any = (vint)(0);
-        vfloat size = (vfloat)(0.0f);
-        for (int i = 0; i < 8; i++) {
-            vfloat d = v_load_float(corner + (i & 1) + (i >> 1 & 1) * ROW + (i >> 2) * PLANE);
-            vint is_solid = v_gt(d, (vfloat)(0.0f));
-            all &= is_solid;
-            any |= is_solid;
-            size = v_max(size, k_fabs(d));
-        }
-        vint mixed = any & ~all;
-        if (v_any(mixed)) {
-            reach = v_select(mixed & v_gt(size, reach), size, reach);
-            blocks[z / (2 * KARST_BLOCK_CELLS)] |= block_bits(mixed, x) << (4 * (y / KARST_BLOCK_CELLS) + 16 * (z / KARST_BLOCK_CELLS % 2));
+    for (int column = LOCAL_ID * LANES; column < NUM_COLUMNS; column += KARST_GROUP * LANES) {
+        int x = column % KARST_BRICK_CELLS, z = column / KARST_BRICK_CELLS;
+        K_GLOBAL const float *corner = samples + z * PLANE + x;
+        corner_survey below = survey_corners(corner);
+        for (int y = 0; y < KARST_BRICK_CELLS; y++) {
+            corner_survey above = survey_corners(corner + (y + 1) * ROW);
+            vint mixed = (below.any_solid | above.any_solid) & ~(below.all_solid & above.all_solid);
+            if (v_any(mixed)) {
+                vfloat size = v_max(below.size, above.size);
+                reach = v_select(mixed & v_gt(size, reach), size, reach);
+                blocks[z / (2 * KARST_BLOCK_CELLS)] |=
+                    block_bits(mixed, x) << (4 * (y / KARST_BLOCK_CELLS) + 16 * (z / KARST_BLOCK_CELLS % 2));
+            }
+            below = above;
         }
     }
     survey->reach = v_max_across(reach);
@@ -139,7 +159,8 @@ K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_surve
     survey->blocks[1] = blocks[1];
 }
 
-/* Samples to q: nearest, clamped, and never on the other side of zero. The padding at the end becomes whatever the staging's holds. */
+/* Samples to q: nearest, clamped, and never on the other side of zero. The padding at the end becomes whatever the
+ * staging's holds. */
 K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, K_GLOBAL short *slot)
 {
     vfloat per_unit = (vfloat)(KARST_MAX_Q / range), most = (vfloat)(range);
@@ -155,44 +176,55 @@ K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, 
 
 /* The square of the steepest slope of the interpolant of q, in q per cell.
  *
- * In a cell, each component of the trilinear interpolant's gradient is a weighted mean of the differences along the four edges of
- * that axis; so the largest of the four bounds it, and the three together bound the gradient's length. */
+ * In a cell, each component of the trilinear interpolant's gradient is a weighted mean of the differences along the
+ * four edges of that axis; so the largest of the four bounds it, and the three together bound the gradient's length. */
 K_INLINE K_WIDE float survey_slope(K_GLOBAL const short *slot)
 {
     vfloat steepest = (vfloat)(0.0f);
 
-    for (int cell = LOCAL_ID * LANES; cell < NUM_CELLS; cell += KARST_GROUP * LANES) {
-        int x = cell % KARST_BRICK_CELLS, y = cell / KARST_BRICK_CELLS % KARST_BRICK_CELLS;
-        int z = cell / (KARST_BRICK_CELLS * KARST_BRICK_CELLS);
-        K_GLOBAL const short *q = slot + z * PLANE + y * ROW + x;
-        vfloat q000 = LOAD_Q(q), q100 = LOAD_Q(q + 1);
-        vfloat q010 = LOAD_Q(q + ROW), q110 = LOAD_Q(q + ROW + 1);
-        vfloat q001 = LOAD_Q(q + PLANE), q101 = LOAD_Q(q + PLANE + 1);
-        vfloat q011 = LOAD_Q(q + PLANE + ROW), q111 = LOAD_Q(q + PLANE + ROW + 1);
-        vfloat dx = v_max(v_max(k_fabs(q100 - q000), k_fabs(q110 - q010)), v_max(k_fabs(q101 - q001), k_fabs(q111 - q011)));
-        vfloat dy = v_max(v_max(k_fabs(q010 - q000), k_fabs(q110 - q100)), v_max(k_fabs(q011 - q001), k_fabs(q111 - q101)));
-        vfloat dz = v_max(v_max(k_fabs(q001 - q000), k_fabs(q101 - q100)), v_max(k_fabs(q011 - q010), k_fabs(q111 - q110)));
-        steepest = v_max(steepest, k_fma(dx, dx, k_fma(dy, dy, dz * dz)));
+    for (int column = LOCAL_ID * LANES; column < NUM_COLUMNS; column += KARST_GROUP * LANES) {
+        int x = column % KARST_BRICK_CELLS, z = column / KARST_BRICK_CELLS;
+        K_GLOBAL const short *q = slot + z * PLANE + x;
+        vfloat q00 = LOAD_Q(q), q10 = LOAD_Q(q + 1), q01 = LOAD_Q(q + PLANE), q11 = LOAD_Q(q + PLANE + 1);
+        vfloat dx = v_max(k_fabs(q10 - q00), k_fabs(q11 - q01)), dz = v_max(k_fabs(q01 - q00), k_fabs(q11 - q10));
+        for (int y = 0; y < KARST_BRICK_CELLS; y++) {
+            q += ROW;
+            vfloat p00 = LOAD_Q(q), p10 = LOAD_Q(q + 1), p01 = LOAD_Q(q + PLANE), p11 = LOAD_Q(q + PLANE + 1);
+            vfloat ex = v_max(k_fabs(p10 - p00), k_fabs(p11 - p01)), ez = v_max(k_fabs(p01 - p00), k_fabs(p11 - p10));
+            vfloat sy = v_max(v_max(k_fabs(p00 - q00), k_fabs(p10 - q10)), v_max(k_fabs(p01 - q01), k_fabs(p11 - q11)));
+            vfloat sx = v_max(dx, ex), sz = v_max(dz, ez);
+            steepest = v_max(steepest, k_fma(sx, sx, k_fma(sy, sy, sz * sz)));
+            q00 = p00, q10 = p10, q01 = p01, q11 = p11;
+            dx = ex, dz = ez;
+        }
     }
     return v_max_across(steepest);
 }
 
-K_INLINE K_GLOBAL short *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2,
-                                 K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
+K_INLINE K_GLOBAL short *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1,
+                                 K_GLOBAL short *b2, K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5,
+                                 K_GLOBAL short *b6, K_GLOBAL short *b7)
 {
     uint segment = slot / bricks_per_segment;
-    K_GLOBAL short *base = segment == 0 ? b0 : segment == 1 ? b1 : segment == 2 ? b2 : segment == 3 ? b3 :
-                           segment == 4 ? b4 : segment == 5 ? b5 : segment == 6 ? b6 : b7;
+    K_GLOBAL short *base = segment == 0   ? b0
+                           : segment == 1 ? b1
+                           : segment == 2 ? b2
+                           : segment == 3 ? b3
+                           : segment == 4 ? b4
+                           : segment == 5 ? b5
+                           : segment == 6 ? b6
+                                          : b7;
     return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_STRIDE;
 }
 
 /* Work-group i finalises load first + i of the work, whose samples are the i-th of the staging memory. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1)))
-void karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float *staging, uint first, uint count,
-                           K_GLOBAL const uint *restrict load_slots, K_GLOBAL uint *restrict load_results,
-                           K_GLOBAL karst_brick_info *restrict brick_info, K_GLOBAL karst_scrub *restrict scrubs,
-                           uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2, K_GLOBAL short *b3,
-                           K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
+karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float *staging, uint first, uint count,
+                      K_GLOBAL const uint *restrict load_slots, K_GLOBAL uint *restrict load_results,
+                      K_GLOBAL karst_brick_info *restrict brick_info, K_GLOBAL karst_scrub *restrict scrubs,
+                      uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2,
+                      K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6,
+                      K_GLOBAL short *b7)
 {
     uint brick = (uint)get_group_id(0);
 #if KARST_GROUP > 1
@@ -222,7 +254,8 @@ void karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL f
     karst_scrub scrub;
     scrub.count = group_sum(survey.num_scrubbed, cells + 3);
     scrub.first = group_min(survey.first_scrubbed, cells + 4);
-    uint state = karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count, loads[brick].doubt);
+    uint state = karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count,
+                                          loads[brick].doubt);
     if (LOCAL_ID == 0) {
         load_results[first + brick] = state;
         scrubs[brick] = scrub;
@@ -247,9 +280,9 @@ void karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL f
 }
 
 /* One work-item adds what was scrubbed from `count` loads to the total, and remembers the first place. */
-__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void karst_finalise_tally(K_GLOBAL const karst_load *restrict loads, K_GLOBAL const karst_scrub *restrict scrubs, uint count,
-                          K_GLOBAL karst_scrub_total *restrict total)
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+karst_finalise_tally(K_GLOBAL const karst_load *restrict loads, K_GLOBAL const karst_scrub *restrict scrubs, uint count,
+                     K_GLOBAL karst_scrub_total *restrict total)
 {
     if (get_global_id(0) != 0)
         return;
@@ -257,7 +290,8 @@ void karst_finalise_tally(K_GLOBAL const karst_load *restrict loads, K_GLOBAL co
         if (scrubs[i].count == 0)
             continue;
         if (total->count == 0) {
-            int sample[3] = {(int)scrubs[i].first % ROW, (int)scrubs[i].first / ROW % ROW, (int)scrubs[i].first / PLANE};
+            int sample[3] = {(int)scrubs[i].first % ROW, (int)scrubs[i].first / ROW % ROW,
+                             (int)scrubs[i].first / PLANE};
             for (int axis = 0; axis < 3; axis++)
                 total->voxel[axis] = loads[i].origin[axis] + ((long)sample[axis] << loads[i].level);
             total->level = loads[i].level;

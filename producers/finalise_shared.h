@@ -5,11 +5,11 @@
 #include "producers/load_shared.h"
 
 #define KARST_MAX_Q 32767.0f
-/* A brick keeps its full range, so that rays far from the surface see how far they are, unless that is more than this many
- * times the largest density at a corner of a surface cell: beyond it values are clamped. In a field that is near to a distance
- * the corners of surface cells reach 0.5 to 1.7 cells: nothing is clamped within 16 cells of the surface, and a cell is some
- * 2000 steps of q, whose normals differ by 0.03 degrees from exact ones. In a wild field (an exponential, a pole) the surface
- * cells keep 1000 steps, whatever the field does elsewhere. */
+/* A brick keeps its full range, so that rays far from the surface see how far they are, unless that is more than this
+ * many times the largest density at a corner of a surface cell: beyond it values are clamped. In a field that is near
+ * to a distance the corners of surface cells reach 0.5 to 1.7 cells: nothing is clamped within 16 cells of the surface,
+ * and a cell is some 2000 steps of q, whose normals differ by 0.03 degrees from exact ones. In a wild field (an
+ * exponential, a pole) the surface cells keep 1000 steps, whatever the field does elsewhere. */
 #define KARST_CLAMP_SURFACES 32.0f
 /* Smaller scales than this would make 1 / scale infinite. */
 #define KARST_MIN_RANGE 0x1p-100f
@@ -18,7 +18,8 @@
 /* Longer safe steps than this leave the brick anyway. */
 #define KARST_MAX_SAFE_CELLS 32.0f
 
-/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of surface cells. */
+/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of
+ * surface cells. */
 K_INLINE float karst_brick_range(float largest, float surface)
 {
     float clamp = surface * KARST_CLAMP_SURFACES; /* infinite for a huge surface: no clamp */
@@ -26,8 +27,8 @@ K_INLINE float karst_brick_range(float largest, float surface)
     return range > KARST_MIN_RANGE ? range : KARST_MIN_RANGE;
 }
 
-/* karst_brick_info.safe_cells from the square of the steepest slope of q, in q per cell. The relative error of the sum of squares, the
- * root and the quotient is below 2^-21. */
+/* karst_brick_info.safe_cells from the square of the steepest slope of q, in q per cell. The relative error of the sum
+ * of squares, the root and the quotient is below 2^-21. */
 K_INLINE float karst_safe_cells(float slope_squared)
 {
     float safe = (1.0f - 0x1p-20f) / k_sqrt(slope_squared > 1e-6f ? slope_squared : 1e-6f);
@@ -36,11 +37,13 @@ K_INLINE float karst_safe_cells(float slope_squared)
 
 /* The state of a node from its samples: the least |d| and whether there are solid (d > 0) and air ones among them.
  *
- * Constant is a proof: with every sample on one side of zero and farther from it than `doubt`, every point of the node, at every
- * footprint from 0 to the parent's voxel, lies on the samples' side too, since it differs from the sample nearest to it by `doubt` at most
- * (karst_load_doubt). A doubt that is not finite proves nothing; neither do samples of which some were scrubbed.
+ * Constant is a proof: with every sample on one side of zero and farther from it than `doubt`, every point of the node,
+ * at every footprint from 0 to the parent's voxel, lies on the samples' side too, since it differs from the sample
+ * nearest to it by `doubt` at most (karst_load_doubt). A doubt that is not finite proves nothing; neither do samples of
+ * which some were scrubbed.
  *
- * Without a proof, samples on one side still say that this level's interpolant has no zero: the node is clear, and keeps no brick. */
+ * Without a proof, samples on one side still say that this level's interpolant has no zero: the node is clear, and
+ * keeps no brick. */
 K_INLINE uint karst_state_from_samples(float least, int any_solid, int any_air, uint num_scrubbed, float doubt)
 {
 #ifdef KARST_MUTANT_SAMPLING /* what the proof is there to avoid; tests build it to see that it is caught */

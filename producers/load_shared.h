@@ -8,9 +8,10 @@
 typedef struct {
     long origin[3]; /* level-0 voxel of sample (0, 0, 0) */
     int level;
-    uint state;     /* KARST_STATE_AIR or _SOLID: its bounds prove it, no samples are needed; KARST_STATE_UNKNOWN otherwise */
-    float doubt;    /* by how much the density may differ between a point of the node, at any footprint from 0 to its parent's
-                       voxel, and the sample nearest to it. Not finite: not known */
+    uint state;  /* KARST_STATE_AIR or _SOLID: its bounds prove it, no samples are needed; KARST_STATE_UNKNOWN otherwise
+                  */
+    float doubt; /* by how much the density may differ between a point of the node, at any footprint from 0 to its
+                    parent's voxel, and the sample nearest to it. Not finite: not known */
     uint pad;
 } karst_load;
 K_ASSERT_SIZE(karst_load, 40);

@@ -1,8 +1,9 @@
 /* The table of producers: what answers requests, whatever the content is made of.
  *
- * A producer turns work (cache/cache.h) into content in three steps: subdivide (a tile for each requested node: localisation
- * of its eight children, and their bounds), evaluate (samples into a brick), finalise (constant or not, by proof; scale; slope of the
- * interpolant; block mask). It writes only into the slots that the work names, which no ray can reach yet. Not thread-safe. */
+ * A producer turns work (cache/cache.h) into content in three steps: subdivide (a tile for each requested node:
+ * localisation of its eight children, and their bounds), evaluate (samples into a brick), finalise (constant or not, by
+ * proof; scale; slope of the interpolant; block mask). It writes only into the slots that the work names, which no ray
+ * can reach yet. Not thread-safe. */
 #ifndef KARST_PRODUCERS_PRODUCER_H
 #define KARST_PRODUCERS_PRODUCER_H
 
@@ -16,19 +17,21 @@ typedef struct {
 typedef struct karst_producer karst_producer;
 
 /* What each kind of producer fills in. `self` is the producer. All enqueue on the context's queue and return at once.
- * evaluate and finalise handle the loads [first, first + count) of the work, count at most karst_producer.max_chunk: a chunk's samples
- * lie in staging memory of the producer's until the next evaluate. karst_producer_answer calls them in the right order. */
+ * evaluate and finalise handle the loads [first, first + count) of the work, count at most karst_producer.max_chunk: a
+ * chunk's samples lie in staging memory of the producer's until the next evaluate. karst_producer_answer calls them in
+ * the right order. */
 typedef struct {
     const char *kind; /* "density" */
-    /* Writes tile_info (level, corner) and the eight nodes of each new tile: state air or solid (proven) or lost (wants a brick), never
-     * unknown; without children or brick. */
-    bool (*subdivide)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+    /* Writes tile_info (level, corner) and the eight nodes of each new tile: state air or solid (proven) or lost (wants
+     * a brick), never unknown; without children or brick. */
+    bool (*subdivide)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work,
+                      karst_error *error);
     /* Writes the samples of each load, unencoded; loads that are proven constant beforehand are left out. */
-    bool (*evaluate)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                     karst_error *error);
+    bool (*evaluate)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                     uint32_t count, karst_error *error);
     /* Encodes them into the slots, writes brick_info and load_results. */
-    bool (*finalise)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                     karst_error *error);
+    bool (*finalise)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                     uint32_t count, karst_error *error);
     /* The box in which content changed since the last call; empty: nowhere. */
     karst_voxel_box (*take_dirty)(karst_producer *self);
     void (*destroy)(karst_producer *self);
@@ -43,31 +46,33 @@ struct karst_producer {
 };
 
 /* Answers a round's work: subdivides, then evaluates and finalises chunk by chunk. Enqueues and returns at once. */
-bool karst_producer_answer(karst_producer *producer, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+bool karst_producer_answer(karst_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
+                           karst_error *error);
 
 /* A world that Karst ships: a density program (see producers/density.clh) and how to look at it. */
 typedef struct {
     const char *name;
     const char *description;
-    const char *source_path;     /* embedded kernel source, such as "producers/worlds/hills.clh" */
-    int voxel_log2_m;            /* level-0 voxel = 2^this metres */
-    uint32_t seed;               /* becomes -DWORLD_SEED */
+    const char *source_path; /* embedded kernel source, such as "producers/worlds/hills.clh" */
+    int voxel_log2_m;        /* level-0 voxel = 2^this metres */
+    uint32_t seed;           /* becomes -DWORLD_SEED */
     double view_distance_m;
-    const char *camera;          /* "X,Y,Z,YAW,PITCH,FOV" */
+    const char *camera; /* "X,Y,Z,YAW,PITCH,FOV" */
     double sun_azimuth_deg, sun_elevation_deg;
     float sky_zenith[3], sky_horizon[3], ground_flat[3], ground_steep[3]; /* linear RGB */
-    double haze_distance_m;      /* at which haze hides 1 - 1/e of the surface */
+    double haze_distance_m; /* at which haze hides 1 - 1/e of the surface */
 } karst_world_info;
 
 const karst_world_info *karst_world_find(const char *name); /* NULL: unknown */
 const karst_world_info *karst_world_at(size_t index);       /* NULL: past the end */
 
-/* The producer of a density program, its kernels built with -DWORLD_SEED. `max_loads` is the most loads that a round's work may bring; staging
- * memory holds that many, or a chunk of them. Errors: KARST_FAILED. */
-karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed, uint32_t max_loads,
-                                              karst_error *error);
+/* The producer of a density program, its kernels built with -DWORLD_SEED. `max_loads` is the most loads that a round's
+ * work may bring; staging memory holds that many, or a chunk of them. Errors: KARST_FAILED. */
+karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed,
+                                              uint32_t max_loads, karst_error *error);
 void karst_producer_destroy(karst_producer *producer); /* NULL is fine */
-/* Samples that were not finite and became air, since creation. Waits for the queue if anything was produced since the last call. */
+/* Samples that were not finite and became air, since creation. Waits for the queue if anything was produced since the
+ * last call. */
 uint64_t karst_density_producer_non_finite(karst_producer *producer);
 /* Where the first of them lies: its level-0 voxel and the level of its brick. false if there was none. */
 bool karst_density_producer_first_non_finite(karst_producer *producer, int64_t voxel[3], int *level);

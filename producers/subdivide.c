@@ -12,7 +12,8 @@ struct karst_subdivider {
     size_t group_size;
 };
 
-karst_subdivider *karst_subdivider_create(karst_context *context, const karst_virtual_file *world, const char *options, karst_error *error)
+karst_subdivider *karst_subdivider_create(karst_context *context, const karst_virtual_file *world, const char *options,
+                                          karst_error *error)
 {
     karst_subdivider *subdivider = calloc(1, sizeof *subdivider);
     char all_options[512];
@@ -25,7 +26,8 @@ karst_subdivider *karst_subdivider_create(karst_context *context, const karst_vi
     subdivider->group_size = context->lanes == 16 ? 1 : KARST_SHAPE_GROUP_SIZE;
     snprintf(all_options, sizeof all_options, "%s -DKARST_BOUNDS_GROUP=%zu", options, subdivider->group_size);
     subdivider->program = karst_program_build(context, "producers/subdivide.cl", all_options, world, 1, error);
-    if (!subdivider->program || !(subdivider->tiles = karst_program_kernel(subdivider->program, "karst_subdivide_tiles", error)) ||
+    if (!subdivider->program ||
+        !(subdivider->tiles = karst_program_kernel(subdivider->program, "karst_subdivide_tiles", error)) ||
         !(subdivider->loads = karst_program_kernel(subdivider->program, "karst_bound_loads", error))) {
         karst_subdivider_destroy(subdivider);
         return NULL;
@@ -56,21 +58,24 @@ static size_t items_for(const karst_subdivider *subdivider, size_t num_boxes)
     return (num_boxes + lanes - 1) / lanes;
 }
 
-bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
+bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                           karst_error *error)
 {
     size_t num_items = items_for(subdivider, (size_t)work->num_subdivides * KARST_TILE_NODES);
-    return num_items == 0 ||
-           (KARST_ARGUMENTS(subdivider->tiles, error, KARST_BUFFER_ARG(work->subdivide_nodes), KARST_BUFFER_ARG(work->subdivide_tiles),
-                            KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
-                            KARST_VALUE_ARG(subdivider->data)) &&
-            karst_launch(subdivider->context, subdivider->tiles, KARST_STAGE_SUBDIVIDE, num_items, subdivider->group_size, error));
+    return num_items == 0 || (KARST_ARGUMENTS(subdivider->tiles, error, KARST_BUFFER_ARG(work->subdivide_nodes),
+                                              KARST_BUFFER_ARG(work->subdivide_tiles),
+                                              KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes),
+                                              KARST_BUFFER_ARG(cache->tile_info), KARST_VALUE_ARG(subdivider->data)) &&
+                              karst_launch(subdivider->context, subdivider->tiles, KARST_STAGE_SUBDIVIDE, num_items,
+                                           subdivider->group_size, error));
 }
 
-bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                       karst_buffer *loads, karst_error *error)
+bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                       uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error)
 {
-    return KARST_ARGUMENTS(subdivider->loads, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(first), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(subdivider->data)) &&
+    return KARST_ARGUMENTS(subdivider->loads, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(first),
+                           KARST_VALUE_ARG(count), KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
+                           KARST_VALUE_ARG(subdivider->data)) &&
            karst_launch(subdivider->context, subdivider->loads, KARST_STAGE_EVALUATE, items_for(subdivider, count),
                         subdivider->group_size, error);
 }

@@ -1,4 +1,5 @@
-/* Subdivide, and the bounds of loads: everything that asks world_bounds. LANES boxes a work-item, in one shape for all devices. */
+/* Subdivide, and the bounds of loads: everything that asks world_bounds. LANES boxes a work-item, in one shape for all
+ * devices. */
 #include "core/lanes.clh"
 #include "producers/density.clh"
 #include "world.clh"
@@ -22,10 +23,10 @@ K_INLINE int node_corner(K_GLOBAL const karst_tile_info *tile_info, uint node, l
 
 /* Work-item i handles children i * LANES ... of the list of new tiles, eight a tile: at 16 lanes, two tiles.
  * Lanes past the end repeat the last child. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1)))
-void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOBAL const uint *restrict subdivide_tiles,
-                           uint num_subdivides, K_GLOBAL karst_node *restrict nodes, K_GLOBAL karst_tile_info *tile_info,
-                           world_data data)
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1))) void
+karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOBAL const uint *restrict subdivide_tiles,
+                      uint num_subdivides, K_GLOBAL karst_node *restrict nodes, K_GLOBAL karst_tile_info *tile_info,
+                      world_data data)
 {
     uint num_children = num_subdivides * KARST_TILE_NODES, first = (uint)get_global_id(0) * LANES;
     long x[LANES], y[LANES], z[LANES];
@@ -51,7 +52,8 @@ void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOB
         uint child = first + lane, bits = child % KARST_TILE_NODES;
         uint parent = subdivide_nodes[child / KARST_TILE_NODES], tile = subdivide_tiles[child / KARST_TILE_NODES];
         uint state = karst_state_from_bounds(lo[lane], hi[lane]);
-        karst_node node = {KARST_NODE_LINK(state == KARST_STATE_UNKNOWN ? KARST_STATE_LOST : state, KARST_NONE), KARST_NONE};
+        karst_node node = {KARST_NODE_LINK(state == KARST_STATE_UNKNOWN ? KARST_STATE_LOST : state, KARST_NONE),
+                           KARST_NONE};
         nodes[tile * KARST_TILE_NODES + bits] = node;
         if (bits == 0) {
             long corner[3];
@@ -62,11 +64,12 @@ void karst_subdivide_tiles(K_GLOBAL const uint *restrict subdivide_nodes, K_GLOB
     }
 }
 
-/* Work-item i prepares loads i * LANES ... of `count`, which are load_nodes[first ...]: where they lie and what their bounds prove. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1)))
-void karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uint count,
-                       K_GLOBAL const karst_tile_info *restrict tile_info, K_GLOBAL karst_load *restrict loads,
-                       world_data data)
+/* Work-item i prepares loads i * LANES ... of `count`, which are load_nodes[first ...]: where they lie and what their
+ * bounds prove. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_BOUNDS_GROUP, 1, 1))) void
+karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uint count,
+                  K_GLOBAL const karst_tile_info *restrict tile_info, K_GLOBAL karst_load *restrict loads,
+                  world_data data)
 {
     uint begin = (uint)get_global_id(0) * LANES;
     long x[LANES], y[LANES], z[LANES];
@@ -91,8 +94,12 @@ void karst_bound_loads(K_GLOBAL const uint *restrict load_nodes, uint first, uin
         v_store_float(bound.slope[axis], values[2 + axis]);
     for (uint lane = 0; lane < LANES && begin + lane < count; lane++) {
         int level = levels[lane];
-        karst_load load = {{x[lane], y[lane], z[lane]}, level, karst_state_from_bounds(values[0][lane], values[1][lane]),
-                           karst_load_doubt(values[2][lane], values[3][lane], values[4][lane], world_slack(WORLD_DATA(data, level)), level), 0};
+        karst_load load = {{x[lane], y[lane], z[lane]},
+                           level,
+                           karst_state_from_bounds(values[0][lane], values[1][lane]),
+                           karst_load_doubt(values[2][lane], values[3][lane], values[4][lane],
+                                            world_slack(WORLD_DATA(data, level)), level),
+                           0};
         loads[begin + lane] = load;
     }
 }

@@ -9,16 +9,20 @@
 typedef struct karst_subdivider karst_subdivider;
 
 /* Builds the kernels around the density program `world` ("world.clh"), with its `options`. Errors: KARST_FAILED. */
-karst_subdivider *karst_subdivider_create(karst_context *context, const karst_virtual_file *world, const char *options, karst_error *error);
+karst_subdivider *karst_subdivider_create(karst_context *context, const karst_virtual_file *world, const char *options,
+                                          karst_error *error);
 void karst_subdivider_destroy(karst_subdivider *subdivider); /* NULL is fine */
 
 /* What a program with data reads (producers/density.clh); borrowed until another is set. NULL, as at first: nothing. */
 void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer *data);
 
-/* Enqueues the tiles of work->subdivide_nodes: level, corner and eight nodes each. Time goes to KARST_STAGE_SUBDIVIDE. */
-bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
-/* Enqueues the karst_load of work->load_nodes [first, first + count) into loads[0 ...]. Time goes to KARST_STAGE_EVALUATE. */
-bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work, uint32_t first, uint32_t count,
-                       karst_buffer *loads, karst_error *error);
+/* Enqueues the tiles of work->subdivide_nodes: level, corner and eight nodes each. Time goes to KARST_STAGE_SUBDIVIDE.
+ */
+bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                           karst_error *error);
+/* Enqueues the karst_load of work->load_nodes [first, first + count) into loads[0 ...]. Time goes to
+ * KARST_STAGE_EVALUATE. */
+bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                       uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error);
 
 #endif

@@ -24,9 +24,10 @@ static void add(node_list *list, pool_node node)
     list->nodes[list->count++] = node;
 }
 
-/* Answers the nodes in rounds, as loads or as subdivides. Nodes that came out open, or children that the bounds leave open, go to
- * `left` (may be NULL), the numbers of results by state to num_states. */
-static void answer(karst_producer *producer, pool *p, const node_list *list, bool loads, node_list *left, uint32_t num_states[NUM_STATES])
+/* Answers the nodes in rounds, as loads or as subdivides. Nodes that came out open, or children that the bounds leave
+ * open, go to `left` (may be NULL), the numbers of results by state to num_states. */
+static void answer(karst_producer *producer, pool *p, const node_list *list, bool loads, node_list *left,
+                   uint32_t num_states[NUM_STATES])
 {
     static karst_node nodes[CAPACITY * KARST_TILE_NODES];
     static karst_tile_info infos[CAPACITY];
@@ -75,7 +76,8 @@ static void bench_world(const karst_world_info *world, const char *device, int l
     pool_open(&p, context, CAPACITY, 1);
 
     printf("%s, %d lanes, %s\n", world->name, lanes, shape == KARST_SHAPE_GROUPS ? "groups" : "rows");
-    printf("  level   tiles  open %%  us/tile   bricks  constant %%   us/brick evaluate  finalise   Msamples/s\n");
+    printf("  level   tiles  open %%  us/tile    loads  constant %%  clear %%  us/load: evaluate  finalise   "
+           "Msamples/s\n");
     node_list list = {0};
     for (int i = 0; i < 8; i++)
         add(&list, (pool_node){{(i & 1) - 1, (i >> 1 & 1) - 1, (i >> 2) - 1}, TOP_LEVEL});
@@ -90,9 +92,11 @@ static void bench_world(const karst_world_info *world, const char *device, int l
         answer(producer, &p, &list, false, &open, children);
         answer(producer, &p, &open, true, &bricks, results);
         pool_expect(karst_profile_collect(context, ns, &error), "profile", &error);
-        double num_loads = open.count ? open.count : 1, evaluate_us = (double)ns[KARST_STAGE_EVALUATE] * 1e-3 / num_loads;
-        printf("  %5d %7u %7.1f %8.2f %8u %11.1f %8.1f %19.1f %9.1f %12.1f\n", level, list.count, 100.0 * open.count / (8.0 * list.count),
-               (double)ns[KARST_STAGE_SUBDIVIDE] * 1e-3 / list.count, open.count, 100.0 * (open.count - bricks.count) / num_loads,
+        double num_loads = open.count ? open.count : 1,
+               evaluate_us = (double)ns[KARST_STAGE_EVALUATE] * 1e-3 / num_loads;
+        printf("  %5d %7u %7.1f %8.2f %8u %11.1f %8.1f %19.1f %9.1f %12.1f\n", level, list.count,
+               100.0 * open.count / (8.0 * list.count), (double)ns[KARST_STAGE_SUBDIVIDE] * 1e-3 / list.count,
+               open.count, 100.0 * (open.count - bricks.count) / num_loads,
                100.0 * (results[KARST_STATE_CLEAR_AIR] + results[KARST_STATE_CLEAR_SOLID]) / num_loads, evaluate_us,
                (double)ns[KARST_STAGE_FINALISE] * 1e-3 / num_loads, KARST_BRICK_SAMPLES / evaluate_us);
         if (bricks.count > most) { /* go on with a spread of them */

@@ -1,4 +1,5 @@
-/* Finalise on samples of the test's own: the 16-bit encoding, its bounds, and what is called constant, in every shape. */
+/* Finalise on samples of the test's own: the 16-bit encoding, its bounds, and what is called constant, in every shape.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,7 +18,7 @@
 
 #define SIDE KARST_BRICK_SIDE
 #define SAMPLES KARST_BRICK_SAMPLES
-#define AT(x, y, z) (((z) * SIDE + (y)) * SIDE + (x))
+#define AT(x, y, z) (((z)*SIDE + (y)) * SIDE + (x))
 
 static uint64_t random_state = 88172645463325252u;
 static uint32_t random_bits(void)
@@ -31,29 +32,30 @@ static double random_signed(void) { return (double)random_bits() * 0x1p-31 - 1; 
 /* ---- fields: 8 of each kind ---- */
 
 typedef enum {
-    FIELD_PLANE,      /* oblique, through the brick */
+    FIELD_PLANE, /* oblique, through the brick */
     FIELD_BALL,
     FIELD_WAVES,
-    FIELD_WHITE,      /* a sign of its own for every sample */
-    FIELD_TINY,       /* a plane times 1e-20 */
-    FIELD_HUGE,       /* a plane times 1e20 */
-    FIELD_LARGEST,    /* up to FLT_MAX */
-    FIELD_DENORMAL,   /* down to 1e-45 */
-    FIELD_WILD,       /* a plane, but 1e30 away from the surface */
+    FIELD_WHITE,    /* a sign of its own for every sample */
+    FIELD_TINY,     /* a plane times 1e-20 */
+    FIELD_HUGE,     /* a plane times 1e20 */
+    FIELD_LARGEST,  /* up to FLT_MAX */
+    FIELD_DENORMAL, /* down to 1e-45 */
+    FIELD_WILD,     /* a plane, but 1e30 away from the surface */
     FIELD_ZERO,
-    FIELD_STEPS,      /* -1, 0 and 1 */
-    FIELD_SOLID,      /* one side, without a proof */
-    FIELD_LONE,       /* one solid sample in the air */
+    FIELD_STEPS, /* -1, 0 and 1 */
+    FIELD_SOLID, /* one side, without a proof */
+    FIELD_LONE,  /* one solid sample in the air */
     NUM_FIELDS
 } field_kind;
-static const char *const field_names[NUM_FIELDS] = {"plane", "ball", "waves", "white", "tiny", "huge", "largest",
-                                                    "denormal", "wild", "zero", "steps", "solid", "lone"};
+static const char *const field_names[NUM_FIELDS] = {"plane",    "ball", "waves", "white", "tiny",  "huge", "largest",
+                                                    "denormal", "wild", "zero",  "steps", "solid", "lone"};
 #define EACH 8
 #define NUM_BRICKS (NUM_FIELDS * EACH)
 
 static void fill_field(field_kind kind, float *d)
 {
-    double n[3] = {random_signed(), random_signed(), random_signed()}, c[3], r = 2 + 5 * fabs(random_signed()), w = 0.2 + fabs(random_signed());
+    double n[3] = {random_signed(), random_signed(), random_signed()}, c[3], r = 2 + 5 * fabs(random_signed()),
+           w = 0.2 + fabs(random_signed());
     double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     for (int axis = 0; axis < 3; axis++) {
         n[axis] /= length;
@@ -67,20 +69,47 @@ static void fill_field(field_kind kind, float *d)
                 double plane = n[0] * p[0] + n[1] * p[1] + n[2] * p[2];
                 double v = 0;
                 switch (kind) {
-                case FIELD_PLANE: v = plane; break;
-                case FIELD_BALL: v = r - sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]); break;
-                case FIELD_WAVES: v = 3 * sin(w * p[0]) + 2 * cos(w * p[1] * n[0]) * sin(p[2]); break;
-                case FIELD_WHITE: v = random_signed(); break;
-                case FIELD_TINY: v = plane * 1e-20; break;
-                case FIELD_HUGE: v = plane * 1e20; break;
-                case FIELD_LARGEST: v = plane >= 0 ? 3.4e38 : -3.4e38 * fabs(random_signed()); break;
-                case FIELD_DENORMAL: v = plane * 1e-44; break;
-                case FIELD_WILD: v = fabs(plane) < 3 ? plane : plane * 1e30; break;
-                case FIELD_ZERO: v = 0; break;
-                case FIELD_STEPS: v = (int)(random_bits() % 3) - 1; break;
-                case FIELD_SOLID: v = 0.5 + 0.4 * random_signed(); break;
-                case FIELD_LONE: v = AT(x, y, z) == lone ? 0.01 : -5 - plane * 0.1; break;
-                default: break;
+                case FIELD_PLANE:
+                    v = plane;
+                    break;
+                case FIELD_BALL:
+                    v = r - sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+                    break;
+                case FIELD_WAVES:
+                    v = 3 * sin(w * p[0]) + 2 * cos(w * p[1] * n[0]) * sin(p[2]);
+                    break;
+                case FIELD_WHITE:
+                    v = random_signed();
+                    break;
+                case FIELD_TINY:
+                    v = plane * 1e-20;
+                    break;
+                case FIELD_HUGE:
+                    v = plane * 1e20;
+                    break;
+                case FIELD_LARGEST:
+                    v = plane >= 0 ? 3.4e38 : -3.4e38 * fabs(random_signed());
+                    break;
+                case FIELD_DENORMAL:
+                    v = plane * 1e-44;
+                    break;
+                case FIELD_WILD:
+                    v = fabs(plane) < 3 ? plane : plane * 1e30;
+                    break;
+                case FIELD_ZERO:
+                    v = 0;
+                    break;
+                case FIELD_STEPS:
+                    v = (int)(random_bits() % 3) - 1;
+                    break;
+                case FIELD_SOLID:
+                    v = 0.5 + 0.4 * random_signed();
+                    break;
+                case FIELD_LONE:
+                    v = AT(x, y, z) == lone ? 0.01 : -5 - plane * 0.1;
+                    break;
+                default:
+                    break;
                 }
                 d[AT(x, y, z)] = (float)v;
             }
@@ -113,7 +142,8 @@ static void open_bench(bench *b, size_t shape, const char *options, uint32_t num
     pool_expect(b->finaliser, "finaliser", &error);
     pool_open(&b->p, b->context, num_bricks, num_segments);
     b->loads = karst_buffer_create(b->context, "test", num_bricks * sizeof(karst_load), NULL, &error);
-    b->staging = karst_buffer_create(b->context, "test", (size_t)num_bricks * b->layout.staging_stride * sizeof(float), NULL, &error);
+    b->staging = karst_buffer_create(b->context, "test", (size_t)num_bricks * b->layout.staging_stride * sizeof(float),
+                                     NULL, &error);
     b->scrubs = karst_buffer_create(b->context, "test", num_bricks * sizeof(karst_scrub), NULL, &error);
     b->total = karst_buffer_create(b->context, "test", sizeof(karst_scrub_total), NULL, &error);
     pool_expect(b->loads && b->staging && b->scrubs && b->total, "buffers", &error);
@@ -139,9 +169,11 @@ static void finalise(bench *b, const karst_load *loads, const float *samples, ui
     free(nodes);
     pool_expect(karst_buffer_write(b->loads, 0, loads, count * sizeof *loads, &error), "loads", &error);
     for (uint32_t i = 0; i < count; i++)
-        pool_expect(karst_buffer_write(b->staging, (size_t)i * b->layout.staging_stride * sizeof(float), samples + (size_t)i * SAMPLES,
-                                       SAMPLES * sizeof(float), &error), "samples", &error);
-    pool_expect(karst_finalise_bricks(b->finaliser, &b->p.cache, &b->p.work, 0, count, b->loads, b->staging, b->scrubs, b->total, &error),
+        pool_expect(karst_buffer_write(b->staging, (size_t)i * b->layout.staging_stride * sizeof(float),
+                                       samples + (size_t)i * SAMPLES, SAMPLES * sizeof(float), &error),
+                    "samples", &error);
+    pool_expect(karst_finalise_bricks(b->finaliser, &b->p.cache, &b->p.work, 0, count, b->loads, b->staging, b->scrubs,
+                                      b->total, &error),
                 "finalise", &error);
     pool_read_results(&b->p, states);
 }
@@ -209,7 +241,8 @@ static double interpolate(const int16_t *q, const int cell[3], const double p[3]
     return value;
 }
 
-/* In each cell, at its corners, edges, faces and inside: no slope times safe_cells is above 1. Returns the largest of those products. */
+/* In each cell, at its corners, edges, faces and inside: no slope times safe_cells is above 1. Returns the largest of
+ * those products. */
 static double check_safe_cells(const int16_t *q, const karst_brick_info *info, const char *what)
 {
     static const double steps[5] = {0, 0.21, 0.5, 0.83, 1};
@@ -222,7 +255,8 @@ static double check_safe_cells(const int16_t *q, const karst_brick_info *info, c
                     const double p[3] = {steps[i % 5], steps[i / 5 % 5], steps[i / 25]};
                     double gradient[3];
                     interpolate(q, cell, p, gradient);
-                    double slope = sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
+                    double slope =
+                        sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
                     largest = slope > largest ? slope : largest;
                 }
     assert_true(info->safe_cells > 0 && info->safe_cells <= KARST_MAX_SAFE_CELLS);
@@ -259,7 +293,8 @@ static void check_safe_ways(const int16_t *q, const karst_brick_info *info, cons
                 here = value;
                 free_way = fabs(value) * info->safe_cells;
             } else if (here * value < 0 && fabs(value) > 1e-6)
-                fail_msg("%s: %g at the start, %g after %d/40 of a safe way of %g cells", what, here, value, step, free_way);
+                fail_msg("%s: %g at the start, %g after %d/40 of a safe way of %g cells", what, here, value, step,
+                         free_way);
         }
     }
 }
@@ -287,7 +322,9 @@ static void test_encoding(void **state)
             karst_brick_info info;
             char what[64];
             snprintf(what, sizeof what, "shape %zu, %s %d", s, field_names[i / EACH], (int)(i % EACH));
-            uint32_t expected = i / EACH == FIELD_ZERO ? KARST_STATE_CLEAR_AIR : i / EACH == FIELD_SOLID ? KARST_STATE_CLEAR_SOLID : KARST_STATE_BRICK;
+            uint32_t expected = i / EACH == FIELD_ZERO    ? KARST_STATE_CLEAR_AIR
+                                : i / EACH == FIELD_SOLID ? KARST_STATE_CLEAR_SOLID
+                                                          : KARST_STATE_BRICK;
             assert_int_equal(states[i], expected);
             if (expected != KARST_STATE_BRICK)
                 continue;
@@ -328,7 +365,8 @@ static void test_not_finite(void **state)
         for (int i = 0; i < COUNT; i++) {
             for (int n = 0; n < SAMPLES; n++)
                 samples[i * SAMPLES + n] = 100.0f;
-            loads[i] = (karst_load){.origin = {1000 * i, -5, 77}, .level = i, .state = KARST_STATE_UNKNOWN, .doubt = 0.0f};
+            loads[i] =
+                (karst_load){.origin = {1000 * i, -5, 77}, .level = i, .state = KARST_STATE_UNKNOWN, .doubt = 0.0f};
         }
         samples[2 * SAMPLES + AT(3, 4, 5)] = NAN;
         samples[2 * SAMPLES + AT(4, 4, 5)] = INFINITY;
@@ -338,7 +376,9 @@ static void test_not_finite(void **state)
         open_bench(&b, s, "", COUNT, 1);
         finalise(&b, loads, samples, COUNT, states);
         for (uint32_t i = 0; i < COUNT; i++)
-            assert_int_equal(states[i], i == 2 ? KARST_STATE_BRICK : i == 4 ? KARST_STATE_CLEAR_AIR : KARST_STATE_SOLID);
+            assert_int_equal(states[i], i == 2   ? KARST_STATE_BRICK
+                                        : i == 4 ? KARST_STATE_CLEAR_AIR
+                                                 : KARST_STATE_SOLID);
         pool_read_brick(&b.p, 2, q, &info);
         for (int n = 0; n < SAMPLES; n++)
             assert_int_equal(q[n], isfinite(samples[2 * SAMPLES + n]) ? 32767 : -1);

@@ -1,4 +1,5 @@
-/* The density producer as the engine uses it: localisation, states, chunks, scrubbing, errors; the table of worlds; channels. */
+/* The density producer as the engine uses it: localisation, states, chunks, scrubbing, errors; the table of worlds;
+ * channels. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -26,10 +27,12 @@ static const char half_space[] =
     "K_INLINE void world_prepare(world_axes *axes, long x, long y, long z, int level)\n"
     "{ axes->x = x; axes->y = y; axes->level = level; }\n"
     "K_INLINE vfloat world_sample(const world_axes *axes, vint ix, vint iy, vint iz)\n"
-    "{ return half_space((vlong)(axes->x) + (v_int_to_long(ix) << axes->level), (vlong)(axes->y) + (v_int_to_long(iy) << axes->level)); }\n"
+    "{ return half_space((vlong)(axes->x) + (v_int_to_long(ix) << axes->level), (vlong)(axes->y) + (v_int_to_long(iy) "
+    "<< axes->level)); }\n"
     "K_INLINE vfloat world_row(world_axes *axes, int ix, int iy, int iz)\n"
     "{ return world_sample(axes, (vint)(ix) + V_LANE, (vint)(iy), (vint)(iz)); }\n"
-    "K_INLINE vfloat world_point(const world_point_at *at, int level) { return half_space(at->voxel[0], at->voxel[1]); }\n"
+    "K_INLINE vfloat world_point(const world_point_at *at, int level) { return half_space(at->voxel[0], at->voxel[1]); "
+    "}\n"
     "K_INLINE void world_bounds(vlong x, vlong y, vlong z, vint level, world_bound *bound)\n"
     "{\n"
     "    vfloat side = v_as_float((level + (vint)(127 + 4)) << 23);\n"
@@ -51,7 +54,8 @@ static karst_context *make_context(int lanes)
 static karst_producer *make_producer(karst_context *context, karst_shape shape, const char *options, uint32_t max_loads)
 {
     karst_error error = {0};
-    karst_density_program program = {.name = "half space", .source = half_space, .options = options, .shape = shape, .max_loads = max_loads};
+    karst_density_program program = {
+        .name = "half space", .source = half_space, .options = options, .shape = shape, .max_loads = max_loads};
     karst_producer *producer = karst_density_producer_create_program(context, &program, &error);
     pool_expect(producer, "producer", &error);
     return producer;
@@ -74,9 +78,9 @@ static void test_subdivide(void **state)
 {
     (void)state;
     static const pool_node parents[] = {
-        {{0, 0, 0}, 1},       {{0, -1, 0}, 1},          {{-1, -1, -1}, 5},        {{7, -2, -3}, 9},
-        {{-8, 3, 1}, 20},     {{3, -1, -4}, 40},        {{1000000007, -1, -99}, 2}, {{-562949953421312, 0, 562949953421311}, 3},
-        {{1, 1, 1}, 1},       {{-1, -1, 0}, 2},         {{4, -1, 5}, 30},
+        {{0, 0, 0}, 1},   {{0, -1, 0}, 1},   {{-1, -1, -1}, 5},          {{7, -2, -3}, 9},
+        {{-8, 3, 1}, 20}, {{3, -1, -4}, 40}, {{1000000007, -1, -99}, 2}, {{-562949953421312, 0, 562949953421311}, 3},
+        {{1, 1, 1}, 1},   {{-1, -1, 0}, 2},  {{4, -1, 5}, 30},
     };
     enum { COUNT = sizeof parents / sizeof *parents }; /* odd: the last tile has a work-item of its own */
     for (size_t s = 0; s < NUM_SHAPES; s++) {
@@ -98,7 +102,8 @@ static void test_subdivide(void **state)
             assert_int_equal(infos[i].generation, 0);
             for (int c = 0; c < KARST_TILE_NODES; c++) {
                 pool_node child = pool_child(parents[i], c);
-                uint32_t bounds = by_bounds(child.at[1], child.level), expected = bounds == KARST_STATE_UNKNOWN ? KARST_STATE_LOST : bounds;
+                uint32_t bounds = by_bounds(child.at[1], child.level),
+                         expected = bounds == KARST_STATE_UNKNOWN ? KARST_STATE_LOST : bounds;
                 karst_node node = nodes[i * KARST_TILE_NODES + c];
                 assert_int_equal(node.link, KARST_NODE_LINK(expected, KARST_NONE));
                 assert_int_equal(node.brick, KARST_NONE);
@@ -143,7 +148,8 @@ static void test_loads(void **state)
             pool_read_brick(&p, i, q, &info);
             num_bricks++;
             for (int n = 0; n < KARST_BRICK_SAMPLES; n++) {
-                int64_t y = (nodes[i].at[1] * KARST_BRICK_CELLS + n / KARST_BRICK_SIDE % KARST_BRICK_SIDE) * ((int64_t)1 << nodes[i].level);
+                int64_t y = (nodes[i].at[1] * KARST_BRICK_CELLS + n / KARST_BRICK_SIDE % KARST_BRICK_SIDE) *
+                            ((int64_t)1 << nodes[i].level);
                 assert_true(fabs(info.scale * q[n] - (-0.5 - (double)y)) <= info.scale);
             }
         }
@@ -169,7 +175,8 @@ static void test_not_finite(void **state)
         int level;
         karst_context *context = make_context(shapes[s].lanes);
         /* 0 / 0 at x = 100 */
-        karst_producer *producer = make_producer(context, shapes[s].shape, "-DSPOIL(d,x)=((d)*v_to_float((x)-100)/v_to_float((x)-100))", COUNT);
+        karst_producer *producer = make_producer(context, shapes[s].shape,
+                                                 "-DSPOIL(d,x)=((d)*v_to_float((x)-100)/v_to_float((x)-100))", COUNT);
         pool p;
         assert_false(karst_density_producer_first_non_finite(producer, voxel, &level));
         pool_open(&p, context, COUNT, 1);
@@ -198,7 +205,8 @@ static void test_bad_program(void **state)
     (void)state;
     karst_error error = {0};
     karst_context *context = make_context(0);
-    karst_density_program program = {.name = "bad", .source = "vfloat world_row(\n  nonsense;\n", .options = "", .max_loads = 8};
+    karst_density_program program = {
+        .name = "bad", .source = "vfloat world_row(\n  nonsense;\n", .options = "", .max_loads = 8};
     assert_null(karst_density_producer_create_program(context, &program, &error));
     assert_int_equal(error.status, KARST_FAILED);
     assert_non_null(strstr(error.message, "world.clh"));
@@ -239,7 +247,8 @@ static void test_channels(void **state)
     assert_int_equal(layout.slot_stride, KARST_BRICK_STRIDE);
     int length = karst_channels_options(&layout, text, sizeof text);
     assert_int_equal(length, strlen(text));
-    assert_string_equal(text, "-DCHANNEL_DENSITY_STAGING=0 -DCHANNEL_DENSITY_SLOT=0 -DCHANNEL_DENSITY_STRIDE=1 -DSTAGING_STRIDE=4928 -DSLOT_STRIDE=4928");
+    assert_string_equal(text, "-DCHANNEL_DENSITY_STAGING=0 -DCHANNEL_DENSITY_SLOT=0 -DCHANNEL_DENSITY_STRIDE=1 "
+                              "-DSTAGING_STRIDE=4928 -DSLOT_STRIDE=4928");
     assert_int_equal(karst_channels_options(&layout, few, sizeof few), length);
     assert_string_equal(few, "-DCHANNEL_DENSITY_S");
 
@@ -260,8 +269,8 @@ static void test_channels(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_subdivide), cmocka_unit_test(test_loads),    cmocka_unit_test(test_not_finite), cmocka_unit_test(test_bad_program),
-        cmocka_unit_test(test_worlds),    cmocka_unit_test(test_channels),
+        cmocka_unit_test(test_subdivide),   cmocka_unit_test(test_loads),  cmocka_unit_test(test_not_finite),
+        cmocka_unit_test(test_bad_program), cmocka_unit_test(test_worlds), cmocka_unit_test(test_channels),
     };
     return cmocka_run_group_tests_name("producer", tests, NULL, NULL);
 }

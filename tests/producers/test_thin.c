@@ -1,5 +1,6 @@
-/* Thin things are not lost: balls 2 voxels wide, needles of 1.5 and plates of 1, at every size. A node that holds a part of one is never
- * constant, at any level; where its voxel is as wide as the thing asks for, the thing is in the bricks. */
+/* Thin things are not lost: balls 2 voxels wide, needles of 1.5 and plates of 1, at every size. A node that holds a
+ * part of one is never constant, at any level; where its voxel is as wide as the thing asks for, the thing is in the
+ * bricks. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,8 +15,8 @@
 #include "producers/density_producer.h"
 #include "tests/support/pool.h"
 
-/* d = radius - distance to a point, to a line, to a plane; the largest over all things. Level-0 voxels; |p| up to 2^14, so that floats are
- * good to 2^-7 and better. */
+/* d = radius - distance to a point, to a line, to a plane; the largest over all things. Level-0 voxels; |p| up to 2^14,
+ * so that floats are good to 2^-7 and better. */
 typedef enum { BALL, NEEDLE, PLATE, NUM_KINDS } thing_kind;
 typedef struct {
     thing_kind kind;
@@ -50,28 +51,29 @@ static void make_things(thing_kind kind, thing things[NUM_SIZES])
     }
 }
 
-/* The density program of these things. Bounds and slopes come from |d(p) - d(q)| <= |p - q| alone; 0.05 covers the floats. */
+/* The density program of these things. Bounds and slopes come from |d(p) - d(q)| <= |p - q| alone; 0.05 covers the
+ * floats. */
 static char *write_program(const thing *things, int count)
 {
-    static const char before[] =
-        "#include \"producers/density.clh\"\n"
-        "typedef struct { long origin[3]; int level; } world_axes;\n"
-        "K_INLINE vfloat thing(vfloat x, vfloat y, vfloat z, int kind, float ax, float ay, float az, float nx, float ny, float nz, float r)\n"
-        "{\n"
-        "    vfloat dx = x - (vfloat)(ax), dy = y - (vfloat)(ay), dz = z - (vfloat)(az);\n"
-        "    vfloat along = dx * (vfloat)(nx) + dy * (vfloat)(ny) + dz * (vfloat)(nz);\n"
-        "    if (kind == 2)\n"
-        "        return (vfloat)(r) - k_fabs(along);\n"
-        "    if (kind == 1) {\n"
-        "        dx -= along * (vfloat)(nx);\n"
-        "        dy -= along * (vfloat)(ny);\n"
-        "        dz -= along * (vfloat)(nz);\n"
-        "    }\n"
-        "    return (vfloat)(r) - k_sqrt(dx * dx + dy * dy + dz * dz);\n"
-        "}\n"
-        "K_INLINE vfloat things(vfloat x, vfloat y, vfloat z)\n"
-        "{\n"
-        "    vfloat d = (vfloat)(-1e9f);\n";
+    static const char before[] = "#include \"producers/density.clh\"\n"
+                                 "typedef struct { long origin[3]; int level; } world_axes;\n"
+                                 "K_INLINE vfloat thing(vfloat x, vfloat y, vfloat z, int kind, float ax, float ay, "
+                                 "float az, float nx, float ny, float nz, float r)\n"
+                                 "{\n"
+                                 "    vfloat dx = x - (vfloat)(ax), dy = y - (vfloat)(ay), dz = z - (vfloat)(az);\n"
+                                 "    vfloat along = dx * (vfloat)(nx) + dy * (vfloat)(ny) + dz * (vfloat)(nz);\n"
+                                 "    if (kind == 2)\n"
+                                 "        return (vfloat)(r) - k_fabs(along);\n"
+                                 "    if (kind == 1) {\n"
+                                 "        dx -= along * (vfloat)(nx);\n"
+                                 "        dy -= along * (vfloat)(ny);\n"
+                                 "        dz -= along * (vfloat)(nz);\n"
+                                 "    }\n"
+                                 "    return (vfloat)(r) - k_sqrt(dx * dx + dy * dy + dz * dz);\n"
+                                 "}\n"
+                                 "K_INLINE vfloat things(vfloat x, vfloat y, vfloat z)\n"
+                                 "{\n"
+                                 "    vfloat d = (vfloat)(-1e9f);\n";
     static const char after[] =
         "    return d;\n"
         "}\n"
@@ -85,7 +87,8 @@ static char *write_program(const thing *things, int count)
         "K_INLINE vfloat world_sample(const world_axes *axes, vint ix, vint iy, vint iz)\n"
         "{\n"
         "    vfloat step = (vfloat)((float)(1L << axes->level));\n"
-        "    return things((vfloat)((float)axes->origin[0]) + v_to_float(ix) * step, (vfloat)((float)axes->origin[1]) + v_to_float(iy) * step,\n"
+        "    return things((vfloat)((float)axes->origin[0]) + v_to_float(ix) * step, (vfloat)((float)axes->origin[1]) "
+        "+ v_to_float(iy) * step,\n"
         "                  (vfloat)((float)axes->origin[2]) + v_to_float(iz) * step);\n"
         "}\n"
         "K_INLINE vfloat world_row(world_axes *axes, int ix, int iy, int iz)\n"
@@ -94,7 +97,8 @@ static char *write_program(const thing *things, int count)
         "}\n"
         "K_INLINE void world_bounds(vlong x, vlong y, vlong z, vint level, world_bound *bound)\n"
         "{\n"
-        "    vfloat half_side = v_as_float((level + (vint)(127 + 3)) << 23), reach = half_side * (vfloat)(1.7321f) + (vfloat)(0.05f);\n"
+        "    vfloat half_side = v_as_float((level + (vint)(127 + 3)) << 23), reach = half_side * (vfloat)(1.7321f) + "
+        "(vfloat)(0.05f);\n"
         "    vfloat d = things(v_to_float(x) + half_side, v_to_float(y) + half_side, v_to_float(z) + half_side);\n"
         "    bound->lo = d - reach;\n"
         "    bound->hi = d + reach;\n"
@@ -110,14 +114,17 @@ static char *write_program(const thing *things, int count)
     length = (size_t)snprintf(text, size_bytes, "%s", before);
     for (int i = 0; i < count; i++) {
         const thing *t = things + i;
-        length += (size_t)snprintf(text + length, size_bytes - length, "    d = v_max(d, thing(x, y, z, %d, %af, %af, %af, %af, %af, %af, %af));\n", t->kind,
-                                   t->at[0], t->at[1], t->at[2], t->direction[0], t->direction[1], t->direction[2], t->radius);
+        length += (size_t)snprintf(text + length, size_bytes - length,
+                                   "    d = v_max(d, thing(x, y, z, %d, %af, %af, %af, %af, %af, %af, %af));\n",
+                                   t->kind, t->at[0], t->at[1], t->at[2], t->direction[0], t->direction[1],
+                                   t->direction[2], t->radius);
     }
     snprintf(text + length, size_bytes - length, "%s", after);
     return text;
 }
 
-/* A lower bound on how deep a thing reaches into a node's box: the density (in doubles) at the best point of a search. */
+/* A lower bound on how deep a thing reaches into a node's box: the density (in doubles) at the best point of a search.
+ */
 static double depth_in_node(const thing *t, const pool_node *node, double best[3])
 {
     double side = exp2(node->level + KARST_BRICK_CELLS_LOG2), low[3], p[3];
@@ -134,8 +141,9 @@ static double depth_in_node(const thing *t, const pool_node *node, double best[3
             along += d[axis] * t->direction[axis];
         }
         for (int axis = 0; axis < 3; axis++)
-            core[axis] = t->kind == BALL ? t->at[axis] : t->kind == NEEDLE ? t->at[axis] + along * t->direction[axis]
-                                                                           : p[axis] - along * t->direction[axis];
+            core[axis] = t->kind == BALL     ? t->at[axis]
+                         : t->kind == NEEDLE ? t->at[axis] + along * t->direction[axis]
+                                             : p[axis] - along * t->direction[axis];
         distance = 0;
         for (int axis = 0; axis < 3; axis++) {
             best[axis] = p[axis];
@@ -151,7 +159,8 @@ typedef struct {
     bool seen[NUM_SIZES]; /* a brick at the level that fits the thing holds surface of it */
 } walk;
 
-/* Walks the tree with the real kernels and looks at every node that holds a part of a thing, down to that thing's level. */
+/* Walks the tree with the real kernels and looks at every node that holds a part of a thing, down to that thing's
+ * level. */
 static void walk_tree(karst_producer *producer, karst_context *context, const thing *things, walk *w)
 {
     enum { CAPACITY = 1024, ROOM = 4 * CAPACITY };
@@ -195,13 +204,15 @@ static void walk_tree(karst_producer *producer, karst_context *context, const th
                 }
                 for (int c = 0; c < KARST_TILE_NODES && open_state && goes_on; c++) {
                     pool_node child = pool_child(*node, c);
-                    bool constant = KARST_NODE_STATE(nodes[i * KARST_TILE_NODES + (uint32_t)c].link) != KARST_STATE_LOST;
+                    bool constant =
+                        KARST_NODE_STATE(nodes[i * KARST_TILE_NODES + (uint32_t)c].link) != KARST_STATE_LOST;
                     double deepest = -1;
                     for (int s = 0; s < NUM_SIZES; s++)
                         deepest = fmax(deepest, depth_in_node(things + s, &child, at));
                     w->num_lost += constant && deepest > 1e-3;
                     /* A spread of those that hold something, and some that do not. */
-                    if (num_next < ROOM && !constant && (deepest > -exp2(level + 2)) && (num_next < ROOM / 2 || (i + (uint32_t)c) % 8 == 0))
+                    if (num_next < ROOM && !constant && (deepest > -exp2(level + 2)) &&
+                        (num_next < ROOM / 2 || (i + (uint32_t)c) % 8 == 0))
                         next[num_next++] = child;
                 }
             }
@@ -223,8 +234,12 @@ static void walk_kind(thing_kind kind, const char *finalise_options, walk *w)
     char *source = write_program(things, NUM_SIZES);
     karst_context *context = karst_context_create(getenv("KARST_DEVICE"), 0, NULL, &error);
     pool_expect(context, "context", &error);
-    karst_density_program program = {
-        .name = "things", .source = source, .options = "", .finalise_options = finalise_options, .shape = KARST_SHAPE_ROWS, .max_loads = 1024};
+    karst_density_program program = {.name = "things",
+                                     .source = source,
+                                     .options = "",
+                                     .finalise_options = finalise_options,
+                                     .shape = KARST_SHAPE_ROWS,
+                                     .max_loads = 1024};
     karst_producer *producer = karst_density_producer_create_program(context, &program, &error);
     pool_expect(producer, "producer", &error);
     walk_tree(producer, context, things, w);
@@ -269,6 +284,7 @@ static void test_plate(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_ball), cmocka_unit_test(test_needle), cmocka_unit_test(test_plate)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_ball), cmocka_unit_test(test_needle),
+                                       cmocka_unit_test(test_plate)};
     return cmocka_run_group_tests_name("thin things", tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Tests that every shipped world must pass. A test program defines WORLD_NAME, WORLD_SEED and WORLD_VOXEL_LOG2_M, includes the world's source (which
- * makes it host C, one lane) and then this file, and calls run_world_suite with the golden hashes. */
+/* Tests that every shipped world must pass. A test program includes the world's source, which makes it host C of one
+ * lane, and hands its functions and golden hashes to run_world_suite. */
 #ifndef KARST_TESTS_PRODUCERS_WORLD_SUITE_H
 #define KARST_TESTS_PRODUCERS_WORLD_SUITE_H
 
@@ -14,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "producers/density.clh"
 #include "producers/density_producer.h"
 #include "producers/evaluate.h"
 #include "tests/support/pool.h"
@@ -27,12 +28,23 @@ static uint32_t suite_random(void)
     return (uint32_t)(mixed * 0xbf58476d1ce4e5b9u >> 32);
 }
 
+/* A world as host C. */
+typedef struct {
+    const char *name;
+    uint32_t seed;                                                            /* as compiled */
+    int voxel_log2_m;                                                         /* as compiled */
+    void (*rows)(const karst_load *load, float samples[KARST_BRICK_SAMPLES]); /* world_prepare, _row and _sample */
+    float (*point)(const world_point_at *at, int level);                      /* world_point */
+    uint64_t golden_samples, golden_bricks;
+} host_world;
+static const host_world *suite;
+
 static const karst_world_info *suite_world(void)
 {
-    const karst_world_info *world = karst_world_find(WORLD_NAME);
+    const karst_world_info *world = karst_world_find(suite->name);
     assert_non_null(world);
     /* What the host compiled is what the device is asked for. */
-    assert_int_equal(world->voxel_log2_m, WORLD_VOXEL_LOG2_M);
+    assert_int_equal(world->voxel_log2_m, suite->voxel_log2_m);
     return world;
 }
 
@@ -44,15 +56,20 @@ static karst_context *suite_context(int lanes)
     return context;
 }
 
-static karst_producer *suite_producer(karst_context *context, karst_shape shape, const char *finalise_options, uint32_t max_loads)
+static karst_producer *suite_producer(karst_context *context, karst_shape shape, const char *finalise_options,
+                                      uint32_t max_loads)
 {
     const karst_world_info *world = suite_world();
     karst_error error = {0};
     char source[256], options[128];
     snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
-    karst_world_options(world, WORLD_SEED, options, sizeof options);
-    karst_density_program program = {.name = world->name, .source = source, .options = options, .shape = shape,
-                                     .finalise_options = finalise_options, .max_loads = max_loads};
+    karst_world_options(world, suite->seed, options, sizeof options);
+    karst_density_program program = {.name = world->name,
+                                     .source = source,
+                                     .options = options,
+                                     .shape = shape,
+                                     .finalise_options = finalise_options,
+                                     .max_loads = max_loads};
     karst_producer *producer = karst_density_producer_create_program(context, &program, &error);
     pool_expect(producer, "producer", &error);
     return producer;
@@ -76,7 +93,7 @@ static karst_evaluator *suite_evaluator(karst_context *context, karst_shape shap
     karst_error error = {0};
     char source[256], options[128];
     snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
-    karst_world_options(world, WORLD_SEED, options, sizeof options);
+    karst_world_options(world, suite->seed, options, sizeof options);
     const karst_virtual_file file = {"world.clh", source};
     karst_evaluator *evaluator = karst_evaluator_create(context, shape, layout, &file, options, &error);
     pool_expect(evaluator, "evaluator", &error);
@@ -86,29 +103,24 @@ static karst_evaluator *suite_evaluator(karst_context *context, karst_shape shap
 /* The samples of one brick as host C gives them: by rows, and a part of them again by point. */
 static void host_samples(const karst_load *load, float samples[KARST_BRICK_SAMPLES])
 {
-    world_axes axes;
-    int i = 0;
-    world_prepare(&axes, load->origin[0], load->origin[1], load->origin[2], load->level);
-    for (int z = 0; z < KARST_BRICK_SIDE; z++)
-        for (int y = 0; y < KARST_BRICK_SIDE; y++)
-            for (int x = 0; x < KARST_BRICK_SIDE; x++, i++) {
-                samples[i] = x < KARST_BRICK_CELLS ? world_row(&axes, x, y, z) : world_sample(&axes, x, y, z);
-                if (i % 29 != 0)
-                    continue;
-                const int steps[3] = {x, y, z};
-                world_point_at at;
-                for (int axis = 0; axis < 3; axis++) {
-                    at.voxel[axis] = load->origin[axis] + ((int64_t)steps[axis] << load->level);
-                    at.fraction[axis] = 0;
-                }
-                float point = world_point(&at, load->level);
-                if (memcmp(&point, &samples[i], sizeof point) != 0)
-                    fail_msg("level %d, sample %d at (%ld, %ld, %ld): row %a, point %a", load->level, i, at.voxel[0], at.voxel[1],
-                             at.voxel[2], samples[i], point);
-            }
+    suite->rows(load, samples);
+    for (int i = 0; i < KARST_BRICK_SAMPLES; i += 29) {
+        const int steps[3] = {i % KARST_BRICK_SIDE, i / KARST_BRICK_SIDE % KARST_BRICK_SIDE,
+                              i / KARST_BRICK_SIDE / KARST_BRICK_SIDE};
+        world_point_at at;
+        for (int axis = 0; axis < 3; axis++) {
+            at.voxel[axis] = load->origin[axis] + ((int64_t)steps[axis] << load->level);
+            at.fraction[axis] = 0;
+        }
+        float point = suite->point(&at, load->level);
+        if (memcmp(&point, &samples[i], sizeof point) != 0)
+            fail_msg("level %d, sample %d at (%ld, %ld, %ld): row %a, point %a", load->level, i, at.voxel[0],
+                     at.voxel[1], at.voxel[2], samples[i], point);
+    }
 }
 
-/* Nodes at 0, 10^9 and 10^15 voxels from the origin, at several levels, near the height of the surface (and, in the last set, not). */
+/* Nodes at 0, 10^9 and 10^15 voxels from the origin, at several levels, near the height of the surface (and, in the
+ * last set, not). */
 #define BRICKS_A_CASE 56
 #define NUM_LEVELS 5
 #define NUM_OFFSETS 4
@@ -116,8 +128,10 @@ static void host_samples(const karst_load *load, float samples[KARST_BRICK_SAMPL
 static void same_world_loads(karst_load *loads)
 {
     static const int levels[NUM_LEVELS] = {0, 2, 4, 7, 11};
-    static const int64_t offsets[NUM_OFFSETS][3] = {
-        {0, 0, 0}, {1000000000, 0, -700000001}, {-1000000000000000, 0, 999999999999989}, {999999999999999, 1000000000, -1000000000000000}};
+    static const int64_t offsets[NUM_OFFSETS][3] = {{0, 0, 0},
+                                                    {1000000000, 0, -700000001},
+                                                    {-1000000000000000, 0, 999999999999989},
+                                                    {999999999999999, 1000000000, -1000000000000000}};
     size_t n = 0;
     for (int o = 0; o < NUM_OFFSETS; o++)
         for (int l = 0; l < NUM_LEVELS; l++)
@@ -125,7 +139,8 @@ static void same_world_loads(karst_load *loads)
                 int level = levels[l];
                 loads[n] = (karst_load){.level = level, .state = KARST_STATE_UNKNOWN};
                 for (int axis = 0; axis < 3; axis++) {
-                    int64_t voxel = offsets[o][axis] + (int64_t)(suite_random() % 16384) - 8192; /* within 512 m of it */
+                    int64_t voxel =
+                        offsets[o][axis] + (int64_t)(suite_random() % 16384) - 8192; /* within 512 m of it */
                     loads[n].origin[axis] = karst_node_origin(voxel >> (level + KARST_BRICK_CELLS_LOG2), level);
                 }
             }
@@ -151,8 +166,10 @@ static void test_same_world(void **state)
         karst_buffer *staging = karst_buffer_create(context, "test", size_bytes, NULL, &error);
         samples[s] = malloc(size_bytes);
         assert_non_null(samples[s]);
-        pool_expect(load_buffer && staging && karst_evaluate_bricks(evaluator, load_buffer, NUM_SAME, staging, &error) &&
-                        karst_buffer_read(staging, 0, samples[s], size_bytes, &error), suite_shapes[s].name, &error);
+        pool_expect(load_buffer && staging &&
+                        karst_evaluate_bricks(evaluator, load_buffer, NUM_SAME, staging, &error) &&
+                        karst_buffer_read(staging, 0, samples[s], size_bytes, &error),
+                    suite_shapes[s].name, &error);
         karst_buffer_destroy(load_buffer);
         karst_buffer_destroy(staging);
         karst_evaluator_destroy(evaluator);
@@ -164,12 +181,12 @@ static void test_same_world(void **state)
         for (int s = 0; s < NUM_SHAPES; s++)
             for (int i = 0; i < KARST_BRICK_SAMPLES; i++)
                 if (memcmp(&samples[s][n * stride + (size_t)i], &host[i], sizeof(float)) != 0)
-                    fail_msg("%s: level %d, origin (%ld, %ld, %ld), sample %d: %a on the device, %a on the host", suite_shapes[s].name,
-                             loads[n].level, loads[n].origin[0], loads[n].origin[1], loads[n].origin[2], i,
-                             samples[s][n * stride + (size_t)i], host[i]);
+                    fail_msg("%s: level %d, origin (%ld, %ld, %ld), sample %d: %a on the device, %a on the host",
+                             suite_shapes[s].name, loads[n].level, loads[n].origin[0], loads[n].origin[1],
+                             loads[n].origin[2], i, samples[s][n * stride + (size_t)i], host[i]);
         num_distinct += memcmp(&host[0], &host[KARST_BRICK_SAMPLES - 1], sizeof(float)) != 0;
     }
-    print_message("%s: %d bricks, %.1f million voxels, agree in 4 shapes and on the host\n", WORLD_NAME, NUM_SAME,
+    print_message("%s: %d bricks, %.1f million voxels, agree in 4 shapes and on the host\n", suite->name, NUM_SAME,
                   NUM_SAME * (double)KARST_BRICK_SAMPLES * 1e-6);
     assert_true(num_distinct > NUM_SAME / 5); /* or it would have compared constants */
     for (int s = 0; s < NUM_SHAPES; s++)
@@ -203,10 +220,11 @@ static void add_constant(constant_list *list, pool_node node, uint32_t state, bo
 #define GRID_FULL 8
 #define GRID_FOOTPRINTS 4
 #else
-#define GRID_FULL 16
-#define GRID_FOOTPRINTS 6
+#define GRID_FULL 14
+#define GRID_FOOTPRINTS 5
 #endif
-/* Nodes that go on to the next level: a spread over all of them, more where a voxel is as wide as the smallest features. */
+/* Nodes that go on to the next level: a spread over all of them, more where a voxel is as wide as the smallest
+ * features. */
 #define MAX_KEPT 512
 #define KEPT_AT(level) ((level) >= 6 ? MAX_KEPT : 64)
 
@@ -277,16 +295,17 @@ static world_point_at point_in(const pool_node *node, const uint64_t at[3])
     return point;
 }
 
-/* How far the density at a point is on the wrong side, for a node said to be `state`: above 0 (or 0 in a solid node, since 0 is air) it is. */
+/* How far the density at a point is on the wrong side, for a node said to be `state`: above 0 (or 0 in a solid node,
+ * since 0 is air) it is. */
 static float wrongness(const pool_node *node, uint32_t state, const uint64_t at[3], int footprint)
 {
     world_point_at point = point_in(node, at);
-    float d = world_point(&point, footprint);
+    float d = suite->point(&point, footprint);
     return state == KARST_STATE_AIR ? d : d == 0.0f ? 0x1p-126f : -d;
 }
 
-/* Looks for surface in a constant node: at one footprint, `grid`^3 jittered points with the corners among them, then from the point nearest to
- * being wrong a search with ever smaller steps for a worse one. */
+/* Looks for surface in a constant node: at one footprint, `grid`^3 jittered points with the corners among them, then
+ * from the point nearest to being wrong a search with ever smaller steps for a worse one. */
 static bool find_surface(const pool_node *node, uint32_t state, int footprint, int grid, size_t *num_points)
 {
     const uint64_t one = (uint64_t)1 << 32;
@@ -322,8 +341,8 @@ static bool find_surface(const pool_node *node, uint32_t state, int footprint, i
     return worst > 0.0f;
 }
 
-/* Samples constant nodes; returns how many hold surface at full density or any footprint up to their parent's, and tells the first. Stops when
- * it knows of `enough`. */
+/* Samples constant nodes; returns how many hold surface at full density or any footprint up to their parent's, and
+ * tells the first. Stops when it knows of `enough`. */
 static size_t count_lost(const constant_list *list, size_t enough, size_t *num_points, char *first, size_t first_bytes)
 {
     size_t num_lost = 0;
@@ -331,12 +350,14 @@ static size_t count_lost(const constant_list *list, size_t enough, size_t *num_p
     for (size_t i = 0; i < list->count && num_lost < enough; i++) {
         const constant_node *constant = list->nodes + i;
         for (int footprint = -1; footprint <= constant->node.level + 1; footprint++) {
-            if (!find_surface(&constant->node, constant->state, footprint, footprint < 0 ? GRID_FULL : GRID_FOOTPRINTS, num_points))
+            if (!find_surface(&constant->node, constant->state, footprint, footprint < 0 ? GRID_FULL : GRID_FOOTPRINTS,
+                              num_points))
                 continue;
             if (num_lost++ == 0)
-                snprintf(first, first_bytes, "level %d, node (%ld, %ld, %ld), called %s by its %s, at footprint %d", constant->node.level,
-                         constant->node.at[0], constant->node.at[1], constant->node.at[2],
-                         constant->state == KARST_STATE_AIR ? "air" : "solid", constant->by_samples ? "samples" : "bounds", footprint);
+                snprintf(first, first_bytes, "level %d, node (%ld, %ld, %ld), called %s by its %s, at footprint %d",
+                         constant->node.level, constant->node.at[0], constant->node.at[1], constant->node.at[2],
+                         constant->state == KARST_STATE_AIR ? "air" : "solid",
+                         constant->by_samples ? "samples" : "bounds", footprint);
             break;
         }
     }
@@ -354,8 +375,8 @@ static void test_nothing_lost(void **state)
         by_samples += list.nodes[i].by_samples;
     assert_true(list.count > 1000);
     size_t num_lost = count_lost(&list, SIZE_MAX, &num_points, first, sizeof first);
-    print_message("%s: %zu constant nodes (%zu by bounds, %zu by samples), %.1f million points: %zu lost\n", WORLD_NAME, list.count,
-                  list.count - by_samples, by_samples, (double)num_points * 1e-6, num_lost);
+    print_message("%s: %zu constant nodes (%zu by bounds, %zu by samples), %.1f million points: %zu lost\n",
+                  suite->name, list.count, list.count - by_samples, by_samples, (double)num_points * 1e-6, num_lost);
     if (num_lost)
         fail_msg("%s", first);
     free(list.nodes);
@@ -370,17 +391,12 @@ static void test_sampling_only_is_caught(void **state)
     char first[256] = "";
     build_tree("-DKARST_MUTANT_SAMPLING", &list);
     size_t num_lost = count_lost(&list, 5, &num_points, first, sizeof first);
-    print_message("%s, sampling only: lost %s\n", WORLD_NAME, first);
+    print_message("%s, sampling only: lost %s\n", suite->name, first);
     assert_true(num_lost > 0);
     free(list.nodes);
 }
 
 /* ---- golden: a change of any bit is noticed ---- */
-
-typedef struct {
-    uint64_t samples, bricks;
-} golden_hashes;
-static golden_hashes suite_golden;
 
 static void test_golden(void **state)
 {
@@ -396,7 +412,8 @@ static void test_golden(void **state)
     karst_producer *producer = suite_producer(context, KARST_SHAPE_AUTO, NULL, COUNT);
     pool p;
 
-    /* Nodes under and above one place, where the surface is, whatever the world: a column around y = 0, another around |p| = 400 m. */
+    /* Nodes under and above one place, where the surface is, whatever the world: a column around y = 0, another around
+     * |p| = 400 m. */
     for (int n = 0; n < COUNT; n++) {
         int level = levels[n / EACH], i = n % EACH, shift = level + KARST_BRICK_CELLS_LOG2;
         int64_t y = i < EACH / 2 ? (int64_t)i * 700 - 2000 : 6400 - (int64_t)(i - EACH / 2) * 300;
@@ -426,12 +443,12 @@ static void test_golden(void **state)
     pool_close(&p);
     karst_producer_destroy(producer);
     karst_context_destroy(context);
-    if (samples_hash != suite_golden.samples || bricks_hash != suite_golden.bricks)
-        fail_msg("%s changed: samples 0x%016lx, bricks 0x%016lx; if that is meant, these are the new golden hashes", WORLD_NAME, samples_hash,
-                 bricks_hash);
+    if (samples_hash != suite->golden_samples || bricks_hash != suite->golden_bricks)
+        fail_msg("%s changed: samples 0x%016lx, bricks 0x%016lx; if that is meant, these are the new golden hashes",
+                 suite->name, samples_hash, bricks_hash);
 }
 
-static int run_world_suite(uint64_t golden_samples, uint64_t golden_bricks)
+static inline int run_world_suite(const host_world *world)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_world),
@@ -439,8 +456,8 @@ static int run_world_suite(uint64_t golden_samples, uint64_t golden_bricks)
         cmocka_unit_test(test_sampling_only_is_caught),
         cmocka_unit_test(test_golden),
     };
-    suite_golden = (golden_hashes){golden_samples, golden_bricks};
-    return cmocka_run_group_tests_name(WORLD_NAME, tests, NULL, NULL);
+    suite = world;
+    return cmocka_run_group_tests_name(world->name, tests, NULL, NULL);
 }
 
 #endif

@@ -32,7 +32,8 @@ void pool_open(pool *p, karst_context *context, uint32_t capacity, uint32_t num_
     cache->tile_info = make(context, cache->num_tiles * sizeof(karst_tile_info));
     cache->brick_info = make(context, cache->num_bricks * sizeof(karst_brick_info));
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++)
-        cache->bricks[i] = i < num_segments ? make(context, (size_t)cache->bricks_per_segment * KARST_BRICK_STRIDE * 2) : cache->bricks[0];
+        cache->bricks[i] = i < num_segments ? make(context, (size_t)cache->bricks_per_segment * KARST_BRICK_STRIDE * 2)
+                                            : cache->bricks[0];
     p->work.load_nodes = make(context, capacity * sizeof(uint32_t));
     p->work.load_slots = make(context, capacity * sizeof(uint32_t));
     p->work.load_results = make(context, capacity * sizeof(uint32_t));
@@ -42,8 +43,9 @@ void pool_open(pool *p, karst_context *context, uint32_t capacity, uint32_t num_
 
 void pool_close(pool *p)
 {
-    karst_buffer *buffers[] = {p->cache.nodes, p->cache.tile_info, p->cache.brick_info, p->work.load_nodes, p->work.load_slots,
-                               p->work.load_results, p->work.subdivide_nodes, p->work.subdivide_tiles};
+    karst_buffer *buffers[] = {p->cache.nodes,          p->cache.tile_info,     p->cache.brick_info,
+                               p->work.load_nodes,      p->work.load_slots,     p->work.load_results,
+                               p->work.subdivide_nodes, p->work.subdivide_tiles};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     for (uint32_t i = 0; i < p->cache.num_segments; i++)
@@ -100,7 +102,8 @@ void pool_read_results(pool *p, uint32_t *states)
 
 void pool_read_brick(pool *p, uint32_t index, int16_t q[KARST_BRICK_SAMPLES], karst_brick_info *info)
 {
-    uint32_t slot = index + 1, segment = slot / p->cache.bricks_per_segment, in_segment = slot % p->cache.bricks_per_segment;
+    uint32_t slot = index + 1, segment = slot / p->cache.bricks_per_segment,
+             in_segment = slot % p->cache.bricks_per_segment;
     get(p->cache.bricks[segment], (size_t)in_segment * KARST_BRICK_STRIDE * 2, q, KARST_BRICK_SAMPLES * 2);
     get(p->cache.brick_info, slot * sizeof *info, info, sizeof *info);
 }
@@ -111,13 +114,16 @@ void pool_read_tiles(pool *p, karst_node *nodes, karst_tile_info *infos)
     size_t first = p->capacity + 1;
     if (!count)
         return;
-    get(p->cache.nodes, first * KARST_TILE_NODES * sizeof *nodes, nodes, (size_t)count * KARST_TILE_NODES * sizeof *nodes);
+    get(p->cache.nodes, first * KARST_TILE_NODES * sizeof *nodes, nodes,
+        (size_t)count * KARST_TILE_NODES * sizeof *nodes);
     get(p->cache.tile_info, first * sizeof *infos, infos, (size_t)count * sizeof *infos);
 }
 
 pool_node pool_child(pool_node node, int child)
 {
-    return (pool_node){{2 * node.at[0] + (child & 1), 2 * node.at[1] + (child >> 1 & 1), 2 * node.at[2] + (child >> 2 & 1)}, node.level - 1};
+    return (pool_node){
+        {2 * node.at[0] + (child & 1), 2 * node.at[1] + (child >> 1 & 1), 2 * node.at[2] + (child >> 2 & 1)},
+        node.level - 1};
 }
 
 uint64_t pool_hash(uint64_t hash, const void *data, size_t size_bytes)

@@ -1,4 +1,5 @@
-/* A stand-in for the cache: pools with just the nodes that a test puts there, and work on them. Whatever fails ends the program. */
+/* A stand-in for the cache: pools with just the nodes that a test puts there, and work on them. Whatever fails ends the
+ * program. */
 #ifndef KARST_TESTS_SUPPORT_POOL_H
 #define KARST_TESTS_SUPPORT_POOL_H
 
@@ -12,8 +13,8 @@ typedef struct {
 typedef struct {
     karst_context *context;
     karst_cache_buffers cache;
-    karst_work work;    /* all nodes of the last pool_ask, to load and to subdivide */
-    uint32_t capacity;  /* nodes at a time */
+    karst_work work;   /* all nodes of the last pool_ask, to load and to subdivide */
+    uint32_t capacity; /* nodes at a time */
 } pool;
 
 /* `num_segments` cuts the brick pool, 1 to KARST_MAX_BRICK_SEGMENTS. */
