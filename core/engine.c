@@ -358,7 +358,7 @@ static karst_light make_light(const karst_engine *engine)
     set3(light.sun_direction, (double[3]){sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)});
     /* Air scatters blue out of low sunlight: from orange at the horizon to a warm white overhead. */
     double height = fmin(1, fmax(0, sin(elevation)) / 0.6);
-    set3(light.sun_colour, (double[3]){3.2, 2.0 + 0.95 * height, 1.1 + 1.5 * height});
+    set3(light.sun_colour, (double[3]){2.4, 1.5 + 0.7 * height, 0.85 + 1.1 * height});
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
     memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
