@@ -82,9 +82,10 @@ static const karst_producer_ops density_ops = {.kind = "density",
 static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
 {
     const karst_virtual_file world = {"world.clh", program->source};
+    const karst_virtual_file bounds = {"world.clh", program->bounds_source ? program->bounds_source : program->source};
     karst_context *context = producer->context;
     const char *finalise_options = program->finalise_options ? program->finalise_options : "";
-    return (producer->subdivider = karst_subdivider_create(context, &world, program->options, error)) &&
+    return (producer->subdivider = karst_subdivider_create(context, &bounds, program->options, error)) &&
            (producer->evaluator =
                 karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
            (producer->finaliser =

@@ -10,6 +10,7 @@
 typedef struct {
     const char *name;             /* for people; borrowed for the producer's life */
     const char *source;           /* what "world.clh" is (producers/density.clh); borrowed during creation */
+    const char *bounds_source;    /* NULL, or what it is instead where only bounds are wanted */
     const char *options;          /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
     const char *finalise_options; /* NULL, or more options for finalise (tests) */
     const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
