@@ -80,6 +80,9 @@ static inline karst_number random_number(void)
 {
     static const double special[] = {0,    0.5,   1,     -1,    2,    1.5,       2.5, -0.5, 3,
                                      1e20, 1e-20, -1e20, 1e-40, 0.25, 6.2831853, 10,  100,  1 / 3.0};
+    if (random_chance(400)) /* NaN, and what is infinite as a float */
+        return random_chance(2) ? karst_number_divide(karst_number_int(0), karst_number_int(0))
+                                : karst_number_double(1e39);
     switch (random_below(4)) {
     case 0:
         return karst_number_shortest(special[random_below(sizeof special / sizeof *special)]);

@@ -12,12 +12,13 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                                \
-    X(JUMP)                                                                                                            \
-    X(ADD) X(NEGATE) X(MULTIPLY) X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS)         \
-        X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) \
-            X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS)               \
-                X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
+#define BOUNDS_RULES(X)                                                                                              \
+    X(JUMP)                                                                                                          \
+    X(ADD)                                                                                                           \
+    X(NEGATE) X(MULTIPLY) X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT)    \
+        X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) \
+            X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE)      \
+                X(FADE) X(INTEGER) X(STICKY) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -87,10 +88,9 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
                     const real x[4], int condition, float as_float, int pass)
 {
     real a = x[0], b = x[1], c = x[2], d = x[3];
-    if (i->is_steps && i->op >= TAPE_FLOOR && i->op <= TAPE_RINT)
+    bool is_whole = i->op == TAPE_PLACE_FLOOR || (i->op >= TAPE_FLOOR && i->op <= TAPE_RINT);
+    if (i->is_steps && (is_whole || pass == 0))
         return (real)as_float;
-    if (i->is_steps)
-        return shaken((real)as_float, pass, 0x1p23L);
     switch (i->op) {
     case TAPE_AFFINE:
         return affine_real(at, (const karst_linear *)(tape->data + i->word));
@@ -172,7 +172,8 @@ static void run_real(const tape_program *tape, const karst_instruction *i, const
         }
         result.value[pass] = i->op != TAPE_NOISE && i->type == TAPE_BOOL_TYPE
                                  ? (real)(tape_load(tape, i->slot) != 0)
-                                 : shaken(real_op(tape, i, at, level, x, condition, as_float, pass), pass, 0x1p45L);
+                                 : shaken(real_op(tape, i, at, level, x, condition, as_float, pass), pass,
+                                          i->is_steps ? 0x1p23L : 0x1p45L);
     }
     slots[i->slot] = result;
 }
