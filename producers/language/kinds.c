@@ -44,8 +44,14 @@ static form_class classify(const resolver *r, karst_expr e)
 {
     const karst_expr_node *n = &r->from->nodes[e];
     form_class a = r->class[n->arg[0]], b = r->class[n->arg[1]], c = r->class[n->arg[2]];
-    if (karst_graph_is_uniform(r->from, e))
+    if (n->op == KARST_OP_NOISE)
+        return FORM_FLOAT; /* even of a constant: the host has no value for it */
+    if (karst_graph_is_uniform(r->from, e)) {
+        for (int k = 0; k < 4; k++)
+            if (r->class[n->arg[k]] != FORM_UNIFORM)
+                return FORM_FLOAT;
         return FORM_UNIFORM;
+    }
     switch (n->op) {
     case KARST_OP_POSITION:
         return FORM_AFFINE;

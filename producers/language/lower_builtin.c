@@ -216,7 +216,7 @@ static karst_value apply_bits(karst_lower_state *s, const char *name, karst_valu
 static karst_expr uniform_argument(karst_lower_state *s, karst_value v, const char *what, uint32_t where)
 {
     v = karst_lower_convert(s, v, karst_type_vector(KARST_TYPE_FLOAT, 1), what, where);
-    if (!karst_graph_is_uniform(s->graph, v.e[0]))
+    if (!karst_lower_is_known(s, v.e[0]))
         karst_source_error(s->source, where, "add up noise(...) in a loop instead",
                            "%s must not depend on the position", what);
     return v.e[0];

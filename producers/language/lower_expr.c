@@ -7,6 +7,22 @@
 
 /* ---- constants ---- */
 
+/* `reads` notes the parameters that decide it. */
+static bool known_value(karst_lower_state *s, karst_expr e, bool *reads, karst_number *number)
+{
+    karst_number values[KARST_MAX_PARAMETERS + 16];
+    for (uint32_t i = 0; i < s->io->num_parameters; i++)
+        values[i] = s->io->parameters[i].value;
+    return karst_graph_is_uniform(s->graph, e) && karst_uniform_value(s->graph, e, values, reads, number);
+}
+
+bool karst_lower_is_known(karst_lower_state *s, karst_expr e)
+{
+    bool reads[KARST_MAX_PARAMETERS + 16] = {false};
+    karst_number number;
+    return known_value(s, e, reads, &number);
+}
+
 bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *number)
 {
     const karst_number *known = karst_graph_constant(s->graph, e);
@@ -14,13 +30,8 @@ bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *
         *number = *known;
         return true;
     }
-    if (!karst_graph_is_uniform(s->graph, e))
-        return false;
     bool reads[KARST_MAX_PARAMETERS + 16] = {false};
-    karst_number values[KARST_MAX_PARAMETERS + 16];
-    for (uint32_t i = 0; i < s->io->num_parameters; i++)
-        values[i] = s->io->parameters[i].value;
-    if (!karst_uniform_value(s->graph, e, values, reads, number))
+    if (!known_value(s, e, reads, number))
         return false;
     for (uint32_t i = 0; i < s->io->num_parameters; i++)
         s->io->parameters[i].is_structural |= reads[i];

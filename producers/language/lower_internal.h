@@ -114,6 +114,8 @@ karst_value karst_lower_whole(karst_lower_state *s, const karst_ast_expr *e);
 /* An int or float that is known now; `what` begins the error: "the size of an array". Parameters that decide it become
  * structural. */
 karst_number karst_lower_constant(karst_lower_state *s, karst_expr e, const char *what, uint32_t where);
+/* Uniform, with a value that the host can compute. */
+bool karst_lower_is_known(karst_lower_state *s, karst_expr e);
 bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *number);
 /* `value` as `to`, or an error that names both: "cannot use a vec3 as float". */
 karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const karst_type *to, const char *context,

@@ -1,0 +1,195 @@
+/* The double half. */
+#include "producers/language/oracle_internal.h"
+
+#include <math.h>
+
+static const karst_expr_node *node_of(const karst_oracle *o, karst_expr e) { return &o->graph->nodes[e]; }
+static double double_of(const karst_oracle *o, karst_expr e) { return o->slots[e].d; }
+
+/* ---- from fixed point ---- */
+
+double karst_oracle_affine(const karst_oracle *o, const karst_linear *form)
+{
+    affine_sum sum = {.low = form->offset_low, .high = (vulong)form->offset_high};
+    for (int i = 0; i < 3; i++)
+        if (form->factor[i])
+            affine_sum_product(&sum, form->factor[i], o->at.voxel[i], o->at.fraction[i]);
+    double value = (double)(vlong)sum.high * 0x1p64 + (double)sum.low;
+    if ((vlong)sum.high < 0) /* the halves have opposite signs: add what is small first */
+        value = -((double)(~sum.high) * 0x1p64 + (double)(0 - sum.low)) - (sum.low ? 0 : 0x1p64);
+    return value * (double)form->scale[0] * (double)form->scale[1];
+}
+
+/* ---- gradient noise, the same lattice in double ---- */
+
+typedef struct {
+    uint cell;
+    double fraction;
+} place;
+
+static place moved(noise_coordinate c, double by)
+{
+    double t = (double)c.fraction * 0x1p-32 + (by > 0x1p30 ? 0x1p30 : by < -0x1p30 ? -0x1p30 : by), whole = floor(t);
+    return (place){c.cell + (uint)(int)whole, t - whole};
+}
+
+static double fade(double t) { return t * t * t * (t * (t * 6 - 15) + 10); }
+
+static double gradient_noise(const place p[3], uint seed)
+{
+    static const uint primes[3] = {NOISE_PRIME_X, NOISE_PRIME_Y, NOISE_PRIME_Z};
+    double sum = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        uint at[3];
+        double offset[3], weight = 1;
+        for (int i = 0; i < 3; i++) {
+            uint up = (uint)corner >> i & 1;
+            at[i] = (p[i].cell + up) * primes[i];
+            offset[i] = p[i].fraction - up;
+            weight *= up ? fade(p[i].fraction) : 1 - fade(p[i].fraction);
+        }
+        uint hash = noise_corner_hash(NOISE_LINE_YZ(NOISE_LINE_Y(at[1]), at[2], seed), at[0]);
+        sum += weight * ((double)noise_times_x(hash, 1.0f) * offset[0] + (double)noise_times_y(hash, 1.0f) * offset[1] +
+                         (double)noise_times_z(hash, 1.0f) * offset[2]);
+    }
+    return sum;
+}
+
+static double shaped(uint8_t shape, double n, double weight)
+{
+    const double mean = (double)OCTAVE_GRADIENT_MEAN;
+    if (shape == KARST_NOISE_SUM)
+        return weight * n;
+    double size = mean + weight * (fabs(n) - mean);
+    return shape == KARST_NOISE_RIDGED ? 1 - 2 * size : shape == KARST_NOISE_BILLOW ? 2 * size - 1 : size;
+}
+
+static double noise_double(const karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e);
+    const karst_noise *noise = &o->graph->noises[n->extra];
+    const karst_octave *octave = karst_oracle_record(o, e);
+    double sum = 0, amplitude = 1, scale = 1;
+    for (int k = 0; k < noise->num_octaves; k++, octave++) {
+        place p[3];
+        for (int i = 0; i < 3; i++) {
+            karst_expr by = n->arg[i];
+            uint8_t op = node_of(o, by)->op;
+            double offset =
+                op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
+            p[i] = moved(affine_coordinate(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
+        }
+        sum += amplitude *
+               shaped(noise->shape, gradient_noise(p, octave->seed), (double)octave_weight_at(octave, o->level).weight);
+        amplitude *= double_of(o, noise->gain);
+        scale *= double_of(o, noise->lacunarity);
+    }
+    return sum;
+}
+
+/* ---- places ---- */
+
+static double place_double(const karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e), *a = node_of(o, n->arg[0]);
+    double offset = a->op == KARST_OP_SHIFTED ? double_of(o, a->arg[1]) : 0;
+    const void *record = karst_oracle_record(o, e);
+    if (n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS) {
+        double t = (double)affine_coordinate(&o->at, record).fraction * 0x1p-32 + offset;
+        double angle = 6.283185307179586477 * (t - rint(t));
+        return n->op == KARST_OP_SIN_TURNS ? karst_double_sin(angle) : karst_double_cos(angle);
+    }
+    affine_place at = affine_cells(&o->at, record);
+    double fraction = (double)at.fraction * 0x1p-32, b = double_of(o, n->arg[1]), t;
+    switch (n->op) {
+    case KARST_OP_FRACT:
+        t = fraction + offset;
+        return t - floor(t);
+    case KARST_OP_FLOOR:
+        return (double)at.cell + floor(fraction + offset);
+    default:
+        t = b == 0 ? 0 : fraction + offset / b;
+        return b * (t - floor(t));
+    }
+}
+
+/* ---- operations ---- */
+
+static double length(const karst_oracle *o, const karst_expr_node *n)
+{
+    double sum = 0;
+    for (int k = 0; k < 4 && n->arg[k]; k++)
+        sum += double_of(o, n->arg[k]) * double_of(o, n->arg[k]);
+    return sqrt(sum);
+}
+
+static double plain_double(const karst_oracle *o, const karst_expr_node *n)
+{
+    double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
+    switch (n->op) {
+    case KARST_OP_NORMAL:
+        return (double)o->normal[n->extra];
+    case KARST_OP_ADD:
+    case KARST_OP_SHIFTED:
+        return a + b;
+    case KARST_OP_SUBTRACT:
+        return a - b;
+    case KARST_OP_MULTIPLY:
+        return a * b;
+    case KARST_OP_DIVIDE:
+        return a / b;
+    case KARST_OP_FMA:
+        return fma(a, b, c);
+    case KARST_OP_NEGATE:
+        return -a;
+    case KARST_OP_MIN:
+        return b < a ? b : a;
+    case KARST_OP_MAX:
+        return b > a ? b : a;
+    case KARST_OP_ABS:
+        return fabs(a);
+    case KARST_OP_FRACT:
+        return a - floor(a);
+    case KARST_OP_MOD:
+        return b == 0 ? 0 : a - b * floor(a / b);
+    case KARST_OP_MIX:
+        return fma(c, b - a, a);
+    case KARST_OP_SQRT:
+        return a < 0 ? 0 : sqrt(a);
+    case KARST_OP_LENGTH:
+        return length(o, n);
+    case KARST_OP_SIN:
+        return karst_double_sin(a);
+    case KARST_OP_COS:
+        return karst_double_cos(a);
+    case KARST_OP_EXP2:
+        return karst_double_exp2(a);
+    case KARST_OP_LOG:
+        return karst_double_log(a);
+    case KARST_OP_ATAN:
+        return karst_double_atan(a, b);
+    case KARST_OP_SELECT:
+        return o->slots[n->arg[0]].i ? b : c;
+    default:
+        return (double)NAN; /* not reached: the rest is piecewise constant */
+    }
+}
+
+void karst_oracle_step_double(karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e);
+    karst_oracle_slot *s = &o->slots[e];
+    if (n->kind == KARST_KIND_STEPS)
+        s->d = n->type == KARST_TYPE_FLOAT  ? (double)s->f
+               : n->type == KARST_TYPE_UINT ? (double)(uint)s->i
+               : n->type == KARST_TYPE_BOOL ? (double)(s->i != 0)
+                                            : (double)s->i;
+    else if (n->op == KARST_OP_NOISE)
+        s->d = noise_double(o, e);
+    else if (n->op == KARST_OP_AFFINE)
+        s->d = karst_oracle_affine(o, karst_oracle_record(o, e));
+    else if (karst_takes_place(&o->layout, e, 0))
+        s->d = place_double(o, e);
+    else
+        s->d = plain_double(o, n);
+}

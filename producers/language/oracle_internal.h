@@ -1,0 +1,41 @@
+/* What the two halves of the oracle share. */
+#ifndef KARST_LANGUAGE_ORACLE_INTERNAL_H
+#define KARST_LANGUAGE_ORACLE_INTERNAL_H
+
+#include "producers/language/affine.clh"
+#include "producers/language/octave.clh"
+#include "producers/language/oracle.h"
+#include "producers/language/wide.clh"
+
+/* A node's value in both worlds. Of a BOOL, i is the mask (-1 or 0) and d 1 or 0; of INT and UINT d is the number. */
+typedef struct {
+    vfloat f, low; /* low: the second half of a pair, of WIDE and AFFINE nodes */
+    vint i;
+    double d;
+} karst_oracle_slot;
+
+struct karst_oracle {
+    karst_world_layout layout;
+    const karst_graph *graph;
+    karst_number *values; /* of uniform nodes */
+    uint8_t *known;
+    uint64_t *words; /* the world's data, as devices read it */
+    karst_oracle_slot *slots;
+    affine_position at;
+    float normal[3];
+    int level;
+};
+
+static inline void *karst_oracle_record(const karst_oracle *oracle, karst_expr e)
+{
+    return oracle->words + oracle->layout.word[e];
+}
+
+/* oracle_float.c: fills f, low, i of a node that is not known. */
+void karst_oracle_step_float(karst_oracle *oracle, karst_expr e);
+/* oracle_double.c: fills d; the node's floats are there. */
+void karst_oracle_step_double(karst_oracle *oracle, karst_expr e);
+/* A fixed-point form as a double: error 2^-52 of its value. */
+double karst_oracle_affine(const karst_oracle *oracle, const karst_linear *form);
+
+#endif
