@@ -13,16 +13,42 @@ _Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST
                    (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW && (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
                "octave.clh has graph.h's shapes");
 
+/* What a node gives: a float (or int, or bool), and what wide ops want of AFFINE and SHIFTED, a pair. Nodes of kind
+ * WIDE are pairs and nothing else: their float is the pair's first half. */
+enum { PART_VALUE, PART_PAIR, NUM_PARTS };
+
 typedef struct {
     const karst_world_layout *layout;
     const karst_graph *graph;
     karst_tape *tape;
-    uint8_t *needed;
-    uint32_t *last_use; /* index of the last node that reads it; UINT32_MAX for outputs */
-    uint32_t *slot;
-    uint32_t *constant; /* number among the tape's constants + 1 */
+    uint8_t (*needed)[NUM_PARTS];
+    uint32_t (*last_use)[NUM_PARTS]; /* index of the last node that reads it; UINT32_MAX for outputs */
+    uint32_t (*slot)[NUM_PARTS];
+    uint32_t (*constant)[NUM_PARTS]; /* number among the tape's constants + 1 */
     uint32_t *free_slots, num_free;
 } builder;
+
+static bool is_pair(const builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
+
+/* Whether the node is computed in pairs. */
+static bool is_wide(const builder *b, karst_expr e)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    switch (n->op) {
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+    case KARST_OP_FLOOR:
+    case KARST_OP_FRACT:
+    case KARST_OP_MOD:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+        return is_pair(b, n->arg[0]) || is_pair(b, n->arg[1]);
+    default:
+        return is_pair(b, e);
+    }
+}
 
 /* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it.
  */
@@ -35,19 +61,37 @@ static karst_expr read_by(const builder *b, karst_expr e, int k)
     return n->op == KARST_OP_SHIFTED ? n->arg[1] : KARST_NO_EXPR;
 }
 
+/* Whether this part of a node reads its arguments as pairs, where they are or may be some. */
+static bool reads_pairs(const builder *b, karst_expr e, int part)
+{
+    return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : is_wide(b, e);
+}
+
+static int part_of(const builder *b, karst_expr argument, bool as_pair)
+{
+    uint8_t op = b->graph->nodes[argument].op;
+    return is_pair(b, argument) || (as_pair && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? PART_PAIR
+                                                                                                  : PART_VALUE;
+}
+
 static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
 {
     for (uint32_t i = 0; i < num_roots; i++) {
-        b->needed[roots[i]] = 1;
-        b->last_use[roots[i]] = UINT32_MAX;
+        int part = part_of(b, roots[i], false);
+        b->needed[roots[i]][part] = 1;
+        b->last_use[roots[i]][part] = UINT32_MAX;
     }
     for (karst_expr e = b->graph->num_nodes - 1; e > 0; e--) {
-        if (!b->needed[e] || b->layout->is_known[e])
-            continue;
-        for (int k = 0; k < 4; k++) {
-            karst_expr argument = read_by(b, e, k);
-            b->needed[argument] = 1;
-            b->last_use[argument] = b->last_use[argument] < e ? e : b->last_use[argument];
+        for (int part = 0; part < NUM_PARTS; part++) {
+            if (!b->needed[e][part] || b->layout->is_known[e])
+                continue;
+            for (int k = 0; k < 4; k++) {
+                karst_expr argument = read_by(b, e, k);
+                int read = part_of(b, argument, reads_pairs(b, e, part));
+                b->needed[argument][read] = 1;
+                if (b->last_use[argument][read] < e)
+                    b->last_use[argument][read] = e;
+            }
         }
     }
 }
@@ -61,19 +105,32 @@ static uint32_t bits_of(const karst_number *number, uint8_t type)
     return (uint32_t)number->numerator;
 }
 
-static uint32_t operand_of(builder *b, karst_expr e)
+static uint32_t constant_operand(builder *b, karst_expr e, bool as_pair)
 {
+    const karst_expr_node *n = &b->graph->nodes[e];
+    const karst_number *number = karst_graph_constant(b->graph, e);
+    karst_tape *tape = b->tape;
+    if (!b->constant[e][as_pair]) {
+        b->constant[e][as_pair] = tape->num_constants + 1;
+        tape->constants[tape->num_constants++] = bits_of(number, n->type);
+        if (as_pair)
+            tape->constants[tape->num_constants++] = k_as_uint(karst_number_rest(*number));
+    }
+    return TAPE_CONSTANT | (as_pair ? TAPE_PAIR : 0) | (b->constant[e][as_pair] - 1);
+}
+
+static uint32_t operand_of(builder *b, karst_expr e, bool as_pair)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
     if (!e)
         return TAPE_NOTHING;
-    const karst_expr_node *n = &b->graph->nodes[e];
-    if (n->op == KARST_OP_CONSTANT) {
-        if (!b->constant[e]) {
-            b->tape->constants[b->tape->num_constants] = bits_of(karst_graph_constant(b->graph, e), n->type);
-            b->constant[e] = ++b->tape->num_constants;
-        }
-        return TAPE_CONSTANT | (b->constant[e] - 1);
-    }
-    return b->layout->is_known[e] ? TAPE_VALUE | b->layout->word[e] : b->slot[e];
+    bool of_floats = as_pair && n->type == KARST_TYPE_FLOAT;
+    if (n->op == KARST_OP_CONSTANT)
+        return constant_operand(b, e, of_floats);
+    if (b->layout->is_known[e])
+        return TAPE_VALUE | (of_floats ? TAPE_PAIR : 0) | b->layout->word[e];
+    int part = part_of(b, e, as_pair);
+    return (part == PART_PAIR ? TAPE_PAIR : 0) | b->slot[e][part];
 }
 
 /* ---- ops ---- */
@@ -158,26 +215,30 @@ static bool can_run(const builder *b, karst_expr e, karst_error *error)
     return true;
 }
 
-static void release_arguments(builder *b, karst_expr e)
+static void release_arguments(builder *b, karst_expr e, int part)
 {
     for (int k = 0; k < 4; k++) {
         karst_expr argument = read_by(b, e, k);
-        if (argument && b->last_use[argument] == e && !b->layout->is_known[argument]) {
-            b->free_slots[b->num_free++] = b->slot[argument];
-            b->last_use[argument] = 0; /* once, if it is read twice */
+        int read = part_of(b, argument, reads_pairs(b, e, part));
+        /* the value of a node comes before its pair and may be read by it again */
+        bool again = part == PART_VALUE && b->needed[e][PART_PAIR];
+        if (argument && b->last_use[argument][read] == e && !again && !b->layout->is_known[argument]) {
+            b->free_slots[b->num_free++] = b->slot[argument][read];
+            b->last_use[argument][read] = 0; /* once, if it is read twice */
         }
     }
 }
 
-static void add_instruction(builder *b, karst_expr e)
+static void add_instruction(builder *b, karst_expr e, int part)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
     karst_tape *tape = b->tape;
     karst_instruction *i = &tape->code[tape->num_instructions++];
-    *i = (karst_instruction){
-        .op = op_of(b, e), .type = n->type, .is_steps = n->kind == KARST_KIND_STEPS, .word = b->layout->word[e]};
+    bool as_pair = reads_pairs(b, e, part);
+    *i = (karst_instruction){.op = op_of(b, e), .type = n->type, .word = b->layout->word[e]};
+    i->flags = (n->kind == KARST_KIND_STEPS ? TAPE_IS_STEPS : 0) | (as_pair || part == PART_PAIR ? TAPE_IS_WIDE : 0);
     for (int k = 0; k < 4; k++) {
-        i->arg[k] = operand_of(b, read_by(b, e, k));
+        i->arg[k] = operand_of(b, read_by(b, e, k), as_pair);
         i->count += n->arg[k] != 0;
     }
     /* a choice's type is its values' */
@@ -190,9 +251,9 @@ static void add_instruction(builder *b, karst_expr e)
         i->argument_type = noise->base;
         i->type = noise->shape;
     }
-    release_arguments(b, e);
-    b->slot[e] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;
-    i->slot = b->slot[e];
+    release_arguments(b, e, part);
+    b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;
+    i->slot = b->slot[e][part];
 }
 
 bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
@@ -202,27 +263,29 @@ bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots,
     builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape};
     bool done = false;
     *tape = (karst_tape){.num_outputs = num_roots};
-    b.needed = calloc(count, 1);
+    b.needed = calloc(count, sizeof *b.needed);
     b.last_use = calloc(count, sizeof *b.last_use);
     b.slot = calloc(count, sizeof *b.slot);
     b.constant = calloc(count, sizeof *b.constant);
-    b.free_slots = calloc(count, sizeof *b.free_slots);
-    tape->code = calloc(count, sizeof *tape->code);
-    tape->constants = calloc(count, sizeof *tape->constants);
+    b.free_slots = calloc(NUM_PARTS * (size_t)count, sizeof *b.free_slots);
+    tape->code = calloc(NUM_PARTS * (size_t)count, sizeof *tape->code);
+    tape->constants = calloc(3 * (size_t)count, sizeof *tape->constants); /* each as a number and as a pair */
     if (!b.needed || !b.last_use || !b.slot || !b.constant || !b.free_slots || !tape->code || !tape->constants) {
         karst_fail(error, KARST_FAILED, "out of memory");
         goto end;
     }
     mark(&b, roots, num_roots);
     for (karst_expr e = 1; e < count; e++) {
-        if (!b.needed[e] || layout->is_known[e])
-            continue;
-        if (!can_run(&b, e, error))
-            goto end;
-        add_instruction(&b, e);
+        for (int part = 0; part < NUM_PARTS; part++) {
+            if (!b.needed[e][part] || layout->is_known[e])
+                continue;
+            if (!can_run(&b, e, error))
+                goto end;
+            add_instruction(&b, e, part);
+        }
     }
     for (uint32_t i = 0; i < num_roots; i++)
-        tape->output[i] = operand_of(&b, roots[i]);
+        tape->output[i] = operand_of(&b, roots[i], false);
     tape->num_slots += tape->num_slots == 0;
     done = true;
 end:

@@ -1,7 +1,9 @@
-/* The tape: a world's graph as a list of instructions that one interpreter executes, whatever the world. Compiled twice: see core/dialect.h.
+/* The tape: a world's graph as a list of instructions that one interpreter executes, whatever the world. Compiled
+ * twice: see core/dialect.h.
  *
- * Operands are slots (values of earlier instructions; the builder reuses those that nobody reads again), constants of the tape, or values in the
- * world's data (data.h), which parameters decide: a change of these leaves the tape as it is.
+ * Operands are slots (values of earlier instructions; the builder reuses those that nobody reads again), constants of
+ * the tape, or values in the world's data (data.h), which parameters decide: a change of these leaves the tape as it
+ * is.
  */
 #ifndef KARST_LANGUAGE_TAPE_SHARED_H
 #define KARST_LANGUAGE_TAPE_SHARED_H
@@ -12,19 +14,56 @@
 enum {
     TAPE_AFFINE, /* its float */
     TAPE_NORMAL, /* along axis `count` */
-    TAPE_ADD, TAPE_SUBTRACT, TAPE_MULTIPLY, TAPE_DIVIDE, TAPE_FMA, TAPE_NEGATE,
-    TAPE_MIN, TAPE_MAX, TAPE_ABS,
-    TAPE_FLOOR, TAPE_CEIL, TAPE_RINT, TAPE_FRACT, TAPE_MOD, TAPE_MIX,
-    TAPE_SQRT, TAPE_LENGTH, /* of `count` arguments */
-    TAPE_SIN, TAPE_COS, TAPE_EXP2, TAPE_LOG, TAPE_ATAN,
-    TAPE_PLACE_FLOOR, TAPE_PLACE_FRACT, TAPE_PLACE_MOD, /* of the exact place at `word`; a: the offset, b: MOD's divisor */
-    TAPE_SIN_TURNS, TAPE_COS_TURNS,                     /* of the lattice at `word`; a: the offset */
-    TAPE_NOISE, /* `count` octaves at `word`; a, b, c: the arguments' float parts; base and shape in `argument_type` and `type` */
-    TAPE_LESS, TAPE_LESS_EQUAL, TAPE_EQUAL, TAPE_NOT_EQUAL, TAPE_NOT, TAPE_AND, TAPE_OR,
+    TAPE_ADD,
+    TAPE_SUBTRACT,
+    TAPE_MULTIPLY,
+    TAPE_DIVIDE,
+    TAPE_FMA,
+    TAPE_NEGATE,
+    TAPE_MIN,
+    TAPE_MAX,
+    TAPE_ABS,
+    TAPE_FLOOR,
+    TAPE_CEIL,
+    TAPE_RINT,
+    TAPE_FRACT,
+    TAPE_MOD,
+    TAPE_MIX,
+    TAPE_SQRT,
+    TAPE_LENGTH, /* of `count` arguments */
+    TAPE_SIN,
+    TAPE_COS,
+    TAPE_EXP2,
+    TAPE_LOG,
+    TAPE_ATAN,
+    TAPE_PLACE_FLOOR,
+    TAPE_PLACE_FRACT,
+    TAPE_PLACE_MOD, /* of the exact place at `word`; a: the offset, b: MOD's divisor */
+    TAPE_SIN_TURNS,
+    TAPE_COS_TURNS, /* of the lattice at `word`; a: the offset */
+    TAPE_NOISE, /* `count` octaves at `word`; a, b, c: the arguments' float parts; base and shape in `argument_type` and
+                   `type` */
+    TAPE_LESS,
+    TAPE_LESS_EQUAL,
+    TAPE_EQUAL,
+    TAPE_NOT_EQUAL,
+    TAPE_NOT,
+    TAPE_AND,
+    TAPE_OR,
     TAPE_SELECT,
-    TAPE_INT_ADD, TAPE_INT_SUBTRACT, TAPE_INT_MULTIPLY, TAPE_INT_DIVIDE, TAPE_INT_MODULO,
-    TAPE_BIT_AND, TAPE_BIT_OR, TAPE_BIT_XOR, TAPE_BIT_NOT, TAPE_SHIFT_LEFT, TAPE_SHIFT_RIGHT,
-    TAPE_CONVERT, TAPE_BITS,
+    TAPE_INT_ADD,
+    TAPE_INT_SUBTRACT,
+    TAPE_INT_MULTIPLY,
+    TAPE_INT_DIVIDE,
+    TAPE_INT_MODULO,
+    TAPE_BIT_AND,
+    TAPE_BIT_OR,
+    TAPE_BIT_XOR,
+    TAPE_BIT_NOT,
+    TAPE_SHIFT_LEFT,
+    TAPE_SHIFT_RIGHT,
+    TAPE_CONVERT,
+    TAPE_BITS,
     TAPE_NUM_OPS
 };
 
@@ -38,16 +77,20 @@ enum {
 #define TAPE_NOTHING 0xffffffffu
 #define TAPE_CONSTANT 0x80000000u /* | index of a constant of the tape */
 #define TAPE_VALUE 0x40000000u    /* | index of a value in the world's data */
-#define TAPE_INDEX 0x3fffffffu
+#define TAPE_PAIR 0x20000000u     /* | any: what the float leaves is there, too (wide.clh) */
+#define TAPE_INDEX 0x1fffffffu
+
+#define TAPE_IS_STEPS 1u /* piecewise constant: arguments that are one number make it one number */
+#define TAPE_IS_WIDE 2u  /* computed in pairs */
 
 typedef struct {
     uchar op;
     uchar type;          /* of the result */
     uchar argument_type; /* of argument a */
-    uchar is_steps;      /* piecewise constant: arguments that are one number make it one number */
-    uint slot;           /* of the result */
+    uchar flags;
+    uint slot; /* of the result */
     uint arg[4];
-    uint word;           /* of its record in the world's data */
+    uint word; /* of its record in the world's data */
     uint count;
 } karst_instruction;
 K_ASSERT_SIZE(karst_instruction, 32);

@@ -12,13 +12,14 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                              \
-    X(JUMP)                                                                                                          \
-    X(ADD)                                                                                                           \
-    X(NEGATE) X(MULTIPLY) X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT)    \
-        X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) \
-            X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE)      \
-                X(FADE) X(INTEGER) X(STICKY) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
+#define BOUNDS_RULES(X)                                                                                            \
+    X(JUMP)                                                                                                        \
+    X(ADD)                                                                                                         \
+    X(NEGATE)                                                                                                      \
+    X(MULTIPLY) X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR)   \
+        X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) \
+            X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE)   \
+                X(INTEGER) X(STICKY) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -89,7 +90,7 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
 {
     real a = x[0], b = x[1], c = x[2], d = x[3];
     bool is_whole = i->op == TAPE_PLACE_FLOOR || (i->op >= TAPE_FLOOR && i->op <= TAPE_RINT);
-    if (i->is_steps && (is_whole || pass == 0))
+    if ((i->flags & TAPE_IS_STEPS) && (is_whole || pass == 0))
         return (real)as_float;
     switch (i->op) {
     case TAPE_AFFINE:
@@ -117,7 +118,7 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
     case TAPE_MOD:
         return mod_real(a, b);
     case TAPE_MIX:
-        return a + c * (b - a);
+        return a + c * shaken(b - a, pass, 0x1p45L);
     case TAPE_SQRT:
         return a < 0 ? 0 : sqrtl(a);
     case TAPE_LENGTH:
@@ -146,7 +147,7 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
     case TAPE_SELECT:
         return condition ? b : c;
     case TAPE_NOISE: { /* floats know it to NOISE_VALUE_ERROR, which bounds allow for */
-        vfloat offset[3] = {(float)a, (float)b, (float)c};
+        wide offset[3] = {wide_from((float)a), wide_from((float)b), wide_from((float)c)};
         return (real)tape_noise(tape, i, at, level, offset);
     }
     default:
@@ -173,7 +174,7 @@ static void run_real(const tape_program *tape, const karst_instruction *i, const
         result.value[pass] = i->op != TAPE_NOISE && i->type == TAPE_BOOL_TYPE
                                  ? (real)(tape_load(tape, i->slot) != 0)
                                  : shaken(real_op(tape, i, at, level, x, condition, as_float, pass), pass,
-                                          i->is_steps ? 0x1p23L : 0x1p45L);
+                                          (i->flags & TAPE_IS_STEPS) ? 0x1p23L : 0x1p45L);
     }
     slots[i->slot] = result;
 }
@@ -241,14 +242,14 @@ static void subject_make(subject *s, uint64_t seed)
     const karst_expr *root = s->graph.root;
     karst_resolved_world world = {
         .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
-    karst_world_layout_init(&s->layout, &world);
+    assert_true(karst_world_layout_init(&s->layout, &world));
     s->data = calloc(s->layout.num_words, sizeof *s->data);
     assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, 7, s->place.voxel_log2_m, s->data));
     karst_error error;
     assert_true(karst_tape_build(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error));
     s->bound_slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof(int));
     for (int n = 0; n < NUM_SAMPLES; n++) {
-        s->value_slots[n] = calloc(s->tape.num_slots, sizeof(int));
+        s->value_slots[n] = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof(int));
         s->real_slots[n] = calloc(s->tape.num_slots, sizeof(real_slot));
     }
     place_samples(s);
@@ -263,8 +264,8 @@ static tape_program program_of(const subject *s, int *slots)
                           .constants = s->tape.constants,
                           .data = s->data,
                           .values = (const uint *)(s->data + s->layout.values_word),
-                          .slots = slots,
-                          .stride = 1};
+                          .num_values = s->layout.num_values,
+                          .slots = slots};
 }
 
 /* ---- what must hold ---- */
@@ -369,8 +370,8 @@ static void describe(const subject *s, uint64_t seed, const violation *v)
     const karst_instruction *i = &s->tape.code[v->instruction];
     print_message(
         "seed %lu: tape op %u (type %u, steps %u), instruction %u of %u, %s: %.12Lg is not in [%.12Lg, %.12Lg]\n",
-        (unsigned long)seed, i->op, i->type, i->is_steps, v->instruction, s->tape.num_instructions, v->rule, v->value,
-        v->lo, v->hi);
+        (unsigned long)seed, i->op, i->type, (i->flags & TAPE_IS_STEPS), v->instruction, s->tape.num_instructions,
+        v->rule, v->value, v->lo, v->hi);
     print_message("  sample %d, %d; box at %ld %ld %ld, radius %g %g %g, level %d, footprint %d\n", v->sample, v->other,
                   (long)s->place.voxel[0], (long)s->place.voxel[1], (long)s->place.voxel[2], (double)s->place.radius[0],
                   (double)s->place.radius[1], (double)s->place.radius[2], s->box.level, s->level);
