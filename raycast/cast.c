@@ -89,6 +89,8 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
             int64_t node = anchor->voxel[a] >> shift;
             uint64_t in_node = (uint64_t)anchor->voxel[a] & (((uint64_t)1 << shift) - 1);
             view->levels[level].in_node[a] = ldexpf(float_down(in_node, anchor->fraction[a]), -level);
+            uint64_t to_end = ((uint64_t)1 << shift) - in_node - (anchor->fraction[a] != 0);
+            view->levels[level].to_end[a] = ldexpf(float_down(to_end, -anchor->fraction[a]), -level);
             view->levels[level].parity |= (uint)(node & 1) << a;
         }
         int64_t root = root_corner[a] - (anchor->voxel[a] >> (KARST_BRICK_CELLS_LOG2 + top_level));

@@ -51,8 +51,10 @@ K_ASSERT_SIZE(karst_hit, 32);
 typedef struct {
     float in_node[3]; /* the anchor inside its own node of this level, in voxels of this level: [0, KARST_BRICK_CELLS) */
     uint parity;      /* bit a: the anchor's node coordinate on axis a is odd at this level */
+    float to_end[3];  /* KARST_BRICK_CELLS - in_node: where the node is wide and its end near, the difference of floats is not good enough */
+    uint pad;
 } karst_anchor_level;
-K_ASSERT_SIZE(karst_anchor_level, 16);
+K_ASSERT_SIZE(karst_anchor_level, 32);
 
 typedef struct {
     karst_anchor_level levels[KARST_MAX_LEVELS];

@@ -263,6 +263,10 @@ static void localisation_is_exact(void **state)
                                     ldexpl(1, level);
                 assert_true(in_node >= 0 && in_node < KARST_BRICK_CELLS);
                 assert_true((long double)in_node <= exact && exact - (long double)in_node <= exact * 0x1p-23L);
+                __extension__ __int128 left = (__int128)(node + 1) << (KARST_BRICK_CELLS_LOG2 + level + 32);
+                left -= (__int128)p.voxel[a] * ((int64_t)1 << 32) + p.fraction[a];
+                long double to_end = view.levels[level].to_end[a], rest = (long double)left / ldexpl(1, level + 32);
+                assert_true(to_end > 0 && to_end <= rest && rest - to_end <= rest * 0x1p-23L);
             }
     }
 }

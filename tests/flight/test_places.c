@@ -1,0 +1,80 @@
+/* Anywhere, at any distance of view: the camera may stand 10^15 m out, and a root window of a planet's size loses no
+ * precision nearby. */
+#include "tests/flight/flight.h"
+
+#include <math.h>
+#include <stdio.h>
+
+/* A view to a planet's horizon sees nearby what a short view sees: the same surface at the same depth, though the walk
+ * begins at nodes thousands of times as wide. Places on both sides of coarse nodes' faces. */
+static void test_view_distance_changes_nothing_nearby(void **state)
+{
+    (void)state;
+    static flight_picture near, far;
+    karst_engine_config config = flight_config("hills");
+    config.no_shadows = true;
+    karst_engine *short_view = flight_engine(&config);
+    config.view_distance_m = 3e7;
+    karst_engine *long_view = flight_engine(&config);
+    const char *places[] = {"-20,500,-30,40,-70", "20,500,30,220,-70", "-0.5,520,1000,180,-50",
+                            "1000000,520,-1000000,30,-40", "-1e12,520,3,-90,-60"};
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+        karst_camera camera = flight_camera(short_view, places[i]);
+        flight_settle(short_view, &camera, &near);
+        flight_settle(long_view, &camera, &far);
+        int num_compared = 0, num_different = 0;
+        for (int p = 0; p < FLIGHT_PIXELS; p++)
+            if (near.depth_m[p] < 7000) {
+                num_compared++;
+                num_different += near.depth_m[p] != far.depth_m[p];
+            }
+        assert_true(num_compared > FLIGHT_PIXELS / 2);
+        if (num_different)
+            fail_msg("from %s: %d of %d depths differ", places[i], num_different, num_compared);
+    }
+    karst_engine_destroy(long_view);
+    karst_engine_destroy(short_view);
+}
+
+/* From the origin to 10^15 m, on either side of zero: it settles, it shows ground, and the pools hold what they should.
+ */
+static void test_cameras_far_from_the_origin(void **state)
+{
+    (void)state;
+    static flight_picture picture, again;
+    const char *worlds[] = {"hills", "asteroid"};
+    const char *distances[] = {"0", "1000000", "1000000000", "1000000000000", "1000000000000000"};
+    for (int w = 0; w < 2; w++) {
+        karst_engine_config config = flight_config(worlds[w]);
+        karst_engine *engine = flight_engine(&config);
+        for (size_t i = 0; i < sizeof distances / sizeof *distances; i++)
+            for (int sign = 0; sign < 2; sign++) {
+                char text[128];
+                snprintf(text, sizeof text, "%s%s.25,600,%s%s.75,30,-35", sign ? "-" : "", distances[i],
+                         sign ? "" : "-", distances[i]);
+                karst_camera camera = flight_camera(engine, text);
+                flight_settle(engine, &camera, &picture);
+                assert_int_equal(picture.stats.num_incomplete, 0);
+                assert_int_equal(picture.stats.num_non_finite, 0);
+                if (w == 0) {
+                    /* Hills are everywhere, and never the same. */
+                    assert_true(picture.stats.num_hits > FLIGHT_PIXELS / 2);
+                    assert_true(picture.stats.num_provisional == 0);
+                    assert_true(memcmp(picture.rgba, again.rgba, sizeof picture.rgba) != 0);
+                } else if (i > 0) {
+                    assert_int_equal(picture.stats.num_hits, 0); /* the one asteroid is at the origin */
+                }
+                again = picture;
+            }
+        karst_engine_destroy(engine);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_view_distance_changes_nothing_nearby),
+        cmocka_unit_test(test_cameras_far_from_the_origin),
+    };
+    return cmocka_run_group_tests_name("places", tests, NULL, NULL);
+}
