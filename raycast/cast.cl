@@ -1,6 +1,4 @@
 /* Entry points of casting: a stream of rays in, hit records and stamps out. See raycast/cast.h. */
-#include "core/lanes.clh"
-#include "raycast/cast_shared.h"
 #include "raycast/rays.clh"
 #include "raycast/rays_shared.h"
 #include "raycast/walk.clh"
@@ -16,8 +14,22 @@ typedef struct {
     vector3 position;
 } packet_hits;
 
+RAY_INLINE void bound_packet(packet *rays, const int from_anchor, vint m)
+{
+    rays->inverse_lo = (float4)(least_of(rays->inverse.x, m), least_of(rays->inverse.y, m), least_of(rays->inverse.z, m), 0.0f);
+    rays->inverse_hi = (float4)(most_of(rays->inverse.x, m), most_of(rays->inverse.y, m), most_of(rays->inverse.z, m), 0.0f);
+    if (!from_anchor) {
+        rays->origin_lo = (float4)(least_of(rays->origin.x, m), least_of(rays->origin.y, m), least_of(rays->origin.z, m), 0.0f);
+        rays->origin_hi = (float4)(most_of(rays->origin.x, m), most_of(rays->origin.y, m), most_of(rays->origin.z, m), 0.0f);
+    }
+    rays->start = least_of(rays->t_min, m);
+    rays->end = most_of(rays->t_max, m);
+    rays->lod_shift_lo = least_of(rays->lod_shift, m);
+    rays->lod_scale_hi = most_of(rays->lod_scale, m);
+}
+
 /* Casts the lanes of `valid`. from_anchor (a constant): origins are zero. any_hit: where along the cell the surface lies does not matter. */
-K_INLINE K_WIDE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor, int any_hit,
+RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor, int any_hit,
                                         const vector3 *origin, const vector3 *direction, vfloat t_min, vfloat t_max, vfloat width,
                                         vfloat cone, vint valid)
 {
@@ -38,7 +50,7 @@ K_INLINE K_WIDE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_
     rays.inverse.x = 1.0f / rays.direction.x;
     rays.inverse.y = 1.0f / rays.direction.y;
     rays.inverse.z = 1.0f / rays.direction.z;
-    rays.t_min = t_min;
+    rays.t_min = lane_max(t_min, zero);
     rays.lod_shift = width * view->detail;
     rays.lod_scale = 1.0f / lane_max(cone * view->detail, (vfloat)(1.0e-20f));
     rays.fresh = (vint)(0);
@@ -54,6 +66,7 @@ K_INLINE K_WIDE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_
         rays.origin.x = octant & 1 ? -origin->x : origin->x;
         rays.origin.y = octant & 2 ? -origin->y : origin->y;
         rays.origin.z = octant & 4 ? -origin->z : origin->z;
+        bound_packet(&rays, from_anchor, mine);
         walk_octree(pool, view, from_anchor, &rays, &found, &incomplete);
     }
 
@@ -77,30 +90,15 @@ K_INLINE K_WIDE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_
 #if LANES == 16
 #define STORE_HIT_(l)                                                                                                                     \
     if (valid.l)                                                                                                                          \
-    vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l, as_uint(hits->position.x.l),          \
-                    as_uint(hits->position.y.l), as_uint(hits->position.z.l), (uint)hits->node.l),                                        \
-            (size_t)index.l, (K_GLOBAL uint *)out)
-K_INLINE K_WIDE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+        vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l, as_uint(hits->position.x.l),      \
+                        as_uint(hits->position.y.l), as_uint(hits->position.z.l), (uint)hits->node.l),                                    \
+                (size_t)index.l, (K_GLOBAL uint *)out);
+RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
 {
-    STORE_HIT_(s0);
-    STORE_HIT_(s1);
-    STORE_HIT_(s2);
-    STORE_HIT_(s3);
-    STORE_HIT_(s4);
-    STORE_HIT_(s5);
-    STORE_HIT_(s6);
-    STORE_HIT_(s7);
-    STORE_HIT_(s8);
-    STORE_HIT_(s9);
-    STORE_HIT_(sa);
-    STORE_HIT_(sb);
-    STORE_HIT_(sc);
-    STORE_HIT_(sd);
-    STORE_HIT_(se);
-    STORE_HIT_(sf);
+    EACH_LANE(STORE_HIT_)
 }
 #else
-K_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
 {
     if (!valid)
         return;

@@ -1,6 +1,5 @@
 /* The floor of casting a picture: per ray, coherent as in 4x4 packets, KARST_FLOOR_READS dependent reads of a node table and as many trilinear
  * samples of a 16-bit brick; no skipping, no shading. */
-#include "core/lanes.clh"
 #include "raycast/floor_shared.h"
 #include "raycast/rays.clh"
 #include "raycast/samples.clh"

@@ -1,5 +1,4 @@
 /* Entry points of shading: shadow rays from hits, and pixels from both. See raycast/shade.h. */
-#include "core/lanes.clh"
 #include "raycast/shade_shared.h"
 #include "raycast/surface.clh"
 #include "raycast/tone.clh"
@@ -13,55 +12,55 @@ typedef struct {
     vfloat r, g, b;
 } colour;
 
-K_INLINE K_WIDE vfloat dot3(const vector3 *a, const float b[4])
+RAY_INLINE vfloat dot3(const vector3 *a, const float b[4])
 {
     return k_fma(a->x, (vfloat)(b[0]), k_fma(a->y, (vfloat)(b[1]), a->z * b[2]));
 }
 
-K_INLINE K_WIDE vfloat mix_float(vfloat a, vfloat b, vfloat share)
+RAY_INLINE vfloat mix_float(vfloat a, vfloat b, vfloat share)
 {
     return k_fma(b - a, share, a);
 }
 
-K_INLINE K_WIDE colour mix_colour(colour a, colour b, vfloat share)
+RAY_INLINE colour mix_colour(colour a, colour b, vfloat share)
 {
     colour c = {mix_float(a.r, b.r, share), mix_float(a.g, b.g, share), mix_float(a.b, b.b, share)};
     return c;
 }
 
-K_INLINE K_WIDE colour uniform_colour(const float c[4])
+RAY_INLINE colour uniform_colour(const float c[4])
 {
     colour all = {(vfloat)(c[0]), (vfloat)(c[1]), (vfloat)(c[2])};
     return all;
 }
 
 /* a + b * scale */
-K_INLINE K_WIDE colour add_colour(colour a, colour b, vfloat scale)
+RAY_INLINE colour add_colour(colour a, colour b, vfloat scale)
 {
     colour c = {k_fma(b.r, scale, a.r), k_fma(b.g, scale, a.g), k_fma(b.b, scale, a.b)};
     return c;
 }
 
-K_INLINE K_WIDE vfloat smooth(float from, float to, vfloat x)
+RAY_INLINE vfloat smooth(float from, float to, vfloat x)
 {
     vfloat s = lane_unit((x - from) * (1.0f / (to - from)));
     return s * s * (3.0f - 2.0f * s);
 }
 
-K_INLINE K_WIDE vfloat square(vfloat x)
+RAY_INLINE vfloat square(vfloat x)
 {
     return x * x;
 }
 
 /* The air's glow around the sun, for the cosine of the angle to it. */
-K_INLINE K_WIDE vfloat sun_glow(vfloat cosine)
+RAY_INLINE vfloat sun_glow(vfloat cosine)
 {
     vfloat c2 = square(lane_max(cosine, (vfloat)(0.0f))), c8 = square(square(c2));
     vfloat c32 = square(square(c8)), c256 = square(square(square(c32)));
     return 0.06f * c8 + 0.08f * c32 + 0.25f * c256;
 }
 
-K_INLINE K_WIDE colour sky_colour(const karst_light *light, const vector3 *direction, vfloat to_sun)
+RAY_INLINE colour sky_colour(const karst_light *light, const vector3 *direction, vfloat to_sun)
 {
     vfloat down = 1.0f - lane_unit(direction->y), down2 = square(down);
     colour sky = mix_colour(uniform_colour(light->sky_zenith), uniform_colour(light->sky_horizon), down2 * down2);
@@ -70,7 +69,7 @@ K_INLINE K_WIDE colour sky_colour(const karst_light *light, const vector3 *direc
     return add_colour(sky, uniform_colour(light->sun_colour), 12.0f * disc);
 }
 
-K_INLINE K_WIDE colour ground_colour(const karst_light *light, const surface_hits *s, vfloat lit)
+RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s, vfloat lit)
 {
     colour albedo = mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat), smooth(0.55f, 0.85f, s->normal.y));
     colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith), horizon = uniform_colour(light->sky_horizon);
@@ -89,13 +88,12 @@ K_INLINE K_WIDE colour ground_colour(const karst_light *light, const surface_hit
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
-#define EACH_LANE_(F) F(s0) F(s1) F(s2) F(s3) F(s4) F(s5) F(s6) F(s7) F(s8) F(s9) F(sa) F(sb) F(sc) F(sd) F(se) F(sf)
 #define PIXEL_(l)                                                                                                                         \
     if (valid.l) {                                                                                                                        \
         pixels[index.l] = (uint)bytes.l;                                                                                                  \
         depth[index.l] = distance.l;                                                                                                      \
     }
-K_INLINE K_WIDE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
 {
     if (v_all(valid)) {
         K_GLOBAL int *p = (K_GLOBAL int *)pixels + index.s0;
@@ -109,7 +107,7 @@ K_INLINE K_WIDE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, 
         vstore4(distance.s89ab, 0, d + 2 * width);
         vstore4(distance.scdef, 0, d + 3 * width);
     } else {
-        EACH_LANE_(PIXEL_)
+        EACH_LANE(PIXEL_)
     }
 }
 #define RAY_(l)                                                                                                                           \
@@ -119,16 +117,9 @@ K_INLINE K_WIDE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, 
         vstore4((float4)(light.sun_direction[0], light.sun_direction[1], light.sun_direction[2], t_max.l), 0, w + 4);                     \
         vstore4((float4)(width.l, cone, as_float(index.l), 0.0f), 0, w + 8);                                                              \
     }
-#define STORE_RAYS() EACH_LANE_(RAY_)
-K_INLINE int count_lanes(vint m)
-{
-    int8 a = m.lo + m.hi;
-    int4 b = a.lo + a.hi;
-    int2 c = b.lo + b.hi;
-    return -(c.x + c.y);
-}
+#define STORE_RAYS() EACH_LANE(RAY_)
 #else
-K_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
 {
     if (valid) {
         pixels[index] = (uint)bytes;
@@ -147,11 +138,10 @@ K_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint in
                          0u};                                                                                                             \
         rays[place] = ray;                                                                                                                \
     }
-K_INLINE int count_lanes(vint m) { return -m; }
 #endif
 
 /* karst_packet_order of lanes. */
-K_INLINE K_WIDE vint packet_order(vint x, vint y, int width, int height)
+RAY_INLINE vint packet_order(vint x, vint y, int width, int height)
 {
     vint strip = y & ~3, column = x & ~3;
     vint rows = lane_min_int((vint)(height) - strip, (vint)(4)), columns = lane_min_int((vint)(width) - column, (vint)(4));
