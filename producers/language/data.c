@@ -112,14 +112,18 @@ static void lay_out_node(karst_world_layout *layout, record_chains *chains, kars
     }
 }
 
-void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world)
+bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world)
 {
     const karst_graph *graph = world->graph;
     uint32_t count = graph->num_nodes;
-    *layout = (karst_world_layout){.world = *world};
+    *layout = (karst_world_layout){.world = *world, .num_words = KARST_DATA_HEADER_WORDS};
     layout->is_known = karst_arena_alloc(graph->arena, count);
     layout->word = karst_arena_alloc(graph->arena, count * sizeof *layout->word);
     uint8_t *needed = karst_arena_alloc(graph->arena, count);
+    record_chains chains = {.latest = karst_arena_alloc(graph->arena, count * sizeof *chains.latest),
+                            .previous = karst_arena_alloc(graph->arena, count * sizeof *chains.previous)};
+    if (!layout->is_known || !layout->word || !needed || !chains.latest || !chains.previous)
+        return false;
     layout->is_known[0] = 1; /* arguments that are not there are no obstacle */
     for (karst_expr e = 1; e < count; e++) {
         const karst_expr_node *n = &graph->nodes[e];
@@ -129,8 +133,6 @@ void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
         layout->is_known[e] = known;
     }
     mark_needed(world, layout->is_known, needed);
-    record_chains chains = {.latest = karst_arena_alloc(graph->arena, count * sizeof *chains.latest),
-                            .previous = karst_arena_alloc(graph->arena, count * sizeof *chains.previous)};
     for (karst_expr e = 0; e < count; e++) {
         layout->word[e] = KARST_NO_WORD;
         if (needed[e])
@@ -138,6 +140,7 @@ void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
     }
     layout->values_word = layout->num_words;
     layout->num_words += layout->num_values + 1;
+    return true;
 }
 
 /* ---- filling ---- */

@@ -35,8 +35,11 @@ typedef struct {
     uint32_t num_words; /* of all; not 0 */
 } karst_world_layout;
 
-/* Lays out the data of what the world's roots reach. Lives in the graph's arena. */
-void karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world);
+/* Words at the beginning that a layout leaves to others (bounds_shared.h). */
+#define KARST_DATA_HEADER_WORDS 8u
+
+/* Lays out the data of what the world's roots reach. Lives in the graph's arena; false: that is full. */
+bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world);
 
 /* Fills num_words words. `parameters`: the value of each PARAMETER. A voxel of level 0 is 2^voxel_log2_m metres wide.
  * `words` is aligned to 8 bytes. false: out of memory. Thread-safe. */

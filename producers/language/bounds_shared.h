@@ -1,0 +1,19 @@
+/* The data of a world that has a tape for its bounds: where what lies. Compiled twice: see core/dialect.h. */
+#ifndef KARST_LANGUAGE_BOUNDS_SHARED_H
+#define KARST_LANGUAGE_BOUNDS_SHARED_H
+
+#include "core/dialect.h"
+
+/* The first words of the data; positions are words from its beginning. */
+typedef struct {
+    uint num_instructions;
+    uint code;      /* karst_instruction */
+    uint constants; /* of the tape */
+    uint values;    /* of the layout */
+    uint num_values;
+    uint output; /* the operand that is the density */
+    uint unused[10];
+} karst_data_header;
+K_ASSERT_SIZE(karst_data_header, 64);
+
+#endif

@@ -1,0 +1,221 @@
+#include "producers/language/world_file.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/text.h"
+#include "producers/density_producer.h"
+#include "producers/language/bounds_shared.h"
+
+_Static_assert(sizeof(karst_data_header) == KARST_DATA_HEADER_WORDS * sizeof(uint64_t), "the header fits its words");
+
+static const char bounds_source[] = "#include \"producers/language/bounds.clh\"\n";
+
+/* ---- what is said ---- */
+
+/* All diagnostics, an empty line apart. */
+static char *join_diagnostics(const karst_diagnostic *first)
+{
+    size_t length = 0;
+    for (const karst_diagnostic *d = first; d; d = d->next)
+        length += strlen(d->text) + 2;
+    char *text = length ? malloc(length) : NULL;
+    char *end = text;
+    for (const karst_diagnostic *d = first; text && d; d = d->next)
+        end += sprintf(end, "%s%s", d->text, d->next ? "\n\n" : "");
+    return text;
+}
+
+/* ---- data: the layout's words, the tape's constants, its code ---- */
+
+static size_t constants_word(const karst_world_file *file) { return file->layout.num_words; }
+static size_t code_word(const karst_world_file *file)
+{
+    return constants_word(file) + (file->tape.num_constants + 1) / 2;
+}
+
+static size_t data_size(const karst_world_file *file)
+{
+    return 8 * code_word(file) + file->tape.num_instructions * sizeof(karst_instruction);
+}
+
+static void *make_data(const karst_world_file *file, const karst_number *values, uint32_t seed, karst_error *error)
+{
+    char *data = calloc(1, file->data_bytes);
+    if (!data || !karst_world_data_fill(&file->layout, values, seed, file->info.voxel_log2_m, data)) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        free(data);
+        return NULL;
+    }
+    const karst_tape *tape = &file->tape;
+    karst_data_header header = {.num_instructions = tape->num_instructions,
+                                .code = (uint32_t)code_word(file),
+                                .constants = (uint32_t)constants_word(file),
+                                .values = file->layout.values_word,
+                                .num_values = file->layout.num_values,
+                                .output = tape->output[0]};
+    memcpy(data, &header, sizeof header);
+    memcpy(data + 8 * constants_word(file), tape->constants, tape->num_constants * sizeof *tape->constants);
+    memcpy(data + 8 * code_word(file), tape->code, tape->num_instructions * sizeof *tape->code);
+    return data;
+}
+
+/* ---- how to look at it ---- */
+
+static void set_colours(float to[3], const double from[3])
+{
+    for (int i = 0; i < 3; i++)
+        to[i] = (float)from[i];
+}
+
+/* What the header leaves out is taken from a summer's day. */
+static void set_info(karst_world_file *file)
+{
+    const karst_world_header *header = &file->program->header;
+    char yaw[32], pitch[32], fov[32];
+    double voxel_m = header->voxel_log2_m < 0 ? 1.0 / (double)(1ULL << -header->voxel_log2_m)
+                                              : (double)(1ULL << header->voxel_log2_m);
+    double view_distance_m = header->view_distance_m > 0 ? header->view_distance_m : 131072 * voxel_m;
+    karst_text_from_double(header->camera_yaw_deg, yaw, sizeof yaw);
+    karst_text_from_double(header->camera_pitch_deg, pitch, sizeof pitch);
+    karst_text_from_double(header->camera_fov_deg, fov, sizeof fov);
+    if (header->has_camera)
+        snprintf(file->camera, sizeof file->camera, "%.60s,%.60s,%.60s,%s,%s,%s", header->camera_position[0],
+                 header->camera_position[1], header->camera_position[2], yaw, pitch, fov);
+    else
+        snprintf(file->camera, sizeof file->camera, "0,1,-4,0,-10,60");
+    file->info = (karst_world_info){
+        .name = *header->name ? header->name : file->program->name,
+        .description = header->description,
+        .voxel_log2_m = header->voxel_log2_m,
+        .seed = header->seed,
+        .view_distance_m = view_distance_m,
+        .camera = file->camera,
+        .sun_azimuth_deg = header->has_sun ? header->sun_azimuth_deg : 135,
+        .sun_elevation_deg = header->has_sun ? header->sun_elevation_deg : 40,
+        .sky_zenith = {0.10f, 0.24f, 0.55f},
+        .sky_horizon = {0.58f, 0.70f, 0.82f},
+        .ground_flat = {0.24f, 0.22f, 0.18f},
+        .ground_steep = {0.22f, 0.20f, 0.18f},
+        .haze_distance_m = 0.6 * view_distance_m,
+    };
+    if (header->has_sky) {
+        set_colours(file->info.sky_zenith, header->sky_zenith);
+        set_colours(file->info.sky_horizon, header->sky_horizon);
+        file->info.haze_distance_m = header->haze_distance_m > 0 ? header->haze_distance_m : 1e6 * view_distance_m;
+    }
+}
+
+/* ---- opening ---- */
+
+static bool complete(karst_world_file *file, karst_error *error)
+{
+    const karst_resolved_world *world = &file->program->world;
+    if (!karst_world_layout_init(&file->layout, world))
+        return karst_fail(error, KARST_BAD_WORLD, "%.300s: the world needs too much memory to compile",
+                          file->program->name);
+    if (!karst_emit_world(&file->layout, &file->code, error) ||
+        !karst_tape_build(&file->layout, &world->density, 1, &file->tape, error))
+        return false;
+    file->data_bytes = data_size(file);
+    set_info(file);
+    return true;
+}
+
+/* Takes the program. */
+static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diagnostics, karst_error *error)
+{
+    if (diagnostics)
+        *diagnostics = program ? join_diagnostics(program->diagnostics) : NULL;
+    karst_world_file *file = ok ? calloc(1, sizeof *file) : NULL;
+    if (!file) {
+        if (ok)
+            karst_fail(error, KARST_FAILED, "out of memory");
+        karst_program_graph_destroy(program);
+        return NULL;
+    }
+    file->program = program;
+    if (complete(file, error))
+        return file;
+    karst_world_file_destroy(file);
+    return NULL;
+}
+
+karst_world_file *karst_world_file_open(const char *path, const karst_parameter_value *given, size_t num_given,
+                                        char **diagnostics, karst_error *error)
+{
+    bool ok;
+    karst_program_graph *program = karst_language_compile_file(path, given, num_given, &ok, error);
+    return wrap(program, ok, diagnostics, error);
+}
+
+karst_world_file *karst_world_file_compile(const char *name, const char *text, size_t length,
+                                           const karst_parameter_value *given, size_t num_given, char **diagnostics,
+                                           karst_error *error)
+{
+    bool ok;
+    karst_program_graph *program = karst_language_compile(name, text, length, given, num_given, &ok, error);
+    return wrap(program, ok, diagnostics, error);
+}
+
+void karst_world_file_destroy(karst_world_file *file)
+{
+    if (!file)
+        return;
+    karst_emitted_finish(&file->code);
+    karst_tape_finish(&file->tape);
+    karst_program_graph_destroy(file->program);
+    free(file);
+}
+
+/* ---- producing ---- */
+
+/* Rounded up, so that few programs serve all worlds. */
+static uint32_t slots_option(uint32_t num_slots)
+{
+    uint32_t slots = 16;
+    while (slots < num_slots)
+        slots *= 2;
+    return slots;
+}
+
+/* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
+#define MAX_SLOTS 2048u
+
+karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                          uint32_t max_loads, karst_error *error)
+{
+    char options[64];
+    if (file->tape.num_slots > MAX_SLOTS) {
+        karst_fail(error, KARST_BAD_WORLD,
+                   "%.300s is too large: its bounds need %u values at a time; at most %u are possible", file->info.name,
+                   file->tape.num_slots, MAX_SLOTS);
+        return NULL;
+    }
+    karst_number *values = calloc(file->program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; values && i < file->program->num_parameters; i++)
+        values[i] = file->program->parameters[i].value;
+    void *data = values ? make_data(file, values, seed, error) : NULL;
+    snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%u", slots_option(file->tape.num_slots));
+    karst_density_program program = {.name = file->info.name,
+                                     .source = file->code.source,
+                                     .bounds_source = bounds_source,
+                                     .options = options,
+                                     .data = data,
+                                     .data_bytes = file->data_bytes,
+                                     .max_loads = max_loads};
+    karst_producer *producer = data ? karst_density_producer_create_program(context, &program, error) : NULL;
+    free(values);
+    free(data);
+    return producer;
+}
+
+bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,
+                                     uint32_t seed, karst_error *error)
+{
+    void *data = make_data(file, values, seed, error);
+    bool done = data && karst_density_producer_set_data(producer, data, error);
+    free(data);
+    return done;
+}

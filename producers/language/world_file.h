@@ -1,0 +1,39 @@
+/* A world file as something to be looked at: compiled, with the text of its kernels, their data, and what a
+ * karst_world_info says of a shipped world. */
+#ifndef KARST_LANGUAGE_WORLD_FILE_H
+#define KARST_LANGUAGE_WORLD_FILE_H
+
+#include "producers/language/emit.h"
+#include "producers/language/language.h"
+#include "producers/language/tape.h"
+#include "producers/producer.h"
+
+typedef struct {
+    karst_program_graph *program; /* its diagnostics hold warnings */
+    karst_world_layout layout;
+    karst_emitted code;
+    karst_tape tape; /* of the density, for its bounds */
+    size_t data_bytes;
+    karst_world_info info; /* source_path is NULL; strings live in the file */
+    char camera[320];
+} karst_world_file;
+
+/* Compiles a file or a text. `given` are parameters to set. Errors: KARST_BAD_WORLD; if `diagnostics` is not NULL, all
+ * that there is to say goes there as text for people, malloc'ed (NULL: nothing), also where the file is good. Destroy
+ * with karst_world_file_destroy. */
+karst_world_file *karst_world_file_open(const char *path, const karst_parameter_value *given, size_t num_given,
+                                        char **diagnostics, karst_error *error);
+karst_world_file *karst_world_file_compile(const char *name, const char *text, size_t length,
+                                           const karst_parameter_value *given, size_t num_given, char **diagnostics,
+                                           karst_error *error);
+void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
+
+/* Its producer. `max_loads`: as for karst_density_producer_create. Errors: KARST_FAILED. */
+karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                          uint32_t max_loads, karst_error *error);
+/* Gives a producer of the file the data of other parameters and seed: nothing is compiled; the caller drops what was
+ * made before. A parameter that is structural cannot be changed so. Errors: KARST_FAILED. */
+bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,
+                                     uint32_t seed, karst_error *error);
+
+#endif
