@@ -13,6 +13,7 @@
 #include "core/ladder.h"
 #include "core/surface.h"
 #include "cache/cache.h"
+#include "producers/language/world_file.h"
 #include "producers/producer.h"
 #include "raycast/cast.h"
 #include "raycast/shade.h"
@@ -36,6 +37,7 @@
 struct karst_engine {
     const karst_log *log;
     const karst_world_info *world;
+    karst_world_file *world_file; /* NULL: a shipped world */
     karst_context *context;
     karst_display *display;
     bool owns_display;
@@ -148,6 +150,53 @@ static const karst_world_info *find_world(const char *name, karst_error *error)
     return NULL;
 }
 
+/* Hands the compiler's lines, if any, to the log. */
+static void log_lines(const karst_log *log, karst_log_level level, char *lines)
+{
+    for (char *line = lines, *end; line && *line; line = end) {
+        end = line + strcspn(line, "\n");
+        if (*end)
+            *end++ = 0;
+        karst_log_print(log, level, "%s", line);
+    }
+}
+
+static bool is_path(const char *name)
+{
+    size_t length = name ? strlen(name) : 0;
+    return length && (strchr(name, '/') || (length > 6 && !strcmp(name + length - 6, ".karst")));
+}
+
+/* The world and, if it is a file, what it compiles to. */
+static bool open_world(karst_engine *engine, const karst_engine_config *config, karst_error *error)
+{
+    if (!is_path(config->world)) {
+        engine->world = find_world(config->world, error);
+        if (engine->world && config->num_parameters)
+            return karst_fail(error, KARST_USAGE, "the world %s has no parameters", config->world);
+        return engine->world != NULL;
+    }
+    karst_parameter_value *given = calloc(config->num_parameters + 1, sizeof(*given));
+    if (!given)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    for (size_t i = 0; i < config->num_parameters; i++)
+        given[i] = (karst_parameter_value){config->parameters[i].name, config->parameters[i].value};
+    char *diagnostics = NULL;
+    engine->world_file = karst_world_file_open(config->world, given, config->num_parameters, &diagnostics, error);
+    log_lines(engine->log, engine->world_file ? KARST_LOG_WARNING : KARST_LOG_ERROR, diagnostics);
+    free(diagnostics);
+    free(given);
+    engine->world = engine->world_file ? &engine->world_file->info : NULL;
+    return engine->world != NULL;
+}
+
+static karst_producer *create_producer(karst_engine *engine, uint32_t seed, karst_error *error)
+{
+    if (engine->world_file)
+        return karst_world_file_producer(engine->context, engine->world_file, seed, engine->budget_bricks, error);
+    return karst_density_producer_create(engine->context, engine->world, seed, engine->budget_bricks, error);
+}
+
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
 {
     karst_engine *engine = calloc(1, sizeof *engine);
@@ -167,8 +216,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_ladder_init(&engine->ladder);
     karst_cost_init(&engine->cost);
 
-    engine->world = find_world(config->world, error);
-    if (!engine->world || !check_size(engine->width_px, engine->height_px, error) || !size_pools(config, &num_tiles, &num_bricks, error))
+    if (!open_world(engine, config, error) || !check_size(engine->width_px, engine->height_px, error) || !size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
     if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
         karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
@@ -208,8 +256,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if (!engine->cache || !allocate_picture(engine, error))
         goto failed;
     engine->counters = karst_buffer_create(engine->context, "counters", NUM_COUNTERS * sizeof(uint32_t), NULL, error);
-    engine->producer = karst_density_producer_create(engine->context, engine->world, config->has_seed ? config->seed : engine->world->seed,
-                                                     engine->budget_bricks, error);
+    engine->producer = create_producer(engine, config->has_seed ? config->seed : engine->world->seed, error);
     engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
     engine->shader = karst_shader_create(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows, error);
     if (!engine->counters || !engine->producer || !engine->caster || !engine->shader)
@@ -231,6 +278,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_shader_destroy(engine->shader);
     karst_caster_destroy(engine->caster);
     karst_producer_destroy(engine->producer);
+    karst_world_file_destroy(engine->world_file);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

@@ -18,9 +18,18 @@ extern "C" {
 
 typedef struct karst_engine karst_engine;
 
+/* A value for a parameter of a world file, instead of its header's. */
+typedef struct {
+    const char *name;
+    double value;
+} karst_parameter;
+
 /* How to make an engine. Zero-initialised fields mean the default that stands beside them. */
 typedef struct {
-    const char *world;          /* name of a shipped world, such as "hills"; required */
+    const char *world;          /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
+                                 * ends in ".karst"; required */
+    const karst_parameter *parameters; /* borrowed during creation; only for world files; clamped to their ranges */
+    size_t num_parameters;
     const char *device;         /* see `karst info`: number, part of a name, "cpu", "gpu"; NULL: first GPU, else first CPU */
     karst_display_kind display; /* KARST_DISPLAY_AUTO */
     karst_display *in_display;  /* an existing display to draw in (borrowed; outlives the engine); NULL: make one of `display` */
@@ -42,7 +51,8 @@ typedef struct {
 } karst_engine_config;
 
 /* Opens device and display, allocates the pools (their memory is fixed from here on), builds the kernels.
- * Errors: KARST_USAGE (a field out of range; an unknown world is KARST_BAD_WORLD and lists the known ones; pools too small for any picture: the
+ * Errors: KARST_USAGE (a field out of range; an unknown world is KARST_BAD_WORLD and lists the known ones, a world file that
+ * does not compile is KARST_BAD_WORLD with file, line and column, and the log has the line itself with a caret; pools too small for any picture: the
  * message says what would do), KARST_NO_DEVICE, KARST_FAILED. Use an engine from one thread at a time. */
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error);
 void karst_engine_destroy(karst_engine *engine); /* NULL is fine */
