@@ -204,7 +204,9 @@ static void read_parameter(reader *r, const char *name, json_t *value)
 
 static void read_voxel(reader *r, json_t *value)
 {
-    double voxel = number_of(r, value, "voxel", 0x1p-40, 0x1p40);
+    double voxel = json_is_number(value) ? json_number_value(value) : 0;
+    if (!(voxel >= 0x1p-40 && voxel <= 0x1p40))
+        fail(r, "voxel", "write 0.0625", "\"voxel\" is the width of the finest voxel in metres, from 2^-40 to 2^40");
     int k = ilogb(voxel);
     double power = ldexp(1.0, k);
     if (voxel > power * 1.4142135623730951) /* the nearer one, by ratio */

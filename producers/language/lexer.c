@@ -200,14 +200,11 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
         } else if (is_digit(c) || (c == '.' && at + 1 < end && is_digit(s[at + 1]))) {
             lex_number(source, &at, end, &token);
         } else {
-            token.kind = KARST_TOKEN_PUNCTUATION;
             token.what = lex_punctuation(s + at, end - at);
+            token.kind = token.what ? KARST_TOKEN_PUNCTUATION : KARST_TOKEN_ODD;
             token.length = token.what > 0xffff ? 3 : token.what > 0xff ? 2 : 1;
-            if (!token.what && (unsigned char)c < 0x80)
-                karst_source_error(source, at, NULL, "the character '%c' has no meaning here", c);
-            if (!token.what)
-                karst_source_error(source, at, "names are made of a-z, A-Z, 0-9 and _",
-                                   "letters beyond ASCII may stand in comments only");
+            while (!token.what && at + token.length < end && ((unsigned char)s[at + token.length] & 0xc0) == 0x80)
+                token.length++; /* the rest of a UTF-8 sequence */
             at += token.length;
         }
         if (tokens->count - first >= KARST_MAX_TOKENS)

@@ -202,7 +202,8 @@ static karst_value apply_bits(karst_lower_state *s, const char *name, karst_valu
     karst_scalar_type to = !from_float ? KARST_TYPE_FLOAT : strstr(name, "Uint") ? KARST_TYPE_UINT : KARST_TYPE_INT;
     karst_scalar_type from = from_float ? KARST_TYPE_FLOAT : name[0] == 'u' ? KARST_TYPE_UINT : KARST_TYPE_INT;
     if (count != 1 || !karst_type_is_number(a[0].type) || a[0].type->scalar != from)
-        bad_arguments(s, name, karst_format(s->arena, "%s(x) with a %s", name, karst_type_vector(from, 1)->name), a,
+        bad_arguments(s, name,
+                      karst_format(s->arena, "%s(x) with %s", name, karst_a_type(s, karst_type_vector(from, 1))), a,
                       count, where);
     karst_value r = karst_value_new(s, karst_type_vector(to, a[0].type->size), where);
     for (uint32_t i = 0; i < r.type->size; i++)
@@ -226,7 +227,7 @@ static uint32_t integer_argument(karst_lower_state *s, karst_value v, const char
                                  double high)
 {
     if (!is_scalar(v) || v.type->scalar == KARST_TYPE_BOOL)
-        karst_source_error(s->source, where, NULL, "%s is an int, not a %s", what, v.type->name);
+        karst_source_error(s->source, where, NULL, "%s is an int, not %s", what, karst_a_type(s, v.type));
     karst_number n = karst_lower_constant(s, v.e[0], what, where);
     if (!(n.value >= low && n.value <= high) || !karst_number_same(karst_number_floor(n), n))
         karst_source_error(s->source, where, NULL, "%s is an int from %.0f to %.0f", what, low, high);

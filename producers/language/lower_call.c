@@ -13,6 +13,11 @@ const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, 
     return karst_format(s->arena, "%s%s)", text, count > 8 ? ", ..." : "");
 }
 
+const char *karst_a_type(karst_lower_state *s, const karst_type *type)
+{
+    return karst_format(s->arena, "%s%s", karst_type_article(type), type->name);
+}
+
 /* ---- constructors ---- */
 
 static karst_value construct_matrix(karst_lower_state *s, const karst_type *type, const karst_value *arguments,
@@ -36,18 +41,18 @@ static karst_value construct_matrix(karst_lower_state *s, const karst_type *type
     uint32_t filled = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (!karst_type_is_plain(arguments[i].type))
-            karst_source_error(s->source, where, NULL, "a %s is not made from a %s", type->name,
-                               arguments[i].type->name);
+            karst_source_error(s->source, where, NULL, "%s is not made from %s", karst_a_type(s, type),
+                               karst_a_type(s, arguments[i].type));
         for (uint32_t k = 0; k < arguments[i].type->num_scalars; k++) {
             if (filled == type->num_scalars)
-                karst_source_error(s->source, where, NULL, "a %s has %u numbers; %s has more", type->name,
+                karst_source_error(s->source, where, NULL, "%s has %u numbers; %s has more", karst_a_type(s, type),
                                    type->num_scalars, karst_type_list(s, arguments, count));
             r.e[filled++] = karst_expr_convert(s->graph, KARST_TYPE_FLOAT, arguments[i].e[k]);
         }
     }
     if (filled != type->num_scalars)
-        karst_source_error(s->source, where, NULL, "a %s has %u numbers, not %u", type->name, type->num_scalars,
-                           filled);
+        karst_source_error(s->source, where, NULL, "%s has %u numbers, not %u", karst_a_type(s, type),
+                           type->num_scalars, filled);
     return r;
 }
 
@@ -59,10 +64,11 @@ static karst_value construct_plain(karst_lower_state *s, const karst_type *type,
     for (uint32_t i = 0; i < count; i++) {
         const karst_type *from = arguments[i].type;
         if (!karst_type_is_plain(from) && from->shape != KARST_SHAPE_MATRIX)
-            karst_source_error(s->source, where, NULL, "a %s is not made from a %s", type->name, from->name);
+            karst_source_error(s->source, where, NULL, "%s is not made from %s", karst_a_type(s, type),
+                               karst_a_type(s, from));
         if (filled == type->num_scalars)
-            karst_source_error(s->source, where, "leave out what is too much", "a %s has %u component%s; %s has more",
-                               type->name, type->num_scalars, type->num_scalars == 1 ? "" : "s",
+            karst_source_error(s->source, where, "leave out what is too much", "%s has %u component%s; %s has more",
+                               karst_a_type(s, type), type->num_scalars, type->num_scalars == 1 ? "" : "s",
                                karst_type_list(s, arguments, count));
         for (uint32_t k = 0; k < from->num_scalars && filled < type->num_scalars; k++)
             r.e[filled++] = karst_expr_convert(s->graph, type->scalar, arguments[i].e[k]);
@@ -71,8 +77,8 @@ static karst_value construct_plain(karst_lower_state *s, const karst_type *type,
         for (; filled < type->num_scalars; filled++)
             r.e[filled] = r.e[0];
     if (filled != type->num_scalars)
-        karst_source_error(s->source, where, NULL, "a %s has %u components, not %u", type->name, type->num_scalars,
-                           filled);
+        karst_source_error(s->source, where, NULL, "%s has %u components, not %u", karst_a_type(s, type),
+                           type->num_scalars, filled);
     return r;
 }
 
@@ -91,7 +97,8 @@ karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e)
     }
     for (const karst_ast_expr *a = e->a; a; a = a->next) {
         if (count == 16)
-            karst_source_error(s->source, a->where, NULL, "a %s is not made from that many values", type->name);
+            karst_source_error(s->source, a->where, NULL, "%s is not made from that many values",
+                               karst_a_type(s, type));
         arguments[count++] = karst_lower_expression(s, a);
     }
     if (!count)
@@ -190,11 +197,21 @@ static _Noreturn void unknown_function(karst_lower_state *s, uint32_t name, uint
         if (!strcmp(text, refused[i].name))
             karst_source_error(s->source, where, refused[i].instead,
                                "a world has no screen and no textures, so there is no '%s'", text);
+    if (karst_variable_find(s, name))
+        karst_source_error(s->source, where, NULL, "'%s' is a variable, not a function", text);
     karst_nearest nearest = karst_nearest_begin(text, strlen(text));
     for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
         karst_nearest_offer(&nearest, karst_lower_name(s, f->name));
     karst_offer_builtins(&nearest);
     karst_source_error(s->source, where, karst_nearest_hint(&nearest, s->arena), "there is no function '%s'", text);
+}
+
+static bool is_function(const karst_lower_state *s, uint32_t name)
+{
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+        if (f->name == name && (f->is_prelude || !karst_in_prelude(s)))
+            return true;
+    return karst_is_builtin(karst_lower_name(s, name));
 }
 
 /* ---- inlining ---- */
@@ -257,6 +274,8 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value arguments[MAX_ARGUMENTS], result;
+    if (!is_function(s, e->name))
+        unknown_function(s, e->name, e->where);
     const karst_ast_expr *texts[MAX_ARGUMENTS];
     uint32_t count = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next) {
@@ -280,7 +299,5 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
     }
     if (karst_lower_builtin(s, karst_lower_name(s, e->name), arguments, count, e->where, &result))
         return result;
-    if (any)
-        no_fit(s, e->name, true, arguments, count, e->where);
-    unknown_function(s, e->name, e->where);
+    no_fit(s, e->name, true, arguments, count, e->where);
 }

@@ -56,14 +56,16 @@ karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const k
     if (cost < 0) {
         const char *hint = NULL;
         if (value.type->shape == KARST_SHAPE_VOID)
-            karst_source_error(s->source, where, NULL, "%s needs a %s, but this gives no value", context, to->name);
+            karst_source_error(s->source, where, NULL, "%s needs %s, but this gives no value", context,
+                               karst_a_type(s, to));
         if (karst_type_is_plain(value.type) && karst_type_is_plain(to) && value.type->size == to->size)
             hint = karst_format(s->arena, "write %s(...)", to->name);
         else if (karst_type_is_plain(value.type) && karst_type_is_plain(to) && value.type->size > to->size)
             hint = karst_format(s->arena, "take a part of it, such as .%.*s", (int)to->size, "xyz");
         else if (karst_type_is_plain(to) && value.type->shape == KARST_SHAPE_SCALAR)
             hint = karst_format(s->arena, "write %s(...)", to->name);
-        karst_source_error(s->source, where, hint, "%s needs a %s, not a %s", context, to->name, value.type->name);
+        karst_source_error(s->source, where, hint, "%s needs %s, not %s", context, karst_a_type(s, to),
+                           karst_a_type(s, value.type));
     }
     if (cost == 0)
         return value;
@@ -80,7 +82,7 @@ karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, 
         karst_source_error(s->source, e->where,
                            karst_type_is_plain(v.type) && v.type->size == 1 ? "write x != 0"
                                                                             : "use all(...) or any(...)",
-                           "%s is a bool, not a %s", context, v.type->name);
+                           "%s is a bool, not %s", context, karst_a_type(s, v.type));
     return v.e[0];
 }
 
@@ -96,8 +98,8 @@ karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *
              i = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next, i++) {
         if (i >= count)
-            karst_source_error(s->source, a->where, NULL, "a %s has %u elements, and the list has more", type->name,
-                               count);
+            karst_source_error(s->source, a->where, NULL, "%s has %u elements, and the list has more",
+                               karst_a_type(s, type), count);
         const karst_type *part = type->shape == KARST_SHAPE_STRUCT   ? type->fields[i].type
                                  : type->shape == KARST_SHAPE_SCALAR ? type
                                                                      : type->element;
@@ -105,7 +107,7 @@ karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *
         memcpy(r.e + offset, karst_lower_initialiser(s, a, part).e, part->num_scalars * sizeof *r.e);
     }
     if (i < count)
-        karst_source_error(s->source, e->where, NULL, "a %s has %u elements, not %u", type->name, count, i);
+        karst_source_error(s->source, e->where, NULL, "%s has %u elements, not %u", karst_a_type(s, type), count, i);
     karst_lower_leave(s);
     return r;
 }
@@ -334,7 +336,7 @@ static karst_value lower_unary(karst_lower_state *s, const karst_ast_expr *e)
         karst_source_error(
             s->source, e->where,
             e->op == '!' && karst_type_is_plain(a.type) ? (a.type->size > 1 ? "write not(...)" : "write x == 0") : NULL,
-            "'%c' does not go before a %s", (int)e->op, a.type->name);
+            "'%c' does not go before %s", (int)e->op, karst_a_type(s, a.type));
     if (e->op == '+')
         return a;
     karst_value r = karst_value_new(s, a.type, e->where);
@@ -397,8 +399,8 @@ static karst_value lower_step(karst_lower_state *s, const karst_ast_expr *e)
     karst_place place = karst_lower_place(s, e->a, "counted");
     karst_value before = karst_place_read(s, &place, e->where);
     if (!karst_type_is_number(place.type))
-        karst_source_error(s->source, e->where, NULL, "'%c%c' does not go with a %s", (int)e->op, (int)e->op,
-                           place.type->name);
+        karst_source_error(s->source, e->where, NULL, "'%c%c' does not go with %s", (int)e->op, (int)e->op,
+                           karst_a_type(s, place.type));
     karst_value one = karst_value_new(s, karst_type_vector(place.type->scalar, 1), e->where);
     one.e[0] = karst_graph_number(s->graph, place.type->scalar, karst_number_int(1));
     karst_value after = karst_lower_arithmetic(s, e->op, before, one, e->where);

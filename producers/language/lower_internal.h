@@ -149,6 +149,8 @@ bool karst_lower_builtin(karst_lower_state *s, const char *name, karst_value *ar
                          karst_value *result);
 bool karst_is_builtin(const char *name);
 void karst_offer_builtins(karst_nearest *nearest);
+/* "an int", for messages. */
+const char *karst_a_type(karst_lower_state *s, const karst_type *type);
 /* "(vec3, float)", for messages. */
 const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count);
 

@@ -23,7 +23,7 @@ static uint32_t swizzle(karst_lower_state *s, const char *name, const karst_type
             continue;
         for (i = 0; i < n; i++)
             if (part[i] >= type->size)
-                karst_source_error(s->source, where, NULL, "a %s has no component '%c'", type->name, name[i]);
+                karst_source_error(s->source, where, NULL, "%s has no component '%c'", karst_a_type(s, type), name[i]);
         return (uint32_t)n;
     }
     return 0;
@@ -47,7 +47,7 @@ static _Noreturn void no_member(karst_lower_state *s, const karst_type *type, ui
     karst_source_error(s->source, where,
                        type->shape == KARST_SHAPE_VECTOR ? "components are x y z w, r g b a or s t p q, not mixed"
                                                          : NULL,
-                       "a %s has no '.%s'", type->name, karst_lower_name(s, name));
+                       "%s has no '.%s'", karst_a_type(s, type), karst_lower_name(s, name));
 }
 
 static karst_value copy_part(karst_lower_state *s, const karst_type *type, const karst_expr *e, uint32_t where)
@@ -79,7 +79,7 @@ karst_value karst_lower_member(karst_lower_state *s, const karst_ast_expr *e)
 static void check_indexable(karst_lower_state *s, const karst_type *type, uint32_t where)
 {
     if (type->shape != KARST_SHAPE_ARRAY && type->shape != KARST_SHAPE_VECTOR && type->shape != KARST_SHAPE_MATRIX)
-        karst_source_error(s->source, where, NULL, "a %s has no elements to index", type->name);
+        karst_source_error(s->source, where, NULL, "%s has no elements to index", karst_a_type(s, type));
 }
 
 /* The index as a number known now (true), or as an expression clamped to [0, count). */
@@ -90,7 +90,7 @@ static bool lower_index(karst_lower_state *s, const karst_ast_expr *text, const 
     uint32_t count = type->count;
     if (i.type->shape != KARST_SHAPE_SCALAR || (i.type->scalar != KARST_TYPE_INT && i.type->scalar != KARST_TYPE_UINT))
         karst_source_error(s->source, text->where, i.type->shape == KARST_SHAPE_SCALAR ? "write int(...)" : NULL,
-                           "an index is an int, not a %s", i.type->name);
+                           "an index is an int, not %s", karst_a_type(s, i.type));
     const karst_number *number = karst_graph_constant(s->graph, i.e[0]);
     if (number) {
         if (number->numerator < 0 || number->numerator >= count)

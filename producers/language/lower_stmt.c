@@ -265,8 +265,8 @@ static void lower_return(karst_lower_state *s, const karst_ast_statement *st)
     const karst_type *type = s->frame.result_type;
     const char *name = karst_lower_name(s, s->frame.function->name);
     if (!st->value && type->shape != KARST_SHAPE_VOID)
-        karst_source_error(s->source, st->where, karst_format(s->arena, "write return and a %s", type->name),
-                           "'%s' must give a %s", name, type->name);
+        karst_source_error(s->source, st->where, karst_format(s->arena, "write return and %s", karst_a_type(s, type)),
+                           "'%s' must give %s", name, karst_a_type(s, type));
     if (st->value) {
         karst_value value = karst_lower_expression(s, st->value);
         if (type->shape == KARST_SHAPE_VOID && value.type->shape != KARST_SHAPE_VOID)

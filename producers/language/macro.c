@@ -444,6 +444,15 @@ static void enter_macro(preprocessor *p, frame **top, macro *m, uint32_t where)
     *top = f;
 }
 
+static _Noreturn void odd_character(karst_source *source, const karst_token *token)
+{
+    char c = source->text[token->text];
+    if ((unsigned char)c < 0x80)
+        karst_source_error(source, token->where, NULL, "the character '%c' has no meaning here", c);
+    karst_source_error(source, token->where, "names are made of a-z, A-Z, 0-9 and _",
+                       "letters beyond ASCII may stand in comments only");
+}
+
 /* Expands the stream `top` to its end. */
 static void expand(preprocessor *p, frame *top, karst_tokens *out)
 {
@@ -455,6 +464,8 @@ static void expand(preprocessor *p, frame *top, karst_tokens *out)
         count_step(p, token.where);
         if (p->depth > KARST_MAX_NESTING)
             karst_source_error(source, token.where, NULL, "macro calls are nested deeper than %u", KARST_MAX_NESTING);
+        if (token.kind == KARST_TOKEN_ODD)
+            odd_character(source, &token);
         macro *m = token.no_expand ? NULL : macro_named(p, &token);
         if (m && m->busy) {
             token.no_expand = 1;

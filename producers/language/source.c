@@ -127,7 +127,7 @@ static const char *show_line(const karst_source *source, uint32_t where)
         before += i < where && (c & 0xc0) != 0x80;
     }
     line[n] = 0;
-    if (!n)
+    if (strspn(line, " ") == n)
         return "";
     /* Bytes that are not UTF-8 (there is at most one such line) are not passed on. */
     for (size_t i = 0; i < n;) {

@@ -64,6 +64,8 @@ const karst_type *karst_type_named(const char *name)
     return NULL;
 }
 
+const char *karst_type_article(const karst_type *type) { return strchr("aeioAEIO", type->name[0]) ? "an " : "a "; }
+
 const karst_type *karst_type_array(karst_array_types *made, const karst_type *element, uint32_t count)
 {
     for (size_t i = 0; i < made->count; i++)

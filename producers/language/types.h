@@ -41,6 +41,9 @@ const karst_type *karst_type_matrix(unsigned size);
 /* GLSL's and OpenCL C's names: "vec3", "float3", "ivec2", "uint", "mat4"; NULL if it is none. */
 const karst_type *karst_type_named(const char *name);
 
+/* "a " or "an ", as its name wants. */
+const char *karst_type_article(const karst_type *type);
+
 /* Array types made so far. */
 typedef struct {
     karst_arena *arena;
