@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#define MAX_ARGUMENTS 64u
-
 const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count)
 {
     char *text = karst_format(s->arena, "(");
@@ -84,7 +82,7 @@ static karst_value construct_plain(karst_lower_state *s, const karst_type *type,
 
 karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e)
 {
-    karst_value arguments[MAX_ARGUMENTS];
+    karst_value arguments[KARST_MAX_ARGUMENTS];
     uint32_t count = 0, listed = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next)
         listed++;
@@ -273,14 +271,14 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
 
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
 {
-    karst_value arguments[MAX_ARGUMENTS], result;
+    karst_value arguments[KARST_MAX_ARGUMENTS], result;
     if (!is_function(s, e->name))
         unknown_function(s, e->name, e->where);
-    const karst_ast_expr *texts[MAX_ARGUMENTS];
+    const karst_ast_expr *texts[KARST_MAX_ARGUMENTS];
     uint32_t count = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next) {
-        if (count == MAX_ARGUMENTS)
-            karst_source_error(s->source, a->where, NULL, "a call may have %u arguments", MAX_ARGUMENTS);
+        if (count == KARST_MAX_ARGUMENTS)
+            karst_source_error(s->source, a->where, NULL, "a call may have %u arguments", KARST_MAX_ARGUMENTS);
         texts[count] = a;
         arguments[count++] = karst_lower_expression(s, a);
     }

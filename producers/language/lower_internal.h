@@ -10,7 +10,7 @@
 #include "producers/language/lower.h"
 
 #define KARST_MAX_SLOTS (1u << 19)
-#define KARST_MAX_STEPS 3000000u /* expressions executed: about a second */
+#define KARST_MAX_STEPS 2000000u /* expressions executed: about a second */
 #define KARST_MAX_DEPTH 2000u    /* of C's recursion over calls and nested text together */
 
 /* A value: type->num_scalars expressions, in the slot stack (valid until it is released) or elsewhere. */

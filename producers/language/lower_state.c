@@ -14,6 +14,7 @@ karst_expr *karst_slots_push(karst_lower_state *s, uint32_t count, uint32_t wher
 
 karst_value karst_value_new(karst_lower_state *s, const karst_type *type, uint32_t where)
 {
+    s->steps += type->num_scalars / 8; /* large values take their time */
     return (karst_value){.type = type, .e = karst_slots_push(s, type->num_scalars, where)};
 }
 

@@ -185,6 +185,13 @@ karst_ast_type karst_parse_type(karst_parser *p)
     return type;
 }
 
+/* Counts one more of something that there may be `most` of. */
+static void count_declaration(karst_parser *p, uint32_t *count, uint32_t most, const char *what, uint32_t where)
+{
+    if (++*count > most)
+        karst_source_error(p->source, where, NULL, "there are more than %u %s", most, what);
+}
+
 static void parse_struct(karst_parser *p)
 {
     karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
@@ -196,11 +203,14 @@ static void parse_struct(karst_parser *p)
                            karst_name_text(p->names, s->name));
     karst_parser_expect(p, '{', "behind the struct's name");
     karst_ast_variable **link = &s->fields;
+    uint32_t num_fields = 0;
+    count_declaration(p, &p->num_structs, KARST_MAX_STRUCTS, "structs", s->where);
     while (!karst_parser_accept(p, '}')) {
         while (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
             p->at++;
         *link = karst_parse_variables(p, karst_parse_type(p), false);
         while (*link) {
+            count_declaration(p, &num_fields, KARST_MAX_FIELDS, "fields in this struct", (*link)->where);
             if ((*link)->value)
                 karst_source_error(p->source, (*link)->where, "set it where a variable is made",
                                    "a field has no value of its own");
@@ -265,6 +275,7 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
     karst_ast_function *f = karst_arena_alloc(p->arena, sizeof *f);
     *f = (karst_ast_function){.name = name, .where = where, .result = result, .is_prelude = p->is_prelude};
     karst_ast_variable **link = &f->parameters;
+    count_declaration(p, &p->num_functions, KARST_MAX_DECLARATIONS, "functions", where);
     const karst_token *t = karst_parser_peek(p);
     if (karst_parser_keyword(p, t) == KARST_KEYWORD_TYPE &&
         karst_type_named(karst_name_text(p->names, t->what)) == &karst_type_void &&
@@ -277,8 +288,8 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
                 if (other->name && other->name == (*link)->name)
                     karst_source_error(p->source, (*link)->where, "rename one of them",
                                        "there are two parameters called '%s'", karst_name_text(p->names, other->name));
+            count_declaration(p, &f->num_parameters, KARST_MAX_ARGUMENTS, "parameters", (*link)->where);
             link = &(*link)->next;
-            f->num_parameters++;
         } while (karst_parser_accept(p, ','));
         karst_parser_expect(p, ')', "behind the parameters");
     }
@@ -300,6 +311,7 @@ static void parse_global(karst_parser *p, karst_ast_type type, bool is_const)
     karst_ast_variable *v = karst_parse_variables(p, type, is_const);
     karst_parser_expect(p, ';', "behind the declaration");
     for (; v; v = v->next) {
+        count_declaration(p, &p->num_globals, KARST_MAX_DECLARATIONS, "globals", v->where);
         for (karst_ast_variable *other = p->globals; other && other != v; other = other->next)
             if (other->name == v->name && other->is_prelude == v->is_prelude)
                 karst_source_error(p->source, v->where, "rename one of them", "there are two globals called '%s'",

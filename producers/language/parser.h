@@ -32,6 +32,12 @@ typedef enum {
     KARST_KEYWORD_UNSUPPORTED_TYPE /* samplers and images */
 } karst_keyword;
 
+/* Declarations are looked for one by one, so their number has to have an end. */
+#define KARST_MAX_DECLARATIONS 4096u /* functions; globals */
+#define KARST_MAX_STRUCTS 256u
+#define KARST_MAX_FIELDS 256u
+#define KARST_MAX_ARGUMENTS 64u
+
 typedef struct {
     karst_source *source;
     karst_names *names;
@@ -43,6 +49,7 @@ typedef struct {
     karst_ast_function *functions, *last_function;
     karst_ast_variable *globals, *last_global;
     karst_ast_struct *structs;
+    uint32_t num_functions, num_globals, num_structs;
 } karst_parser;
 
 void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *names);
