@@ -24,6 +24,7 @@
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */
+    char *colour_source;     /* malloc'ed text that defines world_colour alone; NULL: the world has no colours */
     uint32_t num_point_ops;  /* nodes of world_point */
     uint32_t num_colour_ops; /* of world_colour; 0 if there is none */
     uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */

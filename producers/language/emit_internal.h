@@ -75,6 +75,7 @@ bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);
+void karst_emit_colours(karst_emit *emit, karst_emitted *emitted);
 
 /* ---- emit_brick.c ---- */
 void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted);

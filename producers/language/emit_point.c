@@ -26,8 +26,12 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
                    begin);
     emitted->num_point_ops = lines_of(emit, &world->density, 1);
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
-    if (!world->has_colour)
-        return;
+}
+
+void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
+{
+    const karst_resolved_world *world = &emit->layout->world;
+    karst_text *text = &emit->text;
     karst_text_add(
         text,
         "K_INLINE K_WIDE void world_colour(world_data data, const world_point_at *place, int level, vfloat nx, "

@@ -115,6 +115,19 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
     return true;
 }
 
+static const char preamble[] = "#include \"producers/language/emit.clh\"\n\n";
+
+static bool take_text(karst_emit *emit, char **to, karst_error *error)
+{
+    bool good = !emit->text.failed || karst_fail(error, KARST_FAILED, "out of memory");
+    if (good)
+        *to = emit->text.bytes;
+    else
+        karst_text_finish(&emit->text);
+    emit->text = (karst_text){0};
+    return good;
+}
+
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
 {
     karst_emit emit = {.layout = layout, .graph = layout->world.graph};
@@ -125,15 +138,18 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     done = done && check(&emit, &layout->world.density, 1, "density", error) &&
            (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error));
     if (done) {
-        karst_text_add(&emit.text, "#include \"producers/language/emit.clh\"\n\n");
+        karst_text_add(&emit.text, "%s", preamble);
         karst_emit_points(&emit, emitted);
         karst_emit_bricks(&emit, emitted);
-        done = !emit.text.failed || karst_fail(error, KARST_FAILED, "out of memory");
+        done = take_text(&emit, &emitted->source, error);
     }
-    if (done)
-        emitted->source = emit.text.bytes;
-    else
-        karst_text_finish(&emit.text);
+    if (done && layout->world.has_colour) {
+        karst_text_add(&emit.text, "%s", preamble);
+        karst_emit_colours(&emit, emitted);
+        done = take_text(&emit, &emitted->colour_source, error);
+    }
+    if (!done)
+        karst_emitted_finish(emitted);
     free(emit.nodes);
     free(emit.placed);
     return done;
@@ -142,5 +158,6 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
 void karst_emitted_finish(karst_emitted *emitted)
 {
     free(emitted->source);
+    free(emitted->colour_source);
     *emitted = (karst_emitted){0};
 }
