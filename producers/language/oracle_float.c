@@ -6,9 +6,11 @@ static vfloat float_of(const karst_oracle *o, karst_expr e) { return o->slots[e]
 
 static wide pair_of(const karst_oracle *o, karst_expr e)
 {
-    bool has_rest = o->known[e] || node_of(o, e)->kind == KARST_KIND_WIDE || node_of(o, e)->op == KARST_OP_AFFINE ||
-                    node_of(o, e)->op == KARST_OP_SHIFTED;
-    return wide_of(o->slots[e].f, has_rest ? o->slots[e].low : 0.0f);
+    const karst_expr_node *n = node_of(o, e);
+    const karst_oracle_slot *s = &o->slots[e];
+    if (n->op == KARST_OP_AFFINE || n->op == KARST_OP_SHIFTED)
+        return wide_of(s->high, s->low);
+    return wide_of(s->f, o->known[e] || n->kind == KARST_KIND_WIDE ? s->low : 0.0f);
 }
 
 /* ---- places ---- */
@@ -360,12 +362,16 @@ void karst_oracle_step_float(karst_oracle *o, karst_expr e)
     } else if (n->op == KARST_OP_AFFINE) {
         const karst_linear *form = karst_oracle_record(o, e);
         s->f = affine_float(&o->at, form);
-        s->low = wide_affine(&o->at, form).lo;
+        wide pair = wide_affine(&o->at, form);
+        s->high = pair.hi;
+        s->low = pair.lo;
     } else if (karst_takes_place(&o->layout, e, 0)) {
         s->f = place_float(o, e);
     } else if (n->op == KARST_OP_SHIFTED) {
         s->f = plain_float(o, n);
-        s->low = wide_add(pair_of(o, n->arg[0]), pair_of(o, n->arg[1])).lo;
+        wide pair = wide_add(pair_of(o, n->arg[0]), pair_of(o, n->arg[1]));
+        s->high = pair.hi;
+        s->low = pair.lo;
     } else if (computes_wide(o, n)) {
         step_wide(o, e);
     } else if (n->type == KARST_TYPE_FLOAT) {

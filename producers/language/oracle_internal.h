@@ -9,7 +9,9 @@
 
 /* A node's value in both worlds. Of a BOOL, i is the mask (-1 or 0) and d 1 or 0; of INT and UINT d is the number. */
 typedef struct {
-    vfloat f, low; /* low: the second half of a pair, of WIDE and AFFINE nodes */
+    vfloat f;
+    vfloat high,
+        low; /* as a pair: AFFINE and SHIFTED have a float besides, which may differ from `high`; others high = f */
     vint i;
     double d;
 } karst_oracle_slot;

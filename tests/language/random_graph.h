@@ -312,8 +312,10 @@ static inline void set_kinds(karst_graph *g)
     }
 }
 
-/* A graph of about `num_nodes` nodes around a place. Free with random_graph_finish. */
-static inline void random_graph_make(random_graph *r, const random_place *place, uint32_t num_nodes, bool with_noise)
+/* A graph of at most about `num_nodes` nodes around a place: what the first `num_roots` roots reach. Free with
+ * random_graph_finish. */
+static inline void random_graph_make(random_graph *r, const random_place *place, uint32_t num_nodes, bool with_noise,
+                                     size_t num_roots)
 {
     *r = (random_graph){.place = place, .with_noise = with_noise};
     karst_arena_init(&r->arena, (size_t)1 << 28, NULL, NULL);
@@ -340,6 +342,10 @@ static inline void random_graph_make(random_graph *r, const random_place *place,
     for (uint32_t i = r->count[0]; i > 0 && found < KARST_TAPE_MAX_OUTPUTS; i--)
         if (!karst_graph_is_uniform(g, r->pool[0][i - 1]))
             r->root[found++] = r->pool[0][i - 1];
+    karst_graph live;
+    karst_graph_init(&live, &r->arena, 1u << 16, graph_is_full, NULL);
+    karst_graph_extract(g, &live, r->root, num_roots);
+    *g = live;
     set_kinds(g);
 }
 

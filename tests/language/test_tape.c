@@ -1,0 +1,397 @@
+/* Tapes: the values are the oracle's in every bit, pairs of floats included; values and bounds are the same on a
+ * device, in 1 and 16 lanes, as on the host. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "core/context.h"
+#include "producers/language/oracle.h"
+#include "producers/language/tape.clh"
+#include "tests/language/random_graph.h"
+
+enum { NUM_POINTS = 32, MAX_SLOTS = 96, DEVICE_GRAPHS = 40, WORLD_SEED = 7 };
+
+typedef struct {
+    random_place place;
+    random_graph graph;
+    karst_resolved_world world;
+    karst_world_layout layout;
+    karst_tape tape;
+    uint64_t *data;
+    int level;
+} subject;
+
+/* Nodes that may be computed in pairs become so at random. */
+static void widen_at_random(karst_graph *g)
+{
+    for (uint32_t e = 1; e < g->num_nodes; e++) {
+        karst_expr_node *n = &g->nodes[e];
+        bool can = (n->op >= KARST_OP_ADD && n->op <= KARST_OP_ABS) || n->op == KARST_OP_MIX ||
+                   n->op == KARST_OP_SQRT || n->op == KARST_OP_LENGTH ||
+                   (n->op == KARST_OP_SELECT && n->type == KARST_TYPE_FLOAT);
+        if (can && n->kind == KARST_KIND_FLOAT && random_chance(4))
+            n->kind = KARST_KIND_WIDE;
+    }
+}
+
+static void subject_make(subject *s, uint64_t seed, bool with_pairs)
+{
+    *s = (subject){.level = 0};
+    random_state = seed * 0x9e3779b97f4a7c15ULL + 777;
+    random_bits();
+    s->place = random_place_make();
+    random_graph_make(&s->graph, &s->place, 20 + random_below(120), random_chance(2), 1);
+    if (with_pairs)
+        widen_at_random(&s->graph.graph);
+    const karst_expr *root = s->graph.root;
+    s->world = (karst_resolved_world){.graph = &s->graph.graph, .density = root[0]};
+    assert_true(karst_world_layout_init(&s->layout, &s->world));
+    s->data = calloc(s->layout.num_words, sizeof *s->data);
+    assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, WORLD_SEED, s->place.voxel_log2_m, s->data));
+    karst_error error;
+    assert_true(karst_tape_build(&s->layout, root, 1, &s->tape, &error));
+    s->level = (int)random_below(8) - 1;
+}
+
+static void subject_finish(subject *s)
+{
+    free(s->data);
+    karst_tape_finish(&s->tape);
+    random_graph_finish(&s->graph);
+}
+
+static karst_position random_point(const random_place *place)
+{
+    karst_position p;
+    for (int axis = 0; axis < 3; axis++) {
+        int64_t most = (int64_t)((double)place->radius[axis] * 0x1p32),
+                offset = (int64_t)((random_unit() * 2 - 1) * (double)most);
+        uint64_t sum = (uint64_t)place->fraction[axis] + (uint32_t)offset;
+        p.voxel[axis] = place->voxel[axis] + (offset >> 32) + (int64_t)(sum >> 32);
+        p.fraction[axis] = (uint32_t)sum;
+    }
+    return p;
+}
+
+static tape_program program_of(const subject *s, int *slots)
+{
+    return (tape_program){.code = s->tape.code,
+                          .num_instructions = s->tape.num_instructions,
+                          .constants = s->tape.constants,
+                          .data = s->data,
+                          .values = (const uint *)(s->data + s->layout.values_word),
+                          .num_values = s->layout.num_values,
+                          .slots = slots};
+}
+
+static float host_value(const subject *s, const karst_position *p)
+{
+    int *slots = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof *slots);
+    tape_program program = program_of(s, slots);
+    affine_position at;
+    for (int axis = 0; axis < 3; axis++) {
+        at.voxel[axis] = p->voxel[axis];
+        at.fraction[axis] = p->fraction[axis];
+    }
+    tape_values(&program, &at, NULL, s->level);
+    float value = k_as_float((uint)tape_load(&program, s->tape.output[0]));
+    free(slots);
+    return value;
+}
+
+static bool same_float(float a, float b) { return k_as_uint(a) == k_as_uint(b) || (isnan(a) && isnan(b)); }
+
+static void compare_with_oracle(uint64_t first, int count, bool with_pairs)
+{
+    int num_finite = 0;
+    for (int i = 0; i < count; i++) {
+        subject s;
+        karst_error error;
+        subject_make(&s, first + (uint64_t)i, with_pairs);
+        karst_oracle *oracle =
+            karst_oracle_create(&s.world, s.graph.parameters, WORLD_SEED, s.place.voxel_log2_m, &error);
+        assert_non_null(oracle);
+        for (int k = 0; k < NUM_POINTS; k++) {
+            karst_position p = random_point(&s.place);
+            float expected = karst_oracle_density(oracle, &p, s.level).device, got = host_value(&s, &p);
+            num_finite += isfinite(got) != 0;
+            if (!same_float(expected, got))
+                fail_msg("graph %lu, point %d: the tape gives %a, the oracle %a", (unsigned long)(first + (uint64_t)i),
+                         k, (double)got, (double)expected);
+        }
+        karst_oracle_destroy(oracle);
+        subject_finish(&s);
+    }
+    assert_true(num_finite > count * NUM_POINTS / 2);
+}
+
+static void test_values_are_the_oracles(void **state)
+{
+    (void)state;
+    compare_with_oracle(1, 1000, false);
+}
+
+static void test_values_in_pairs_are_the_oracles(void **state)
+{
+    (void)state;
+    compare_with_oracle(5001, 1000, true);
+}
+
+/* A result may lie where a dying argument did; a slot that is still wanted stays. */
+static void test_slots_are_few_and_safe(void **state)
+{
+    (void)state;
+    uint64_t num_instructions = 0, num_slots = 0;
+    for (uint64_t seed = 1; seed <= 200; seed++) {
+        subject s;
+        subject_make(&s, seed, seed & 1);
+        num_instructions += s.tape.num_instructions;
+        num_slots += s.tape.num_slots;
+        for (uint32_t i = 0; i < s.tape.num_instructions; i++) {
+            const karst_instruction *n = &s.tape.code[i];
+            assert_true(n->slot < s.tape.num_slots);
+            for (int k = 0; k < 4; k++) {
+                if (n->arg[k] == TAPE_NOTHING || tape_is_known(n->arg[k]))
+                    continue;
+                bool written = false;
+                for (uint32_t j = 0; j < i; j++)
+                    written = written || s.tape.code[j].slot == (n->arg[k] & TAPE_INDEX);
+                assert_true(written);
+            }
+        }
+        subject_finish(&s);
+    }
+    assert_true(3 * num_slots < 2 * num_instructions);
+}
+
+/* ---- device ---- */
+
+static const char probe[] =
+    "#include \"producers/language/tape.clh\"\n"
+    "#if LANES == 16\n"
+    "#define LOAD(T, p) vload16(0, p)\n"
+    "#else\n"
+    "#define LOAD(T, p) (*(p))\n"
+    "#endif\n"
+    "K_INLINE tape_program program(K_GLOBAL const ulong *words, uint num_instructions, uint num_constants_words, uint "
+    "values, uint num_values,\n"
+    "                              K_PRIVATE int *slots)\n"
+    "{\n"
+    "    tape_program t;\n"
+    "    t.code = (K_GLOBAL const karst_instruction *)words;\n"
+    "    t.num_instructions = num_instructions;\n"
+    "    t.constants = (K_GLOBAL const uint *)(words + 4 * num_instructions);\n"
+    "    t.data = words + 4 * num_instructions + num_constants_words;\n"
+    "    t.values = (K_GLOBAL const uint *)(t.data + values);\n"
+    "    t.num_values = num_values;\n"
+    "    t.slots = slots;\n"
+    "    return t;\n"
+    "}\n"
+    "K_INLINE K_WIDE affine_position position(K_GLOBAL const long *voxels, K_GLOBAL const uint *fractions, uint "
+    "first)\n"
+    "{\n"
+    "    affine_position at;\n"
+    "    for (int axis = 0; axis < 3; axis++) {\n"
+    "        at.voxel[axis] = LOAD(vlong, voxels + axis * NUM_POINTS + first);\n"
+    "        at.fraction[axis] = LOAD(vuint, fractions + axis * NUM_POINTS + first);\n"
+    "    }\n"
+    "    return at;\n"
+    "}\n"
+    "#define ARGUMENTS K_GLOBAL const ulong *words, uint num_instructions, uint num_constants_words, uint values, uint "
+    "num_values, uint output, \\\n"
+    "    K_GLOBAL const long *voxels, K_GLOBAL const uint *fractions, int level, K_GLOBAL float *out\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void run_values(ARGUMENTS)\n"
+    "{\n"
+    "    int slots[MAX_SLOTS * TAPE_VALUE_ELEMENTS * LANES];\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    tape_program t = program(words, num_instructions, num_constants_words, values, num_values, slots);\n"
+    "    affine_position at = position(voxels, fractions, first);\n"
+    "    tape_values(&t, &at, 0, level);\n"
+    "    v_store_float(v_as_float(tape_load(&t, output)), out + first);\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void run_bounds(ARGUMENTS, K_GLOBAL const float *radii)\n"
+    "{\n"
+    "    int slots[MAX_SLOTS * TAPE_BOUND_ELEMENTS * LANES];\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    tape_program t = program(words, num_instructions, num_constants_words, values, num_values, slots);\n"
+    "    op_box box;\n"
+    "    box.centre = position(voxels, fractions, first);\n"
+    "    for (int axis = 0; axis < 3; axis++)\n"
+    "        box.radius[axis] = v_load_float(radii + axis * NUM_POINTS + first);\n"
+    "    box.level = (vint)(level);\n"
+    "    vint unknown = tape_bounds(&t, &box, 0);\n"
+    "    op_bound b = tape_load_bound(&t, output);\n"
+    "    v_store_float(v_to_float(unknown), out + first);\n"
+    "    v_store_float(b.v.lo, out + NUM_POINTS + first);\n"
+    "    v_store_float(b.v.hi, out + 2 * NUM_POINTS + first);\n"
+    "    v_store_float(b.g[1].lo, out + 3 * NUM_POINTS + first);\n"
+    "    v_store_float(b.r.hi, out + 4 * NUM_POINTS + first);\n"
+    "}\n";
+
+enum { NUM_OUTPUTS = 5 };
+
+typedef struct {
+    karst_context *context;
+    karst_program *program;
+    cl_kernel values, bounds;
+} device;
+
+static void expect(bool good, const karst_error *error)
+{
+    if (!good)
+        fail_msg("%s", error->message);
+}
+
+static void device_open(device *d, int lanes)
+{
+    karst_error error = {0};
+    char options[64];
+    snprintf(options, sizeof options, "-DNUM_POINTS=%d -DMAX_SLOTS=%d", NUM_POINTS, MAX_SLOTS);
+    expect((d->context = karst_context_create("cpu", lanes, NULL, &error)), &error);
+    const karst_virtual_file files[] = {{"probe.cl", probe}};
+    expect((d->program = karst_program_build(d->context, "probe.cl", options, files, 1, &error)), &error);
+    expect((d->values = karst_program_kernel(d->program, "run_values", &error)), &error);
+    expect((d->bounds = karst_program_kernel(d->program, "run_bounds", &error)), &error);
+}
+
+static void device_close(device *d)
+{
+    clReleaseKernel(d->values);
+    clReleaseKernel(d->bounds);
+    karst_program_destroy(d->program);
+    karst_context_destroy(d->context);
+}
+
+typedef struct {
+    int64_t voxel[3][NUM_POINTS];
+    uint32_t fraction[3][NUM_POINTS];
+    float radius[3][NUM_POINTS];
+} boxes;
+
+static boxes random_boxes(const subject *s)
+{
+    boxes b;
+    for (int k = 0; k < NUM_POINTS; k++) {
+        karst_position p = random_point(&s->place);
+        for (int axis = 0; axis < 3; axis++) {
+            b.voxel[axis][k] = p.voxel[axis];
+            b.fraction[axis][k] = p.fraction[axis];
+            b.radius[axis][k] = s->place.radius[axis] * (float)random_magnitude(1e-4, 1);
+        }
+    }
+    return b;
+}
+
+static void run_on_device(device *d, const subject *s, const boxes *b, float values[NUM_POINTS],
+                          float bounds[NUM_OUTPUTS][NUM_POINTS])
+{
+    karst_error error = {0};
+    cl_uint num_constants_words = s->tape.num_constants / 2 + 1, num_instructions = s->tape.num_instructions;
+    cl_uint values_word = s->layout.values_word, num_values = s->layout.num_values, output = s->tape.output[0];
+    size_t num_words = 4 * (size_t)num_instructions + num_constants_words + s->layout.num_words;
+    uint64_t *words = calloc(num_words, sizeof *words);
+    memcpy(words, s->tape.code, num_instructions * sizeof *s->tape.code);
+    memcpy(words + 4 * (size_t)num_instructions, s->tape.constants, s->tape.num_constants * sizeof *s->tape.constants);
+    memcpy(words + 4 * (size_t)num_instructions + num_constants_words, s->data, s->layout.num_words * sizeof *words);
+    karst_buffer *tape = karst_buffer_create(d->context, "tape", num_words * sizeof *words, words, &error);
+    karst_buffer *voxels = karst_buffer_create(d->context, "voxels", sizeof b->voxel, b->voxel, &error);
+    karst_buffer *fractions = karst_buffer_create(d->context, "fractions", sizeof b->fraction, b->fraction, &error);
+    karst_buffer *radii = karst_buffer_create(d->context, "radii", sizeof b->radius, b->radius, &error);
+    karst_buffer *out = karst_buffer_create(d->context, "out", sizeof(float[NUM_OUTPUTS][NUM_POINTS]), NULL, &error);
+    expect(tape && voxels && fractions && radii && out, &error);
+    size_t num_items = NUM_POINTS / (size_t)d->context->lanes;
+    cl_int level = s->level;
+#define TAPE_ARGUMENTS                                                                                                \
+    KARST_BUFFER_ARG(tape), KARST_VALUE_ARG(num_instructions), KARST_VALUE_ARG(num_constants_words),                  \
+        KARST_VALUE_ARG(values_word), KARST_VALUE_ARG(num_values), KARST_VALUE_ARG(output), KARST_BUFFER_ARG(voxels), \
+        KARST_BUFFER_ARG(fractions), KARST_VALUE_ARG(level), KARST_BUFFER_ARG(out)
+    expect(KARST_ARGUMENTS(d->values, &error, TAPE_ARGUMENTS) &&
+               karst_launch(d->context, d->values, KARST_STAGE_EVALUATE, num_items, 1, &error) &&
+               karst_buffer_read(out, 0, values, NUM_POINTS * sizeof *values, &error) &&
+               KARST_ARGUMENTS(d->bounds, &error, TAPE_ARGUMENTS, KARST_BUFFER_ARG(radii)) &&
+               karst_launch(d->context, d->bounds, KARST_STAGE_SUBDIVIDE, num_items, 1, &error) &&
+               karst_buffer_read(out, 0, bounds, sizeof(float[NUM_OUTPUTS][NUM_POINTS]), &error),
+           &error);
+    karst_buffer_destroy(tape);
+    karst_buffer_destroy(voxels);
+    karst_buffer_destroy(fractions);
+    karst_buffer_destroy(radii);
+    karst_buffer_destroy(out);
+    free(words);
+}
+
+static void host_bounds(const subject *s, const boxes *b, int k, float out[NUM_OUTPUTS])
+{
+    int *slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+    tape_program program = program_of(s, slots);
+    op_box box = {.level = s->level};
+    for (int axis = 0; axis < 3; axis++) {
+        box.centre.voxel[axis] = b->voxel[axis][k];
+        box.centre.fraction[axis] = b->fraction[axis][k];
+        box.radius[axis] = b->radius[axis][k];
+    }
+    out[0] = (float)tape_bounds(&program, &box, NULL);
+    op_bound bound = tape_load_bound(&program, s->tape.output[0]);
+    out[1] = bound.v.lo;
+    out[2] = bound.v.hi;
+    out[3] = bound.g[1].lo;
+    out[4] = bound.r.hi;
+    free(slots);
+}
+
+static void test_devices_agree_with_the_host(void **state)
+{
+    (void)state;
+    for (int lanes = 1; lanes <= 16; lanes += 15) {
+        device d;
+        device_open(&d, lanes);
+        int num_known = 0;
+        for (uint64_t seed = 1; seed <= DEVICE_GRAPHS; seed++) {
+            subject s;
+            subject_make(&s, 90000 + seed, seed & 1);
+            assert_true(s.tape.num_slots <= MAX_SLOTS);
+            boxes b = random_boxes(&s);
+            float values[NUM_POINTS], bounds[NUM_OUTPUTS][NUM_POINTS];
+            run_on_device(&d, &s, &b, values, bounds);
+            for (int k = 0; k < NUM_POINTS; k++) {
+                karst_position p;
+                for (int axis = 0; axis < 3; axis++) {
+                    p.voxel[axis] = b.voxel[axis][k];
+                    p.fraction[axis] = b.fraction[axis][k];
+                }
+                float expected = host_value(&s, &p), limits[NUM_OUTPUTS];
+                if (!same_float(expected, values[k]))
+                    fail_msg("graph %lu, point %d, %d lanes: %a, on the host %a", (unsigned long)seed, k, lanes,
+                             (double)values[k], (double)expected);
+                host_bounds(&s, &b, k, limits);
+                num_known += limits[0] == 0;
+                for (int i = 0; i < NUM_OUTPUTS; i++)
+                    if (!same_float(limits[i], bounds[i][k]) && (i == 0 || limits[0] == 0))
+                        fail_msg("graph %lu, box %d, %d lanes, bound %d: %a, on the host %a", (unsigned long)seed, k,
+                                 lanes, i, (double)bounds[i][k], (double)limits[i]);
+            }
+            subject_finish(&s);
+        }
+        assert_true(num_known > DEVICE_GRAPHS * NUM_POINTS / 8);
+        device_close(&d);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_values_are_the_oracles),
+        cmocka_unit_test(test_values_in_pairs_are_the_oracles),
+        cmocka_unit_test(test_slots_are_few_and_safe),
+        cmocka_unit_test(test_devices_agree_with_the_host),
+    };
+    return cmocka_run_group_tests_name("tape", tests, NULL, NULL);
+}
