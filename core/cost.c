@@ -1,41 +1,60 @@
 #include "core/cost.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
-/* A round's measure moves the estimate by these shares, if the round was of FULL_ROUND or more. */
-#define SHARE_UP 0.7
-#define SHARE_DOWN 0.1
-#define FULL_ROUND 16.0
+/* A measure is made of so many, or of so many rounds. */
+#define FULL_MEASURE 16u
+#define MOST_ROUNDS 4u
 /* Before a number of tiles is known, and as its room to grow. */
 #define TILES_AT_LEAST 8u
 #define TILES_SHARE (1.0 / 3)
 
 void karst_cost_init(karst_cost *cost) { *cost = (karst_cost){.tiles_expected = TILES_AT_LEAST}; }
 
-static void follow(double *estimate_ns, uint64_t total_ns, uint32_t num)
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double upper_quartile(const karst_cost_kind *kind)
+{
+    double sorted_ns[KARST_COST_WINDOW];
+    uint32_t num = kind->num_measures < KARST_COST_WINDOW ? kind->num_measures : KARST_COST_WINDOW;
+    memcpy(sorted_ns, kind->measures_ns, num * sizeof *sorted_ns);
+    qsort(sorted_ns, num, sizeof *sorted_ns, compare);
+    return sorted_ns[num - 1 - num / 4];
+}
+
+static void learn_kind(karst_cost_kind *kind, uint32_t num, uint64_t ns)
 {
     /* Without time there was no measurement: the device may keep no clock for so short a launch. */
-    if (num == 0 || total_ns == 0)
+    if (num == 0 || ns == 0)
         return;
-    double one_ns = (double)total_ns / num;
-    if (*estimate_ns == 0) {
-        *estimate_ns = one_ns;
+    kind->sum_num = num > UINT32_MAX - kind->sum_num ? UINT32_MAX : kind->sum_num + num;
+    kind->sum_ns = ns > UINT64_MAX - kind->sum_ns ? UINT64_MAX : kind->sum_ns + ns;
+    kind->sum_rounds++;
+    if (kind->sum_num < FULL_MEASURE && kind->sum_rounds < MOST_ROUNDS && kind->num_measures > 0)
         return;
-    }
-    double share = (one_ns > *estimate_ns ? SHARE_UP : SHARE_DOWN) * fmin(1, num / FULL_ROUND);
-    *estimate_ns += share * (one_ns - *estimate_ns);
+    kind->measures_ns[kind->num_measures % KARST_COST_WINDOW] = (double)kind->sum_ns / kind->sum_num;
+    /* The count stays in step with the ring, and above its size, when it would wrap around. */
+    kind->num_measures = kind->num_measures == UINT32_MAX ? 2 * KARST_COST_WINDOW : kind->num_measures + 1;
+    kind->sum_num = kind->sum_rounds = 0;
+    kind->sum_ns = 0;
+    kind->expected_ns = upper_quartile(kind);
 }
 
 void karst_cost_learn(karst_cost *cost, const karst_cost_round *round)
 {
-    follow(&cost->brick_ns, round->brick_ns, round->num_bricks);
-    follow(&cost->tile_ns, round->tile_ns, round->num_tiles);
-    uint32_t wanted = round->num_tiles > UINT32_MAX / 2 ? UINT32_MAX : 2 * round->num_tiles;
+    learn_kind(&cost->bricks, round->num_bricks, round->brick_ns);
+    learn_kind(&cost->tiles, round->num_tiles, round->tile_ns);
+    uint32_t num = round->num_tiles < UINT32_MAX / 2 ? round->num_tiles : UINT32_MAX / 2;
+    uint32_t wanted = num + num / 4 + TILES_AT_LEAST;
     /* Demand comes in bursts: it is forgotten slowly. */
-    uint32_t kept = cost->tiles_expected - cost->tiles_expected / 8;
+    uint32_t kept = cost->tiles_expected - cost->tiles_expected / 4;
     cost->tiles_expected = wanted > kept ? wanted : kept;
-    if (cost->tiles_expected < TILES_AT_LEAST)
-        cost->tiles_expected = TILES_AT_LEAST;
 }
 
 /* How many at one_ns each go into time_ns, from 1 to most. */
@@ -50,9 +69,9 @@ static uint32_t fit(double time_ns, double one_ns, uint32_t most)
 karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint32_t most)
 {
     karst_cost_limits limits;
-    limits.max_tiles = fit(budget_ns * TILES_SHARE, cost->tile_ns, most);
+    limits.max_tiles = fit(budget_ns * TILES_SHARE, cost->tiles.expected_ns, most);
     if (limits.max_tiles > cost->tiles_expected)
         limits.max_tiles = cost->tiles_expected;
-    limits.max_bricks = fit(budget_ns - limits.max_tiles * cost->tile_ns, cost->brick_ns, most);
+    limits.max_bricks = fit(budget_ns - limits.max_tiles * cost->tiles.expected_ns, cost->bricks.expected_ns, most);
     return limits;
 }

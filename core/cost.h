@@ -5,9 +5,22 @@
 
 #include <stdint.h>
 
+#define KARST_COST_WINDOW 8
+
+/* What one of a kind costs: of the last measures the one that a quarter exceed. A device that is disturbed now and then
+ * does not shake it, one that has become slower, or a dearer part of the world, tells after three. */
 typedef struct {
-    double brick_ns, tile_ns; /* expected for one; 0: nothing measured yet */
-    uint32_t tiles_expected;  /* how many the next round will want, for sharing the time between both */
+    double measures_ns[KARST_COST_WINDOW]; /* a ring */
+    uint32_t num_measures;                 /* so far */
+    double expected_ns;                    /* 0: nothing measured yet */
+    /* The measure in the making: small rounds are put together, or launching them would count for much. */
+    uint64_t sum_ns;
+    uint32_t sum_num, sum_rounds;
+} karst_cost_kind;
+
+typedef struct {
+    karst_cost_kind bricks, tiles;
+    uint32_t tiles_expected; /* how many the next round may want, for sharing the time between both */
 } karst_cost;
 
 /* What one round made, and the device time it took. */
@@ -22,11 +35,9 @@ typedef struct {
 } karst_cost_limits;
 
 void karst_cost_init(karst_cost *cost);
-/* Learns from a round. Estimates follow a rise at once and a fall slowly, since a budget that is not met shows and one
- * that is not used up does not; a round of few weighs little. */
 void karst_cost_learn(karst_cost *cost, const karst_cost_round *round);
 /* The most that is expected to fit into budget_ns, each from 1 (or nothing would ever settle) to `most`. Tiles get what
- * the last rounds wanted of them, with room to double, up to a third of the time; bricks the rest. Before anything was
+ * the last rounds wanted of them, with room to grow, up to a third of the time; bricks the rest. Before anything was
  * measured: FIRST of each. */
 #define KARST_COST_FIRST 16u
 karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint32_t most);
