@@ -5,6 +5,7 @@
  *   command_talk.c     messages and the progress line on stderr
  *   command_output.c   files that appear whole or not at all
  *   command_data.c     files that come with Karst
+ *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
@@ -29,8 +30,16 @@ typedef enum {
     COMMAND_TEXT,    /* const char * */
     COMMAND_INTEGER, /* uint64_t, within [min, max] */
     COMMAND_NUMBER,  /* double, within [min, max] */
-    COMMAND_SIZE     /* int[2]: WIDTHxHEIGHT, each within [min, max] */
+    COMMAND_SIZE,    /* int[2]: WIDTHxHEIGHT, each within [min, max] */
+    COMMAND_PARAMETERS /* command_parameters: NAME=VALUE; may be given again */
 } command_option_kind;
+
+#define COMMAND_MAX_PARAMETERS 64
+typedef struct {
+    karst_parameter values[COMMAND_MAX_PARAMETERS];
+    char names[COMMAND_MAX_PARAMETERS][64];
+    size_t num_values;
+} command_parameters;
 
 /* One option: --name VALUE, --name=VALUE, or -letter VALUE. `value` points at what its kind says; `given` may be NULL.
  */
@@ -97,6 +106,17 @@ bool command_write_all(int fd, const void *data, size_t size_bytes);
  * installed share/karst or in the source tree's demos. `kind` is the folder, a plural. Errors: KARST_BAD_DATA. */
 bool command_find_data(const char *kind, const char *name, const char *suffix, char *path, size_t size_bytes,
                        karst_error *error);
+bool command_has_suffix(const char *name, const char *suffix);
+#define COMMAND_MAX_NAME 48
+/* Names, without suffix, of the files of a kind that come with Karst, in order. */
+size_t command_list_data(const char *kind, const char *suffix, char names[][COMMAND_MAX_NAME], size_t max_names);
+
+/* ---- command_world.c ---- */
+
+/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD with a suggestion. */
+bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
+/* A line for each shipped world. */
+void command_print_worlds(FILE *file);
 
 /* ---- command_interrupt.c ---- */
 

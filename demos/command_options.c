@@ -103,6 +103,25 @@ static bool parse_size(const command_option *option, const char *text, karst_err
     return true;
 }
 
+static bool parse_parameter(const command_option *option, const char *text, karst_error *error)
+{
+    command_parameters *parameters = option->value;
+    size_t length = strcspn(text, "=");
+    const char *number = text + length + 1;
+    if (!text[length] || length == 0 || length >= sizeof parameters->names[0])
+        return karst_fail(error, KARST_USAGE, "--%s %s: must be NAME=VALUE, such as relief=400", option->name, text);
+    if (parameters->num_values == COMMAND_MAX_PARAMETERS)
+        return karst_fail(error, KARST_USAGE, "--%s: %d parameters are the most", option->name, COMMAND_MAX_PARAMETERS);
+    char *end = NULL;
+    double value = strtod(number, &end);
+    if (end == number || *end || !isfinite(value))
+        return karst_fail(error, KARST_USAGE, "--%s %s: '%s' is not a number", option->name, text, number);
+    size_t i = parameters->num_values++;
+    snprintf(parameters->names[i], sizeof parameters->names[i], "%.*s", (int)length, text);
+    parameters->values[i] = (karst_parameter){parameters->names[i], value};
+    return true;
+}
+
 static bool set_option(const command_option *option, const char *text, karst_error *error)
 {
     if (option->given)
@@ -120,6 +139,8 @@ static bool set_option(const command_option *option, const char *text, karst_err
         return parse_number(option, text, error);
     case COMMAND_SIZE:
         return parse_size(option, text, error);
+    case COMMAND_PARAMETERS:
+        return parse_parameter(option, text, error);
     }
     return false;
 }

@@ -5,11 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MAX_WORLDS 64
-
 typedef struct {
     const char *world, *output, *stats, *camera, *device, *display, *path;
-    char path_file[PATH_MAX];
+    char path_file[PATH_MAX], world_file[PATH_MAX];
+    command_parameters parameters;
     int size_px[2];
     uint64_t seed, budget_bricks, max_frames, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
@@ -24,34 +23,6 @@ typedef struct {
     uint64_t start_ns;
 } run_state;
 
-static const char *nearest_world(const char *name)
-{
-    const char *names[MAX_WORLDS + 1];
-    size_t num_names = 0;
-    while (num_names < MAX_WORLDS && (names[num_names] = karst_world_name(num_names)) != NULL)
-        num_names++;
-    names[num_names] = NULL;
-    return command_nearest(name, names);
-}
-
-/* The library says so too, but only after a device has been opened, and without a suggestion. */
-static bool check_world(const char *name, karst_error *error)
-{
-    char names[512] = "";
-    const char *known;
-    for (size_t i = 0; (known = karst_world_name(i)) != NULL; i++) {
-        if (strcmp(known, name) == 0)
-            return true;
-        size_t length = strlen(names);
-        snprintf(names + length, sizeof names - length, "%s%s", i ? ", " : "", known);
-    }
-    const char *nearest = nearest_world(name);
-    if (nearest)
-        return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; did you mean '%s'? There are: %s", name,
-                          nearest, names);
-    return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name, names);
-}
-
 static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst render WORLD [-o out.png] [OPTIONS]\n"
@@ -61,15 +32,14 @@ static void print_help(const command_option *options, size_t num_options)
          "or all that the pools can hold. Along a path, each picture is.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
-    puts("\nWorlds:");
-    const char *name;
-    for (size_t i = 0; (name = karst_world_name(i)) != NULL; i++)
-        printf("  %-14s %s\n", name, karst_world_description(name));
+    puts("\nWorlds (or the path of a world file, which ends in .karst):");
+    command_print_worlds(stdout);
     puts("\nExamples:\n"
          "  karst render hills\n"
          "  karst render hills -o far.png --size 1920x1080 --camera 1e9,320,-1e9,30,-12\n"
          "  karst render asteroid --display none --no-shadows --stats - | jq .time_ms.cast\n"
          "  karst render hills -o - --pool 2048 --detail 0.5 | display\n"
+         "  karst render mine.karst --param relief=250 --seed 3\n"
          "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
@@ -100,6 +70,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
          &o->view_distance_m, 1e-9, 1e18, NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
+        {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again", &o->parameters, 0,
+         0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
@@ -174,7 +146,7 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    return karst_display_kind_parse(o->display, display, error) && check_world(o->world, error) &&
+    return karst_display_kind_parse(o->display, display, error) && command_find_world(o->world, o->world_file, sizeof o->world_file, error) &&
            check_flight(o, error) && (o->path || command_check_output(o->output, "-o", true, error)) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
@@ -247,7 +219,9 @@ static void say_result(command_talk *talk, const render_options *o, const comman
 
 static karst_engine_config make_config(const render_options *o, karst_display *display, const karst_log *log)
 {
-    karst_engine_config config = {.world = o->world, .device = o->device, .in_display = display, .log = log};
+    karst_engine_config config = {.world = o->world_file, .device = o->device, .in_display = display, .log = log};
+    config.parameters = o->parameters.values;
+    config.num_parameters = o->parameters.num_values;
     config.width_px = o->size_px[0];
     config.height_px = o->size_px[1];
     /* 0 bytes would mean the default: with 1 the library says how much is needed. */
