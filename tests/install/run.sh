@@ -46,6 +46,9 @@ detail=$(${CC:-cc} -std=c11 demos/minimal.c $(pkg-config --cflags karst) "$root/
 result "it links statically too, and the picture is the same"
 detail=$("$root/usr/bin/karst" render hills -q --size 64x48 -o "$scratch/command.png" 2>&1)
 result "the installed command renders"
+detail=$(unset KARST_DATA_DIR; "$root/usr/bin/karst" render asteroid --path orbit --frames 1 -q --size 64x48 -o "$scratch/orbit.png" 2>&1)
+[ $? -eq 0 ] && [ -s "$scratch/orbit.png" ]
+result "and flies a path that was installed with it"
 
 # ---- gone without a trace ----
 detail=$($make -s uninstall DESTDIR="$root" PREFIX=/usr 2>&1)
