@@ -26,10 +26,12 @@
 #define MAX_BUDGET_BRICKS 8192u
 #define MAX_BUDGET_MS 60000.0
 #define DEFAULT_MAX_FRAMES 1000u
-/* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to them. */
+/* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to
+ * them. */
 #define MIN_TILES 32u
 #define MIN_BRICKS 32u
-/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that is one or two to a brick. */
+/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that
+ * is one or two to a brick. */
 #define TILES_PER_BRICK 3u
 #define MAX_VOXEL ((int64_t)1 << 61)
 #define NUM_COUNTERS 4
@@ -73,7 +75,8 @@ struct karst_engine {
 static bool check_size(int width_px, int height_px, karst_error *error)
 {
     if (width_px < 1 || height_px < 1 || width_px > MAX_SIDE_PX || height_px > MAX_SIDE_PX)
-        return karst_fail(error, KARST_USAGE, "picture size %dx%d: each side must be 1 to %d pixels", width_px, height_px, MAX_SIDE_PX);
+        return karst_fail(error, KARST_USAGE, "picture size %dx%d: each side must be 1 to %d pixels", width_px,
+                          height_px, MAX_SIDE_PX);
     return true;
 }
 
@@ -86,11 +89,15 @@ static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, u
     uint64_t tiles = config->num_tiles ? config->num_tiles : bricks * TILES_PER_BRICK;
     if (bricks < MIN_BRICKS || tiles < MIN_TILES) {
         uint64_t least_mib = (MIN_BRICKS * set_bytes + ((uint64_t)1 << 20) - 1) >> 20;
-        return karst_fail(error, KARST_USAGE, "the pools are too small for any picture: %llu bricks and %llu tiles; %llu MiB would do (--pool %llu)",
-                          (unsigned long long)bricks, (unsigned long long)tiles, (unsigned long long)least_mib, (unsigned long long)least_mib);
+        return karst_fail(
+            error, KARST_USAGE,
+            "the pools are too small for any picture: %llu bricks and %llu tiles; %llu MiB would do (--pool %llu)",
+            (unsigned long long)bricks, (unsigned long long)tiles, (unsigned long long)least_mib,
+            (unsigned long long)least_mib);
     }
     if (tiles > KARST_MAX_TILES || bricks > UINT32_MAX / 2)
-        return karst_fail(error, KARST_USAGE, "the pools are too large: %llu bricks and %llu tiles; %u tiles are the limit",
+        return karst_fail(error, KARST_USAGE,
+                          "the pools are too large: %llu bricks and %llu tiles; %u tiles are the limit",
                           (unsigned long long)bricks, (unsigned long long)tiles, KARST_MAX_TILES);
     *num_tiles = (uint32_t)tiles;
     *num_bricks = (uint32_t)bricks;
@@ -101,14 +108,17 @@ static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, u
 static bool allocate_picture(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
-    engine->surface = karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
+    engine->surface =
+        karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
     engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
     if (!engine->surface || !engine->hits || !engine->depth)
         return false;
     if (engine->shadows) {
-        engine->shadow_rays = karst_buffer_create_blank(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), error);
-        engine->shadow_hits = karst_buffer_create_blank(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), error);
+        engine->shadow_rays =
+            karst_buffer_create_blank(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), error);
+        engine->shadow_hits =
+            karst_buffer_create_blank(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), error);
         if (!engine->shadow_rays || !engine->shadow_hits)
             return false;
     }
@@ -117,7 +127,8 @@ static bool allocate_picture(karst_engine *engine, karst_error *error)
         engine->previous_pixels = malloc(num_pixels * 4);
         engine->have_previous = false;
         if (!engine->pixels || !engine->previous_pixels)
-            return karst_fail(error, KARST_FAILED, "out of memory for comparing pictures of %dx%d", engine->width_px, engine->height_px);
+            return karst_fail(error, KARST_FAILED, "out of memory for comparing pictures of %dx%d", engine->width_px,
+                              engine->height_px);
     }
     return true;
 }
@@ -216,18 +227,21 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_ladder_init(&engine->ladder);
     karst_cost_init(&engine->cost);
 
-    if (!open_world(engine, config, error) || !check_size(engine->width_px, engine->height_px, error) || !size_pools(config, &num_tiles, &num_bricks, error))
+    if (!open_world(engine, config, error) || !check_size(engine->width_px, engine->height_px, error) ||
+        !size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
     if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
         karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
         goto failed;
     }
     if (engine->budget_bricks > MAX_BUDGET_BRICKS) {
-        karst_fail(error, KARST_USAGE, "a budget of %u bricks a frame: the limit is %u", engine->budget_bricks, MAX_BUDGET_BRICKS);
+        karst_fail(error, KARST_USAGE, "a budget of %u bricks a frame: the limit is %u", engine->budget_bricks,
+                   MAX_BUDGET_BRICKS);
         goto failed;
     }
     if (!(config->budget_ms >= 0 && config->budget_ms <= MAX_BUDGET_MS)) {
-        karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g", config->budget_ms, MAX_BUDGET_MS);
+        karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g",
+                   config->budget_ms, MAX_BUDGET_MS);
         goto failed;
     }
     double view_distance_m = config->view_distance_m != 0 ? config->view_distance_m : engine->world->view_distance_m;
@@ -244,12 +258,14 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
 
     /* The display first: a device that can share memory with its OpenGL must be opened for that. */
     engine->owns_display = !config->in_display;
-    engine->display = config->in_display ? config->in_display : karst_display_create(config->display, config->log, error);
+    engine->display =
+        config->in_display ? config->in_display : karst_display_create(config->display, config->log, error);
     if (!engine->display)
         goto failed;
     cl_context_properties sharing[KARST_SHARING_PROPERTIES];
     bool may_share = karst_display_sharing(engine->display, sharing);
-    engine->context = karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
+    engine->context =
+        karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
     if (!engine->context)
         goto failed;
     engine->cache = karst_cache_create(engine->context, num_tiles, num_bricks, config->max_segment_bytes, error);
@@ -258,7 +274,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->counters = karst_buffer_create(engine->context, "counters", NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     engine->producer = create_producer(engine, config->has_seed ? config->seed : engine->world->seed, error);
     engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
-    engine->shader = karst_shader_create(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows, error);
+    engine->shader =
+        karst_shader_create(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows, error);
     if (!engine->counters || !engine->producer || !engine->caster || !engine->shader)
         goto failed;
     return engine;
@@ -301,11 +318,14 @@ karst_camera karst_engine_default_camera(const karst_engine *engine)
 
 bool karst_engine_set_camera(karst_engine *engine, const karst_camera *camera, karst_error *error)
 {
-    if (!isfinite(camera->yaw_deg) || !isfinite(camera->pitch_deg) || !(camera->fov_deg >= 0.0001 && camera->fov_deg <= 179))
-        return karst_fail(error, KARST_USAGE, "camera: angles must be finite and the field of view 0.0001 to 179 degrees");
+    if (!isfinite(camera->yaw_deg) || !isfinite(camera->pitch_deg) ||
+        !(camera->fov_deg >= 0.0001 && camera->fov_deg <= 179))
+        return karst_fail(error, KARST_USAGE,
+                          "camera: angles must be finite and the field of view 0.0001 to 179 degrees");
     for (int axis = 0; axis < 3; axis++)
         if (camera->position.voxel[axis] > MAX_VOXEL || camera->position.voxel[axis] < -MAX_VOXEL)
-            return karst_fail(error, KARST_USAGE, "camera: %c lies beyond 2^61 voxels of %g m", "xyz"[axis], exp2(engine->world->voxel_log2_m));
+            return karst_fail(error, KARST_USAGE, "camera: %c lies beyond 2^61 voxels of %g m", "xyz"[axis],
+                              exp2(engine->world->voxel_log2_m));
     if (memcmp(&engine->camera, camera, sizeof *camera) != 0)
         engine->view_changed = true;
     engine->camera = *camera;
@@ -350,8 +370,9 @@ const char *karst_world_description(const char *name)
 
 static int64_t floor_shift(int64_t value, int shift) { return shift > 62 ? (value < 0 ? -1 : 0) : value >> shift; }
 
-/* Keeps the camera at least a quarter of a root node away from the root window's faces, so that every ray ends at its own t_max: a root
- * node is at least four view distances wide. The window moves only when it must, not at each step across a middle line. */
+/* Keeps the camera at least a quarter of a root node away from the root window's faces, so that every ray ends at its
+ * own t_max: a root node is at least four view distances wide. The window moves only when it must, not at each step
+ * across a middle line. */
 static bool place_root(karst_engine *engine, karst_error *error)
 {
     int top_level = 0;
@@ -402,8 +423,10 @@ static karst_light make_light(const karst_engine *engine)
     const karst_world_info *world = engine->world;
     double azimuth = world->sun_azimuth_deg * (M_PI / 180), elevation = world->sun_elevation_deg * (M_PI / 180);
     double voxel_m = exp2(world->voxel_log2_m);
-    karst_light light = {.haze_distance = (float)(world->haze_distance_m / voxel_m), .shadow_distance = (float)engine->view_distance_voxels};
-    set3(light.sun_direction, (double[3]){sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)});
+    karst_light light = {.haze_distance = (float)(world->haze_distance_m / voxel_m),
+                         .shadow_distance = (float)engine->view_distance_voxels};
+    set3(light.sun_direction,
+         (double[3]){sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)});
     /* Air scatters blue out of low sunlight: from orange at the horizon to a warm white overhead. */
     double height = fmin(1, fmax(0, sin(elevation)) / 0.6);
     set3(light.sun_colour, (double[3]){2.4, 1.5 + 0.7 * height, 0.85 + 1.1 * height});
@@ -428,7 +451,8 @@ static bool draw(karst_engine *engine, karst_error *error)
     if (!karst_cast_pinhole(engine->caster, &view, &pinhole, engine->hits, error))
         return false;
     if (engine->shadows &&
-        (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, error) ||
+        (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
+                                       error) ||
          !karst_cast_rays(engine->caster, &view, engine->shadow_rays, num_pixels, true, engine->shadow_hits, error)))
         return false;
     if (!karst_buffer_fill(engine->counters, 0, 0, NUM_COUNTERS * sizeof(uint32_t), error))
@@ -436,8 +460,9 @@ static bool draw(karst_engine *engine, karst_error *error)
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)
         return false;
-    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadows ? engine->shadow_hits : NULL,
-                                     pixels, engine->depth, engine->counters, error);
+    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits,
+                                     engine->shadows ? engine->shadow_hits : NULL, pixels, engine->depth,
+                                     engine->counters, error);
     /* The surface is mapped: end it even if shading failed. */
     return karst_surface_end(engine->surface, shaded ? error : NULL) && shaded;
 }
@@ -447,8 +472,12 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
 {
     karst_stats *stats = &engine->stats;
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
-    karst_collect_params params = {.serial = engine->serial, .frame = engine->frame, .camera = engine->camera.position,
-                                   .max_tiles = engine->budget_bricks, .max_bricks = engine->budget_bricks, .may_drop_fallback = true};
+    karst_collect_params params = {.serial = engine->serial,
+                                   .frame = engine->frame,
+                                   .camera = engine->camera.position,
+                                   .max_tiles = engine->budget_bricks,
+                                   .max_bricks = engine->budget_bricks,
+                                   .may_drop_fallback = true};
     if (engine->budget_ns > 0) {
         karst_cost_limits limits = karst_cost_plan(&engine->cost, engine->budget_ns, engine->budget_bricks);
         params.max_tiles = limits.max_tiles;
@@ -459,7 +488,8 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
     if (!karst_producer_answer(engine->producer, buffers, work, error))
         return false;
     uint32_t num_linked = 0, num_constant = 0;
-    if ((work->num_loads || work->num_subdivides) && !karst_cache_publish(engine->cache, work, &num_linked, &num_constant, error))
+    if ((work->num_loads || work->num_subdivides) &&
+        !karst_cache_publish(engine->cache, work, &num_linked, &num_constant, error))
         return false;
 
     stats->num_requests = work->num_requests;
@@ -491,7 +521,8 @@ static void learn_cost(karst_engine *engine)
 static bool step_ladder(karst_engine *engine, const karst_work *work)
 {
     const karst_stats *stats = &engine->stats;
-    bool tiles_fuller = stats->tiles.num_used * stats->bricks.num_total > stats->bricks.num_used * stats->tiles.num_total;
+    bool tiles_fuller =
+        stats->tiles.num_used * stats->bricks.num_total > stats->bricks.num_used * stats->tiles.num_total;
     karst_ladder_round round = {
         .num_used = tiles_fuller ? stats->tiles.num_used : stats->bricks.num_used,
         .num_total = tiles_fuller ? stats->tiles.num_total : stats->bricks.num_total,
@@ -573,7 +604,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
                      karst_ladder_at_rest(&engine->ladder);
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
     if (stats->num_non_finite && !engine->reported_non_finite)
-        karst_log_print(engine->log, KARST_LOG_WARNING, "%s: densities that are not finite were taken as air", engine->world->name);
+        karst_log_print(engine->log, KARST_LOG_WARNING, "%s: densities that are not finite were taken as air",
+                        engine->world->name);
     engine->reported_non_finite = stats->num_non_finite != 0;
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
@@ -584,8 +616,9 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     return !engine->count_changed_pixels || count_changed_pixels(engine, error);
 }
 
-bool karst_engine_settle(karst_engine *engine, uint32_t max_frames, bool (*progress)(void *user, const karst_stats *stats), void *user,
-                         bool *settled, karst_error *error)
+bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
+                         bool (*progress)(void *user, const karst_stats *stats), void *user, bool *settled,
+                         karst_error *error)
 {
     if (max_frames == 0)
         max_frames = DEFAULT_MAX_FRAMES;
@@ -613,7 +646,8 @@ bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_va
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
     if (num_values < num_pixels)
-        return karst_fail(error, KARST_USAGE, "depth of %dx%d needs %zu values, not %zu", engine->width_px, engine->height_px, num_pixels, num_values);
+        return karst_fail(error, KARST_USAGE, "depth of %dx%d needs %zu values, not %zu", engine->width_px,
+                          engine->height_px, num_pixels, num_values);
     if (!engine->depth || !karst_buffer_read(engine->depth, 0, depth_m, num_pixels * sizeof(float), error))
         return karst_fail(error, KARST_FAILED, "the depth buffer could not be read");
     float voxel_m = exp2f((float)engine->world->voxel_log2_m);

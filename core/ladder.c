@@ -2,16 +2,13 @@
 
 #include <math.h>
 
-/* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than the final
- * ones, so some starvation passes by itself. */
+/* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than
+ * the final ones, so some starvation passes by itself. */
 #define MAX_STARVED_FRAMES 24
 /* In motion: rounds without starvation before a finer rung is tried. */
 #define CALM_FRAMES_TO_REFINE 10
 
-void karst_ladder_init(karst_ladder *ladder)
-{
-    *ladder = (karst_ladder){.failed = -1};
-}
+void karst_ladder_init(karst_ladder *ladder) { *ladder = (karst_ladder){.failed = -1}; }
 
 void karst_ladder_view_changed(karst_ladder *ladder)
 {
@@ -28,8 +25,9 @@ static bool move_to(karst_ladder *ladder, int rung)
     return true;
 }
 
-/* Rungs to climb at once. A surface's working set falls with the square of the voxel, that is by half every two rungs. What is wanted now
- * is less than what the rung needs in the end, so this rarely climbs too far; when it does, the ladder comes back down. */
+/* Rungs to climb at once. A surface's working set falls with the square of the voxel, that is by half every two rungs.
+ * What is wanted now is less than what the rung needs in the end, so this rarely climbs too far; when it does, the
+ * ladder comes back down. */
 static int rungs_to_climb(const karst_ladder_round *round)
 {
     double need = (double)(round->num_used + round->num_starved) / (double)(round->num_total ? round->num_total : 1);
@@ -68,12 +66,6 @@ bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round)
     return false;
 }
 
-double karst_ladder_factor(const karst_ladder *ladder)
-{
-    return exp2(ladder->rung / 4.0);
-}
+double karst_ladder_factor(const karst_ladder *ladder) { return exp2(ladder->rung / 4.0); }
 
-bool karst_ladder_at_rest(const karst_ladder *ladder)
-{
-    return ladder->rung <= ladder->failed + 1;
-}
+bool karst_ladder_at_rest(const karst_ladder *ladder) { return ladder->rung <= ladder->failed + 1; }

@@ -1,8 +1,9 @@
 /* The detail ladder: which detail a view gets when its working set does not fit the pools (DESIGN invariant 4, "calm").
  *
- * A rung r asks for voxels 2^(r/4) times as wide as the user asked for. The ladder ends on the finest rung that fits, whichever rung it came
- * from, so that a settled picture depends on the view and not on its history: a rung that failed is not tried again until the view, the world
- * or the pools change; a rung that settled above the coarsest failure tries the next finer one. Plain data, no device. */
+ * A rung r asks for voxels 2^(r/4) times as wide as the user asked for. The ladder ends on the finest rung that fits,
+ * whichever rung it came from, so that a settled picture depends on the view and not on its history: a rung that failed
+ * is not tried again until the view, the world or the pools change; a rung that settled above the coarsest failure
+ * tries the next finer one. Plain data, no device. */
 #ifndef KARST_CORE_LADDER_H
 #define KARST_CORE_LADDER_H
 
@@ -13,10 +14,10 @@
 
 typedef struct {
     int rung;
-    int failed;             /* coarsest rung known to fail for this view; -1: none */
+    int failed; /* coarsest rung known to fail for this view; -1: none */
     uint32_t frames_on_rung;
     uint32_t frames_since_starved;
-    bool moved;             /* the view changed since the last step */
+    bool moved; /* the view changed since the last step */
 } karst_ladder;
 
 /* What one round of production came to. */
@@ -28,7 +29,8 @@ typedef struct {
 } karst_ladder_round;
 
 void karst_ladder_init(karst_ladder *ladder);
-/* The view, the world or the pools changed: what failed may fit now. The rung stays where it is until there is reason to move. */
+/* The view, the world or the pools changed: what failed may fit now. The rung stays where it is until there is reason
+ * to move. */
 void karst_ladder_view_changed(karst_ladder *ladder);
 /* Takes a round's outcome; may move the rung. Returns true if the rung moved (the next frame asks for other detail). */
 bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round);

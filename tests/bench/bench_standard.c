@@ -1,7 +1,8 @@
-/* The standard benchmark: hills at 800x600, settled, every ray recast, beside a floor and beside bare noise measured in the same run.
+/* The standard benchmark: hills at 800x600, settled, every ray recast, beside a floor and beside bare noise measured in
+ * the same run.
  *
- * Machines are shared and noisy: what counts are the ratios. Every figure is a median; the measured things take turns, so that a slow
- * spell of the machine falls on all of them alike. */
+ * Machines are shared and noisy: what counts are the ratios. Every figure is a median; the measured things take turns,
+ * so that a slow spell of the machine falls on all of them alike. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +25,8 @@
 static const char rate_source[] =
     "#include \"noise/fbm.clh\"\n"
     "#include \"cache/layout_shared.h\"\n"
-    /* Eight octaves at each sample of a brick, one sample a lane, nothing shared but the octaves' weights: stored samples are what counts. */
+    /* Eight octaves at each sample of a brick, one sample a lane, nothing shared but the octaves' weights: stored
+       samples are what counts. */
     "K_WIDE __kernel void noise_rate(__global float *out, int num_bricks)\n"
     "{\n"
     "    int brick = get_global_id(0);\n"
@@ -104,7 +106,8 @@ typedef struct {
     karst_stats settled;
     double settle_ms, evaluate_ms, finalise_ms, subdivide_ms;
     uint64_t num_bricks, num_tiles, num_constant;
-    double frame_ms[NUM_ROUNDS], cast_ms[NUM_ROUNDS], shade_ms[NUM_ROUNDS], collect_ms[NUM_ROUNDS], display_ms[NUM_ROUNDS];
+    double frame_ms[NUM_ROUNDS], cast_ms[NUM_ROUNDS], shade_ms[NUM_ROUNDS], collect_ms[NUM_ROUNDS],
+        display_ms[NUM_ROUNDS];
 } view;
 
 static bool add_frame(void *user, const karst_stats *stats)
@@ -124,7 +127,8 @@ static void settle(view *v, bool shadows, const karst_log *log)
 {
     karst_error error = {0};
     bool settled;
-    karst_engine_config config = {.world = "hills", .width_px = WIDTH_PX, .height_px = HEIGHT_PX, .no_shadows = !shadows, .log = log};
+    karst_engine_config config = {
+        .world = "hills", .width_px = WIDTH_PX, .height_px = HEIGHT_PX, .no_shadows = !shadows, .log = log};
     v->engine = karst_engine_create(&config, &error);
     if (!v->engine)
         die("engine", &error);
@@ -155,9 +159,9 @@ static void measure_frame(view *v, int round)
 static void print_view(const char *name, const view *v, double floor_ms)
 {
     double frame_ms = median(v->frame_ms, NUM_ROUNDS);
-    printf("%-34s %8.2f ms  %6.2f x floor   cast %.2f  shade %.2f  collect %.3f  display %.2f\n", name, frame_ms, frame_ms / floor_ms,
-           median(v->cast_ms, NUM_ROUNDS), median(v->shade_ms, NUM_ROUNDS), median(v->collect_ms, NUM_ROUNDS),
-           median(v->display_ms, NUM_ROUNDS));
+    printf("%-34s %8.2f ms  %6.2f x floor   cast %.2f  shade %.2f  collect %.3f  display %.2f\n", name, frame_ms,
+           frame_ms / floor_ms, median(v->cast_ms, NUM_ROUNDS), median(v->shade_ms, NUM_ROUNDS),
+           median(v->collect_ms, NUM_ROUNDS), median(v->display_ms, NUM_ROUNDS));
 }
 
 int main(void)
@@ -170,7 +174,8 @@ int main(void)
     double cores = context->compute_units;
 
     char options[128];
-    snprintf(options, sizeof options, "-DNUM_OCTAVES=%d -DFMA_CHAINS=%d -DFMA_STEPS=%d", NUM_OCTAVES, FMA_CHAINS, FMA_STEPS);
+    snprintf(options, sizeof options, "-DNUM_OCTAVES=%d -DFMA_CHAINS=%d -DFMA_STEPS=%d", NUM_OCTAVES, FMA_CHAINS,
+             FMA_STEPS);
     karst_virtual_file file = {"bench_rate.cl", rate_source};
     karst_program *program = karst_program_build(context, "bench_rate.cl", options, &file, 1, &error);
     cl_kernel noise = program ? karst_program_kernel(program, "noise_rate", &error) : NULL;
@@ -208,7 +213,8 @@ int main(void)
 
     double floor_median_ms = median(floor_ms, NUM_ROUNDS);
     double noise_rate = (double)noise_samples / (median(noise_ms, NUM_ROUNDS) * 1e3 * cores);
-    double fma_rate = (double)FMA_ITEMS * FMA_STEPS * FMA_CHAINS * context->lanes / (median(fma_ms, NUM_ROUNDS) * 1e6 * cores);
+    double fma_rate =
+        (double)FMA_ITEMS * FMA_STEPS * FMA_CHAINS * context->lanes / (median(fma_ms, NUM_ROUNDS) * 1e6 * cores);
     double hills_samples = (double)plain.num_bricks * KARST_BRICK_SAMPLES;
     double hills_rate = hills_samples / (plain.evaluate_ms * 1e3 * cores);
     printf("%s, %g cores, hills, %dx%d, %g px a voxel, median of %d\n\n", context->name, cores, WIDTH_PX, HEIGHT_PX,
@@ -216,16 +222,19 @@ int main(void)
     printf("%-34s %8.2f ms\n", "floor (8 nodes + 8 samples a ray)", floor_median_ms);
     print_view("settled frame, no shadows", &plain, floor_median_ms);
     print_view("settled frame, sun shadows", &shadowed, floor_median_ms);
-    printf("%-34s %8.2f x the frame without\n", "", median(shadowed.frame_ms, NUM_ROUNDS) / median(plain.frame_ms, NUM_ROUNDS));
+    printf("%-34s %8.2f x the frame without\n", "",
+           median(shadowed.frame_ms, NUM_ROUNDS) / median(plain.frame_ms, NUM_ROUNDS));
     printf("\n%-34s %8.1f Gfma/s per core\n", "FMA ceiling", fma_rate);
     printf("%-34s %8.1f Msamples/s per core\n", "bare noise, 8 octaves, pointwise", noise_rate);
-    printf("%-34s %8.1f Msamples/s per core  %.2f x bare noise\n", "hills, evaluate", hills_rate, hills_rate / noise_rate);
+    printf("%-34s %8.1f Msamples/s per core  %.2f x bare noise\n", "hills, evaluate", hills_rate,
+           hills_rate / noise_rate);
     printf("%-34s %8.0f bricks per core-second (evaluate and finalise)\n", "",
            (double)plain.num_bricks / ((plain.evaluate_ms + plain.finalise_ms) * 1e-3 * cores));
-    printf("%-34s %8.2f us of a core a node\n", "bounds (subdivide)", plain.subdivide_ms * 1e3 * cores / ((double)plain.num_tiles * 8));
-    printf("\n%-34s %8.0f ms in %u frames: %llu bricks and %llu tiles made, %llu bricks constant after all\n", "settling from nothing",
-           plain.settle_ms, plain.settled.frame, (unsigned long long)plain.num_bricks, (unsigned long long)plain.num_tiles,
-           (unsigned long long)plain.num_constant);
+    printf("%-34s %8.2f us of a core a node\n", "bounds (subdivide)",
+           plain.subdivide_ms * 1e3 * cores / ((double)plain.num_tiles * 8));
+    printf("\n%-34s %8.0f ms in %u frames: %llu bricks and %llu tiles made, %llu bricks constant after all\n",
+           "settling from nothing", plain.settle_ms, plain.settled.frame, (unsigned long long)plain.num_bricks,
+           (unsigned long long)plain.num_tiles, (unsigned long long)plain.num_constant);
     printf("%-34s %8llu bricks, %llu tiles\n", "in use when settled", (unsigned long long)plain.settled.bricks.num_used,
            (unsigned long long)plain.settled.tiles.num_used);
 

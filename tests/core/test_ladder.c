@@ -1,4 +1,5 @@
-/* The detail ladder against a model of a view: rung r needs first_need * 2^(-r/2) slots, reached over some frames of production. */
+/* The detail ladder against a model of a view: rung r needs first_need * 2^(-r/2) slots, reached over some frames of
+ * production. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -29,8 +30,11 @@ static bool frame(model *m, karst_ladder *ladder)
     uint64_t room = m->num_total - m->num_held;
     uint64_t produced = wants < room ? wants : room;
     m->num_held += produced;
-    karst_ladder_round round = {.num_used = m->num_held, .num_total = m->num_total, .num_starved = wants - produced,
-                                .num_requests = wants, .num_produced = produced};
+    karst_ladder_round round = {.num_used = m->num_held,
+                                .num_total = m->num_total,
+                                .num_starved = wants - produced,
+                                .num_requests = wants,
+                                .num_produced = produced};
     bool moved = karst_ladder_step(ladder, &round);
     return wants == 0 && !moved && karst_ladder_at_rest(ladder);
 }

@@ -1,4 +1,5 @@
-/* The whole loop through the public interface: calm at any pool size, pictures that depend on the view alone, nothing shown as a hole. */
+/* The whole loop through the public interface: calm at any pool size, pictures that depend on the view alone, nothing
+ * shown as a hole. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -35,15 +36,20 @@ static const karst_log log_to_test = {.write = print_line, .max_level = KARST_LO
 
 static karst_engine_config base_config(const char *world)
 {
-    return (karst_engine_config){.world = world, .display = KARST_DISPLAY_NONE, .width_px = WIDTH, .height_px = HEIGHT,
-                                 .pool_bytes = (uint64_t)1 << 29, .count_changed_pixels = true, .log = &log_to_test};
+    return (karst_engine_config){.world = world,
+                                 .display = KARST_DISPLAY_NONE,
+                                 .width_px = WIDTH,
+                                 .height_px = HEIGHT,
+                                 .pool_bytes = (uint64_t)1 << 29,
+                                 .count_changed_pixels = true,
+                                 .log = &log_to_test};
 }
 
-#define assert_ok(call)                                     \
-    do {                                                    \
-        karst_error error = {0};                            \
-        if (!(call))                       \
-            fail_msg("%s: %s", #call, error.message);       \
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
     } while (0)
 
 static karst_engine *create(const karst_engine_config *config)
@@ -121,7 +127,8 @@ static void check_calm_at_pool_sizes(const char *world)
     assert_true(wanted.stats.num_hits > NUM_PIXELS / 10);
     assert_calm(engine);
     karst_engine_destroy(engine);
-    assert_true(wanted.stats.bricks.num_used * 10 <= wanted.stats.bricks.num_total); /* the reference pool is ten times as large */
+    assert_true(wanted.stats.bricks.num_used * 10 <=
+                wanted.stats.bricks.num_total); /* the reference pool is ten times as large */
 
     double previous_given_px = 0;
     const int percents[] = {100, 50, 25, 10};
@@ -130,9 +137,9 @@ static void check_calm_at_pool_sizes(const char *world)
         config.num_tiles = (uint32_t)(wanted.stats.tiles.num_used * (uint64_t)percents[i] / 100) + 1;
         engine = create(&config);
         picture p = take(engine);
-        print_message("%s, pools at %3d %%: %u frames, given %.3f of %.3f px, %llu bricks and %llu tiles used\n", world, percents[i], p.num_frames,
-                      p.stats.detail_given_px, p.stats.detail_asked_px, (unsigned long long)p.stats.bricks.num_used,
-                      (unsigned long long)p.stats.tiles.num_used);
+        print_message("%s, pools at %3d %%: %u frames, given %.3f of %.3f px, %llu bricks and %llu tiles used\n", world,
+                      percents[i], p.num_frames, p.stats.detail_given_px, p.stats.detail_asked_px,
+                      (unsigned long long)p.stats.bricks.num_used, (unsigned long long)p.stats.tiles.num_used);
         assert_calm(engine);
         assert_true(p.stats.detail_given_px >= previous_given_px);
         previous_given_px = p.stats.detail_given_px;
@@ -284,12 +291,9 @@ static void test_bad_configurations_say_what_to_do(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_bad_configurations_say_what_to_do),
-        cmocka_unit_test(test_calm_at_any_pool_size_hills),
-        cmocka_unit_test(test_calm_at_any_pool_size_asteroid),
-        cmocka_unit_test(test_history_leaves_no_trace),
-        cmocka_unit_test(test_segments_change_nothing),
-        cmocka_unit_test(test_lanes_change_nothing),
+        cmocka_unit_test(test_bad_configurations_say_what_to_do), cmocka_unit_test(test_calm_at_any_pool_size_hills),
+        cmocka_unit_test(test_calm_at_any_pool_size_asteroid),    cmocka_unit_test(test_history_leaves_no_trace),
+        cmocka_unit_test(test_segments_change_nothing),           cmocka_unit_test(test_lanes_change_nothing),
     };
     return cmocka_run_group_tests_name("engine", tests, NULL, NULL);
 }

@@ -26,34 +26,37 @@ typedef struct {
 
 /* How to make an engine. Zero-initialised fields mean the default that stands beside them. */
 typedef struct {
-    const char *world;          /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
-                                 * ends in ".karst"; required */
+    const char *world; /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
+                        * ends in ".karst"; required */
     const karst_parameter *parameters; /* borrowed during creation; only for world files; clamped to their ranges */
     size_t num_parameters;
-    const char *device;         /* see `karst info`: number, part of a name, "cpu", "gpu"; NULL: first GPU, else first CPU */
+    const char *device; /* see `karst info`: number, part of a name, "cpu", "gpu"; NULL: first GPU, else first CPU */
     karst_display_kind display; /* KARST_DISPLAY_AUTO */
-    karst_display *in_display;  /* an existing display to draw in (borrowed; outlives the engine); NULL: make one of `display` */
-    int width_px, height_px;    /* 1280 x 720; each 1 to 16384 */
-    uint64_t pool_bytes;        /* both pools together; 512 MiB */
+    karst_display
+        *in_display; /* an existing display to draw in (borrowed; outlives the engine); NULL: make one of `display` */
+    int width_px, height_px;        /* 1280 x 720; each 1 to 16384 */
+    uint64_t pool_bytes;            /* both pools together; 512 MiB */
     uint32_t num_tiles, num_bricks; /* instead of pool_bytes, slots counted by hand (tests); 0: from pool_bytes */
-    size_t max_segment_bytes;   /* cut the brick pool in allocations of at most this many bytes; 0: what the device allows */
-    double detail_px;           /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
-    double view_distance_m;     /* where rays end; 0: what the world says */
-    uint32_t budget_bricks;     /* bricks (and tiles) produced in a frame at most; 4096 */
-    double budget_ms;           /* and at most what is expected to take so long on the device, from what the last ones took; 0: no clock,
-                                 * which alone makes unsettled pictures reproducible; to 60000 */
+    size_t
+        max_segment_bytes; /* cut the brick pool in allocations of at most this many bytes; 0: what the device allows */
+    double detail_px;      /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
+    double view_distance_m; /* where rays end; 0: what the world says */
+    uint32_t budget_bricks; /* bricks (and tiles) produced in a frame at most; 4096 */
+    double budget_ms; /* and at most what is expected to take so long on the device, from what the last ones took; 0: no
+                       * clock, which alone makes unsettled pictures reproducible; to 60000 */
     bool has_seed;
-    uint32_t seed;              /* instead of the world's own */
-    bool no_shadows;            /* leave out the second stream of rays, and its kernels */
-    bool count_changed_pixels;  /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
-    int lanes;                  /* 0: what suits the device; 1 or 16 */
-    const karst_log *log;       /* borrowed, outlives the engine; NULL: silent */
+    uint32_t seed;             /* instead of the world's own */
+    bool no_shadows;           /* leave out the second stream of rays, and its kernels */
+    bool count_changed_pixels; /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
+    int lanes;                 /* 0: what suits the device; 1 or 16 */
+    const karst_log *log;      /* borrowed, outlives the engine; NULL: silent */
 } karst_engine_config;
 
 /* Opens device and display, allocates the pools (their memory is fixed from here on), builds the kernels.
- * Errors: KARST_USAGE (a field out of range; an unknown world is KARST_BAD_WORLD and lists the known ones, a world file that
- * does not compile is KARST_BAD_WORLD with file, line and column, and the log has the line itself with a caret; pools too small for any picture: the
- * message says what would do), KARST_NO_DEVICE, KARST_FAILED. Use an engine from one thread at a time. */
+ * Errors: KARST_USAGE (a field out of range; an unknown world is KARST_BAD_WORLD and lists the known ones, a world file
+ * that does not compile is KARST_BAD_WORLD with file, line and column, and the log has the line itself with a caret;
+ * pools too small for any picture: the message says what would do), KARST_NO_DEVICE, KARST_FAILED. Use an engine from
+ * one thread at a time. */
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error);
 void karst_engine_destroy(karst_engine *engine); /* NULL is fine */
 
@@ -68,28 +71,31 @@ bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, ka
 
 /* One frame: cast, shade, display; collect, produce within the budget, publish. Errors: KARST_FAILED. */
 bool karst_engine_frame(karst_engine *engine, karst_error *error);
-/* Frames until settled, at most max_frames (0: 1000). `progress` (may be NULL) is called after each frame; returning false ends the loop.
- * *settled says how it ended. */
-bool karst_engine_settle(karst_engine *engine, uint32_t max_frames, bool (*progress)(void *user, const karst_stats *stats), void *user,
-                         bool *settled, karst_error *error);
+/* Frames until settled, at most max_frames (0: 1000). `progress` (may be NULL) is called after each frame; returning
+ * false ends the loop. *settled says how it ended. */
+bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
+                         bool (*progress)(void *user, const karst_stats *stats), void *user, bool *settled,
+                         karst_error *error);
 
 /* The last frame's picture: 8-bit RGBA, top row first, width * height * 4 bytes into the caller's memory. */
 bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_bytes, karst_error *error);
-/* The last frame's depth: metres along each ray's direction to the hit, INFINITY where there is none; width * height floats. */
+/* The last frame's depth: metres along each ray's direction to the hit, INFINITY where there is none; width * height
+ * floats. */
 bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error);
 
 /* Statistics of the last frame, copied out. */
 void karst_engine_stats(const karst_engine *engine, karst_stats *stats);
 
-/* Debug pass over the pools: every reference is valid and mutual, nothing leaks, there is no cycle. false: `error` names the first fault. */
+/* Debug pass over the pools: every reference is valid and mutual, nothing leaks, there is no cycle. false: `error`
+ * names the first fault. */
 bool karst_engine_check(karst_engine *engine, karst_error *error);
 
 /* The shipped worlds: name by index, NULL past the end. */
 const char *karst_world_name(size_t index);
 const char *karst_world_description(const char *name);
 
-/* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens and closes each
- * display on this thread: call it where no OpenGL context of yours is current. */
+/* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens
+ * and closes each display on this thread: call it where no OpenGL context of yours is current. */
 void karst_info(void (*print)(void *user, const char *line), void *user);
 const char *karst_version(void);
 
