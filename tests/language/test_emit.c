@@ -1,5 +1,6 @@
-/* Generated code: graphs at random, and some by hand, as point and as brick code, with 1 and with 16 lanes, give the
- * same bits wherever they lie. */
+/* Generated code: graphs at random and world files, as point and as brick code, with 1 and with 16 lanes, give the same
+ * bits wherever they lie, and those of the host's oracle. */
+#include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,6 +14,9 @@
 #include "cache/layout_shared.h"
 #include "core/context.h"
 #include "producers/language/emit.h"
+#include "producers/language/language.h"
+#include "producers/language/oracle.h"
+#include "producers/language/octave.clh"
 #include "tests/language/wild_graph.h"
 
 #define NUM_SAMPLES KARST_BRICK_SAMPLES
@@ -57,6 +61,31 @@ static const char probe[] =
     "        }\n"
     "}\n";
 
+static const char colour_probe[] =
+    "#include \"core/lanes.clh\"\n"
+    "#include \"producers/density.clh\"\n"
+    "#include \"world.clh\"\n"
+    "#if LANES == 16\n"
+    "#define LOAD_LONG(p) vload16(0, p)\n"
+    "#else\n"
+    "#define LOAD_LONG(p) (*(p))\n"
+    "#endif\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void points(K_GLOBAL const ulong *data, K_GLOBAL const long *voxels, uint count, int level, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    world_point_at at;\n"
+    "    vfloat red, green, blue;\n"
+    "    if (first >= count) return;\n"
+    "    for (int axis = 0; axis < 3; axis++) {\n"
+    "        at.voxel[axis] = LOAD_LONG(voxels + axis * count + first);\n"
+    "        at.fraction[axis] = (vuint)(0u);\n"
+    "    }\n"
+    "    world_colour(data, &at, level, (vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), &red, &green, &blue);\n"
+    "    v_store_float(red + (vfloat)(2.0f) * green - (vfloat)(4.0f) * blue, out + first);\n"
+    "}\n"
+    "__kernel void brick(void) {}\n";
+
 /* A number from the environment, or the default. */
 static uint32_t setting(const char *name, uint32_t otherwise)
 {
@@ -86,10 +115,10 @@ typedef struct {
     karst_buffer *data, *voxels, *out;
 } device;
 
-static void device_build(device *d, const char *source, size_t data_bytes)
+static void device_build(device *d, const char *kernels, const char *source, size_t data_bytes)
 {
     karst_error error = {0};
-    const karst_virtual_file files[] = {{"probe.cl", probe}, {"world.clh", source}};
+    const karst_virtual_file files[] = {{"probe.cl", kernels}, {"world.clh", source}};
     d->program = karst_program_build(d->context, "probe.cl", "", files, 2, &error);
     if (!d->program)
         print_error("%s\n", source);
@@ -196,43 +225,112 @@ static int close_devices(void **state)
     return 0;
 }
 
-static void check_world(const karst_resolved_world *world, uint32_t number)
+/* Every STEP-th sample, and the last one of each row, against the host. */
+#define STEP 97
+static void compare_with_oracle(karst_oracle *oracle, bool is_colour, const float *samples, const int64_t origin[3],
+                                int level, uint32_t number)
+{
+    static const float normal[3] = {0.48f, 0.6f, -0.64f};
+    for (int i = 0; i < NUM_SAMPLES; i += STEP) {
+        karst_position at = {{0}, {0}};
+        int index[3] = {i % KARST_BRICK_SIDE, i / KARST_BRICK_SIDE % KARST_BRICK_SIDE,
+                        i / (KARST_BRICK_SIDE * KARST_BRICK_SIDE)};
+        for (int axis = 0; axis < 3; axis++)
+            at.voxel[axis] = origin[axis] + ((int64_t)index[axis] << level);
+        float expected;
+        if (is_colour) {
+            karst_oracle_value rgb[3];
+            karst_oracle_colour(oracle, &at, normal, level, rgb);
+            expected = rgb[0].device + 2.0f * rgb[1].device - 4.0f * rgb[2].device;
+        } else {
+            expected = karst_oracle_density(oracle, &at, level).device;
+        }
+        if (bits_of(expected) != bits_of(samples[i]))
+            fail_msg("graph %u, host and device: sample %d of the brick at %lld %lld %lld, level %d: %a against %a",
+                     number, i, (long long)origin[0], (long long)origin[1], (long long)origin[2], level,
+                     (double)expected, (double)samples[i]);
+    }
+}
+
+typedef struct {
+    karst_world_layout layout;
+    karst_emitted emitted;
+    uint64_t *words;
+    size_t bytes;
+    int voxel_log2_m;
+    uint32_t number; /* for messages */
+} subject;
+
+static void check_densities(const subject *s, const karst_number *values)
 {
     static float samples[4][NUM_SAMPLES];
     karst_error error = {0};
-    karst_world_layout layout;
-    karst_emitted emitted;
-    const char *fault;
-    if (!karst_graph_check(world->graph, &fault))
-        fail_msg("graph %u: %s", number, fault);
-    karst_world_layout_init(&layout, world);
-    expect(karst_emit_world(&layout, &emitted, &error), &error);
-    size_t data_bytes = layout.num_words * sizeof(uint64_t);
-    uint64_t *words = malloc(data_bytes);
-    for (int i = 0; i < 2; i++)
-        device_build(&devices[i], emitted.source, data_bytes);
-    for (int change = 0; change < 2; change++) {
-        karst_number values[WILD_PARAMETERS];
-        for (int i = 0; i < WILD_PARAMETERS; i++)
-            values[i] = karst_number_double(parameters[change][i]);
-        assert_true(karst_world_data_fill(&layout, values, 7, VOXEL_LOG2_M, words));
-        for (size_t p = 0; p < NUM_PLACES; p++) {
-            const int64_t *origin = places[p].origin;
-            int level = places[p].level;
-            for (int i = 0; i < 2; i++) {
-                expect(karst_buffer_write(devices[i].data, 0, words, data_bytes, &error), &error);
-                run_points(&devices[i], origin, level, samples[i]);
-                run_brick(&devices[i], origin, level, samples[2 + i]);
-            }
-            compare(samples[0], samples[1], "points with 1 and 16 lanes", origin, level, number);
-            compare(samples[0], samples[2], "points and bricks, 1 lane", origin, level, number);
-            compare(samples[0], samples[3], "points and bricks, 16 lanes", origin, level, number);
+    karst_oracle *oracle = karst_oracle_create(&s->layout.world, values, 7, s->voxel_log2_m, &error);
+    expect(oracle, &error);
+    for (size_t p = 0; p < NUM_PLACES; p++) {
+        const int64_t *origin = places[p].origin;
+        int level = places[p].level;
+        for (int i = 0; i < 2; i++) {
+            expect(karst_buffer_write(devices[i].data, 0, s->words, s->bytes, &error), &error);
+            run_points(&devices[i], origin, level, samples[i]);
+            run_brick(&devices[i], origin, level, samples[2 + i]);
         }
+        compare(samples[0], samples[1], "points with 1 and 16 lanes", origin, level, s->number);
+        compare(samples[0], samples[2], "points and bricks, 1 lane", origin, level, s->number);
+        compare(samples[0], samples[3], "points and bricks, 16 lanes", origin, level, s->number);
+        compare_with_oracle(oracle, false, samples[0], origin, level, s->number);
+    }
+    karst_oracle_destroy(oracle);
+}
+
+static void check_colours(const subject *s, const karst_number *values)
+{
+    static float samples[2][NUM_SAMPLES];
+    karst_error error = {0};
+    karst_oracle *oracle = karst_oracle_create(&s->layout.world, values, 7, s->voxel_log2_m, &error);
+    expect(oracle, &error);
+    for (int i = 0; i < 2; i++)
+        device_build(&devices[i], colour_probe, s->emitted.colour_source, s->bytes);
+    for (size_t p = 0; p < NUM_PLACES; p++) {
+        for (int i = 0; i < 2; i++) {
+            expect(karst_buffer_write(devices[i].data, 0, s->words, s->bytes, &error), &error);
+            run_points(&devices[i], places[p].origin, places[p].level, samples[i]);
+        }
+        compare(samples[0], samples[1], "colours with 1 and 16 lanes", places[p].origin, places[p].level, s->number);
+        compare_with_oracle(oracle, true, samples[0], places[p].origin, places[p].level, s->number);
     }
     for (int i = 0; i < 2; i++)
         device_drop(&devices[i]);
-    free(words);
-    karst_emitted_finish(&emitted);
+    karst_oracle_destroy(oracle);
+}
+
+/* values: two sets of parameters; the second takes effect without a build. NULL for the second: none. */
+static void check_world(const karst_resolved_world *world, const karst_number *const values[2], int voxel_log2_m,
+                        uint32_t number)
+{
+    karst_error error = {0};
+    const char *fault;
+    subject s = {.voxel_log2_m = voxel_log2_m, .number = number};
+    if (!karst_graph_check(world->graph, &fault))
+        fail_msg("graph %u: %s", number, fault);
+    assert_true(karst_world_layout_init(&s.layout, world));
+    expect(karst_emit_world(&s.layout, &s.emitted, &error), &error);
+    s.bytes = s.layout.num_words * sizeof(uint64_t);
+    s.words = malloc(s.bytes);
+    for (int i = 0; i < 2; i++)
+        device_build(&devices[i], probe, s.emitted.source, s.bytes);
+    for (int change = 0; change < 2 && values[change]; change++) {
+        assert_true(karst_world_data_fill(&s.layout, values[change], 7, voxel_log2_m, s.words));
+        check_densities(&s, values[change]);
+    }
+    for (int i = 0; i < 2; i++)
+        device_drop(&devices[i]);
+    if (world->has_colour) {
+        assert_true(karst_world_data_fill(&s.layout, values[0], 7, voxel_log2_m, s.words));
+        check_colours(&s, values[0]);
+    }
+    free(s.words);
+    karst_emitted_finish(&s.emitted);
 }
 
 /* EMIT_GRAPHS of them, from number EMIT_FIRST. */
@@ -248,15 +346,94 @@ static void test_random_graphs(void **state)
         karst_graph_init(&graph, &arena, 1u << 16, full, NULL);
         karst_resolved_world world = {.graph = &graph};
         world.density = wild_graph(&graph, &random, 20 + wild_below(&random, 150));
-        check_world(&world, i);
+        karst_number values[2][WILD_PARAMETERS];
+        for (int k = 0; k < 2 * WILD_PARAMETERS; k++)
+            values[k / WILD_PARAMETERS][k % WILD_PARAMETERS] =
+                karst_number_double(parameters[k / WILD_PARAMETERS][k % WILD_PARAMETERS]);
+        check_world(&world, (const karst_number *const[2]){values[0], values[1]}, VOXEL_LOG2_M, i);
         karst_arena_finish(&arena);
     }
+}
+
+/* ---- world files ---- */
+
+static void check_file(const char *path)
+{
+    karst_error error = {0};
+    bool ok;
+    karst_program_graph *program = karst_language_compile_file(path, NULL, 0, &ok, &error);
+    expect(ok, &error);
+    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        values[i] = program->parameters[i].value;
+    print_message("%s\n", path);
+    check_world(&program->world, (const karst_number *const[2]){values, NULL}, program->header.voxel_log2_m, 0);
+    free(values);
+    karst_program_graph_destroy(program);
+}
+
+/* EMIT_FILES: only those whose name holds this. */
+static void check_folder(const char *folder)
+{
+    const char *only = getenv("EMIT_FILES");
+    struct dirent **entries;
+    int count = scandir(folder, &entries, NULL, alphasort), checked = 0;
+    if (count < 0)
+        fail_msg("cannot read %s: run this from the root of the repository", folder);
+    for (int i = 0; i < count; i++) {
+        char path[512];
+        snprintf(path, sizeof path, "%s/%s", folder, entries[i]->d_name);
+        if (strstr(path, ".karst") && (!only || strstr(path, only))) {
+            check_file(path);
+            checked++;
+        }
+        free(entries[i]);
+    }
+    free(entries);
+    assert_true(checked > 0 || only);
+}
+
+static void test_shipped_worlds(void **state)
+{
+    (void)state;
+    check_folder("demos/worlds");
+}
+
+static void test_pasted_worlds(void **state)
+{
+    (void)state;
+    check_folder("tests/language/pasted");
+}
+
+/* ---- the mean that octaves fade to ---- */
+
+static void test_mean_of_noise(void **state)
+{
+    uint64_t random = 1;
+    double sum = 0;
+    int count = 1 << 21;
+    (void)state;
+    for (int i = 0; i < count; i++) {
+        noise_position p;
+        for (int axis = 0; axis < 3; axis++) {
+            random = random * 6364136223846793005u + 1442695040888963407u;
+            p.axis[axis].cell = (uint)(random >> 40);
+            p.axis[axis].fraction = (uint)(random >> 32) * 2654435761u;
+        }
+        sum += fabs((double)noise_octave(&p, (uint)i, 1.0f, 0.0f));
+    }
+    double mean = sum / count;
+    if (fabs(mean - (double)OCTAVE_GRADIENT_MEAN) > 0.001)
+        fail_msg("the mean is %g", mean);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_mean_of_noise),
         cmocka_unit_test(test_random_graphs),
+        cmocka_unit_test(test_shipped_worlds),
+        cmocka_unit_test(test_pasted_worlds),
     };
     return cmocka_run_group_tests(tests, open_devices, close_devices);
 }
