@@ -23,7 +23,8 @@ typedef struct {
     karst_subdivider *subdivider;
     karst_evaluator *evaluator;
     karst_finaliser *finaliser;
-    karst_buffer *data; /* of the program; NULL: it has none */
+    karst_buffer *data;        /* of the program; NULL: it has none */
+    karst_buffer *all_data[2]; /* what base.data points at */
     karst_buffer *loads, *staging, *scrubs, *total;
     karst_scrub_total known; /* *total as last read */
     bool total_may_have_changed;
@@ -97,6 +98,8 @@ static bool create_data(density_producer *producer, const karst_density_program 
     if (!program->data)
         return true;
     producer->data = karst_buffer_create(producer->context, "world", program->data_bytes, program->data, error);
+    producer->all_data[0] = producer->data;
+    producer->base.data = producer->all_data;
     karst_subdivider_set_data(producer->subdivider, producer->data);
     karst_evaluator_set_data(producer->evaluator, producer->data);
     return producer->data != NULL;
