@@ -287,6 +287,7 @@ karst_value karst_place_read(karst_lower_state *s, const karst_place *place, uin
 void karst_place_write(karst_lower_state *s, const karst_place *place, karst_value value)
 {
     uint32_t n = place->type->num_scalars;
+    s->steps += n * place->num_choices / 4; /* long arrays take their time */
     for (uint32_t k = 0; k < place->num_choices; k++) {
         karst_expr here = place->num_choices == 1 ? s->yes
                                                   : karst_expr_2(s->graph, KARST_OP_EQUAL, place->index,
