@@ -15,7 +15,7 @@ struct karst_caster {
     karst_cache_buffers cache;
     karst_program *program;
     cl_kernel pinhole, rays;
-    karst_buffer *view;              /* on the device; written in queue order */
+    karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
     cl_event written[NUM_VIEWS];
     unsigned next_view;
@@ -26,7 +26,8 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
     return karst_caster_create_with(context, cache, "", error);
 }
 
-karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options, karst_error *error)
+karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options,
+                                       karst_error *error)
 {
     karst_caster *caster = calloc(1, sizeof(*caster));
     if (!caster) {
@@ -78,7 +79,8 @@ static float float_down(uint64_t v, uint32_t fraction)
     return ldexpf((float)(uint32_t)(wide >> shift), shift - 32);
 }
 
-void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3], int top_level)
+void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3],
+                          int top_level)
 {
     memset(view, 0, sizeof(*view));
     view->top_level = top_level;
@@ -110,8 +112,8 @@ static bool upload_view(karst_caster *caster, const karst_cast_view *view, karst
     }
     caster->views[i] = *view;
     if (code == CL_SUCCESS)
-        code = clEnqueueWriteBuffer(caster->context->queue, caster->view->mem, CL_FALSE, 0, sizeof(*view), &caster->views[i], 0, NULL,
-                                    &caster->written[i]);
+        code = clEnqueueWriteBuffer(caster->context->queue, caster->view->mem, CL_FALSE, 0, sizeof(*view),
+                                    &caster->views[i], 0, NULL, &caster->written[i]);
     if (code != CL_SUCCESS)
         return karst_fail(error, KARST_FAILED, "cannot upload the view of a cast: %s", karst_cl_error_name(code));
     return true;
@@ -126,40 +128,46 @@ static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error 
 }
 
 /* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh). */
-#define POOL_ARGUMENTS(c)                                                                                                                  \
-    KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]),      \
-        KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]),                                \
-        KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]),                                \
-        KARST_VALUE_ARG((c).bricks_per_segment), KARST_BUFFER_ARG((c).tile_stamp), KARST_BUFFER_ARG((c).brick_stamp),                     \
-        KARST_BUFFER_ARG((c).brick_fallback), KARST_BUFFER_ARG((c).want_brick), KARST_BUFFER_ARG((c).want_children),                      \
-        KARST_BUFFER_ARG((c).want_chunk)
+#define POOL_ARGUMENTS(c)                                                                                           \
+    KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
+        KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),          \
+        KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]),          \
+        KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment), KARST_BUFFER_ARG((c).tile_stamp), \
+        KARST_BUFFER_ARG((c).brick_stamp), KARST_BUFFER_ARG((c).brick_fallback), KARST_BUFFER_ARG((c).want_brick),  \
+        KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk)
 
-bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole, karst_buffer *hits, karst_error *error)
+bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_error *error)
 {
-    if (!check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) || !upload_view(caster, view, error))
+    if (!check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) ||
+        !upload_view(caster, view, error))
         return false;
-    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole),
-                         KARST_BUFFER_ARG(hits)))
+    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
+                         KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits)))
         return false;
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t local_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
-    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST, across * down * local_size, local_size, error);
+    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST, across * down * local_size, local_size,
+                        error);
 }
 
-bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays, bool any_hit, karst_buffer *hits,
-                     karst_error *error)
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error)
 {
     if (!check_hits(hits, num_rays, error))
         return false;
     if (rays->size_bytes / sizeof(karst_ray) < num_rays)
-        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes, num_rays);
+        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes,
+                          num_rays);
     if (!upload_view(caster, view, error))
         return false;
     cl_int any = any_hit;
-    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays),
-                         KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
+    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
+                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
+                         KARST_BUFFER_ARG(hits)))
         return false;
     size_t lanes = (size_t)caster->context->lanes;
-    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + lanes - 1) / lanes, RAYS_PER_GROUP / lanes, error);
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + lanes - 1) / lanes,
+                        RAYS_PER_GROUP / lanes, error);
 }

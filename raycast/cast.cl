@@ -3,8 +3,8 @@
 #include "raycast/rays_shared.h"
 #include "raycast/walk.clh"
 
-/* Directions flatter than this on an axis count as this, upwards: their inverse stays finite, and a ray that runs in a plane belongs to the
- * cell above it on every level. */
+/* Directions flatter than this on an axis count as this, upwards: their inverse stays finite, and a ray that runs in a
+ * plane belongs to the cell above it on every level. */
 #define FLAT 1.0e-18f
 
 /* What casting a packet gives, lane by lane; `kind` as in karst_hit. */
@@ -16,11 +16,15 @@ typedef struct {
 
 RAY_INLINE void bound_packet(packet *rays, const int from_anchor, vint m)
 {
-    rays->inverse_lo = (float4)(least_of(rays->inverse.x, m), least_of(rays->inverse.y, m), least_of(rays->inverse.z, m), 0.0f);
-    rays->inverse_hi = (float4)(most_of(rays->inverse.x, m), most_of(rays->inverse.y, m), most_of(rays->inverse.z, m), 0.0f);
+    rays->inverse_lo =
+        (float4)(least_of(rays->inverse.x, m), least_of(rays->inverse.y, m), least_of(rays->inverse.z, m), 0.0f);
+    rays->inverse_hi =
+        (float4)(most_of(rays->inverse.x, m), most_of(rays->inverse.y, m), most_of(rays->inverse.z, m), 0.0f);
     if (!from_anchor) {
-        rays->origin_lo = (float4)(least_of(rays->origin.x, m), least_of(rays->origin.y, m), least_of(rays->origin.z, m), 0.0f);
-        rays->origin_hi = (float4)(most_of(rays->origin.x, m), most_of(rays->origin.y, m), most_of(rays->origin.z, m), 0.0f);
+        rays->origin_lo =
+            (float4)(least_of(rays->origin.x, m), least_of(rays->origin.y, m), least_of(rays->origin.z, m), 0.0f);
+        rays->origin_hi =
+            (float4)(most_of(rays->origin.x, m), most_of(rays->origin.y, m), most_of(rays->origin.z, m), 0.0f);
     }
     rays->start = least_of(rays->t_min, m);
     rays->end = most_of(rays->t_max, m);
@@ -28,10 +32,11 @@ RAY_INLINE void bound_packet(packet *rays, const int from_anchor, vint m)
     rays->lod_scale_hi = most_of(rays->lod_scale, m);
 }
 
-/* Casts the lanes of `valid`. from_anchor (a constant): origins are zero. any_hit: where along the cell the surface lies does not matter. */
-RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor, int any_hit,
-                                        const vector3 *origin, const vector3 *direction, vfloat t_min, vfloat t_max, vfloat width,
-                                        vfloat cone, vint valid)
+/* Casts the lanes of `valid`. from_anchor (a constant): origins are zero. any_hit: where along the cell the surface
+ * lies does not matter. */
+RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor,
+                                   int any_hit, const vector3 *origin, const vector3 *direction, vfloat t_min,
+                                   vfloat t_max, vfloat width, vfloat cone, vint valid)
 {
     const vfloat zero = (vfloat)(0.0f);
     findings found;
@@ -43,7 +48,8 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
     vint incomplete = (vint)(0);
 
     packet rays;
-    vint down_x = v_le(direction->x, (vfloat)(-FLAT)), down_y = v_le(direction->y, (vfloat)(-FLAT)), down_z = v_le(direction->z, (vfloat)(-FLAT));
+    vint down_x = v_le(direction->x, (vfloat)(-FLAT)), down_y = v_le(direction->y, (vfloat)(-FLAT)),
+         down_z = v_le(direction->z, (vfloat)(-FLAT));
     rays.direction.x = lane_max(k_fabs(direction->x), (vfloat)(FLAT));
     rays.direction.y = lane_max(k_fabs(direction->y), (vfloat)(FLAT));
     rays.direction.z = lane_max(k_fabs(direction->z), (vfloat)(FLAT));
@@ -88,27 +94,31 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
 
 /* Lane by lane into the records; `index` where `valid`. */
 #if LANES == 16
-#define STORE_HIT_(l)                                                                                                                     \
-    if (valid.l)                                                                                                                          \
-        vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l, as_uint(hits->position.x.l),      \
-                        as_uint(hits->position.y.l), as_uint(hits->position.z.l), (uint)hits->node.l),                                    \
+#define STORE_HIT_(l)                                                                                          \
+    if (valid.l)                                                                                               \
+        vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l,       \
+                        as_uint(hits->position.x.l), as_uint(hits->position.y.l), as_uint(hits->position.z.l), \
+                        (uint)hits->node.l),                                                                   \
                 (size_t)index.l, (K_GLOBAL uint *)out);
-RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
-{
-    EACH_LANE(STORE_HIT_)
-}
+RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index,
+                           vint valid){EACH_LANE(STORE_HIT_)}
 #else
 RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
 {
     if (!valid)
         return;
-    karst_hit hit = {hits->t, (uint)hits->kind, (uint)hits->brick, (uint)hits->cell,
-                     {hits->position.x, hits->position.y, hits->position.z}, (uint)hits->node};
+    karst_hit hit = {hits->t,
+                     (uint)hits->kind,
+                     (uint)hits->brick,
+                     (uint)hits->cell,
+                     {hits->position.x, hits->position.y, hits->position.z},
+                     (uint)hits->node};
     out[index] = hit;
 }
 #endif
 
-__kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole, K_GLOBAL karst_hit *hits)
+__kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
+                                  K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
     vint x, y;
@@ -118,16 +128,16 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     const vfloat zero = (vfloat)(0.0f);
     const vector3 origin = {zero, zero, zero};
     vector3 direction = pinhole_direction(&pinhole, x, y);
-    packet_hits found = cast_packet(&pool, view, 1, 0, &origin, &direction, (vfloat)(pinhole.t_min), (vfloat)(pinhole.t_max), zero,
-                                    (vfloat)(pinhole.cone), valid);
-    store_hits(hits, &found, y * pinhole.width_px + x, valid);
+    packet_hits found = cast_packet(&pool, view, 1, 0, &origin, &direction, (vfloat)(pinhole.t_min),
+                                    (vfloat)(pinhole.t_max), zero, (vfloat)(pinhole.cone), valid);
+    store_hits(hits, &found, packet_order(x, y, pinhole.width_px, pinhole.height_px), valid);
 }
 
 /* Field `word` of the rays in the lanes, as floats. */
 #define RAY_WORD(word) v_gather_float(words, first + (word))
 
-__kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays, uint num_rays, int any_hit,
-                               K_GLOBAL karst_hit *hits)
+__kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
+                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
     const uint base = (uint)get_global_id(0) * LANES;
@@ -139,6 +149,7 @@ __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
     vint first = v_select(valid, lane, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
     vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
     vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
-    packet_hits found = cast_packet(&pool, view, 0, any_hit, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9), valid);
+    packet_hits found = cast_packet(&pool, view, 0, any_hit, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8),
+                                    RAY_WORD(9), valid);
     store_hits(hits + base, &found, lane, valid);
 }

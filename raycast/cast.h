@@ -1,7 +1,7 @@
 /* Casting: streams of rays through the pools into hit records.
  *
- * A hit depends on the ray, on the integer cell and on its eight samples; not on what else lies in the pools, on the packet
- * a ray travels in, nor on LANES. */
+ * A hit depends on the ray, on the integer cell and on its eight samples; not on what else lies in the pools, on the
+ * packet a ray travels in, nor on LANES. */
 #ifndef KARST_RAYCAST_CAST_H
 #define KARST_RAYCAST_CAST_H
 
@@ -11,22 +11,28 @@
 
 typedef struct karst_caster karst_caster;
 
-/* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors: KARST_FAILED. */
+/* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors:
+ * KARST_FAILED. */
 karst_caster *karst_caster_create(karst_context *context, const karst_cache_buffers *cache, karst_error *error);
 /* The same with further build options (tests and measurements), such as "-DKARST_SAFE_STEP_SHARE=0.5f". */
-karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options, karst_error *error);
+karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options,
+                                       karst_error *error);
 void karst_caster_destroy(karst_caster *caster); /* NULL is fine */
 
 /* Localises an anchor against the root tile (child 0 = node `root_corner` of `top_level`), exactly, on the host.
  * finest_level 0; serial and detail are the caller's to fill. */
-void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3], int top_level);
+void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3],
+                          int top_level);
 
-/* Casts all rays; writes one karst_hit for each (index y * width + x) and the stamps. Asynchronous on the context's queue; the view and the
- * pinhole are copied. Errors: KARST_FAILED (also: hits too small). */
-bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole, karst_buffer *hits, karst_error *error);
+/* Casts all rays; writes one karst_hit for each (at karst_packet_order(x, y, width, height)) and the stamps.
+ * Asynchronous on the context's queue; the view and the pinhole are copied. Errors: KARST_FAILED (also: hits too
+ * small). */
+bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_error *error);
 /* The same for a buffer of karst_ray. any_hit: t and position may stop at
- * the entry of the surface's cell (shadows). Neighbours in the buffer travel together: karst_packet_order suits pictures. */
-bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays, bool any_hit, karst_buffer *hits,
-                     karst_error *error);
+ * the entry of the surface's cell (shadows). Neighbours in the buffer travel together: karst_packet_order suits
+ * pictures. */
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error);
 
 #endif

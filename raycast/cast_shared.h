@@ -15,15 +15,16 @@ typedef struct {
 } karst_pinhole;
 K_ASSERT_SIZE(karst_pinhole, 80);
 
-/* Pictures are worked on in packets of KARST_PACKET_SIDE^2 pixels, and those in groups of as many packets, so that what a group
- * reads stays near. A work-group is one group of packets. */
+/* Pictures are worked on in packets of KARST_PACKET_SIDE^2 pixels, and those in groups of as many packets, so that what
+ * a group reads stays near. A work-group is one group of packets. */
 #define KARST_PACKET_SIDE 4
 #define KARST_PACKET_RAYS 16
 #define KARST_GROUP_PACKETS 16
 #define KARST_GROUP_SIDE 16 /* pixels */
 
-/* Where pixel (x, y)'s ray stands in a stream in packet order: strips four rows high, in them blocks four columns wide. A permutation of
- * 0 .. width * height - 1 for every size; where the width is a multiple of four, each packet's rays are 16 neighbours. */
+/* Where pixel (x, y)'s ray stands in a stream in packet order: strips four rows high, in them blocks four columns wide.
+ * A permutation of 0 .. width * height - 1 for every size; where the width is a multiple of four, each packet's rays
+ * are 16 neighbours. */
 K_INLINE uint karst_packet_order(uint x, uint y, uint width, uint height)
 {
     uint strip = y & ~3u, column = x & ~3u;

@@ -45,7 +45,8 @@ karst_floor *karst_floor_create(karst_context *context, int width_px, int height
     f->width_px = width_px;
     f->height_px = height_px;
     f->table = karst_buffer_create(context, "floor", KARST_FLOOR_TABLE * sizeof(uint32_t), NULL, error);
-    f->bricks = karst_buffer_create(context, "floor", (size_t)KARST_FLOOR_BRICKS * KARST_BRICK_STRIDE * sizeof(int16_t), NULL, error);
+    f->bricks = karst_buffer_create(context, "floor", (size_t)KARST_FLOOR_BRICKS * KARST_BRICK_STRIDE * sizeof(int16_t),
+                                    NULL, error);
     f->out = karst_buffer_create(context, "floor", (size_t)width_px * (size_t)height_px * sizeof(float), NULL, error);
     f->program = karst_program_build(context, "raycast/floor.cl", "", NULL, 0, error);
     f->kernel = f->program ? karst_program_kernel(f->program, "floor_picture", error) : NULL;
@@ -73,10 +74,11 @@ bool karst_floor_run(karst_floor *f, uint64_t *time_ns, karst_error *error)
 {
     uint64_t ns[KARST_NUM_STAGES] = {0};
     cl_int width = f->width_px, height = f->height_px;
-    size_t across = ((size_t)width + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE, down = ((size_t)height + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    size_t across = ((size_t)width + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+           down = ((size_t)height + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)f->context->lanes;
-    bool ok = KARST_ARGUMENTS(f->kernel, error, KARST_BUFFER_ARG(f->table), KARST_BUFFER_ARG(f->bricks), KARST_VALUE_ARG(width),
-                              KARST_VALUE_ARG(height), KARST_BUFFER_ARG(f->out)) &&
+    bool ok = KARST_ARGUMENTS(f->kernel, error, KARST_BUFFER_ARG(f->table), KARST_BUFFER_ARG(f->bricks),
+                              KARST_VALUE_ARG(width), KARST_VALUE_ARG(height), KARST_BUFFER_ARG(f->out)) &&
               karst_launch(f->context, f->kernel, KARST_STAGE_CAST, across * down * local_size, local_size, error) &&
               karst_profile_collect(f->context, ns, error);
     *time_ns = ns[KARST_STAGE_CAST];

@@ -1,10 +1,11 @@
-/* The floor of casting a picture: per ray, coherent as in 4x4 packets, KARST_FLOOR_READS dependent reads of a node table and as many trilinear
- * samples of a 16-bit brick; no skipping, no shading. */
+/* The floor of casting a picture: per ray, coherent as in 4x4 packets, KARST_FLOOR_READS dependent reads of a node
+ * table and as many trilinear samples of a 16-bit brick; no skipping, no shading. */
 #include "raycast/floor_shared.h"
 #include "raycast/rays.clh"
 #include "raycast/samples.clh"
 
-__kernel K_WIDE void floor_picture(K_GLOBAL const uint *table, K_GLOBAL const short *bricks, int width, int height, K_GLOBAL float *out)
+__kernel K_WIDE void floor_picture(K_GLOBAL const uint *table, K_GLOBAL const short *bricks, int width, int height,
+                                   K_GLOBAL float *out)
 {
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), width, height, &x, &y);
@@ -30,8 +31,8 @@ __kernel K_WIDE void floor_picture(K_GLOBAL const uint *table, K_GLOBAL const sh
         pz = lane_min(pz + k_fma(value, (vfloat)(1.0e-6f), (vfloat)(1.8f)), (vfloat)(15.9f));
     }
 #if LANES == 16
-#define STORE_(l)                                                                                                                         \
-    if (valid.l)                                                                                                                          \
+#define STORE_(l) \
+    if (valid.l)  \
     out[y.l * width + x.l] = sum.l
     STORE_(s0);
     STORE_(s1);

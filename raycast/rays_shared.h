@@ -1,9 +1,10 @@
 /* Rays, hits and the view as kernels and host see them. Compiled twice: see core/dialect.h.
  *
- * A stream of rays has one int64 anchor (a world position: level-0 voxel and fraction). A ray's origin is the anchor plus a
- * float offset; everything a ray touches is localised against the anchor in integers first and becomes float only then.
- * Offsets err by 2^-24 of their length, footprints are some 2^-10 of the distance travelled: so one anchor serves a camera's
- * rays and every ray that starts where one of them ended. Lengths are in *level-0 voxels* throughout (floats).
+ * A stream of rays has one int64 anchor (a world position: level-0 voxel and fraction). A ray's origin is the anchor
+ * plus a float offset; everything a ray touches is localised against the anchor in integers first and becomes float
+ * only then. Offsets err by 2^-24 of their length, footprints are some 2^-10 of the distance travelled: so one anchor
+ * serves a camera's rays and every ray that starts where one of them ended. Lengths are in *level-0 voxels* throughout
+ * (floats).
  */
 #ifndef KARST_RAYCAST_RAYS_SHARED_H
 #define KARST_RAYCAST_RAYS_SHARED_H
@@ -18,9 +19,9 @@ typedef struct {
     float t_min;        /* along the unit direction, level-0 voxels */
     float direction[3]; /* unit length */
     float t_max;
-    float width;        /* footprint at t = 0, level-0 voxels */
-    float cone;         /* growth of the footprint per unit of t */
-    uint pixel;         /* whatever the stream's maker wants back */
+    float width; /* footprint at t = 0, level-0 voxels */
+    float cone;  /* growth of the footprint per unit of t */
+    uint pixel;  /* whatever the stream's maker wants back */
     uint pad;
 } karst_ray;
 K_ASSERT_SIZE(karst_ray, 48);
@@ -30,7 +31,8 @@ K_ASSERT_SIZE(karst_ray, 48);
 #define KARST_HIT_PROVISIONAL 2u /* on a coarser brick than asked for, since that is missing */
 #define KARST_HIT_SOLID 3u       /* ran into (or started in) proven solid without crossing a surface cell */
 
-/* Where a ray ended. `kind` KARST_HIT_MISS: t is t_max; if `incomplete` is set then the ray met a region without any data. */
+/* Where a ray ended. `kind` KARST_HIT_MISS: t is t_max; if `incomplete` is set then the ray met a region without any
+ * data. */
 typedef struct {
     float t;           /* level-0 voxels along the ray */
     uint kind;         /* KARST_HIT_* in bits 0..7, level in bits 8..15, bit 16: incomplete */
@@ -41,17 +43,19 @@ typedef struct {
 } karst_hit;
 K_ASSERT_SIZE(karst_hit, 32);
 
-#define KARST_HIT_KIND(k) ((k) & 0xffu)
+#define KARST_HIT_KIND(k) ((k)&0xffu)
 #define KARST_HIT_LEVEL(k) ((k) >> 8 & 0xffu)
 #define KARST_HIT_INCOMPLETE 0x10000u
 
 /* Where the anchor of a stream lies in the tree, for each level l from 0 to top_level. All exact.
- * node = floor(anchor / (KARST_BRICK_CELLS << l)) as int64 is not needed on the device: rays walk from the root tile, whose
- * corner is given relative to the anchor's own node, and double from there: child r' = 2 r - parity + bit. */
+ * node = floor(anchor / (KARST_BRICK_CELLS << l)) as int64 is not needed on the device: rays walk from the root tile,
+ * whose corner is given relative to the anchor's own node, and double from there: child r' = 2 r - parity + bit. */
 typedef struct {
-    float in_node[3]; /* the anchor inside its own node of this level, in voxels of this level: [0, KARST_BRICK_CELLS) */
-    uint parity;      /* bit a: the anchor's node coordinate on axis a is odd at this level */
-    float to_end[3];  /* KARST_BRICK_CELLS - in_node: where the node is wide and its end near, the difference of floats is not good enough */
+    float
+        in_node[3];  /* the anchor inside its own node of this level, in voxels of this level: [0, KARST_BRICK_CELLS) */
+    uint parity;     /* bit a: the anchor's node coordinate on axis a is odd at this level */
+    float to_end[3]; /* KARST_BRICK_CELLS - in_node: where the node is wide and its end near, the difference of floats
+                        is not good enough */
     uint pad;
 } karst_anchor_level;
 K_ASSERT_SIZE(karst_anchor_level, 32);
@@ -62,7 +66,8 @@ typedef struct {
     int top_level;    /* level of the root tile's nodes */
     int finest_level; /* never descend below this */
     uint serial;      /* this cast's stamp */
-    float detail;     /* voxels are asked to be at most `detail` footprints wide: level l holds where footprint*detail >= 2^l */
+    float detail; /* voxels are asked to be at most `detail` footprints wide: level l holds where footprint*detail >=
+                     2^l */
     uint pad;
 } karst_cast_view;
 

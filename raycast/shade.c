@@ -12,7 +12,8 @@ struct karst_shader {
     cl_kernel pixels;
 };
 
-karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows, karst_error *error)
+karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
+                                  karst_error *error)
 {
     karst_shader *shader = calloc(1, sizeof(*shader));
     if (!shader) {
@@ -48,10 +49,10 @@ void karst_shader_destroy(karst_shader *shader)
 }
 
 /* In the order of BRICK_PARAMETERS (raycast/segments.clh). */
-#define BRICK_ARGUMENTS(c)                                                                                                                 \
-    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),   \
-        KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]),                                \
-        KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment)
+#define BRICK_ARGUMENTS(c)                                                                                 \
+    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]),     \
+        KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), \
+        KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment)
 
 static bool launch(karst_shader *shader, cl_kernel kernel, const karst_pinhole *pinhole, karst_error *error)
 {
@@ -61,36 +62,39 @@ static bool launch(karst_shader *shader, cl_kernel kernel, const karst_pinhole *
     return karst_launch(shader->context, kernel, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
 }
 
-static bool check_size(const karst_buffer *buffer, size_t bytes_per_pixel, const karst_pinhole *pinhole, karst_error *error)
+static bool check_size(const karst_buffer *buffer, size_t bytes_per_pixel, const karst_pinhole *pinhole,
+                       karst_error *error)
 {
     if (buffer->size_bytes / bytes_per_pixel >= (size_t)pinhole->width_px * (size_t)pinhole->height_px)
         return true;
-    return karst_fail(error, KARST_FAILED, "the buffer %s of %zu bytes is too small for a picture of %dx%d", buffer->name, buffer->size_bytes,
-                      pinhole->width_px, pinhole->height_px);
+    return karst_fail(error, KARST_FAILED, "the buffer %s of %zu bytes is too small for a picture of %dx%d",
+                      buffer->name, buffer->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
-bool karst_shade_make_shadow_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole, const karst_light *light,
-                                  karst_buffer *hits, karst_buffer *rays, karst_error *error)
+bool karst_shade_make_shadow_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                  const karst_light *light, karst_buffer *hits, karst_buffer *rays, karst_error *error)
 {
     if (!shader->shadow_rays)
         return karst_fail(error, KARST_FAILED, "the shader was made without shadows");
     return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(rays, sizeof(karst_ray), pinhole, error) &&
-           KARST_ARGUMENTS(shader->shadow_rays, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
-                           KARST_VALUE_ARG(view->detail), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(rays)) &&
+           KARST_ARGUMENTS(shader->shadow_rays, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole),
+                           KARST_VALUE_ARG(*light), KARST_VALUE_ARG(view->detail), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(rays)) &&
            launch(shader, shader->shadow_rays, pinhole, error);
 }
 
-bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole, const karst_light *light,
-                        karst_buffer *hits, karst_buffer *shadow_hits, cl_mem pixels, karst_buffer *depth, karst_buffer *counters,
-                        karst_error *error)
+bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, karst_buffer *hits, karst_buffer *shadow_hits, cl_mem pixels,
+                        karst_buffer *depth, karst_buffer *counters, karst_error *error)
 {
     (void)view; /* all that is shaded is relative to its anchor */
     cl_int has_shadows = shadow_hits != NULL;
     const karst_buffer *second = shadow_hits ? shadow_hits : hits;
-    return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(second, sizeof(karst_hit), pinhole, error) &&
-           check_size(depth, sizeof(float), pinhole, error) &&
-           KARST_ARGUMENTS(shader->pixels, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
-                           KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(second), KARST_VALUE_ARG(has_shadows), KARST_VALUE_ARG(pixels),
-                           KARST_BUFFER_ARG(depth), KARST_BUFFER_ARG(counters)) &&
+    return check_size(hits, sizeof(karst_hit), pinhole, error) &&
+           check_size(second, sizeof(karst_hit), pinhole, error) && check_size(depth, sizeof(float), pinhole, error) &&
+           KARST_ARGUMENTS(shader->pixels, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole),
+                           KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(second),
+                           KARST_VALUE_ARG(has_shadows), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
+                           KARST_BUFFER_ARG(counters)) &&
            launch(shader, shader->pixels, pinhole, error);
 }

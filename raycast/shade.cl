@@ -17,10 +17,7 @@ RAY_INLINE vfloat dot3(const vector3 *a, const float b[4])
     return k_fma(a->x, (vfloat)(b[0]), k_fma(a->y, (vfloat)(b[1]), a->z * b[2]));
 }
 
-RAY_INLINE vfloat mix_float(vfloat a, vfloat b, vfloat share)
-{
-    return k_fma(b - a, share, a);
-}
+RAY_INLINE vfloat mix_float(vfloat a, vfloat b, vfloat share) { return k_fma(b - a, share, a); }
 
 RAY_INLINE colour mix_colour(colour a, colour b, vfloat share)
 {
@@ -47,10 +44,7 @@ RAY_INLINE vfloat smooth(float from, float to, vfloat x)
     return s * s * (3.0f - 2.0f * s);
 }
 
-RAY_INLINE vfloat square(vfloat x)
-{
-    return x * x;
-}
+RAY_INLINE vfloat square(vfloat x) { return x * x; }
 
 /* The air's glow around the sun, for the cosine of the angle to it. */
 RAY_INLINE vfloat sun_glow(vfloat cosine)
@@ -71,8 +65,10 @@ RAY_INLINE colour sky_colour(const karst_light *light, const vector3 *direction,
 
 RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s, vfloat lit)
 {
-    colour albedo = mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat), smooth(0.55f, 0.85f, s->normal.y));
-    colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith), horizon = uniform_colour(light->sky_horizon);
+    colour albedo = mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat),
+                               smooth(0.55f, 0.85f, s->normal.y));
+    colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith),
+           horizon = uniform_colour(light->sky_horizon);
     /* Above, the sky; below, what the ground throws back of both. */
     vfloat up = k_fma(s->normal.y, (vfloat)(0.5f), (vfloat)(0.5f));
     colour from_sky = mix_colour(zenith, horizon, (vfloat)(0.5f));
@@ -88,12 +84,13 @@ RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s,
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
-#define PIXEL_(l)                                                                                                                         \
-    if (valid.l) {                                                                                                                        \
-        pixels[index.l] = (uint)bytes.l;                                                                                                  \
-        depth[index.l] = distance.l;                                                                                                      \
+#define PIXEL_(l)                        \
+    if (valid.l) {                       \
+        pixels[index.l] = (uint)bytes.l; \
+        depth[index.l] = distance.l;     \
     }
-RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width,
+                             vint bytes, vfloat distance)
 {
     if (v_all(valid)) {
         K_GLOBAL int *p = (K_GLOBAL int *)pixels + index.s0;
@@ -110,46 +107,39 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
         EACH_LANE(PIXEL_)
     }
 }
-#define RAY_(l)                                                                                                                           \
-    if (valid.l) {                                                                                                                        \
-        K_GLOBAL float *w = (K_GLOBAL float *)(rays + place.l);                                                                           \
-        vstore4((float4)(origin.x.l, origin.y.l, origin.z.l, t_min.l), 0, w);                                                             \
-        vstore4((float4)(light.sun_direction[0], light.sun_direction[1], light.sun_direction[2], t_max.l), 0, w + 4);                     \
-        vstore4((float4)(width.l, cone, as_float(index.l), 0.0f), 0, w + 8);                                                              \
+#define RAY_(l)                                                                                                       \
+    if (valid.l) {                                                                                                    \
+        K_GLOBAL float *w = (K_GLOBAL float *)(rays + place.l);                                                       \
+        vstore4((float4)(origin.x.l, origin.y.l, origin.z.l, t_min.l), 0, w);                                         \
+        vstore4((float4)(light.sun_direction[0], light.sun_direction[1], light.sun_direction[2], t_max.l), 0, w + 4); \
+        vstore4((float4)(width.l, cone, as_float(pixel.l), 0.0f), 0, w + 8);                                          \
     }
 #define STORE_RAYS() EACH_LANE(RAY_)
 #else
-RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width, vint bytes, vfloat distance)
+RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width,
+                             vint bytes, vfloat distance)
 {
     if (valid) {
         pixels[index] = (uint)bytes;
         depth[index] = distance;
     }
 }
-#define STORE_RAYS()                                                                                                                      \
-    if (valid) {                                                                                                                          \
-        karst_ray ray = {{origin.x, origin.y, origin.z},                                                                                  \
-                         t_min,                                                                                                           \
-                         {light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]},                                        \
-                         t_max,                                                                                                           \
-                         width,                                                                                                           \
-                         cone,                                                                                                            \
-                         (uint)index,                                                                                                     \
-                         0u};                                                                                                             \
-        rays[place] = ray;                                                                                                                \
+#define STORE_RAYS()                                                                               \
+    if (valid) {                                                                                   \
+        karst_ray ray = {{origin.x, origin.y, origin.z},                                           \
+                         t_min,                                                                    \
+                         {light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]}, \
+                         t_max,                                                                    \
+                         width,                                                                    \
+                         cone,                                                                     \
+                         (uint)pixel,                                                              \
+                         0u};                                                                      \
+        rays[place] = ray;                                                                         \
     }
 #endif
 
-/* karst_packet_order of lanes. */
-RAY_INLINE vint packet_order(vint x, vint y, int width, int height)
-{
-    vint strip = y & ~3, column = x & ~3;
-    vint rows = lane_min_int((vint)(height) - strip, (vint)(4)), columns = lane_min_int((vint)(width) - column, (vint)(4));
-    return strip * width + column * rows + (y - strip) * columns + (x - column);
-}
-
-__kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, float detail, K_GLOBAL const karst_hit *hits,
-                                       K_GLOBAL karst_ray *rays)
+__kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, float detail,
+                                       K_GLOBAL const karst_hit *hits, K_GLOBAL karst_ray *rays)
 {
     const brick_pool bricks = BRICK_FIELDS;
     vint x, y;
@@ -157,8 +147,8 @@ __kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, 
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
-    vint index = v_select(valid, y * pinhole.width_px + x, (vint)(0));
-    surface_hits s = load_surface(hits, &bricks, index, &direction);
+    vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+    surface_hits s = load_surface(hits, &bricks, place, &direction);
     vint sunny = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & v_gt(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
     vfloat voxel = v_as_float((s.level + 127) << 23);
     vfloat offset = voxel * SHADOW_OFFSET;
@@ -170,12 +160,13 @@ __kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, 
     /* The level of the hit or coarser, from the first step on. */
     vfloat width = lane_max(s.t * pinhole.cone, voxel * (1.0001f / detail));
     float cone = pinhole.cone > SUN_CONE ? pinhole.cone : SUN_CONE;
-    vint place = packet_order(x, y, pinhole.width_px, pinhole.height_px);
+    vint pixel = y * pinhole.width_px + x;
     STORE_RAYS()
 }
 
-__kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, K_GLOBAL const karst_hit *hits,
-                                  K_GLOBAL const karst_hit *shadow_hits, int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
+__kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light,
+                                  K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
+                                  int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                                   K_GLOBAL uint *counters)
 {
     const brick_pool bricks = BRICK_FIELDS;
@@ -188,21 +179,23 @@ __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (v_any(valid)) {
         vector3 direction = pinhole_direction(&pinhole, x, y);
-        vint index = v_select(valid, y * pinhole.width_px + x, (vint)(0));
-        surface_hits s = load_surface(hits, &bricks, index, &direction);
+        vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+        surface_hits s = load_surface(hits, &bricks, place, &direction);
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light.sun_direction);
         colour c = sky_colour(&light, &direction, to_sun);
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
             if (has_shadows) {
-                vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits, place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) & 0xff;
+                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits,
+                                            place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) &
+                               0xff;
                 lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
             }
             colour ground = ground_colour(&light, &s, lit);
             /* Haze takes the sky's colour at the horizon in this direction, so that far hills fade into it. */
-            colour haze = add_colour(uniform_colour(light.sky_horizon), uniform_colour(light.sun_colour), 0.5f * sun_glow(to_sun));
+            colour haze = add_colour(uniform_colour(light.sky_horizon), uniform_colour(light.sun_colour),
+                                     0.5f * sun_glow(to_sun));
             vfloat clear = tone_exp2_minus(s.t * (1.44269504f / light.haze_distance));
             ground = mix_colour(haze, ground, clear);
             c.r = v_select(hit, ground.r, c.r);
@@ -210,9 +203,12 @@ __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst
             c.b = v_select(hit, ground.b, c.b);
         }
         vfloat dither = tone_dither(x, y);
-        vint bytes = tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
-        store_pixels(pixels, depth, index, valid, pinhole.width_px, bytes, v_select(hit, s.t, (vfloat)(INFINITY)));
-        int num_hits = count_lanes(hit), num_provisional = count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        vint bytes =
+            tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
+        store_pixels(pixels, depth, y * pinhole.width_px + x, valid, pinhole.width_px, bytes,
+                     v_select(hit, s.t, (vfloat)(INFINITY)));
+        int num_hits = count_lanes(hit),
+            num_provisional = count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
         int num_incomplete = count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
         if (num_hits)
             atomic_add(&counts[0], (uint)num_hits);

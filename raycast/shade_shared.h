@@ -4,12 +4,21 @@
 
 #include "core/dialect.h"
 
-/* What a picture's light and colours are. Linear RGB; directions are unit vectors in world axes; lengths in level-0 voxels. */
+/* The position that the view is relative to: level-0 voxel and a fraction of it, in 2^-32. */
+typedef struct {
+    long voxel[3];
+    uint fraction[3];
+    uint pad;
+} karst_shade_anchor;
+K_ASSERT_SIZE(karst_shade_anchor, 40);
+
+/* What a picture's light and colours are. Linear RGB; directions are unit vectors in world axes; lengths in level-0
+ * voxels. */
 typedef struct {
     float sun_direction[4]; /* towards the sun */
     float sun_colour[4], sky_zenith[4], sky_horizon[4], ground_flat[4], ground_steep[4];
-    float haze_distance;    /* at which haze hides 1 - 1/e of the surface */
-    float shadow_distance;  /* how far shadow rays go */
+    float haze_distance;   /* at which haze hides 1 - 1/e of the surface */
+    float shadow_distance; /* how far shadow rays go */
     uint pad[2];
 } karst_light;
 K_ASSERT_SIZE(karst_light, 112);

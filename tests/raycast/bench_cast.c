@@ -24,7 +24,8 @@ static double value_noise(double x, double y, double z)
         t[a] = t[a] * t[a] * (3 - 2 * t[a]);
     for (int k = 0; k < 2; k++)
         for (int j = 0; j < 2; j++) {
-            double a = hash((int64_t)f[0], (int64_t)f[1] + j, (int64_t)f[2] + k), b = hash((int64_t)f[0] + 1, (int64_t)f[1] + j, (int64_t)f[2] + k);
+            double a = hash((int64_t)f[0], (int64_t)f[1] + j, (int64_t)f[2] + k),
+                   b = hash((int64_t)f[0] + 1, (int64_t)f[1] + j, (int64_t)f[2] + k);
             v[k][j] = a + (b - a) * t[0];
         }
     double a = v[0][0] + (v[0][1] - v[0][0]) * t[1], b = v[1][0] + (v[1][1] - v[1][0]) * t[1];
@@ -50,7 +51,8 @@ static int compare(const void *a, const void *b)
 
 int main(int argc, char **argv)
 {
-    int width = argc > 2 ? atoi(argv[1]) : 800, height = argc > 2 ? atoi(argv[2]) : 600, lanes = argc > 3 ? atoi(argv[3]) : 0;
+    int width = argc > 2 ? atoi(argv[1]) : 800, height = argc > 2 ? atoi(argv[2]) : 600,
+        lanes = argc > 3 ? atoi(argv[3]) : 0;
     const char *options = argc > 4 ? argv[4] : "";
     karst_error error = {0};
     karst_context *context = karst_context_create("cpu", lanes, NULL, &error);
@@ -67,9 +69,15 @@ int main(int argc, char **argv)
         eye[1] += 5;
     karst_cast_view view = scene_view(&s, eye, 1);
     float half = 0.577f;
-    karst_pinhole pinhole = {.right = {1, 0, 0}, .up = {0, 0.968f, 0.25f}, .forward = {0, -0.25f, 0.968f},
-                             .half_height = half, .half_width = half * (float)width / (float)height, .t_max = 12000,
-                             .cone = 2 * half / (float)height, .width_px = width, .height_px = height};
+    karst_pinhole pinhole = {.right = {1, 0, 0},
+                             .up = {0, 0.968f, 0.25f},
+                             .forward = {0, -0.25f, 0.968f},
+                             .half_height = half,
+                             .half_width = half * (float)width / (float)height,
+                             .t_max = 12000,
+                             .cone = 2 * half / (float)height,
+                             .width_px = width,
+                             .height_px = height};
     karst_caster *caster = karst_caster_create_with(context, &s.buffers, options, &error);
     scene_check(caster, &error);
     karst_buffer *hits = scene_buffer(context, "hits", (size_t)width * height * sizeof(karst_hit));
@@ -81,7 +89,8 @@ int main(int argc, char **argv)
         view.serial++;
         rounds++;
     }
-    printf("settled after %u rounds, %.1f s: %u tiles, %u bricks\n", rounds, (double)(clock() - start) / CLOCKS_PER_SEC, s.num_tiles, s.num_bricks);
+    printf("settled after %u rounds, %.1f s: %u tiles, %u bricks\n", rounds, (double)(clock() - start) / CLOCKS_PER_SEC,
+           s.num_tiles, s.num_bricks);
     karst_hit *h = malloc((size_t)width * height * sizeof(karst_hit));
     scene_check(karst_buffer_read(hits, 0, h, (size_t)width * height * sizeof(karst_hit), &error), &error);
     uint32_t count[4] = {0}, levels[12] = {0}, sum = 0;
@@ -113,18 +122,25 @@ int main(int argc, char **argv)
     karst_shader *shader = karst_shader_create(context, &s.buffers, true, &error);
     scene_check(shader, &error);
     size_t num_pixels = (size_t)width * height;
-    karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4), *depth = scene_buffer(context, "depth", num_pixels * 4);
+    karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4),
+                 *depth = scene_buffer(context, "depth", num_pixels * 4);
     karst_buffer *counters = scene_buffer(context, "counters", 16);
     karst_buffer *rays = scene_buffer(context, "rays", num_pixels * sizeof(karst_ray));
     karst_buffer *shadow_hits = scene_buffer(context, "shadow_hits", num_pixels * sizeof(karst_hit));
-    karst_light light = {.sun_direction = {0.766f, 0.35f, 0.539f}, .sun_colour = {3.2f, 2.6f, 2.0f}, .sky_zenith = {0.10f, 0.24f, 0.55f},
-                         .sky_horizon = {0.58f, 0.70f, 0.82f}, .ground_flat = {0.13f, 0.18f, 0.05f}, .ground_steep = {0.27f, 0.23f, 0.19f},
-                         .haze_distance = 15000, .shadow_distance = 12000};
+    karst_light light = {.sun_direction = {0.766f, 0.35f, 0.539f},
+                         .sun_colour = {3.2f, 2.6f, 2.0f},
+                         .sky_zenith = {0.10f, 0.24f, 0.55f},
+                         .sky_horizon = {0.58f, 0.70f, 0.82f},
+                         .ground_flat = {0.13f, 0.18f, 0.05f},
+                         .ground_steep = {0.27f, 0.23f, 0.19f},
+                         .haze_distance = 15000,
+                         .shadow_distance = 12000};
     for (served = getenv("SHADOWS") != NULL; served;) {
         view.serial++;
         scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
                         karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
-                        karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error), &error);
+                        karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error),
+                    &error);
         served = scene_serve(&s, view.serial);
     }
     printf("with shadows: %u tiles, %u bricks\n", s.num_tiles, s.num_bricks);
@@ -133,17 +149,22 @@ int main(int argc, char **argv)
         uint64_t ns[KARST_NUM_STAGES] = {0}, floor_ns;
         scene_check(karst_profile_collect(context, ns, &error), &error);
         memset(ns, 0, sizeof(ns));
-        scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) && karst_profile_collect(context, ns, &error), &error);
+        scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
+                        karst_profile_collect(context, ns, &error),
+                    &error);
         cast_ms[i] = (double)ns[KARST_STAGE_CAST] * 1e-6;
         memset(ns, 0, sizeof(ns));
-        scene_check(karst_shade_pixels(shader, &view, &pinhole, &light, hits, getenv("SHADOWS") ? shadow_hits : NULL, pixels->mem, depth, counters, &error) &&
-                        karst_profile_collect(context, ns, &error), &error);
+        scene_check(karst_shade_pixels(shader, &view, &pinhole, &light, hits, getenv("SHADOWS") ? shadow_hits : NULL,
+                                       pixels->mem, depth, counters, &error) &&
+                        karst_profile_collect(context, ns, &error),
+                    &error);
         shade_ms[i] = (double)ns[KARST_STAGE_SHADE] * 1e-6;
         memset(ns, 0, sizeof(ns));
         if (getenv("SHADOWS"))
             scene_check(karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
                             karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error) &&
-                            karst_profile_collect(context, ns, &error), &error);
+                            karst_profile_collect(context, ns, &error),
+                        &error);
         shadow_ms[i] = (double)(ns[KARST_STAGE_CAST] + ns[KARST_STAGE_SHADE]) * 1e-6;
         scene_check(karst_floor_run(f, &floor_ns, &error), &error);
         floor_ms[i] = (double)floor_ns * 1e-6;
@@ -151,10 +172,11 @@ int main(int argc, char **argv)
     qsort(cast_ms, 41, sizeof(double), compare);
     qsort(shade_ms, 41, sizeof(double), compare);
     qsort(shadow_ms, 41, sizeof(double), compare);
-    printf("shade: best %.2f median %.2f ms; shadow rays: best %.2f median %.2f ms\n", shade_ms[0], shade_ms[20], shadow_ms[0], shadow_ms[20]);
+    printf("shade: best %.2f median %.2f ms; shadow rays: best %.2f median %.2f ms\n", shade_ms[0], shade_ms[20],
+           shadow_ms[0], shadow_ms[20]);
     qsort(floor_ms, 41, sizeof(double), compare);
-    printf("cast: best %.2f median %.2f ms; floor: best %.2f median %.2f ms; ratio best %.2f median %.2f\n", cast_ms[0], cast_ms[20],
-           floor_ms[0], floor_ms[20], cast_ms[0] / floor_ms[0], cast_ms[20] / floor_ms[20]);
+    printf("cast: best %.2f median %.2f ms; floor: best %.2f median %.2f ms; ratio best %.2f median %.2f\n", cast_ms[0],
+           cast_ms[20], floor_ms[0], floor_ms[20], cast_ms[0] / floor_ms[0], cast_ms[20] / floor_ms[20]);
     if (getenv("DUMP")) {
         FILE *out = fopen(getenv("DUMP"), "wb");
         uint8_t *rgba = malloc(num_pixels * 4);

@@ -42,7 +42,9 @@ SCENE_UNUSED static double folds(const double p[3], double width, const void *us
 {
     (void)user;
     (void)width;
-    return (sin(p[0] * 0.9) * cos(p[1] * 0.7) + sin(p[1] * 0.8) * cos(p[2] * 0.9) + sin(p[2] * 0.7) * cos(p[0] * 0.8) - 0.9) * 0.5;
+    return (sin(p[0] * 0.9) * cos(p[1] * 0.7) + sin(p[1] * 0.8) * cos(p[2] * 0.9) + sin(p[2] * 0.7) * cos(p[0] * 0.8) -
+            0.9) *
+           0.5;
 }
 
 /* ---- random numbers, the same everywhere ---- */
@@ -95,8 +97,8 @@ SCENE_UNUSED static karst_caster *open_caster(const scene *s, const char *option
 }
 
 /* Hits of all rays, malloc'ed. */
-SCENE_UNUSED static karst_hit *cast(const scene *s, karst_caster *caster, const karst_cast_view *view, const karst_ray *rays, uint32_t num_rays,
-                                    bool any_hit)
+SCENE_UNUSED static karst_hit *cast(const scene *s, karst_caster *caster, const karst_cast_view *view,
+                                    const karst_ray *rays, uint32_t num_rays, bool any_hit)
 {
     karst_error error = {0};
     karst_buffer *in = karst_buffer_create(s->context, "rays", num_rays * sizeof(*rays), rays, &error);
@@ -110,7 +112,8 @@ SCENE_UNUSED static karst_hit *cast(const scene *s, karst_caster *caster, const 
     return hits;
 }
 
-SCENE_UNUSED static karst_hit *cast_picture(const scene *s, karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole)
+SCENE_UNUSED static karst_hit *cast_picture(const scene *s, karst_caster *caster, const karst_cast_view *view,
+                                            const karst_pinhole *pinhole)
 {
     karst_error error = {0};
     size_t bytes = (size_t)pinhole->width_px * (size_t)pinhole->height_px * sizeof(karst_hit);
@@ -199,7 +202,8 @@ SCENE_UNUSED static double interpolated(const scene *s, const double p[3], doubl
 
 #define REFERENCE_STEP 0.01
 
-/* First t at which the interpolant is positive, INFINITY if none (surfaces touched over less than a step may be missed). */
+/* First t at which the interpolant is positive, INFINITY if none (surfaces touched over less than a step may be
+ * missed). */
 SCENE_UNUSED static double reference(const scene *s, const double anchor[3], const karst_ray *ray, double until)
 {
     double slope, before = ray->t_min;
@@ -216,7 +220,8 @@ SCENE_UNUSED static double reference(const scene *s, const double anchor[3], con
     }
 }
 
-/* Whether the hit is the first surface of the interpolant: not after the reference's, and on (or inside) the surface. */
+/* Whether the hit is the first surface of the interpolant: not after the reference's, and on (or inside) the surface.
+ */
 SCENE_UNUSED static bool hit_agrees(const scene *s, const double anchor[3], const karst_ray *ray, const karst_hit *hit)
 {
     bool is_hit = KARST_HIT_KIND(hit->kind) != KARST_HIT_MISS;

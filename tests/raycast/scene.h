@@ -1,7 +1,8 @@
-/* A host-side stand-in for cache and producers: an octree of an analytic density, built node by node, in device buffers.
+/* A host-side stand-in for cache and producers: an octree of an analytic density, built node by node, in device
+ * buffers.
  *
- * Densities are in level-0 voxels of the scene, positive inside; the scene may lie anywhere in the world (`base`). Used by the casting tests
- * and benchmarks only, so that they depend on nothing but core and the pools' layout. */
+ * Densities are in level-0 voxels of the scene, positive inside; the scene may lie anywhere in the world (`base`). Used
+ * by the casting tests and benchmarks only, so that they depend on nothing but core and the pools' layout. */
 #ifndef KARST_TESTS_RAYCAST_SCENE_H
 #define KARST_TESTS_RAYCAST_SCENE_H
 
@@ -50,8 +51,8 @@ SCENE_UNUSED static karst_buffer *scene_buffer(karst_context *context, const cha
 }
 
 /* Nodes start unknown; nothing is on the device before scene_upload. */
-SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tiles, uint32_t max_bricks, uint32_t num_segments,
-                                       int top_level, scene_density density, const void *user)
+SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tiles, uint32_t max_bricks,
+                                       uint32_t num_segments, int top_level, scene_density density, const void *user)
 {
     scene s = {.context = context, .top_level = top_level, .density = density, .user = user, .lipschitz = 1};
     karst_cache_buffers *b = &s.buffers;
@@ -61,8 +62,9 @@ SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tile
     b->bricks_per_segment = (max_bricks + num_segments - 1) / num_segments;
     b->nodes = scene_buffer(context, "nodes", (size_t)max_tiles * 8 * sizeof(karst_node));
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++)
-        b->bricks[i] = i < num_segments ? scene_buffer(context, "bricks", (size_t)b->bricks_per_segment * KARST_BRICK_STRIDE * 2)
-                                        : b->bricks[0];
+        b->bricks[i] = i < num_segments
+                           ? scene_buffer(context, "bricks", (size_t)b->bricks_per_segment * KARST_BRICK_STRIDE * 2)
+                           : b->bricks[0];
     b->brick_info = scene_buffer(context, "brick_info", max_bricks * sizeof(karst_brick_info));
     b->tile_stamp = scene_buffer(context, "stamps", max_tiles * 4);
     b->brick_stamp = scene_buffer(context, "stamps", max_bricks * 4);
@@ -106,15 +108,19 @@ SCENE_UNUSED static void scene_upload(scene *s)
 {
     karst_error error = {0};
     karst_cache_buffers *b = &s->buffers;
-    scene_check(karst_buffer_write(b->nodes, 0, s->nodes, (size_t)s->num_tiles * 8 * sizeof(karst_node), &error), &error);
-    scene_check(karst_buffer_write(b->brick_info, 0, s->brick_info, s->num_bricks * sizeof(karst_brick_info), &error), &error);
+    scene_check(karst_buffer_write(b->nodes, 0, s->nodes, (size_t)s->num_tiles * 8 * sizeof(karst_node), &error),
+                &error);
+    scene_check(karst_buffer_write(b->brick_info, 0, s->brick_info, s->num_bricks * sizeof(karst_brick_info), &error),
+                &error);
     for (uint32_t i = 0; i * b->bricks_per_segment < s->num_bricks; i++) {
         uint32_t first = i * b->bricks_per_segment, left = s->num_bricks - first;
         uint32_t count = left < b->bricks_per_segment ? left : b->bricks_per_segment;
         scene_check(karst_buffer_write(b->bricks[i], 0, s->bricks + (size_t)first * KARST_BRICK_STRIDE,
-                                       (size_t)count * KARST_BRICK_STRIDE * 2, &error), &error);
+                                       (size_t)count * KARST_BRICK_STRIDE * 2, &error),
+                    &error);
     }
-    karst_buffer *stamps[] = {b->tile_stamp, b->brick_stamp, b->brick_fallback, b->want_brick, b->want_children, b->want_chunk};
+    karst_buffer *stamps[] = {b->tile_stamp, b->brick_stamp,   b->brick_fallback,
+                              b->want_brick, b->want_children, b->want_chunk};
     for (int i = 0; i < 6; i++)
         scene_check(karst_buffer_fill(stamps[i], 0, 0, stamps[i]->size_bytes, &error), &error);
 }
@@ -122,7 +128,8 @@ SCENE_UNUSED static void scene_upload(scene *s)
 /* The same content on another device, or in other segments. */
 SCENE_UNUSED static scene scene_clone(karst_context *context, uint32_t num_segments, const scene *from)
 {
-    scene s = scene_create(context, from->buffers.num_tiles, from->buffers.num_bricks, num_segments, from->top_level, from->density, from->user);
+    scene s = scene_create(context, from->buffers.num_tiles, from->buffers.num_bricks, num_segments, from->top_level,
+                           from->density, from->user);
     s.num_tiles = from->num_tiles;
     s.num_bricks = from->num_bricks;
     s.lipschitz = from->lipschitz;
@@ -193,7 +200,12 @@ SCENE_UNUSED static karst_brick_info scene_brick_info(const int16_t *q, float sc
                 int solid = 0;
                 for (int a = 0; a < 3; a++) {
                     int step = a == 0 ? 1 : a == 1 ? side : side * side, b = (a + 1) % 3, c = (a + 2) % 3, most = 0;
-                    int step_b = b == 0 ? 1 : b == 1 ? side : side * side, step_c = c == 0 ? 1 : c == 1 ? side : side * side;
+                    int step_b = b == 0   ? 1
+                                 : b == 1 ? side
+                                          : side * side,
+                        step_c = c == 0   ? 1
+                                 : c == 1 ? side
+                                          : side * side;
                     for (int i = 0; i < 4; i++) {
                         const int16_t *v = q + x + side * (y + side * z) + (i & 1) * step_b + (i >> 1) * step_c;
                         int d = abs(v[step] - v[0]);
@@ -223,7 +235,8 @@ SCENE_UNUSED static bool scene_load(scene *s, uint32_t node)
     double voxel = ldexp(1, level), least = 1e300, most = -1e300, largest = 0;
     double *d = malloc(KARST_BRICK_SAMPLES * sizeof(double));
     for (int i = 0; i < KARST_BRICK_SAMPLES; i++) {
-        int at[3] = {i % KARST_BRICK_SIDE, i / KARST_BRICK_SIDE % KARST_BRICK_SIDE, i / (KARST_BRICK_SIDE * KARST_BRICK_SIDE)};
+        int at[3] = {i % KARST_BRICK_SIDE, i / KARST_BRICK_SIDE % KARST_BRICK_SIDE,
+                     i / (KARST_BRICK_SIDE * KARST_BRICK_SIDE)};
         double p[3];
         for (int a = 0; a < 3; a++)
             p[a] = (double)(n[a] * KARST_BRICK_CELLS + at[a]) * voxel;
@@ -254,7 +267,8 @@ SCENE_UNUSED static bool scene_load(scene *s, uint32_t node)
 /* Bricks for all that is not constant, down to `finest`. */
 SCENE_UNUSED static void scene_build_node(scene *s, uint32_t node, int level, int finest)
 {
-    if (KARST_NODE_STATE(s->nodes[node].link) < KARST_STATE_BRICK && KARST_NODE_STATE(s->nodes[node].link) != KARST_STATE_UNKNOWN)
+    if (KARST_NODE_STATE(s->nodes[node].link) < KARST_STATE_BRICK &&
+        KARST_NODE_STATE(s->nodes[node].link) != KARST_STATE_UNKNOWN)
         return;
     if (!scene_load(s, node)) {
         fprintf(stderr, "scene: too few bricks\n");

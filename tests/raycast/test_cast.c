@@ -117,8 +117,9 @@ static int disagreements(const scene *s, karst_caster *caster, int num_rays, uin
         if (!hit_agrees(s, anchor, &rays[i], &hits[i])) {
             bad++;
             if (getenv("KARST_TEST_VERBOSE"))
-                fprintf(stderr, "ray %d from (%a %a %a) along (%a %a %a): kind %u t %g, reference %g\n", i, rays[i].origin[0], rays[i].origin[1],
-                        rays[i].origin[2], rays[i].direction[0], rays[i].direction[1], rays[i].direction[2], hits[i].kind, hits[i].t,
+                fprintf(stderr, "ray %d from (%a %a %a) along (%a %a %a): kind %u t %g, reference %g\n", i,
+                        rays[i].origin[0], rays[i].origin[1], rays[i].origin[2], rays[i].direction[0],
+                        rays[i].direction[1], rays[i].direction[2], hits[i].kind, hits[i].t,
                         reference(s, anchor, &rays[i], 1e30));
         }
     free(rays);
@@ -138,8 +139,12 @@ static void every_surface_is_found(void **state)
         scene_density density;
         const void *user;
         int num_rays;
-    } cases[] = {{ball, (double[]){2, 1, -3, 30}, 300}, {plate, thin_plate, 300}, {plate, flat_plate, 200}, {needle, thin_needle, 200},
-                 {ball, small_ball, 200},               {folds, NULL, 600}};
+    } cases[] = {{ball, (double[]){2, 1, -3, 30}, 300},
+                 {plate, thin_plate, 300},
+                 {plate, flat_plate, 200},
+                 {needle, thin_needle, 200},
+                 {ball, small_ball, 200},
+                 {folds, NULL, 600}};
     for (int k = 0; k < 2; k++)
         for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
             scene s = make_scene(contexts[k], 2, cases[i].density, cases[i].user);
@@ -165,7 +170,8 @@ static void a_mutant_is_caught(void **state)
 static void thin_things_are_seen(void **state)
 {
     (void)state;
-    const double c[4] = {0.3, 0.4, 0.1, 1}, rod[3] = {0.3, 0.1, 0.75}, sheet[5] = {0, 1, 0, 0.7, 1}, anchor[3] = {-40.3, 23.7, -35.2};
+    const double c[4] = {0.3, 0.4, 0.1, 1}, rod[3] = {0.3, 0.1, 0.75}, sheet[5] = {0, 1, 0, 0.7, 1},
+                 anchor[3] = {-40.3, 23.7, -35.2};
     const struct {
         scene_density density;
         const void *user;
@@ -183,7 +189,9 @@ static void thin_things_are_seen(void **state)
                 double d[3], length = 0, o[3] = {0, 0, 0};
                 for (int a = 0; a < 3; a++) {
                     double at = (i == 0 ? c[a] : i == 1 ? (double[]){rod[0], 0, rod[1]}[a] : (double[]){0, 0.2, 0}[a]);
-                    double reach = i == 1 ? (a == 1 ? 20 : cases[i].margin) : i == 2 ? (a == 1 ? 0 : cases[i].margin) : cases[i].margin;
+                    double reach = i == 1   ? (a == 1 ? 20 : cases[i].margin)
+                                   : i == 2 ? (a == 1 ? 0 : cases[i].margin)
+                                            : cases[i].margin;
                     d[a] = at + reach * (2 * next_random(&random) - 1) - anchor[a];
                     length += d[a] * d[a];
                 }
@@ -212,14 +220,14 @@ static void starts_and_ends(void **state)
         karst_cast_view view = scene_view(&s, anchor, 1);
         const double below[3] = {0, -3, 0}, deep[3] = {0, -50, 0}, above[3] = {0, 10, 0};
         karst_ray rays[] = {
-            make_ray(below, up, 50),   /* 0: in a solid cell of a brick, or a solid node: at once */
-            make_ray(deep, up, 50),    /* 1: in a solid node */
-            make_ray(above, down, 50), /* 2: 10 voxels down */
-            make_ray(above, down, 9),  /* 3: ends before */
-            make_ray(above, down, 50), /* 4: starts behind the surface */
-            make_ray(zero, up, 50),    /* 5: on the surface, looking away */
-            make_ray(above, along, 50),/* 6: past it */
-            make_ray(above, down, 0),  /* 7: idle */
+            make_ray(below, up, 50),    /* 0: in a solid cell of a brick, or a solid node: at once */
+            make_ray(deep, up, 50),     /* 1: in a solid node */
+            make_ray(above, down, 50),  /* 2: 10 voxels down */
+            make_ray(above, down, 9),   /* 3: ends before */
+            make_ray(above, down, 50),  /* 4: starts behind the surface */
+            make_ray(zero, up, 50),     /* 5: on the surface, looking away */
+            make_ray(above, along, 50), /* 6: past it */
+            make_ray(above, down, 0),   /* 7: idle */
             make_ray(above, down, 10.5f),
         };
         rays[4].t_min = 12;
@@ -281,8 +289,9 @@ static void any_hit_agrees(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ball_by_closed_form),  cmocka_unit_test(every_surface_is_found), cmocka_unit_test(a_mutant_is_caught),
-        cmocka_unit_test(thin_things_are_seen), cmocka_unit_test(starts_and_ends),        cmocka_unit_test(any_hit_agrees),
+        cmocka_unit_test(ball_by_closed_form), cmocka_unit_test(every_surface_is_found),
+        cmocka_unit_test(a_mutant_is_caught),  cmocka_unit_test(thin_things_are_seen),
+        cmocka_unit_test(starts_and_ends),     cmocka_unit_test(any_hit_agrees),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
 }

@@ -1,4 +1,5 @@
-/* A hit depends on its ray and its cell alone: not on lanes, neighbours, anchors, segments, or what else the pools hold. */
+/* A hit depends on its ray and its cell alone: not on lanes, neighbours, anchors, segments, or what else the pools
+ * hold. */
 #include "tests/raycast/casting.h"
 
 static karst_context *contexts[2]; /* 16 lanes, 1 lane */
@@ -68,10 +69,10 @@ static size_t count_kind(const karst_hit *hits, size_t n, uint32_t kind)
 
 static bool same_stamps(const scene *a, const scene *b)
 {
-    karst_buffer *const x[] = {a->buffers.tile_stamp, a->buffers.brick_stamp, a->buffers.brick_fallback, a->buffers.want_brick,
-                               a->buffers.want_children, a->buffers.want_chunk};
-    karst_buffer *const y[] = {b->buffers.tile_stamp, b->buffers.brick_stamp, b->buffers.brick_fallback, b->buffers.want_brick,
-                               b->buffers.want_children, b->buffers.want_chunk};
+    karst_buffer *const x[] = {a->buffers.tile_stamp, a->buffers.brick_stamp,   a->buffers.brick_fallback,
+                               a->buffers.want_brick, a->buffers.want_children, a->buffers.want_chunk};
+    karst_buffer *const y[] = {b->buffers.tile_stamp, b->buffers.brick_stamp,   b->buffers.brick_fallback,
+                               b->buffers.want_brick, b->buffers.want_children, b->buffers.want_chunk};
     bool same = true;
     for (int i = 0; i < 6; i++) {
         uint32_t *p = read_stamps(x[i]), *q = read_stamps(y[i]);
@@ -186,7 +187,8 @@ static void pinhole_and_rays_agree(void **state)
             for (uint32_t x = 0; x < W; x++) {
                 karst_ray *ray = &rays[karst_packet_order(x, y, W, H)];
                 assert_true(ray->t_max == 0); /* a permutation */
-                float sx = fmaf((float)x + 0.5f, 2.0f / W, -1.0f) * p.half_width, sy = fmaf((float)y + 0.5f, -2.0f / H, 1.0f) * p.half_height;
+                float sx = fmaf((float)x + 0.5f, 2.0f / W, -1.0f) * p.half_width,
+                      sy = fmaf((float)y + 0.5f, -2.0f / H, 1.0f) * p.half_height;
                 float *d = ray->direction;
                 for (int a = 0; a < 3; a++)
                     d[a] = fmaf(sx, p.right[a], fmaf(sy, p.up[a], p.forward[a]));
@@ -199,7 +201,8 @@ static void pinhole_and_rays_agree(void **state)
         karst_hit *picture = cast_picture(&s, caster, &view, &p), *hits = cast(&s, caster, &view, rays, W * H, false);
         for (uint32_t y = 0; y < H; y++)
             for (uint32_t x = 0; x < W; x++)
-                assert_true(same_hits(&picture[y * W + x], &hits[karst_packet_order(x, y, W, H)], 1, true));
+                assert_true(same_hits(&picture[karst_packet_order(x, y, W, H)], &hits[karst_packet_order(x, y, W, H)],
+                                      1, true));
         free(rays);
         free(picture);
         free(hits);
@@ -259,7 +262,8 @@ static void localisation_is_exact(void **state)
                 if (level == top)
                     assert_int_equal(node + r[a], root[a]);
                 float in_node = view.levels[level].in_node[a];
-                long double exact = ((long double)(p.voxel[a] - (node << (KARST_BRICK_CELLS_LOG2 + level))) + p.fraction[a] * 0x1p-32L) /
+                long double exact = ((long double)(p.voxel[a] - (node << (KARST_BRICK_CELLS_LOG2 + level))) +
+                                     p.fraction[a] * 0x1p-32L) /
                                     ldexpl(1, level);
                 assert_true(in_node >= 0 && in_node < KARST_BRICK_CELLS);
                 assert_true((long double)in_node <= exact && exact - (long double)in_node <= exact * 0x1p-23L);
@@ -340,8 +344,9 @@ static void finer_data_does_not_matter(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lanes_agree_in_every_bit), cmocka_unit_test(neighbours_do_not_matter), cmocka_unit_test(pinhole_and_rays_agree),
-        cmocka_unit_test(anchors_are_exact),        cmocka_unit_test(localisation_is_exact),    cmocka_unit_test(segments_do_not_matter),
+        cmocka_unit_test(lanes_agree_in_every_bit),   cmocka_unit_test(neighbours_do_not_matter),
+        cmocka_unit_test(pinhole_and_rays_agree),     cmocka_unit_test(anchors_are_exact),
+        cmocka_unit_test(localisation_is_exact),      cmocka_unit_test(segments_do_not_matter),
         cmocka_unit_test(finer_data_does_not_matter),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);

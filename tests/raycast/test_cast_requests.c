@@ -84,7 +84,8 @@ static void settled_leaves_use_only(void **state)
             uint32_t node = node_under(&s, level);
             assert_int_equal(hit.node, node);
             left_behind n = count_all(&s, serial);
-            assert_int_equal(n.fallbacks + n.want_brick + n.want_children + count_stamps(s.buffers.want_chunk, serial), 0);
+            assert_int_equal(n.fallbacks + n.want_brick + n.want_children + count_stamps(s.buffers.want_chunk, serial),
+                             0);
             assert_int_equal(stamp_of(s.buffers.brick_stamp, s.nodes[node].brick), serial);
             /* The tiles down to this level, and none below. */
             for (uint32_t tile = node / 8, up = 0; up <= 3 - (uint32_t)level; up++) {
@@ -260,7 +261,8 @@ static void level_follows_footprint(void **state)
             uint64_t random = 8;
             uint32_t seen = 0;
             for (int i = 0; i < N; i++) {
-                double o[3] = {0}, d[3] = {next_random(&random) * 2 - 1, -0.15 - 0.1 * next_random(&random), next_random(&random) * 2 - 1};
+                double o[3] = {0}, d[3] = {next_random(&random) * 2 - 1, -0.15 - 0.1 * next_random(&random),
+                                           next_random(&random) * 2 - 1};
                 double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
                 for (int a = 0; a < 3; a++)
                     d[a] /= length;
