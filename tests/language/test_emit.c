@@ -340,12 +340,14 @@ static void test_random_graphs(void **state)
     (void)state;
     for (uint32_t i = first; i < first + count; i++) {
         karst_arena arena;
-        karst_graph graph;
+        karst_graph graph, live;
         wild_source random = {0x9e3779b97f4a7c15u * (i + 1)};
         karst_arena_init(&arena, (size_t)64 << 20, NULL, NULL);
         karst_graph_init(&graph, &arena, 1u << 16, full, NULL);
-        karst_resolved_world world = {.graph = &graph};
-        world.density = wild_graph(&graph, &random, 20 + wild_below(&random, 150));
+        karst_graph_init(&live, &arena, 1u << 16, full, NULL);
+        karst_expr root = wild_graph(&graph, &random, 20 + wild_below(&random, 150));
+        karst_graph_extract(&graph, &live, &root, 1);
+        karst_resolved_world world = {.graph = &live, .density = root};
         karst_number values[2][WILD_PARAMETERS];
         for (int k = 0; k < 2 * WILD_PARAMETERS; k++)
             values[k / WILD_PARAMETERS][k % WILD_PARAMETERS] =
