@@ -349,6 +349,19 @@ static inline void random_graph_make(random_graph *r, const random_place *place,
     set_kinds(g);
 }
 
+/* Nodes that may be computed in pairs become so at random. */
+static inline void random_graph_widen(random_graph *r)
+{
+    for (uint32_t e = 1; e < r->graph.num_nodes; e++) {
+        karst_expr_node *n = &r->graph.nodes[e];
+        bool can = (n->op >= KARST_OP_ADD && n->op <= KARST_OP_ABS) || n->op == KARST_OP_MIX ||
+                   n->op == KARST_OP_SQRT || n->op == KARST_OP_LENGTH ||
+                   (n->op == KARST_OP_SELECT && n->type == KARST_TYPE_FLOAT);
+        if (can && n->kind == KARST_KIND_FLOAT && random_chance(3))
+            n->kind = KARST_KIND_WIDE;
+    }
+}
+
 static inline void random_graph_finish(random_graph *r) { karst_arena_finish(&r->arena); }
 
 #endif

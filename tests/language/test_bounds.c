@@ -12,15 +12,17 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                                \
-    X(JUMP)                                                                                                            \
-    X(ADD)                                                                                                             \
-    X(NEGATE)                                                                                                          \
-    X(MULTIPLY)                                                                                                        \
-    X(SQUARE) X(SCALE) X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT)   \
-        X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) \
-            X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY)      \
-                X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
+#define BOUNDS_RULES(X)                                                                                              \
+    X(JUMP)                                                                                                          \
+    X(ADD)                                                                                                           \
+    X(NEGATE)                                                                                                        \
+    X(MULTIPLY)                                                                                                      \
+    X(SQUARE)                                                                                                        \
+    X(SCALE)                                                                                                         \
+    X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT)    \
+        X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE)    \
+            X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) \
+                X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -83,7 +85,13 @@ static real cells_part(const affine_position *at, const karst_cells *cells, int 
     return (real)units / (real)whole;
 }
 
-static real mod_real(real a, real b) { return b == 0 ? 0 : a - b * floorl(a / b); }
+static real mod_real(real a, real b)
+{
+    if (b == 0)
+        return 0;
+    real rest = fmodl(a, b); /* exact */
+    return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
+}
 static real clamp_real(real a, real lo, real hi) { return a < lo ? lo : a > hi ? hi : a; }
 
 static real real_op(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
@@ -148,7 +156,12 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
     case TAPE_SELECT:
         return condition ? b : c;
     case TAPE_NOISE: { /* floats know it to NOISE_VALUE_ERROR, which bounds allow for */
-        wide offset[3] = {wide_from((float)a), wide_from((float)b), wide_from((float)c)};
+        wide offset[3];
+        for (int k = 0; k < 3; k++) {
+            offset[k].hi = (float)x[k];
+            offset[k].lo =
+                i->arg[k] != TAPE_NOTHING && (i->arg[k] & TAPE_PAIR) ? (float)(x[k] - (real)offset[k].hi) : 0.0f;
+        }
         return (real)tape_noise(tape, i, at, level, offset);
     }
     default:
@@ -168,9 +181,10 @@ static void run_real(const tape_program *tape, const karst_instruction *i, const
         real x[4];
         for (int k = 0; k < 4; k++) {
             uint operand = i->arg[k];
-            x[k] = operand == TAPE_NOTHING  ? 0
-                   : tape_is_known(operand) ? (real)k_as_float((uint)tape_known(tape, operand))
-                                            : slots[operand].value[pass];
+            x[k] = operand == TAPE_NOTHING ? 0
+                   : tape_is_known(operand)
+                       ? (real)k_as_float((uint)tape_known(tape, operand)) + (real)tape_known_rest(tape, operand)
+                       : slots[operand & TAPE_INDEX].value[pass];
         }
         result.value[pass] = i->op != TAPE_NOISE && i->type == TAPE_BOOL_TYPE
                                  ? (real)(tape_load(tape, i->slot) != 0)
@@ -240,6 +254,8 @@ static void subject_make(subject *s, uint64_t seed)
     s->place = random_place_make();
     uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
     random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), KARST_TAPE_MAX_OUTPUTS);
+    if (random_chance(3))
+        random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
     karst_resolved_world world = {
         .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
@@ -328,6 +344,14 @@ static bool check_discrete(const karst_instruction *i, const op_bound *b, int va
 /* Floats hold noise to an error that bounds allow for, but pairs do not: so no pairs from there on. */
 static bool has_noise(const subject *s) { return s->graph.with_noise; }
 
+static bool gives_pair(const karst_instruction *i) { return (i->flags & TAPE_IS_WIDE) && !tape_narrows(i->op); }
+
+static real pair_base(const subject *s, uint32_t slot)
+{
+    const int *base = s->bound_slots + slot * TAPE_BOUND_ELEMENTS + 12;
+    return (real)k_as_float((uint)base[0]) + (real)k_as_float((uint)base[1]);
+}
+
 /* false: something escaped. *num_checked counts nodes whose bounds said anything. */
 static bool subject_holds(subject *s, violation *v, long *num_checked)
 {
@@ -338,7 +362,7 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
         one.code += n;
         one.num_instructions = 1;
         unknown |= tape_bounds(&one, &s->box, NULL);
-        op_bound b = tape_load_bound(&one, i->slot);
+        op_bound b = tape_slot_bound(&one, i->slot); /* of a pair: what differs from its base */
         if (unknown)
             return true;
         bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
@@ -348,8 +372,13 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
             tape_values(&one, &s->sample[k], NULL, s->level);
             run_real(&one, i, &s->sample[k], s->level, s->real_slots[k]);
             int bits = tape_load(&one, i->slot);
-            bool good = is_float ? check_value(&b, s->delta[k], (real)k_as_float((uint)bits), v) &&
-                                       check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0], v)
+            real value = (real)k_as_float((uint)bits), base = 0;
+            if (gives_pair(i)) {
+                value += (real)k_as_float((uint)tape_element(&one, i->slot * TAPE_VALUE_ELEMENTS + 1));
+                base = pair_base(s, i->slot);
+            }
+            bool good = is_float ? check_value(&b, s->delta[k], value - base, v) &&
+                                       check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0] - base, v)
                                  : check_discrete(i, &b, bits, v);
             int other = (int)random_below(NUM_SAMPLES);
             if (good && is_float && !has_noise(s) && other < k)
@@ -418,6 +447,53 @@ static void test_bounds_of_random_graphs_hold(void **state)
     assert_true(num_checked > 8 * count); /* most graphs are bounded for a good while */
 }
 
+/* A planet's surface under a node of centimetres: bounds are as wide as the surface's slope makes them, not as floats
+ * of 6.4e6 are. */
+static void test_pairs_are_bounded_to_a_part_of_a_voxel(void **state)
+{
+    (void)state;
+    karst_arena arena;
+    karst_graph g;
+    karst_arena_init(&arena, 1 << 24, NULL, NULL);
+    karst_graph_init(&g, &arena, 1000, graph_is_full, NULL);
+    karst_expr p[3];
+    for (int i = 0; i < 3; i++) {
+        karst_affine affine = {.offset = karst_graph_float(&g, 0)};
+        affine.coefficient[i] = karst_graph_float(&g, 1);
+        p[i] = karst_graph_affine(&g, affine);
+    }
+    karst_expr length = karst_expr_length(&g, p, 3);
+    karst_expr root = karst_expr_2(&g, KARST_OP_SUBTRACT, length, karst_graph_float(&g, 6371000));
+    g.nodes[length].kind = g.nodes[root].kind = KARST_KIND_WIDE;
+    karst_world_layout layout;
+    karst_resolved_world world = {.graph = &g, .density = root};
+    assert_true(karst_world_layout_init(&layout, &world));
+    uint64_t *data = calloc(layout.num_words, sizeof *data);
+    assert_true(karst_world_data_fill(&layout, NULL, 1, -6, data)); /* voxels of 1/64 m */
+    karst_tape tape;
+    karst_error error;
+    assert_true(karst_tape_build(&layout, &root, 1, &tape, &error));
+    int *slots = calloc((size_t)tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+    tape_program program = {.code = tape.code,
+                            .num_instructions = tape.num_instructions,
+                            .constants = tape.constants,
+                            .data = data,
+                            .values = (const uint *)(data + layout.values_word),
+                            .num_values = layout.num_values,
+                            .slots = slots};
+    /* at (0.6, 0, 0.8) of the radius: 9 voxels above the surface, a node of 16 voxels */
+    op_box box = {.centre = {.voxel = {244646400 + 5, 0, 326195200 + 8}}, .radius = {8, 8, 8}, .level = 0};
+    assert_int_equal(tape_bounds(&program, &box, NULL), 0);
+    op_bound b = tape_load_bound(&program, tape.output[0]);
+    double voxel = 1 / 64.0, middle = (0.6 * 5 + 0.8 * 8) * voxel, reach = 8 * (0.6 + 0.8) * voxel;
+    assert_true((double)b.v.lo <= middle - reach && (double)b.v.hi >= middle + reach);
+    assert_true((double)b.v.lo > middle - reach - 0.01 * voxel && (double)b.v.hi < middle + reach + 0.01 * voxel);
+    free(slots);
+    free(data);
+    karst_tape_finish(&tape);
+    karst_arena_finish(&arena);
+}
+
 static void test_every_rule_is_needed(void **state)
 {
     (void)state;
@@ -448,6 +524,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_of_random_graphs_hold),
+        cmocka_unit_test(test_pairs_are_bounded_to_a_part_of_a_voxel),
         cmocka_unit_test(test_every_rule_is_needed),
     };
     return cmocka_run_group_tests_name("bounds of graphs", tests, NULL, NULL);

@@ -27,19 +27,6 @@ typedef struct {
     int level;
 } subject;
 
-/* Nodes that may be computed in pairs become so at random. */
-static void widen_at_random(karst_graph *g)
-{
-    for (uint32_t e = 1; e < g->num_nodes; e++) {
-        karst_expr_node *n = &g->nodes[e];
-        bool can = (n->op >= KARST_OP_ADD && n->op <= KARST_OP_ABS) || n->op == KARST_OP_MIX ||
-                   n->op == KARST_OP_SQRT || n->op == KARST_OP_LENGTH ||
-                   (n->op == KARST_OP_SELECT && n->type == KARST_TYPE_FLOAT);
-        if (can && n->kind == KARST_KIND_FLOAT && random_chance(4))
-            n->kind = KARST_KIND_WIDE;
-    }
-}
-
 static void subject_make(subject *s, uint64_t seed, bool with_pairs)
 {
     *s = (subject){.level = 0};
@@ -48,7 +35,7 @@ static void subject_make(subject *s, uint64_t seed, bool with_pairs)
     s->place = random_place_make();
     random_graph_make(&s->graph, &s->place, 20 + random_below(120), random_chance(2), 1);
     if (with_pairs)
-        widen_at_random(&s->graph.graph);
+        random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
     s->world = (karst_resolved_world){.graph = &s->graph.graph, .density = root[0]};
     assert_true(karst_world_layout_init(&s->layout, &s->world));
