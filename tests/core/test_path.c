@@ -365,6 +365,55 @@ static void test_bad_files_are_told_what_is_wrong(void **state)
     assert_int_equal(error.status, KARST_USAGE);
 }
 
+/* Files with bytes changed, dropped and doubled: each is read or refused with a reason, and what is read can be
+ * sampled. */
+static void test_damaged_files(void **state)
+{
+    (void)state;
+    static const char good[] =
+        "{\"interpolation\": \"zoom\", \"target\": [\"1\", \"2\", \"3\"], \"world\": \"w\", \"keyframes\": ["
+        "{\"time\": 0, \"position\": [\"0\", \"1e7\", \"0\"], \"yaw\": 0, \"pitch\": -9, \"fov\": 60},"
+        "{\"time\": 1.5, \"position\": [\"0\", \"9.01\", \".5\"], \"yaw\": 359, \"pitch\": 9, \"turns\": 1}]}";
+    const char spice[] = "0123456789-+.eE,:[]{}\"\\ nul\x01\xff";
+    int num_read = 0, num_refused = 0;
+    uint32_t random = 7;
+    for (int i = 0; i < 3000; i++) {
+        char text[2 * sizeof good];
+        size_t length = sizeof good - 1;
+        memcpy(text, good, sizeof good);
+        for (int change = 0; change <= i % 3; change++) {
+            random = random * 1664525u + 1013904223u;
+            size_t at = (random >> 8) % length;
+            if (random >> 30 == 0) {
+                memmove(text + at, text + at + 1, length - at);
+                length--;
+            } else if (random >> 30 == 1) {
+                memmove(text + at + 1, text + at, length - at + 1);
+                length++;
+            } else {
+                text[at] = spice[(random >> 2) % (sizeof spice - 1)];
+            }
+        }
+        write_file(text);
+        karst_error error = {0};
+        karst_path *path = karst_path_load(file_name, VOXEL_LOG2_M, &error);
+        if (path) {
+            num_read++;
+            for (double time_s = -1; time_s < 3; time_s += 0.3) {
+                karst_camera camera = karst_path_sample(path, time_s);
+                assert_true(isfinite(camera.yaw_deg) && fabs(camera.pitch_deg) <= 90.0000001);
+                assert_true(camera.fov_deg > 0.00009 && camera.fov_deg < 179.0001);
+            }
+        } else {
+            num_refused++;
+            assert_int_equal(error.status, KARST_BAD_DATA);
+            assert_non_null(strstr(error.message, file_name));
+        }
+        karst_path_destroy(path);
+    }
+    assert_true(num_read > 100 && num_refused > 1000);
+}
+
 /* Whether a position is beyond the edge is for the world to say: with small voxels it may be. */
 static void test_checking_needs_no_world(void **state)
 {
@@ -392,6 +441,7 @@ int main(void)
         cmocka_unit_test(test_sampling_repeats),
         cmocka_unit_test(test_bad_files_are_told_what_is_wrong),
         cmocka_unit_test(test_checking_needs_no_world),
+        cmocka_unit_test(test_damaged_files),
     };
     int failures = cmocka_run_group_tests_name("path", tests, NULL, NULL);
     remove(file_name);

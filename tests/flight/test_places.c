@@ -70,9 +70,61 @@ static void test_cameras_far_from_the_origin(void **state)
     }
 }
 
+/* Pixels that show sky though all of their neighbours show ground nearby. */
+static int count_pinholes(const float *depth_m)
+{
+    int num = 0;
+    for (int y = 1; y < FLIGHT_HEIGHT - 1; y++)
+        for (int x = 1; x < FLIGHT_WIDTH - 1; x++) {
+            int num_ground = 0;
+            for (int dy = -1; dy <= 1; dy++)
+                for (int dx = -1; dx <= 1; dx++)
+                    num_ground += isfinite(depth_m[(y + dy) * FLIGHT_WIDTH + x + dx]) != 0;
+            num += num_ground == 8 && !isfinite(depth_m[y * FLIGHT_WIDTH + x]);
+        }
+    return num;
+}
+
+/* From 10^7 m to a pebble: every settled picture is whole. Where the camera looks down there is ground in all of it,
+ * and near the target it is where the target is. */
+static void test_the_dive_has_no_holes(void **state)
+{
+    (void)state;
+    static flight_picture picture;
+    karst_engine_config config = flight_config("hills");
+    config.view_distance_m = 3e7;
+    karst_engine *engine = flight_engine(&config);
+    karst_error error = {0};
+    karst_path *path = karst_path_load("demos/paths/dive.json", karst_engine_voxel_log2_m(engine), &error);
+    if (!path)
+        fail_msg("%s", error.message);
+    karst_position last = karst_path_sample(path, karst_path_end_s(path)).position;
+    for (double time_s = 0; time_s <= karst_path_end_s(path); time_s += 0.75) {
+        karst_camera camera = karst_path_sample(path, time_s);
+        flight_settle(engine, &camera, &picture);
+        assert_int_equal(picture.stats.num_provisional, 0);
+        assert_int_equal(picture.stats.num_incomplete, 0);
+        assert_int_equal(count_pinholes(picture.depth_m), 0);
+        if (camera.pitch_deg < -70)
+            assert_int_equal(picture.stats.num_hits, FLIGHT_PIXELS);
+        /* The middle of the picture is the target, but for what rises around it: hills when it is far, a bump when it
+         * is near. */
+        double away_m[3];
+        karst_position_difference_m(camera.position, last, karst_engine_voxel_log2_m(engine), away_m);
+        double distance_m = sqrt(away_m[0] * away_m[0] + away_m[1] * away_m[1] + away_m[2] * away_m[2]);
+        double depth_m = picture.depth_m[FLIGHT_HEIGHT / 2 * FLIGHT_WIDTH + FLIGHT_WIDTH / 2];
+        if (fabs(depth_m - distance_m) > 0.05 * distance_m + fmin(700, 0.2 * distance_m) + 0.5)
+            fail_msg("after %g s, %g m from the target, the middle of the picture is %g m away", time_s, distance_m,
+                     depth_m);
+    }
+    karst_path_destroy(path);
+    karst_engine_destroy(engine);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_the_dive_has_no_holes),
         cmocka_unit_test(test_view_distance_changes_nothing_nearby),
         cmocka_unit_test(test_cameras_far_from_the_origin),
     };
