@@ -10,21 +10,40 @@ struct karst_shader {
     karst_program *program;
     cl_kernel shadow_rays; /* NULL without shadows */
     cl_kernel pixels;
+    cl_mem data; /* of the world's colours; NULL: it has none */
+    karst_shade_anchor anchor;
 };
 
 karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
                                   karst_error *error)
+{
+    return karst_shader_create_coloured(context, cache, shadows, NULL, error);
+}
+
+void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        shader->anchor.voxel[axis] = anchor->voxel[axis];
+        shader->anchor.fraction[axis] = anchor->fraction[axis];
+    }
+}
+
+karst_shader *karst_shader_create_coloured(karst_context *context, const karst_cache_buffers *cache, bool shadows,
+                                           const karst_shade_colour *colour, karst_error *error)
 {
     karst_shader *shader = calloc(1, sizeof(*shader));
     if (!shader) {
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    char options[64];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u", cache->num_segments);
+    char options[512];
+    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s%s", cache->num_segments, colour ? " -DSHADE_WORLD_COLOUR " : "",
+             colour ? colour->options : "");
+    const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
     shader->cache = *cache;
-    shader->program = karst_program_build(context, "raycast/shade.cl", options, NULL, 0, error);
+    shader->data = colour && colour->data ? colour->data->mem : NULL;
+    shader->program = karst_program_build(context, "raycast/shade.cl", options, &world, 1, error);
     if (shader->program) {
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
         shader->shadow_rays = shadows ? karst_program_kernel(shader->program, "shade_shadow_rays", error) : NULL;
@@ -95,6 +114,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
            KARST_ARGUMENTS(shader->pixels, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole),
                            KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(second),
                            KARST_VALUE_ARG(has_shadows), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
-                           KARST_BUFFER_ARG(counters)) &&
+                           KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor),
+                           KARST_VALUE_ARG(shader->data)) &&
            launch(shader, shader->pixels, pinhole, error);
 }

@@ -2,6 +2,8 @@
 #include "raycast/shade_shared.h"
 #include "raycast/surface.clh"
 #include "raycast/tone.clh"
+/* The world's own colours: empty if it has none. */
+#include "world.clh"
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
 #define SUN_CONE 0.0093f
@@ -63,10 +65,49 @@ RAY_INLINE colour sky_colour(const karst_light *light, const vector3 *direction,
     return add_colour(sky, uniform_colour(light->sun_colour), 12.0f * disc);
 }
 
-RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s, vfloat lit)
+#ifdef SHADE_WORLD_COLOUR
+/* Adds a float to an exact coordinate. */
+RAY_INLINE void exact_place(world_point_at *place, int axis, const karst_shade_anchor *anchor, vfloat offset)
 {
-    colour albedo = mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat),
-                               smooth(0.55f, 0.85f, s->normal.y));
+    vfloat whole = k_floor(offset);
+    vfloat part = lane_min(offset - whole, (vfloat)(0x1.fffffep-1f));
+    vlong fraction = v_float_to_long(part * (vfloat)(0x1p32f)) + (vlong)((long)anchor->fraction[axis]);
+    place->voxel[axis] = (vlong)(anchor->voxel[axis]) + v_float_to_long(whole) + (fraction >> 32);
+    place->fraction[axis] = v_ulong_to_uint(v_long_to_ulong(fraction));
+}
+
+/* The world's colour at the hits, level by level: at most a few in one packet. */
+RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor, const surface_hits *s,
+                               const vector3 *direction, vint hit)
+{
+    world_point_at place;
+    colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+    vfloat t = v_select(hit, s->t, (vfloat)(0.0f));
+    exact_place(&place, 0, anchor, direction->x * t);
+    exact_place(&place, 1, anchor, direction->y * t);
+    exact_place(&place, 2, anchor, direction->z * t);
+    for (vint left = hit; v_any(left);) {
+        int level = (int)v_min_across(v_select(left, v_to_float(s->level), (vfloat)(1000.0f)));
+        vint mine = left & v_eq(s->level, (vint)(level));
+        vfloat red, green, blue;
+        world_colour(data, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
+        albedo.r = v_select(mine, lane_unit(red), albedo.r);
+        albedo.g = v_select(mine, lane_unit(green), albedo.g);
+        albedo.b = v_select(mine, lane_unit(blue), albedo.b);
+        left &= ~mine;
+    }
+    return albedo;
+}
+#endif
+
+RAY_INLINE colour plain_albedo(const karst_light *light, const surface_hits *s)
+{
+    return mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat),
+                      smooth(0.55f, 0.85f, s->normal.y));
+}
+
+RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s, colour albedo, vfloat lit)
+{
     colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith),
            horizon = uniform_colour(light->sky_horizon);
     /* Above, the sky; below, what the ground throws back of both. */
@@ -167,7 +208,7 @@ __kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, 
 __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
                                   int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
-                                  K_GLOBAL uint *counters)
+                                  K_GLOBAL uint *counters, karst_shade_anchor anchor, K_GLOBAL const ulong *data)
 {
     const brick_pool bricks = BRICK_FIELDS;
     __local uint counts[3];
@@ -192,7 +233,12 @@ __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst
                                0xff;
                 lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
             }
-            colour ground = ground_colour(&light, &s, lit);
+#ifdef SHADE_WORLD_COLOUR
+            colour albedo = world_albedo(data, &anchor, &s, &direction, hit);
+#else
+            colour albedo = plain_albedo(&light, &s);
+#endif
+            colour ground = ground_colour(&light, &s, albedo, lit);
             /* Haze takes the sky's colour at the horizon in this direction, so that far hills fade into it. */
             colour haze = add_colour(uniform_colour(light.sky_horizon), uniform_colour(light.sun_colour),
                                      0.5f * sun_glow(to_sun));

@@ -7,10 +7,26 @@
 
 typedef struct karst_shader karst_shader;
 
+/* A world's own colours. */
+typedef struct {
+    const char *source;       /* text in the lane dialect that defines, with LANES lanes,
+                               *     void world_colour(world_data data, const world_point_at *place, int level, vfloat nx,
+                               *                       vfloat ny, vfloat nz, vfloat *red, vfloat *green, vfloat *blue);
+                               * the albedo (linear RGB) at exact places, band-limited to voxels of a level; the types are
+                               * those of       producers/density.clh. Borrowed during creation */
+    const char *options;      /* build options for it */
+    const karst_buffer *data; /* borrowed for the shader's life */
+} karst_shade_colour;
+
 /* Builds the shading kernels; the one for shadow rays only if `shadows`. The buffers stay the cache's. Errors:
  * KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
                                   karst_error *error);
+/* The same for a world with colours of its own: the light's ground colours then only matter for what the ground throws
+ * back. Whoever uses it sets the anchor of each view (karst_shader_set_anchor) before it shades. */
+karst_shader *karst_shader_create_coloured(karst_context *context, const karst_cache_buffers *cache, bool shadows,
+                                           const karst_shade_colour *colour, karst_error *error);
+void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Writes a shadow ray for each hit (idle ones for misses) towards the sun, in packet order (karst_packet_order): the
