@@ -11,7 +11,7 @@ mkdir -p "$logs" || exit 1
 export CMOCKA_MESSAGE_OUTPUT=TAP
 if [ "${CONFIG:-release}" = asan ]; then
     # What the drivers leak is theirs. Tests that take minutes here do less when told to.
-    export LSAN_OPTIONS="suppressions=tests/lsan.supp:print_suppressions=0"
+    export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
     export ASAN_OPTIONS="abort_on_error=0:detect_stack_use_after_return=0"
     export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1"
     export KARST_TEST_QUICK=1
