@@ -1,5 +1,7 @@
 #include "producers/language/kinds.h"
 
+#include <math.h>
+
 /* What a node of the canonical graph is, before anything is built. */
 typedef enum { FORM_UNIFORM, FORM_AFFINE, FORM_SHIFTED, FORM_FLOAT } form_class;
 
@@ -40,10 +42,21 @@ static form_class class_of_product(form_class a, form_class b)
     return a == FORM_UNIFORM ? b : b == FORM_UNIFORM ? a : FORM_FLOAT;
 }
 
+/* A uniform factor that keeps a form exact: constants that are not finite, and divisions by zero, are left to floats.
+ */
+static form_class class_of_factor(const resolver *r, karst_expr e, bool divides)
+{
+    const karst_number *n = karst_graph_constant(r->from, e);
+    if (n && (!isfinite(n->value) || (divides && n->value == 0)))
+        return FORM_FLOAT;
+    return r->class[e];
+}
+
 static form_class classify(const resolver *r, karst_expr e)
 {
     const karst_expr_node *n = &r->from->nodes[e];
-    form_class a = r->class[n->arg[0]], b = r->class[n->arg[1]], c = r->class[n->arg[2]];
+    form_class a = class_of_factor(r, n->arg[0], false), b = class_of_factor(r, n->arg[1], n->op == KARST_OP_DIVIDE);
+    form_class c = class_of_factor(r, n->arg[2], false);
     if (n->op == KARST_OP_NOISE)
         return FORM_FLOAT; /* even of a constant: the host has no value for it */
     if (karst_graph_is_uniform(r->from, e)) {
@@ -178,8 +191,8 @@ static form form_of(resolver *r, karst_expr e)
 
 static form form_product(resolver *r, karst_expr a, karst_expr b)
 {
-    bool first = r->class[a] == FORM_UNIFORM;
-    if (!first && r->class[b] != FORM_UNIFORM)
+    bool first = class_of_factor(r, a, false) == FORM_UNIFORM;
+    if (!first && class_of_factor(r, b, false) != FORM_UNIFORM)
         return (form){.shift = karst_expr_2(r->to, KARST_OP_MULTIPLY, r->value[a], r->value[b])};
     return form_scaled(r, KARST_OP_MULTIPLY, form_of(r, first ? b : a), r->value[first ? a : b]);
 }

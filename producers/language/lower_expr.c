@@ -354,6 +354,14 @@ static karst_value lower_unary(karst_lower_state *s, const karst_ast_expr *e)
     return r;
 }
 
+/* A copy that closing the branch does not take back: the result of a call is a variable of the branch. */
+static karst_value keep_value(karst_lower_state *s, karst_value value, uint32_t where)
+{
+    karst_value copy = karst_value_new(s, value.type, where);
+    memcpy(copy.e, value.e, value.type->num_scalars * sizeof *copy.e);
+    return copy;
+}
+
 static karst_value lower_choice(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_expr condition = karst_lower_condition(s, e->a, "the condition before '?'");
@@ -361,11 +369,11 @@ static karst_value lower_choice(karst_lower_state *s, const karst_ast_expr *e)
     if (known)
         return karst_lower_expression(s, known->numerator ? e->b : e->c);
     karst_branch yes = karst_branch_open(s);
-    karst_value a = karst_lower_expression(s, e->b);
+    karst_value a = keep_value(s, karst_lower_expression(s, e->b), e->where);
     karst_branch_close(s, yes);
     size_t middle = s->num_changes;
     karst_branch no = karst_branch_open(s);
-    karst_value b = karst_lower_expression(s, e->c);
+    karst_value b = keep_value(s, karst_lower_expression(s, e->c), e->where);
     no.top = yes.top; /* what the first side left on the stack is no variable */
     karst_branch_close(s, no);
     karst_branch_merge(s, condition, yes.changes, middle);
