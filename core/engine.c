@@ -194,11 +194,23 @@ static bool open_world(karst_engine *engine, const karst_engine_config *config, 
         given[i] = (karst_parameter_value){config->parameters[i].name, config->parameters[i].value};
     char *diagnostics = NULL;
     engine->world_file = karst_world_file_open(config->world, given, config->num_parameters, &diagnostics, error);
-    log_lines(engine->log, engine->world_file ? KARST_LOG_WARNING : KARST_LOG_ERROR, diagnostics);
+    log_lines(engine->log, KARST_LOG_WARNING, diagnostics);
     free(diagnostics);
     free(given);
     engine->world = engine->world_file ? &engine->world_file->info : NULL;
     return engine->world != NULL;
+}
+
+/* After the producer, whose data a world's colours read. */
+static karst_shader *create_shader(karst_engine *engine, karst_error *error)
+{
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    if (!engine->world_file || !engine->world_file->code.colour_source)
+        return karst_shader_create(engine->context, buffers, engine->shadows, error);
+    karst_shade_colour colour = {.source = engine->world_file->code.colour_source,
+                                 .options = "-DWORLD_HAS_DATA",
+                                 .data = engine->producer->data[0]};
+    return karst_shader_create_coloured(engine->context, buffers, engine->shadows, &colour, error);
 }
 
 static karst_producer *create_producer(karst_engine *engine, uint32_t seed, karst_error *error)
@@ -274,8 +286,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->counters = karst_buffer_create(engine->context, "counters", NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     engine->producer = create_producer(engine, config->has_seed ? config->seed : engine->world->seed, error);
     engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
-    engine->shader =
-        karst_shader_create(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows, error);
+    if (engine->producer)
+        engine->shader = create_shader(engine, error);
     if (!engine->counters || !engine->producer || !engine->caster || !engine->shader)
         goto failed;
     return engine;
@@ -446,6 +458,7 @@ static bool draw(karst_engine *engine, karst_error *error)
     view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
     karst_pinhole pinhole = make_pinhole(engine);
     karst_light light = make_light(engine);
+    karst_shader_set_anchor(engine->shader, &engine->camera.position);
     uint32_t num_pixels = (uint32_t)engine->width_px * (uint32_t)engine->height_px;
 
     if (!karst_cast_pinhole(engine->caster, &view, &pinhole, engine->hits, error))

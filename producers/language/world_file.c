@@ -1,4 +1,5 @@
 #include "producers/language/world_file.h"
+#include "producers/language/oracle.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -69,6 +70,41 @@ static void set_colours(float to[3], const double from[3])
         to[i] = (float)from[i];
 }
 
+static karst_number *parameter_values(const karst_world_file *file)
+{
+    karst_number *values = calloc(file->program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; values && i < file->program->num_parameters; i++)
+        values[i] = file->program->parameters[i].value;
+    return values;
+}
+
+/* Where to stand if the header does not say: a few steps in front of the origin, as is the custom for distance
+ * functions; or, where that is in solid, above it: at the lowest of heights that double from which the way further up
+ * is free. */
+static void choose_camera(karst_world_file *file)
+{
+    const karst_world_header *header = &file->program->header;
+    karst_number *values = parameter_values(file);
+    karst_oracle *oracle =
+        values ? karst_oracle_create(&file->program->world, values, header->seed, header->voxel_log2_m, NULL) : NULL;
+    snprintf(file->camera, sizeof file->camera, "0,1,-4,0,-10,60");
+    for (int doublings = 0; oracle && doublings < 20; doublings++) {
+        double height_m = doublings ? (double)(1u << doublings) : 1;
+        bool is_free = true;
+        for (int step = 0; step < (doublings ? 4 : 1) && is_free; step++) {
+            double offset_m[3] = {0, height_m * (1 + 0.5 * step), -4};
+            karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, header->voxel_log2_m);
+            is_free = karst_oracle_density(oracle, &at, -1).precise < 0;
+        }
+        if (is_free && doublings)
+            snprintf(file->camera, sizeof file->camera, "0,%.0f,-4,30,-14,60", 1.25 * height_m);
+        if (is_free)
+            break;
+    }
+    karst_oracle_destroy(oracle);
+    free(values);
+}
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -84,7 +120,7 @@ static void set_info(karst_world_file *file)
         snprintf(file->camera, sizeof file->camera, "%.60s,%.60s,%.60s,%s,%s,%s", header->camera_position[0],
                  header->camera_position[1], header->camera_position[2], yaw, pitch, fov);
     else
-        snprintf(file->camera, sizeof file->camera, "0,1,-4,0,-10,60");
+        choose_camera(file);
     file->info = (karst_world_info){
         .name = *header->name ? header->name : file->program->name,
         .description = header->description,
@@ -94,8 +130,8 @@ static void set_info(karst_world_file *file)
         .camera = file->camera,
         .sun_azimuth_deg = header->has_sun ? header->sun_azimuth_deg : 135,
         .sun_elevation_deg = header->has_sun ? header->sun_elevation_deg : 40,
-        .sky_zenith = {0.10f, 0.24f, 0.55f},
-        .sky_horizon = {0.58f, 0.70f, 0.82f},
+        .sky_zenith = {0.05f, 0.13f, 0.36f},
+        .sky_horizon = {0.36f, 0.46f, 0.58f},
         .ground_flat = {0.24f, 0.22f, 0.18f},
         .ground_steep = {0.22f, 0.20f, 0.18f},
         .haze_distance_m = 0.6 * view_distance_m,
@@ -193,9 +229,7 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
                    file->tape.num_slots, MAX_SLOTS);
         return NULL;
     }
-    karst_number *values = calloc(file->program->num_parameters + 1, sizeof *values);
-    for (uint32_t i = 0; values && i < file->program->num_parameters; i++)
-        values[i] = file->program->parameters[i].value;
+    karst_number *values = parameter_values(file);
     void *data = values ? make_data(file, values, seed, error) : NULL;
     snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%u", slots_option(file->tape.num_slots));
     karst_density_program program = {.name = file->info.name,
