@@ -102,4 +102,14 @@ static inline karst_camera flight_camera(const karst_engine *engine, const char 
     return camera;
 }
 
+/* A path that comes with Karst; for karst_path_destroy. */
+static inline karst_path *flight_path(const karst_engine *engine, const char *file)
+{
+    karst_error error = {0};
+    karst_path *path = karst_path_load(file, karst_engine_voxel_log2_m(engine), &error);
+    if (!path)
+        fail_msg("%s", error.message);
+    return path;
+}
+
 #endif

@@ -153,10 +153,7 @@ static void test_far_to_near_with_little_more_than_needed(void **state)
     karst_engine_config config = flight_config("hills");
     config.pool_bytes = (uint64_t)512 << 20;
     karst_engine *engine = flight_engine(&config);
-    karst_error error = {0};
-    karst_path *path = karst_path_load("demos/paths/dive.json", karst_engine_voxel_log2_m(engine), &error);
-    if (!path)
-        fail_msg("%s", error.message);
+    karst_path *path = flight_path(engine, "demos/paths/dive.json");
     const double start_s = 11, end_s = 21.5; /* 17,800 m to 42 m */
     karst_camera last = karst_path_sample(path, end_s);
     last.pitch_deg = -20; /* up from the ground below to the far side of the valley: all levels at once */
@@ -189,6 +186,40 @@ static void test_far_to_near_with_little_more_than_needed(void **state)
         karst_engine_destroy(engine);
     }
     karst_path_destroy(path);
+}
+
+/* After a teleport the picture is there at once, coarse, and most of it in full within 15 frames: counted in bricks, so
+ * that no clock has a say. The whole screen comes first: no pixel waits as a hole while others are refined. */
+static void test_settling_after_a_jump(void **state)
+{
+    (void)state;
+    karst_engine_config config = flight_config("hills");
+    config.budget_bricks = 64;
+    karst_engine *engine = flight_engine(&config);
+    karst_path *path = flight_path(engine, "demos/paths/jump.json");
+    for (int place = 0; place < 5; place++) {
+        int whole_at = 0, full_at = 0;
+        karst_camera camera = karst_path_sample(path, 3 * place);
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        for (int frame = 1; frame <= 40; frame++) {
+            karst_stats stats;
+            assert_ok(karst_engine_frame(engine, &error));
+            karst_engine_stats(engine, &stats);
+            bool full = stats.num_hits > 0 && stats.num_provisional * 10 <= stats.num_hits;
+            if (!whole_at && stats.num_incomplete == 0)
+                whole_at = frame;
+            /* Once whole, it stays so. */
+            assert_true(!whole_at || stats.num_incomplete == 0);
+            if (!full_at && full && whole_at)
+                full_at = frame;
+        }
+        print_message("place %d: no holes from frame %d on, nine tenths at their level from frame %d on\n", place,
+                      whole_at, full_at);
+        assert_true(whole_at > 0 && whole_at <= 4);
+        assert_true(full_at > 0 && full_at <= 15);
+    }
+    karst_path_destroy(path);
+    karst_engine_destroy(engine);
 }
 
 /* Two engines fly the same way, one with counters that wrap around on it: they do the same, frame by frame, and both
@@ -281,6 +312,7 @@ int main(void)
         cmocka_unit_test(test_straight_on_for_a_million_kilometres),
         cmocka_unit_test(test_random_walk_with_jumps),
         cmocka_unit_test(test_far_to_near_with_little_more_than_needed),
+        cmocka_unit_test(test_settling_after_a_jump),
         cmocka_unit_test(test_counters_may_wrap_around),
         cmocka_unit_test(test_calm_through_the_wrap),
     };

@@ -94,10 +94,7 @@ static void test_the_dive_has_no_holes(void **state)
     karst_engine_config config = flight_config("hills");
     config.view_distance_m = 3e7;
     karst_engine *engine = flight_engine(&config);
-    karst_error error = {0};
-    karst_path *path = karst_path_load("demos/paths/dive.json", karst_engine_voxel_log2_m(engine), &error);
-    if (!path)
-        fail_msg("%s", error.message);
+    karst_path *path = flight_path(engine, "demos/paths/dive.json");
     karst_position last = karst_path_sample(path, karst_path_end_s(path)).position;
     for (double time_s = 0; time_s <= karst_path_end_s(path); time_s += 0.75) {
         karst_camera camera = karst_path_sample(path, time_s);
