@@ -78,28 +78,34 @@ static karst_number *parameter_values(const karst_world_file *file)
     return values;
 }
 
+static double density_at_height(const karst_world_file *file, karst_oracle *oracle, double height_m)
+{
+    int voxel_log2_m = file->program->header.voxel_log2_m;
+    double offset_m[3] = {0, height_m, -4};
+    karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, voxel_log2_m);
+    return karst_oracle_density(oracle, &at, -1).precise;
+}
+
 /* Where to stand if the header does not say: a few steps in front of the origin, as is the custom for distance
- * functions; or, where that is in solid, above it: at the lowest of heights that double from which the way further up
- * is free. */
-static void choose_camera(karst_world_file *file)
+ * functions; over land (solid far below, air far above), at the lowest of heights that double from which the way up is
+ * free, but not so low that the next rise hides everything. */
+static void choose_camera(karst_world_file *file, double view_distance_m)
 {
     const karst_world_header *header = &file->program->header;
+    snprintf(file->camera, sizeof file->camera, "0,1,-4,0,-10,60");
     karst_number *values = parameter_values(file);
     karst_oracle *oracle =
         values ? karst_oracle_create(&file->program->world, values, header->seed, header->voxel_log2_m, NULL) : NULL;
-    snprintf(file->camera, sizeof file->camera, "0,1,-4,0,-10,60");
-    for (int doublings = 0; oracle && doublings < 20; doublings++) {
-        double height_m = doublings ? (double)(1u << doublings) : 1;
+    bool is_land = oracle && density_at_height(file, oracle, -view_distance_m) > 0 &&
+                   density_at_height(file, oracle, view_distance_m) < 0;
+    for (double height_m = view_distance_m / 64; is_land && height_m < view_distance_m; height_m *= 2) {
         bool is_free = true;
-        for (int step = 0; step < (doublings ? 4 : 1) && is_free; step++) {
-            double offset_m[3] = {0, height_m * (1 + 0.5 * step), -4};
-            karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, header->voxel_log2_m);
-            is_free = karst_oracle_density(oracle, &at, -1).precise < 0;
-        }
-        if (is_free && doublings)
-            snprintf(file->camera, sizeof file->camera, "0,%.0f,-4,30,-14,60", 1.25 * height_m);
-        if (is_free)
-            break;
+        for (int step = 0; step < 8 && is_free; step++)
+            is_free = density_at_height(file, oracle, height_m * (1 + 0.25 * step)) < 0;
+        if (!is_free)
+            continue;
+        snprintf(file->camera, sizeof file->camera, "0,%.0f,-4,30,-14,60", 1.25 * height_m);
+        break;
     }
     karst_oracle_destroy(oracle);
     free(values);
@@ -120,7 +126,7 @@ static void set_info(karst_world_file *file)
         snprintf(file->camera, sizeof file->camera, "%.60s,%.60s,%.60s,%s,%s,%s", header->camera_position[0],
                  header->camera_position[1], header->camera_position[2], yaw, pitch, fov);
     else
-        choose_camera(file);
+        choose_camera(file, view_distance_m);
     file->info = (karst_world_info){
         .name = *header->name ? header->name : file->program->name,
         .description = header->description,
