@@ -130,6 +130,46 @@ static void test_values_in_pairs_are_the_oracles(void **state)
     compare_with_oracle(5001, 1000, true);
 }
 
+/* What the oracle knows in doubles, noise included, lies in the bounds of the box around it: but for the numbers of the
+ * world, which are floats to bounds. */
+static void test_the_oracles_doubles_lie_within_bounds(void **state)
+{
+    (void)state;
+    int num_known = 0;
+    for (uint64_t seed = 1; seed <= 2000; seed++) {
+        subject s;
+        karst_error error;
+        subject_make(&s, 20000 + seed, seed % 3 == 0);
+        karst_oracle *oracle =
+            karst_oracle_create(&s.world, s.graph.parameters, WORLD_SEED, s.place.voxel_log2_m, &error);
+        assert_non_null(oracle);
+        int *slots = calloc((size_t)s.tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+        tape_program program = program_of(&s, slots);
+        op_box box = {.level = s.level};
+        for (int axis = 0; axis < 3; axis++) {
+            box.centre.voxel[axis] = s.place.voxel[axis];
+            box.centre.fraction[axis] = s.place.fraction[axis];
+            box.radius[axis] = s.place.radius[axis];
+        }
+        if (!tape_bounds(&program, &box, NULL)) {
+            num_known++;
+            op_bound b = tape_load_bound(&program, s.tape.output[0]);
+            for (int k = 0; k < NUM_POINTS; k++) {
+                karst_position p = random_point(&s.place);
+                double precise = karst_oracle_density(oracle, &p, s.level).precise;
+                double rounding = fabs(precise) * 0x1p-24;
+                if (!(precise + rounding >= (double)b.v.lo && precise - rounding <= (double)b.v.hi))
+                    fail_msg("graph %lu, point %d: %.12g is not in [%.12g, %.12g]", (unsigned long)(20000 + seed), k,
+                             precise, (double)b.v.lo, (double)b.v.hi);
+            }
+        }
+        free(slots);
+        karst_oracle_destroy(oracle);
+        subject_finish(&s);
+    }
+    assert_true(num_known > 400);
+}
+
 /* A result may lie where a dying argument did; a slot that is still wanted stays. */
 static void test_slots_are_few_and_safe(void **state)
 {
@@ -377,6 +417,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_values_are_the_oracles),
         cmocka_unit_test(test_values_in_pairs_are_the_oracles),
+        cmocka_unit_test(test_the_oracles_doubles_lie_within_bounds),
         cmocka_unit_test(test_slots_are_few_and_safe),
         cmocka_unit_test(test_devices_agree_with_the_host),
     };
