@@ -138,8 +138,8 @@ static void set_info(karst_world_file *file)
         .sun_elevation_deg = header->has_sun ? header->sun_elevation_deg : 40,
         .sky_zenith = {0.05f, 0.13f, 0.36f},
         .sky_horizon = {0.36f, 0.46f, 0.58f},
-        .ground_flat = {0.24f, 0.22f, 0.18f},
-        .ground_steep = {0.22f, 0.20f, 0.18f},
+        .ground_flat = {0.13f, 0.12f, 0.10f},
+        .ground_steep = {0.17f, 0.15f, 0.13f},
         .haze_distance_m = 0.6 * view_distance_m,
     };
     if (header->has_sky) {
