@@ -59,8 +59,8 @@ static void advise_large_pages(void *memory, size_t size_bytes)
         madvise((void *)first, end - first, MADV_HUGEPAGE);
 }
 
-/* On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first touched, and zeroed
- * in place. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
+/* On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first touched,
+ * and zeroed in place. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
 static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed)
 {
     cl_int code = CL_SUCCESS;
@@ -100,8 +100,8 @@ static void enter(karst_buffer *buffer, karst_context *context, const char *name
     context->buffers = buffer;
 }
 
-static karst_buffer *create(karst_context *context, const char *name, size_t size_bytes, const void *initial, bool zeroed,
-                            karst_error *error)
+static karst_buffer *create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
+                            bool zeroed, karst_error *error)
 {
     if (!check_size(context, name, size_bytes, error))
         return NULL;

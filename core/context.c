@@ -281,7 +281,8 @@ static const karst_device_info *choose(const karst_device_info *devices, size_t 
         found = first_match(devices, num_devices, NAME_OF_PLATFORM, selector);
     if (!found)
         karst_fail(error, KARST_NO_DEVICE,
-                   "no OpenCL device is called \"%.64s\": choose cpu, gpu, a number or a part of a name, as `karst info` lists them; there is %s",
+                   "no OpenCL device is called \"%.64s\": choose cpu, gpu, a number or a part of a name, as `karst "
+                   "info` lists them; there is %s",
                    selector, text);
     else if (found->unusable) {
         karst_fail(error, KARST_NO_DEVICE, "device %d, %s, cannot be used: %s; there is %s", found->index, found->name,

@@ -87,9 +87,10 @@ struct karst_buffer {
  * refused with a message that names the buffer and the size. */
 karst_buffer *karst_buffer_create(karst_context *context, const char *name, size_t size_bytes, const void *initial,
                                   karst_error *error);
-/* The same with undefined contents, for pools that are written before they are read: a CPU commits a page when it is first touched, so
- * making a large pool takes no time. */
-karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
+/* The same with undefined contents, for pools that are written before they are read: a CPU commits a page when it is
+ * first touched, so making a large pool takes no time. */
+karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name, size_t size_bytes,
+                                        karst_error *error);
 /* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for
  * destroying. */
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);

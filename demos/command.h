@@ -26,11 +26,11 @@
 /* ---- command_options.c ---- */
 
 typedef enum {
-    COMMAND_FLAG,    /* bool */
-    COMMAND_TEXT,    /* const char * */
-    COMMAND_INTEGER, /* uint64_t, within [min, max] */
-    COMMAND_NUMBER,  /* double, within [min, max] */
-    COMMAND_SIZE,    /* int[2]: WIDTHxHEIGHT, each within [min, max] */
+    COMMAND_FLAG,      /* bool */
+    COMMAND_TEXT,      /* const char * */
+    COMMAND_INTEGER,   /* uint64_t, within [min, max] */
+    COMMAND_NUMBER,    /* double, within [min, max] */
+    COMMAND_SIZE,      /* int[2]: WIDTHxHEIGHT, each within [min, max] */
     COMMAND_PARAMETERS /* command_parameters: NAME=VALUE; may be given again */
 } command_option_kind;
 
@@ -113,7 +113,8 @@ size_t command_list_data(const char *kind, const char *suffix, char names[][COMM
 
 /* ---- command_world.c ---- */
 
-/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD with a suggestion. */
+/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD with a
+ * suggestion. */
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
 /* A line for each shipped world. */
 void command_print_worlds(FILE *file);

@@ -70,8 +70,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
          &o->view_distance_m, 1e-9, 1e18, NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
-        {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again", &o->parameters, 0,
-         0, NULL},
+        {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
+         &o->parameters, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
@@ -146,8 +146,9 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    return karst_display_kind_parse(o->display, display, error) && command_find_world(o->world, o->world_file, sizeof o->world_file, error) &&
-           check_flight(o, error) && (o->path || command_check_output(o->output, "-o", true, error)) &&
+    return karst_display_kind_parse(o->display, display, error) &&
+           command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
+           (o->path || command_check_output(o->output, "-o", true, error)) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
 

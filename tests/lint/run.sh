@@ -33,7 +33,9 @@ tab=$(printf '\t')
 grep -vE '(^|/)Makefile$|\.mk$' "$scratch/text" > "$scratch/untabbed"
 search untabbed "$tab" | complain tab "a tab: indent with 4 spaces"
 search text '[[:space:]]+$' | complain blanks "blanks at the end of the line"
-search written '^.{121,}' | complain length "longer than 120 columns"
+search code '^.{121,}' | complain length "longer than 120 columns"
+# A command is worse to read when it is broken up.
+search written '^.{241,}' | complain length "longer than 240 columns"
 search text '(^|[^A-Za-z0-9._-])/(work|home|root|Users)/' | complain path "a path of one machine"
 search code '(^|[^A-Za-z_])(TO''DO|FIX''ME|X''XX|HA''CK)([^A-Za-z_]|$)' |
     complain unfinished "finish it, or say in plain words why it is right"
