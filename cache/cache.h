@@ -27,8 +27,8 @@ typedef struct {
 } karst_cache_buffers;
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
-#define KARST_CACHE_TILE_BYTES 320
-#define KARST_CACHE_BRICK_BYTES (KARST_BRICK_STRIDE * 2 + 128)
+#define KARST_CACHE_TILE_BYTES 216
+#define KARST_CACHE_BRICK_BYTES (KARST_BRICK_STRIDE * 2 + 48)
 
 /* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
 #define KARST_CACHE_MAX_WORK 8192u

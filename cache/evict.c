@@ -85,18 +85,23 @@ bool karst_evict_tiles(karst_evict *evict, karst_lru *lru, uint32_t serial, uint
     bool sorted = false;
     uint32_t num = 0;
     *num_bricks_freed = 0;
+    /* What is recyclable when a pass begins goes by order of use; parents of that may be childless for the next pass. */
     while (num < need) {
-        uint32_t taken;
-        if (!karst_lru_take(lru, serial, false, need - num, evict->victims, 0, &taken, error) ||
-            (taken && !evict_tiles(evict, taken, frame, churn, brick_slots, slots + num, num_bricks_freed, error)))
+        uint32_t taken, rest = 0;
+        if (!karst_lru_take(lru, serial, false, need - num, evict->victims, 0, &taken, error))
+            return false;
+        if (num + taken < need && !sorted) {
+            sorted = true;
+            if (!karst_lru_sort(lru, serial, error) ||
+                !karst_lru_take(lru, serial, false, need - num - taken, evict->victims, taken, &rest, error))
+                return false;
+        }
+        taken += rest;
+        if (taken == 0)
+            break;
+        if (!evict_tiles(evict, taken, frame, churn, brick_slots, slots + num, num_bricks_freed, error))
             return false;
         num += taken;
-        /* Parents of what went may be childless now; only when none is left it pays to look further. */
-        if (taken == 0 && sorted)
-            break;
-        if (taken == 0 && !karst_lru_sort(lru, serial, error))
-            return false;
-        sorted = sorted || taken == 0;
     }
     *num_evicted = num;
     return true;
@@ -105,24 +110,20 @@ bool karst_evict_tiles(karst_evict *evict, karst_lru *lru, uint32_t serial, uint
 bool karst_evict_bricks(karst_evict *evict, karst_lru *lru, uint32_t serial, uint32_t frame, uint32_t need, bool may_drop_fallback,
                         karst_churn *churn, uint32_t *slots, uint32_t *num_evicted, karst_error *error)
 {
-    enum { IN_ORDER, SORTED, STAND_INS, DONE } phase = IN_ORDER;
-    uint32_t num = 0;
-    while (num < need && phase != DONE) {
-        uint32_t taken;
-        if ((phase == SORTED && !karst_lru_sort(lru, serial, error)) ||
-            !karst_lru_take(lru, serial, phase == STAND_INS, need - num, evict->victims, 0, &taken, error))
+    uint32_t num = 0, taken, num_ways = may_drop_fallback ? 3 : 2;
+    /* In the order as it stands, then all that is not in use, then stand-ins. */
+    for (uint32_t way = 0; way < num_ways && num < need; way++) {
+        if ((way == 1 && !karst_lru_sort(lru, serial, error)) ||
+            !karst_lru_take(lru, serial, way == 2, need - num, evict->victims, num, &taken, error))
             return false;
-        if (taken) {
-            uint64_t *identities = evict->host_identities;
-            if (!launch_bricks(evict, taken, error) || !karst_buffer_read(evict->victims, 0, slots + num, taken * sizeof(*slots), error) ||
-                !karst_buffer_read(evict->identities, 0, identities, taken * sizeof(*identities), error))
-                return false;
-            for (uint32_t i = 0; i < taken; i++)
-                karst_churn_evicted(churn, identities[i], frame);
-        }
         num += taken;
-        phase = phase == SORTED && !may_drop_fallback ? DONE : phase + 1;
     }
+    uint64_t *identities = evict->host_identities;
+    if (!launch_bricks(evict, num, error) || !karst_buffer_read(evict->victims, 0, slots, num * sizeof(*slots), error) ||
+        !karst_buffer_read(evict->identities, 0, identities, num * sizeof(*identities), error))
+        return false;
+    for (uint32_t i = 0; i < num; i++)
+        karst_churn_evicted(churn, identities[i], frame);
     *num_evicted = num;
     return true;
 }

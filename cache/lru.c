@@ -92,7 +92,8 @@ static bool launch_scan(karst_lru *lru, uint32_t num_counts, karst_error *error)
 static bool launch_part(karst_lru *lru, karst_lru_window window, karst_buffer *victims, karst_error *error)
 {
     return KARST_ARGUMENTS(lru->part, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->marks), KARST_BUFFER_ARG(lru->counts),
-                           KARST_BUFFER_ARG(lru->totals), KARST_VALUE_ARG(window), KARST_BUFFER_ARG(lru->spare), KARST_BUFFER_ARG(victims)) &&
+                           KARST_BUFFER_ARG(lru->totals), KARST_VALUE_ARG(window), KARST_BUFFER_ARG(lru->stamps), KARST_BUFFER_ARG(lru->spare),
+                           KARST_BUFFER_ARG(victims)) &&
            launch_chunks(lru, lru->part, window.num, error);
 }
 

@@ -88,9 +88,10 @@ __kernel __attribute__((reqd_work_group_size(KARST_SCAN_WIDTH, 1, 1))) void kars
     }
 }
 
-/* Stable partition of a window: what is taken now or passed over | what stays. */
+/* Stable partition of a window: what is taken now or passed over | what stays. What is taken is stamped: the next to get the slot uses it. */
 __kernel void karst_lru_part(__global const uint *order, __global const uint2 *marks, __global const uint2 *counts,
-                             __global const uint2 *total, karst_lru_window window, __global uint *spare, __global uint *victims)
+                             __global const uint2 *total, karst_lru_window window, __global uint *stamps, __global uint *spare,
+                             __global uint *victims)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= window.num)
@@ -103,8 +104,10 @@ __kernel void karst_lru_part(__global const uint *order, __global const uint2 *m
         uint2 word = marks[i / 32] >> (i % 32) & 1u;
         uint slot = order[window.first + i];
         bool taken = word.x && takable < window.need;
-        if (taken)
+        if (taken) {
             victims[window.victims_first + takable] = slot;
+            stamps[slot] = window.serial;
+        }
         takable += word.x;
         if (taken || word.y)
             spare[window.first + gone++] = slot;

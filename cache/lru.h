@@ -37,10 +37,9 @@ bool karst_lru_reset(karst_lru *lru, karst_error *error);
 /* Call once at the start of a round, with its serial. */
 void karst_lru_begin(karst_lru *lru, uint32_t serial);
 
-/* One pass: takes the first `need` slots in the list's order that may be recycled (in use, not stamped with `serial`, tiles without children;
- * as things are when the pass begins) and writes them to victims[victims_first...]. The root tile is never taken. drop_fallback: bricks
- * that serve only as a stand-in may be taken too; sort first. *num_taken < need: the pass has seen all that is in order; sort, and try
- * again. Nothing is unlinked here. */
+/* Takes the first `need` slots in the list's order that may be recycled (in use, not stamped with `serial`, tiles without children), stamps them
+ * with `serial` and writes them to victims[victims_first...]. The root tile is never taken. drop_fallback: bricks that serve only as a
+ * stand-in may be taken too; sort first. *num_taken < need: that was all that is in order; sort, and take the rest. Nothing is unlinked here. */
 bool karst_lru_take(karst_lru *lru, uint32_t serial, bool drop_fallback, uint32_t need, karst_buffer *victims, uint32_t victims_first,
                     uint32_t *num_taken, karst_error *error);
 /* Brings all in order that is not in use at `serial`; what is comes last, by slot. Nothing to do if called again with the same serial. */
