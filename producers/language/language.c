@@ -201,6 +201,8 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
     program->name = "";
     karst_arena_init(&program->arena, KARST_LANGUAGE_ARENA_BYTES, arena_full, c);
     *ok = compile_guarded(c, name, text, length, given, num_given);
+    program->source = c->source;
+    program->source.escape = NULL;
     program->diagnostics = c->source.first;
     if (!*ok) {
         const karst_diagnostic *last = c->source.last;
@@ -243,6 +245,13 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
         program = karst_language_compile(path, text, length, given, num_given, ok, error);
     free(text);
     return program;
+}
+
+uint32_t karst_program_line(const karst_program_graph *program, uint32_t where)
+{
+    uint32_t line, column;
+    karst_source_place(&program->source, where, &line, &column);
+    return line;
 }
 
 void karst_program_graph_destroy(karst_program_graph *program)

@@ -26,7 +26,8 @@ typedef struct {
  * read it. */
 typedef struct {
     karst_arena arena;
-    const char *name; /* of the file */
+    karst_source source; /* its text: places in it are the `where` of nodes */
+    const char *name;    /* of the file */
     karst_world_header header;
     karst_graph graph;  /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
     karst_expr density; /* float */
@@ -58,6 +59,8 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
 /* The same for a file. Errors also: KARST_BAD_WORLD naming the path if it cannot be read or is no regular file. */
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,
                                                  bool *ok, karst_error *error);
+/* The line of the text that a node's `where` is in. */
+uint32_t karst_program_line(const karst_program_graph *program, uint32_t where);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
 
 #endif

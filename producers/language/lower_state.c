@@ -55,7 +55,8 @@ void karst_slot_set(karst_lower_state *s, uint32_t slot, karst_expr value)
 
 void karst_lower_enter(karst_lower_state *s, uint32_t where)
 {
-    s->graph->where = where;
+    if (where >= s->source->user_begin)
+        s->graph->where = s->source->blame = where; /* what the prelude does, its caller did */
     if (++s->steps > KARST_MAX_STEPS)
         karst_source_error(s->source, where, "make the loops shorter, or call fewer functions in them",
                            "this takes more than %u steps to compile", KARST_MAX_STEPS);

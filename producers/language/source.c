@@ -149,6 +149,8 @@ static void report(karst_source *source, uint32_t where, bool is_error, const ch
     for (char *c = message; *c; c++)
         if ((unsigned char)*c < ' ' || *c == 127)
             *c = '?';
+    if (where < source->user_begin && source->blame)
+        where = source->blame;
     karst_diagnostic *d = karst_arena_alloc(source->arena, sizeof *d);
     d->is_error = is_error;
     d->message = message;

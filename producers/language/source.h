@@ -35,6 +35,7 @@ typedef struct {
     const char *text;    /* prelude, then the user's text, then a NUL */
     uint32_t user_begin; /* where the user's text begins */
     uint32_t length;     /* of all */
+    uint32_t blame;      /* the place in the user's text that the prelude works for: pointed at in its stead */
     karst_diagnostic *first, *last;
     uint32_t num_warnings;
     jmp_buf *escape;

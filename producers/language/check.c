@@ -1,0 +1,216 @@
+#include "producers/language/check.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/lipschitz.h"
+
+typedef struct {
+    const karst_program_graph *program;
+    const karst_graph *graph;
+    karst_kinds_settings settings;
+    double low[KARST_HEADER_MAX_PARAMETERS + 16], high[KARST_HEADER_MAX_PARAMETERS + 16];
+    karst_range *ranges;
+    karst_lipschitz *steepness;
+    void (*print)(void *user, const char *line);
+    void *user;
+} report;
+
+static void say(const report *r, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void say(const report *r, const char *format, ...)
+{
+    char line[512];
+    va_list list;
+    va_start(list, format);
+    vsnprintf(line, sizeof line, format, list);
+    va_end(list);
+    r->print(r->user, line);
+}
+
+static uint32_t line_of(const report *r, karst_expr e)
+{
+    return karst_program_line(r->program, r->graph->nodes[e].where);
+}
+
+static void say_head(const report *r)
+{
+    const karst_program_graph *p = r->program;
+    say(r, "%s: %s%s%s", p->name, p->header.name[0] ? p->header.name : "a world", p->header.author[0] ? ", by " : "",
+        p->header.author);
+    say(r, "  voxel %.12g m, seed %u, %u operations (%u as written), longest loop %u rounds",
+        ldexp(1, p->header.voxel_log2_m), p->header.seed, r->graph->num_nodes - 1, p->graph.num_nodes - 1,
+        p->max_iterations);
+}
+
+static void say_parameters(const report *r)
+{
+    const karst_program_graph *p = r->program;
+    for (uint32_t i = 0; i < p->num_parameters; i++) {
+        const karst_world_parameter *q = &p->parameters[i];
+        if (q->is_implicit)
+            say(r, "  input %s is 0 here", q->name);
+        else
+            say(r, "  parameter %s = %.9g%s%s%s", q->name, q->value.value, q->unit[0] ? " " : "", q->unit,
+                !q->is_used        ? ", not used"
+                : q->is_structural ? ", decides the program: a change compiles again"
+                                   : "");
+    }
+}
+
+/* A tensor product: each argument affine in its own axis alone, or constant. */
+static bool is_separable(const report *r, const karst_expr_node *n)
+{
+    for (int i = 0; i < 3; i++) {
+        const karst_expr_node *a = &r->graph->nodes[n->arg[i]];
+        uint8_t axes = a->depends & (KARST_DEPENDS_X | KARST_DEPENDS_Y | KARST_DEPENDS_Z);
+        if (axes && (a->op != KARST_OP_AFFINE || axes != KARST_DEPENDS_X << i))
+            return false;
+    }
+    return r->graph->noises[n->extra].base == KARST_NOISE_GRADIENT;
+}
+
+static const char *why_not_separable(const report *r, const karst_expr_node *n)
+{
+    for (int i = 0; i < 3; i++) {
+        const karst_expr_node *a = &r->graph->nodes[n->arg[i]];
+        if (a->op == KARST_OP_SHIFTED)
+            return "warped";
+        if (a->op != KARST_OP_AFFINE && (a->depends & KARST_DEPENDS_PLACE))
+            return "not affine in the position";
+    }
+    return r->graph->noises[n->extra].base == KARST_NOISE_GRADIENT ? "its arguments mix the axes"
+                                                                   : "of another kind than gradient noise";
+}
+
+static const char *noise_name(const karst_noise *n)
+{
+    static const char *const bases[] = {"gradient noise", "value noise", "simplex noise", "worley F1", "worley F2"};
+    static const char *const shapes[] = {"fbm", "ridged", "billow", "turbulence"};
+    if (n->base == KARST_NOISE_GRADIENT && (n->num_octaves > 1 || n->shape != KARST_NOISE_SUM))
+        return shapes[n->shape];
+    return bases[n->base];
+}
+
+static void say_noises(const report *r)
+{
+    uint32_t separable = 0, all = 0, listed = 0;
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        if (n->op != KARST_OP_NOISE)
+            continue;
+        const karst_noise *noise = &r->graph->noises[n->extra];
+        bool tensor = is_separable(r, n);
+        all += noise->num_octaves;
+        separable += tensor ? noise->num_octaves : 0;
+        if (listed++ < 32)
+            say(r, "  line %u: %s, %u octave%s, %s%s", line_of(r, e), noise_name(noise), noise->num_octaves,
+                noise->num_octaves == 1 ? "" : "s",
+                tensor ? "separable" : "pointwise: ", tensor ? "" : why_not_separable(r, n));
+    }
+    if (all)
+        say(r, "  %u octaves of noise, %u of them separable", all, separable);
+}
+
+static void say_steepness(const report *r)
+{
+    karst_expr root = r->program->world.density;
+    karst_lipschitz s = r->steepness[root];
+    karst_range range = r->ranges[root];
+    if (isfinite(s.constant))
+        say(r, "  proven: at most %.4g steep (Lipschitz constant)", s.constant);
+    else
+        say(r, "  no Lipschitz constant: line %u, %s%s", line_of(r, s.cause),
+            karst_op_name(r->graph->nodes[s.cause].op), s.jumps ? ", jumps" : ", is steep without bound somewhere");
+    if (r->program->header.has_lipschitz)
+        say(r, "  declared, not proven: at most %.4g steep", r->program->header.lipschitz);
+    say(r, "  density from %.4g to %.4g", range.lo, range.hi);
+}
+
+/* Sums and differences of numbers without bound, as floats. */
+static void say_reach(const report *r)
+{
+    uint32_t num_wide = 0;
+    karst_expr first_wide = 0, loose = 0;
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        if (n->kind == KARST_KIND_WIDE && !num_wide++)
+            first_wide = e;
+        bool sums = n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT || n->op == KARST_OP_FMA;
+        karst_expr last = n->op == KARST_OP_FMA ? n->arg[2] : n->arg[1];
+        if (!loose && sums && n->kind == KARST_KIND_FLOAT &&
+            !isfinite(r->ranges[n->arg[0]].hi - r->ranges[n->arg[0]].lo) &&
+            !isfinite(r->ranges[last].hi - r->ranges[last].lo))
+            loose = e;
+    }
+    if (num_wide)
+        say(r, "  %u operations need pairs of floats, the first in line %u", num_wide, line_of(r, first_wide));
+    if (loose) {
+        double reach = ldexp(1.0, 22 + r->program->header.voxel_log2_m) / 100; /* forms become floats with 2^-22 */
+        say(r, "  line %u: right to 1/100 voxel up to %.3g m from the origin; say \"extent\" in the header for more",
+            line_of(r, loose), reach);
+    }
+}
+
+/* LANGUAGE section 5: weights in ns, by the share of samples for which a node is computed. */
+static void say_cost(const report *r)
+{
+    double sum = 0;
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        if (n->kind == KARST_KIND_UNIFORM)
+            continue;
+        double weight = 0.04;
+        if (n->op == KARST_OP_NOISE)
+            weight = r->graph->noises[n->extra].num_octaves * (is_separable(r, n) ? 0.2 : 2.7);
+        if (n->kind == KARST_KIND_WIDE)
+            weight *= 8;
+        for (int i = 0; i < 3; i++)
+            weight /= n->depends & KARST_DEPENDS_X << i ? 1 : 16;
+        sum += n->depends & KARST_DEPENDS_NORMAL ? 0 : weight;
+    }
+    say(r, "  estimated cost: %.3g ns a voxel and core", sum);
+}
+
+static double open_range(double bound)
+{
+    return bound == DBL_MAX ? (double)INFINITY : bound == -DBL_MAX ? -(double)INFINITY : bound;
+}
+
+bool karst_language_check(const karst_program_graph *program, void (*print)(void *user, const char *line), void *user,
+                          karst_error *error)
+{
+    report r = {.program = program, .graph = &program->resolved, .print = print, .user = user};
+    for (uint32_t i = 0; i < program->num_parameters; i++) {
+        const karst_world_parameter *p = &program->parameters[i];
+        r.low[i] = p->is_implicit ? -(double)INFINITY : open_range(p->min);
+        r.high[i] = p->is_implicit ? (double)INFINITY : open_range(p->max);
+    }
+    r.settings = (karst_kinds_settings){.voxel_log2_m = program->header.voxel_log2_m,
+                                        .extent_m = program->header.extent_m,
+                                        .parameter_min = r.low,
+                                        .parameter_max = r.high};
+    r.ranges = calloc(r.graph->num_nodes, sizeof *r.ranges);
+    r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
+    bool done = r.ranges && r.steepness;
+    if (done) {
+        karst_graph_ranges(r.graph, &r.settings, r.ranges);
+        karst_graph_lipschitz(r.graph, r.ranges, r.steepness);
+        for (const karst_diagnostic *d = program->diagnostics; d; d = d->next)
+            print(user, d->text);
+        say_head(&r);
+        say_parameters(&r);
+        say_noises(&r);
+        say_steepness(&r);
+        say_reach(&r);
+        say_cost(&r);
+    } else {
+        karst_fail(error, KARST_FAILED, "out of memory");
+    }
+    free(r.ranges);
+    free(r.steepness);
+    return done;
+}
