@@ -19,10 +19,12 @@
     X(MULTIPLY)                                                                                                      \
     X(SQUARE)                                                                                                        \
     X(SCALE)                                                                                                         \
-    X(DIVIDE) X(DIVIDE_BY_ZERO) X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT)    \
-        X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE)    \
-            X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) \
-                X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
+    X(DIVIDE)                                                                                                        \
+    X(DIVIDE_BY_ZERO)                                                                                                \
+    X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) \
+        X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR)          \
+            X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE)           \
+                X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -57,7 +59,7 @@ static real shaken(real x, int pass, real parts)
 
 static real affine_real(const affine_position *at, const karst_linear *form)
 {
-    int128 sum = ((int128)form->offset_high << 64) | (int128)form->offset_low;
+    int128 sum = (int128)((unsigned __int128)(uint64_t)form->offset_high << 64 | form->offset_low);
     for (int i = 0; i < 3; i++)
         sum += (int128)form->factor[i] * at->voxel[i] + (((int128)form->factor[i] * (int128)at->fraction[i]) >> 32);
     return (real)sum * (real)form->scale[0] * (real)form->scale[1];
@@ -174,9 +176,10 @@ static void run_real(const tape_program *tape, const karst_instruction *i, const
 {
     real_slot result;
     float as_float = k_as_float((uint)tape_load(tape, i->slot)); /* floats have run before */
-    int condition = i->op == TAPE_SELECT ? slots[i->arg[0] & TAPE_INDEX].value[0] != 0 : 0;
-    if (i->op == TAPE_SELECT && tape_is_known(i->arg[0]))
-        condition = tape_known(tape, i->arg[0]);
+    int condition = 0;
+    if (i->op == TAPE_SELECT)
+        condition =
+            tape_is_known(i->arg[0]) ? tape_known(tape, i->arg[0]) : slots[i->arg[0] & TAPE_INDEX].value[0] != 0;
     for (int pass = 0; pass < NUM_PASSES; pass++) {
         real x[4];
         for (int k = 0; k < 4; k++) {
