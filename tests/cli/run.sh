@@ -44,7 +44,9 @@ run --help
 result "--help gives an example, on stdout"
 run help render
 [ $status -eq 0 ] && cp stdout help && for option in output size camera device display pool detail seed budget-bricks \
-    budget path frames fps start end live view-distance no-shadows frames-max quiet stats help; do grep -q -e "--$option" help || status="no --$option"; done
+    budget path frames fps start end live view-distance no-shadows frames-max quiet stats help; do
+    grep -q -e "--$option" help || status="no --$option"
+done
 [ "$status" = 0 ] && grep -q hills help && grep -q asteroid help
 result "help render names every option and the worlds"
 run render --help
@@ -90,7 +92,8 @@ echo '{"keyframes": [{"time": 0, "position": ["0", "320", "0"], "yaw": 0, "pitch
     {"time": 1, "position": ["30", "320", "0"], "yaw": 20, "pitch": -10}]}' > turn.json
 sed 's/320/high/' turn.json > bad.json
 turn="$PWD/turn.json"
-complains 5 "bad.json.*keyframe 1, position.*high" "a path with a bad keyframe" render hills --path "$PWD/bad.json" -o %d.png
+complains 5 "bad.json.*keyframe 1, position.*high" "a path with a bad keyframe" \
+    render hills --path "$PWD/bad.json" -o %d.png
 complains 5 "no path called 'low-fligth'" "an unknown path" render hills --path low-fligth -o %d.png
 complains 5 "nowhere.json" "a path's file that is not there" render hills --path nowhere.json -o %d.png
 complains 2 "where to" "a path without -o" render hills --path "$turn"
@@ -98,7 +101,8 @@ complains 2 "%05d" "many pictures to one file" render hills --path "$turn" -o a.
 complains 2 "%05d" "a pattern that would crash printf" render hills --path "$turn" -o %s%n.png
 complains 2 "%05d" "a pattern with two numbers" render hills --path "$turn" -o %d-%d.png
 complains 2 "stdout" "many pictures to stdout" render hills --path "$turn" -o -
-complains 1 "no-such-folder" "pictures in a folder that is not there" render hills --path "$turn" -o no-such-folder/%d.png
+complains 1 "no-such-folder" "pictures in a folder that is not there" \
+    render hills --path "$turn" -o no-such-folder/%d.png
 complains 2 "says where the camera is" "a path and a camera" render hills --path "$turn" -o %d.png --camera 0,0,0,0,0
 for option in --live "--frames 3" "--fps 3" "--start 3" "--end 3"; do
     complains 2 "is about a path" "$option without a path" render hills $option
@@ -215,13 +219,16 @@ run render hills --path "$turn" --fps 2 -o fps%d.png -q $quick
 [ $status -eq 0 ] && [ "$(echo fps*.png)" = "fps0.png fps1.png" ] && cmp fps1.png fly-01.png
 result "--fps: as many pictures as it takes"
 detail=$(cat fly.json)
-awk -f "$flatten" fly.json | awk '{ v[$1] = $3 } END { exit !(v["pictures"] == 3 && v["live"] == "false" && v["settled"] == "true" &&
+awk -f "$flatten" fly.json | awk '{ v[$1] = $3 } END { exit !(v["pictures"] == 3 &&
+    v["live"] == "false" && v["settled"] == "true" &&
     v["frames"] > 5 && v["frames_to_settle"] > 1 && v["frames_to_settle"] <= v["frames"] && v["churn.produced"] > 0 &&
-    v["detail.at_level.median"] == 1 && v["detail.at_level.p1"] == 1 && v["detail.at_level.min"] == 1 && v["camera"] ~ /^"30,320,0,20/) }'
+    v["detail.at_level.median"] == 1 && v["detail.at_level.p1"] == 1 && v["detail.at_level.min"] == 1 &&
+    v["camera"] ~ /^"30,320,0,20/) }'
 result "its statistics"
 run $fly -o live-%d.png --live --budget 4 --stats live.json
 detail=$(cat stderr live.json)
-[ $status -eq 0 ] && awk -f "$flatten" live.json | awk '{ v[$1] = $3 } END { exit !(v["pictures"] == 3 && v["frames"] == 3 &&
+[ $status -eq 0 ] && awk -f "$flatten" live.json | awk '{ v[$1] = $3 } END { exit !(v["pictures"] == 3 &&
+    v["frames"] == 3 &&
     v["live"] == "true" && v["frames_to_settle"] == "null" && v["detail.at_level.p1"] <= v["detail.at_level.median"] &&
     v["detail.at_level.median"] <= 1 && v["detail.at_level.min"] >= 0) }'
 result "--live: a frame for each picture"
@@ -229,11 +236,18 @@ run render asteroid --path orbit --frames 2 --fps 0.1 -o orbit%d.png -q $quick
 [ $status -eq 0 ] && [ -s orbit1.png ]
 result "a path that comes with Karst, by its name"
 # A stand-in for ffmpeg keeps what it is given.
-mkdir fake && printf '#!/bin/sh\nfor last; do :; done\necho "$@" > %s/arguments\ncat > "$last"\nexit ${FAKE_STATUS:-0}\n' "$PWD" > fake/ffmpeg
+mkdir fake && cat > fake/ffmpeg << 'EOS'
+#!/bin/sh
+for last; do :; done
+echo "$@" > arguments
+cat > "$last"
+exit ${FAKE_STATUS:-0}
+EOS
 chmod +x fake/ffmpeg
 PATH="$PWD/fake:$PATH" run $fly -o video.mp4
 detail="$(cat stderr arguments)"
-[ $status -eq 0 ] && [ "$(wc -c < video.mp4)" -eq $((3 * 160 * 120 * 3)) ] && grep -q 'rgb24 -video_size 160x120 -framerate 30 ' arguments
+[ $status -eq 0 ] && [ "$(wc -c < video.mp4)" -eq $((3 * 160 * 120 * 3)) ] &&
+    grep -q 'rgb24 -video_size 160x120 -framerate 30 ' arguments
 result "a video: ffmpeg gets every picture, raw"
 rm -f video.mp4
 FAKE_STATUS=3 PATH="$PWD/fake:$PATH" run $fly -o video.mp4
@@ -245,7 +259,8 @@ PATH="$PWD/fake:$PATH" run $fly -o video.mp4
 result "ffmpeg gives up at once: its own words, and no video"
 if command -v ffmpeg > /dev/null; then
     run $fly -o real.mp4
-    [ $status -eq 0 ] && [ "$(ffprobe -v error -count_frames -show_entries stream=nb_read_frames,width -of csv=p=0 real.mp4)" = 160,3 ]
+    seen=$(ffprobe -v error -count_frames -show_entries stream=nb_read_frames,width -of csv=p=0 real.mp4)
+    [ $status -eq 0 ] && [ "$seen" = 160,3 ]
     result "a real video"
 else
     skip "a real video" "no ffmpeg here (package ffmpeg)"
