@@ -62,9 +62,16 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
     rays.fresh = (vint)(0);
 
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
+    vint alive = valid & v_lt(t_min, t_max);
     vint octants = (down_x & 1) | (down_y & 2) | (down_z & 4);
+    const int some =
+        (v_any(alive & down_x) ? 1 : 0) | (v_any(alive & down_y) ? 2 : 0) | (v_any(alive & down_z) ? 4 : 0);
+    const int all =
+        (v_any(alive & ~down_x) ? 0 : 1) | (v_any(alive & ~down_y) ? 0 : 2) | (v_any(alive & ~down_z) ? 0 : 4);
     for (int octant = 0; octant < 8; octant++) {
-        vint mine = valid & v_eq(octants, (vint)(octant)) & v_lt(t_min, t_max);
+        if ((octant & ~some) || (all & ~octant))
+            continue;
+        vint mine = alive & v_eq(octants, (vint)(octant));
         if (!v_any(mine))
             continue;
         rays.octant = octant;
