@@ -1,11 +1,12 @@
 /* clang-format off */
-/* Fuzzes the front end of the world language: any bytes must give a world or a diagnostic, soon; and a world must evaluate. Build and run:
+/* Fuzzes the front end of the world language: any bytes must give a world or a diagnostic, soon; a world must evaluate.
  *
  *   F=producers/language
- *   clang -g -O1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -std=c11 -D_GNU_SOURCE -ffp-contract=off -I. -Icore/include \
- *     tests/fuzz/fuzz_language.c build/release/embedded_kernels.c core/error.c $F/affine.c $F/arena.c $F/canonical.c $F/data.c $F/functions.c \
- *     $F/graph.c $F/header.c $F/kinds.c $F/language.c $F/lexer.c $F/lower*.c $F/macro.c $F/number.c $F/oracle*.c $F/parse*.c $F/ranges.c \
- *     $F/source.c $F/types.c $F/uniform.c $F/widen.c -ljansson -lm -o build/fuzz_language
+ *   clang -g -O1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -std=c11 -D_GNU_SOURCE \
+ *     -ffp-contract=off -I. -Icore/include tests/fuzz/fuzz_language.c build/release/embedded_kernels.c core/error.c \
+ *     $F/affine.c $F/arena.c $F/canonical.c $F/data.c $F/functions.c $F/graph.c $F/header.c $F/kinds.c $F/language.c \
+ *     $F/lexer.c $F/lower*.c $F/macro.c $F/number.c $F/oracle*.c $F/parse*.c $F/ranges.c $F/source.c $F/types.c \
+ *     $F/uniform.c $F/widen.c -ljansson -lm -o build/fuzz_language
  *   build/fuzz_language -timeout=5 -rss_limit_mb=1500 -max_len=20000 -max_total_time=60 CORPUS tests/language/pasted
  */
 /* clang-format on */
