@@ -11,6 +11,8 @@
 #include <cmocka.h>
 
 #include "core/context.h"
+#include "cache/layout_shared.h"
+#include "producers/language/bounds_shared.h"
 #include "producers/language/oracle.h"
 #include "producers/language/tape.clh"
 #include "tests/language/random_graph.h"
@@ -412,6 +414,89 @@ static void test_devices_agree_with_the_host(void **state)
     }
 }
 
+/* ---- the tape as a density program ---- */
+
+static const char world_probe[] =
+    "#include \"producers/language/tape_world.clh\"\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void row(K_GLOBAL const ulong *data, long x, long y, long z, int level, K_GLOBAL float *out)\n"
+    "{\n"
+    "    world_axes axes;\n"
+    "    world_point_at at;\n"
+    "    world_prepare(data, &axes, x, y, z, level);\n"
+    "    for (int ix = 0; ix < KARST_BRICK_CELLS; ix += LANES)\n"
+    "        v_store_float(world_row(&axes, ix, 3, 5), out + ix);\n"
+    "    at.voxel[0] = (vlong)(x) + v_int_to_long(V_LANE) * (vlong)(1L << level);\n"
+    "    at.voxel[1] = (vlong)(y + (3L << level));\n"
+    "    at.voxel[2] = (vlong)(z + (5L << level));\n"
+    "    at.fraction[0] = at.fraction[1] = at.fraction[2] = (vuint)(0u);\n"
+    "    v_store_float(world_point(data, &at, level), out + KARST_BRICK_CELLS);\n"
+    "}\n";
+
+/* Header and world's data, constants, code. */
+static karst_buffer *world_buffer(karst_context *context, const subject *s, karst_error *error)
+{
+    const karst_tape *tape = &s->tape;
+    size_t constants = s->layout.num_words, code = constants + tape->num_constants / 2 + 1;
+    size_t num_words = code + 4 * (size_t)tape->num_instructions;
+    uint64_t *words = calloc(num_words, sizeof *words);
+    karst_data_header header = {.num_instructions = tape->num_instructions,
+                                .code = (uint32_t)code,
+                                .constants = (uint32_t)constants,
+                                .values = s->layout.values_word,
+                                .num_values = s->layout.num_values,
+                                .output = tape->output[0]};
+    memcpy(words, s->data, s->layout.num_words * sizeof *words);
+    memcpy(words, &header, sizeof header);
+    memcpy(words + constants, tape->constants, tape->num_constants * sizeof *tape->constants);
+    memcpy(words + code, tape->code, tape->num_instructions * sizeof *tape->code);
+    karst_buffer *buffer = karst_buffer_create(context, "world", num_words * sizeof *words, words, error);
+    free(words);
+    return buffer;
+}
+
+static void test_a_tape_is_a_density_program(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    char options[64];
+    snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%d", MAX_SLOTS);
+    karst_context *context = karst_context_create("cpu", 16, NULL, &error);
+    expect(context, &error);
+    const karst_virtual_file files[] = {{"probe.cl", world_probe}};
+    karst_program *program = karst_program_build(context, "probe.cl", options, files, 1, &error);
+    expect(program, &error);
+    cl_kernel row = karst_program_kernel(program, "row", &error);
+    karst_buffer *out = karst_buffer_create(context, "out", 2 * KARST_BRICK_CELLS * sizeof(float), NULL, &error);
+    expect(row && out, &error);
+    for (uint64_t seed = 1; seed <= 10; seed++) {
+        subject s;
+        subject_make(&s, 70000 + seed, seed & 1);
+        s.level = (int)(seed % 4);
+        karst_buffer *world = world_buffer(context, &s, &error);
+        expect(world, &error);
+        cl_long x = s.place.voxel[0], y = s.place.voxel[1], z = s.place.voxel[2];
+        cl_int level = s.level;
+        float samples[2 * KARST_BRICK_CELLS];
+        expect(KARST_ARGUMENTS(row, &error, KARST_BUFFER_ARG(world), KARST_VALUE_ARG(x), KARST_VALUE_ARG(y),
+                               KARST_VALUE_ARG(z), KARST_VALUE_ARG(level), KARST_BUFFER_ARG(out)) &&
+                   karst_launch(context, row, KARST_STAGE_EVALUATE, 1, 1, &error) &&
+                   karst_buffer_read(out, 0, samples, sizeof samples, &error),
+               &error);
+        for (int i = 0; i < KARST_BRICK_CELLS; i++) {
+            karst_position p = {.voxel = {x + ((int64_t)i << level), y + (3LL << level), z + (5LL << level)}};
+            float expected = host_value(&s, &p);
+            assert_true(same_float(samples[i], expected) && same_float(samples[KARST_BRICK_CELLS + i], expected));
+        }
+        karst_buffer_destroy(world);
+        subject_finish(&s);
+    }
+    karst_buffer_destroy(out);
+    clReleaseKernel(row);
+    karst_program_destroy(program);
+    karst_context_destroy(context);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -420,6 +505,7 @@ int main(void)
         cmocka_unit_test(test_the_oracles_doubles_lie_within_bounds),
         cmocka_unit_test(test_slots_are_few_and_safe),
         cmocka_unit_test(test_devices_agree_with_the_host),
+        cmocka_unit_test(test_a_tape_is_a_density_program),
     };
     return cmocka_run_group_tests_name("tape", tests, NULL, NULL);
 }
