@@ -5,6 +5,9 @@
 /* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than
  * the final ones, so some starvation passes by itself. */
 #define MAX_STARVED_FRAMES 24
+/* Slots' worth of production that a rung may take for a view. What fits takes less than three: itself, its stand-ins and the way there. With
+ * a small budget what does not fit need never starve: each round's few find slots among what the next rounds will miss. */
+#define MAX_POOLS_PRODUCED 8
 /* In motion: rounds without starvation before a finer rung is tried. */
 #define CALM_FRAMES_TO_REFINE 10
 
@@ -14,6 +17,7 @@ void karst_ladder_view_changed(karst_ladder *ladder)
 {
     ladder->failed = -1;
     ladder->frames_on_rung = 0;
+    ladder->num_produced = 0;
     ladder->moved = true;
 }
 
@@ -22,6 +26,7 @@ static bool move_to(karst_ladder *ladder, int rung)
     ladder->rung = rung;
     ladder->frames_on_rung = 0;
     ladder->frames_since_starved = 0;
+    ladder->num_produced = 0;
     return true;
 }
 
@@ -40,10 +45,12 @@ bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round)
     bool moved = ladder->moved;
     ladder->moved = false;
     ladder->frames_on_rung++;
+    ladder->num_produced += round->num_produced;
 
-    if (round->num_starved > 0) {
+    bool thrashes = ladder->num_produced > MAX_POOLS_PRODUCED * round->num_total;
+    if (round->num_starved > 0 || thrashes) {
         ladder->frames_since_starved = 0;
-        bool stuck = round->num_produced == 0 || ladder->frames_on_rung > MAX_STARVED_FRAMES;
+        bool stuck = round->num_produced == 0 || ladder->frames_on_rung > MAX_STARVED_FRAMES || thrashes;
         if (!stuck)
             return false;
         if (ladder->rung > ladder->failed)

@@ -17,6 +17,7 @@ typedef struct {
     int failed; /* coarsest rung known to fail for this view; -1: none */
     uint32_t frames_on_rung;
     uint32_t frames_since_starved;
+    uint64_t num_produced; /* on this rung, with this view */
     bool moved; /* the view changed since the last step */
 } karst_ladder;
 
