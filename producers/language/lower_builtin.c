@@ -248,6 +248,8 @@ static karst_value apply_noise(karst_lower_state *s, size_t which, karst_value *
                       karst_format(s->arena, "%s(p%s), p of up to three components", name,
                                    octaves ? ", octaves, gain, lacunarity, seed" : ", seed"),
                       a, count, where);
+    if (noises[which].base != KARST_NOISE_GRADIENT) /* the graph has them, no back end does */
+        karst_source_error(s->source, where, "use noise(p)", "'%s' cannot be evaluated by this version", name);
     karst_noise noise = {.base = noises[which].base, .shape = noises[which].shape, .num_octaves = 1};
     noise.gain = karst_graph_float(s->graph, 0.5);
     noise.lacunarity = karst_graph_float(s->graph, 2);
