@@ -9,11 +9,11 @@ typedef struct karst_shader karst_shader;
 
 /* A world's own colours. */
 typedef struct {
-    const char *source;       /* text in the lane dialect that defines, with LANES lanes,
-                               *     void world_colour(world_data data, const world_point_at *place, int level, vfloat nx,
-                               *                       vfloat ny, vfloat nz, vfloat *red, vfloat *green, vfloat *blue);
-                               * the albedo (linear RGB) at exact places, band-limited to voxels of a level; the types are
-                               * those of       producers/density.clh. Borrowed during creation */
+    /* Text in the lane dialect that defines, with LANES lanes and the types of producers/density.clh,
+     *     void world_colour(world_data data, const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
+     *                       vfloat *red, vfloat *green, vfloat *blue);
+     * the albedo (linear RGB) at exact places, band-limited to voxels of a level. Borrowed during creation. */
+    const char *source;
     const char *options;      /* build options for it */
     const karst_buffer *data; /* borrowed for the shader's life */
 } karst_shade_colour;
