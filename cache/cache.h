@@ -1,8 +1,8 @@
 /* The cache: node pool and brick pool in fixed memory; what rays asked for, what may be recycled, what is linked.
  *
- * One round: rays are cast (they store stamps) -> karst_cache_collect (turns wants into work, frees what is recycled) ->
- * the producers fill the work's slots, which no ray can reach -> karst_cache_publish links them.
- * Everything is deterministic: the same stamps give the same work in the same order. Not thread-safe.
+ * One round: rays are cast (they store stamps) -> karst_cache_collect (turns wants into work, frees what is recycled)
+ * -> the producers fill the work's slots, which no ray can reach -> karst_cache_publish links them. Everything is
+ * deterministic: the same stamps give the same work in the same order. Not thread-safe.
  */
 #ifndef KARST_CACHE_CACHE_H
 #define KARST_CACHE_CACHE_H
@@ -15,15 +15,16 @@ typedef struct karst_cache karst_cache;
 
 /* The buffers as kernels of other modules take them; owned by the cache. See layout_shared.h for what they hold. */
 typedef struct {
-    karst_buffer *nodes;       /* karst_node[num_tiles * 8] */
-    karst_buffer *tile_info;   /* karst_tile_info[num_tiles] */
-    karst_buffer *bricks[KARST_MAX_BRICK_SEGMENTS]; /* short[bricks_per_segment * KARST_BRICK_STRIDE] each; unused repeat [0] */
+    karst_buffer *nodes;     /* karst_node[num_tiles * 8] */
+    karst_buffer *tile_info; /* karst_tile_info[num_tiles] */
+    karst_buffer
+        *bricks[KARST_MAX_BRICK_SEGMENTS]; /* short[bricks_per_segment * KARST_BRICK_STRIDE] each; unused repeat [0] */
     uint32_t num_segments, bricks_per_segment;
-    karst_buffer *brick_info;  /* karst_brick_info[num_bricks] */
-    karst_buffer *brick_owner; /* karst_brick_owner[num_bricks] */
+    karst_buffer *brick_info;                                /* karst_brick_info[num_bricks] */
+    karst_buffer *brick_owner;                               /* karst_brick_owner[num_bricks] */
     karst_buffer *tile_stamp, *brick_stamp, *brick_fallback; /* uint each */
     karst_buffer *want_brick, *want_children, *want_chunk;   /* uint each */
-    uint32_t num_tiles, num_bricks; /* slots, slot 0 (never used) included */
+    uint32_t num_tiles, num_bricks;                          /* slots, slot 0 (never used) included */
 } karst_cache_buffers;
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
@@ -33,56 +34,65 @@ typedef struct {
 /* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
 #define KARST_CACHE_MAX_WORK 8192u
 
-/* num_tiles and num_bricks count usable slots and slot 0; at least 2 tiles and 9 bricks. max_segment_bytes 0: the device's largest
- * allocation. Errors: KARST_FAILED, KARST_USAGE (more than KARST_MAX_BRICK_SEGMENTS segments or KARST_MAX_TILES). */
-karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes, karst_error *error);
+/* num_tiles and num_bricks count usable slots and slot 0; at least 2 tiles and 9 bricks. max_segment_bytes 0: the
+ * device's largest allocation. Errors: KARST_FAILED, KARST_USAGE (more than KARST_MAX_BRICK_SEGMENTS segments or
+ * KARST_MAX_TILES). */
+karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
+                                size_t max_segment_bytes, karst_error *error);
 void karst_cache_destroy(karst_cache *cache);
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache);
 
-/* Places the root tile: its child 0 is node `corner` of `level`. Nodes that the old and the new window share (same level) keep their subtree;
- * subtrees that left are orphaned and recycled in time. New root nodes are KARST_STATE_UNKNOWN. A first call, or one with another level, starts
- * from an empty root. */
+/* Places the root tile: its child 0 is node `corner` of `level`. Nodes that the old and the new window share (same
+ * level) keep their subtree; subtrees that left are orphaned and recycled in time. New root nodes are
+ * KARST_STATE_UNKNOWN. A first call, or one with another level, starts from an empty root. */
 bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int level, karst_error *error);
 /* Forgets all content (the world changed). */
 bool karst_cache_clear(karst_cache *cache, karst_error *error);
 
 typedef struct {
-    uint32_t serial;         /* of the cast whose stamps count as "in use" */
-    uint32_t frame;          /* for age and churn.reproduced */
-    karst_position camera;   /* priority: projected error (2^level over the distance to the node's box), coarse first, ties by node index */
+    uint32_t serial;       /* of the cast whose stamps count as "in use" */
+    uint32_t frame;        /* for age and churn.reproduced */
+    karst_position camera; /* priority: projected error (2^level over the distance to the node's box), coarse first,
+                              ties by node index */
     uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
-    bool may_drop_fallback;  /* bricks that are only in use as a stand-in may be recycled too, oldest first */
+    bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, oldest first */
 } karst_collect_params;
 
-/* The work of a round. The lists lie on the device, num_loads and num_subdivides long, and stay valid until the next collect.
- * A node may be in both. The i-th load goes to slot load_slots[i], the i-th subdivide to tile subdivide_tiles[i]. */
+/* The work of a round. The lists lie on the device, num_loads and num_subdivides long, and stay valid until the next
+ * collect. A node may be in both. The i-th load goes to slot load_slots[i], the i-th subdivide to tile
+ * subdivide_tiles[i]. */
 typedef struct {
     uint32_t num_loads, num_subdivides;
-    karst_buffer *load_nodes, *load_slots;           /* uint: node index, brick slot */
-    karst_buffer *load_results;                      /* uint: the producer writes KARST_STATE_AIR, _SOLID, _CLEAR_AIR, _CLEAR_SOLID or _BRICK */
+    karst_buffer *load_nodes, *load_slots; /* uint: node index, brick slot */
+    karst_buffer
+        *load_results; /* uint: the producer writes KARST_STATE_AIR, _SOLID, _CLEAR_AIR, _CLEAR_SOLID or _BRICK */
     karst_buffer *subdivide_nodes, *subdivide_tiles; /* uint: node index, tile slot */
     uint32_t num_requests;                           /* all wants of this serial */
     uint32_t num_deferred_budget;                    /* left out: over the budget */
     uint32_t num_starved_bricks, num_starved_tiles;  /* left out: no slot may be recycled */
     uint32_t num_evicted_tiles, num_evicted_bricks;
-    uint32_t num_reproduced;                         /* of this work, evicted within the last 100 frames */
-    uint32_t num_used_tiles, num_used_bricks;        /* stamped with serial */
+    uint32_t num_reproduced;                  /* of this work, evicted within the last 100 frames */
+    uint32_t num_used_tiles, num_used_bricks; /* stamped with serial */
 } karst_work;
 
-/* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used ones first, then the
- * least recently used that are unstamped and, for tiles, childless), eviction of what held them (unlinked from its parent or owner,
- * checked by generation both ways). Without wants it launches next to nothing. Time goes to KARST_STAGE_COLLECT. */
+/* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
+ * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
+ * (unlinked from its parent or owner, checked by generation both ways). Without wants it launches next to nothing. Time
+ * goes to KARST_STAGE_COLLECT. */
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error);
 
-/* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes the node constant
- * (its slot stays free; children it had are orphaned); a subdivided node gets its tile. Only call it between casts. */
-bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked, uint32_t *num_bricks_constant, karst_error *error);
+/* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
+ * the node constant (its slot stays free; children it had are orphaned); a subdivided node gets its tile. Only call it
+ * between casts. */
+bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
+                         uint32_t *num_bricks_constant, karst_error *error);
 
 /* Slots that hold something. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);
 
-/* Debug pass on the host: every link, attachment and generation valid and mutual; usage lists are permutations; no slot is both free and
- * referenced; no cycle; levels and corners of children agree with their parents'. false: error names the first fault. */
+/* Debug pass on the host: every link, attachment and generation valid and mutual; usage lists are permutations; no slot
+ * is both free and referenced; no cycle; levels and corners of children agree with their parents'. false: error names
+ * the first fault. */
 bool karst_cache_check(karst_cache *cache, karst_error *error);
 
 #endif

@@ -56,8 +56,10 @@ static bool take_snapshot(snapshot *s)
         return karst_fail(s->error, KARST_FAILED, "out of memory for checking the cache");
     return (s->nodes = copy_of(b->nodes, s->error)) && (s->tiles = copy_of(b->tile_info, s->error)) &&
            (s->owners = copy_of(b->brick_owner, s->error)) && (s->tile_stamp = copy_of(b->tile_stamp, s->error)) &&
-           (s->brick_stamp = copy_of(b->brick_stamp, s->error)) && (s->brick_fallback = copy_of(b->brick_fallback, s->error)) &&
-           (s->tile_order = copy_of(cache->tiles.order, s->error)) && (s->brick_order = copy_of(cache->bricks.order, s->error));
+           (s->brick_stamp = copy_of(b->brick_stamp, s->error)) &&
+           (s->brick_fallback = copy_of(b->brick_fallback, s->error)) &&
+           (s->tile_order = copy_of(cache->tiles.order, s->error)) &&
+           (s->brick_order = copy_of(cache->bricks.order, s->error));
 }
 
 static void release_snapshot(snapshot *s)
@@ -69,8 +71,8 @@ static void release_snapshot(snapshot *s)
 }
 
 /* Marks the slots that hold nothing; none may be marked twice. */
-static bool mark_slots(const snapshot *s, const char *what, uint8_t *marks, uint32_t num_slots, const karst_slots *free_slots,
-                       const uint32_t *granted, uint32_t num_granted)
+static bool mark_slots(const snapshot *s, const char *what, uint8_t *marks, uint32_t num_slots,
+                       const karst_slots *free_slots, const uint32_t *granted, uint32_t num_granted)
 {
     if (free_slots->num > free_slots->capacity)
         return fault(s, "%u %s slots are free, but there are only %u", free_slots->num, what, free_slots->capacity);
@@ -78,8 +80,8 @@ static bool mark_slots(const snapshot *s, const char *what, uint8_t *marks, uint
         bool is_free = i < free_slots->num;
         uint32_t slot = is_free ? karst_slots_at(free_slots, i) : granted[i - free_slots->num];
         if (slot < free_slots->first_slot || slot >= num_slots)
-            return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot, is_free ? "free" : "granted",
-                         free_slots->first_slot, num_slots - 1);
+            return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot,
+                         is_free ? "free" : "granted", free_slots->first_slot, num_slots - 1);
         if (marks[slot] != SLOT_HELD)
             return fault(s, "%s slot %u is listed twice as free or granted", what, slot);
         marks[slot] = is_free ? SLOT_FREE : SLOT_GRANTED;
@@ -98,28 +100,34 @@ static bool check_node(const snapshot *s, uint32_t node)
     if ((state == KARST_STATE_BRICK) != (brick != KARST_NONE))
         return fault(s, "node %u (tile %u) has state %u, but brick %u", node, tile, state, brick);
     if ((state == KARST_STATE_AIR || state == KARST_STATE_SOLID) && child != KARST_NONE)
-        return fault(s, "node %u (tile %u) is constant (state %u), but has children in tile %u", node, tile, state, child);
+        return fault(s, "node %u (tile %u) is constant (state %u), but has children in tile %u", node, tile, state,
+                     child);
     if (brick != KARST_NONE) {
         if (brick >= s->num_bricks || s->brick_slots[brick] != SLOT_HELD)
-            return fault(s, "node %u (tile %u) names brick %u, which is %s", node, tile, brick, brick >= s->num_bricks ? "no slot" : "free");
+            return fault(s, "node %u (tile %u) names brick %u, which is %s", node, tile, brick,
+                         brick >= s->num_bricks ? "no slot" : "free");
         if (s->owners[brick].owner != node)
-            return fault(s, "node %u (tile %u) names brick %u, which belongs to node %u", node, tile, brick, s->owners[brick].owner);
+            return fault(s, "node %u (tile %u) names brick %u, which belongs to node %u", node, tile, brick,
+                         s->owners[brick].owner);
         if (s->owners[brick].owner_generation != info->generation)
-            return fault(s, "brick %u belongs to generation %u of tile %u, which is at %u", brick, s->owners[brick].owner_generation, tile,
-                         info->generation);
+            return fault(s, "brick %u belongs to generation %u of tile %u, which is at %u", brick,
+                         s->owners[brick].owner_generation, tile, info->generation);
     }
     if (child == KARST_NONE)
         return true;
     if (child >= s->num_tiles || s->tile_slots[child] != SLOT_HELD || !s->tiles[child].in_use)
-        return fault(s, "node %u (tile %u) has children in tile %u, which is %s", node, tile, child, child >= s->num_tiles ? "no slot" : "free");
+        return fault(s, "node %u (tile %u) has children in tile %u, which is %s", node, tile, child,
+                     child >= s->num_tiles ? "no slot" : "free");
     if (s->tiles[child].parent != node)
-        return fault(s, "node %u (tile %u) has children in tile %u, whose parent is node %u", node, tile, child, s->tiles[child].parent);
+        return fault(s, "node %u (tile %u) has children in tile %u, whose parent is node %u", node, tile, child,
+                     s->tiles[child].parent);
     if (s->tiles[child].parent_generation != info->generation)
-        return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", child, s->tiles[child].parent_generation, tile,
-                     info->generation);
+        return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", child,
+                     s->tiles[child].parent_generation, tile, info->generation);
     /* Levels fall by one on each link: so there is no cycle. */
     if (s->tiles[child].level != info->level - 1)
-        return fault(s, "tile %u is at level %d below node %u (tile %u) at level %d", child, s->tiles[child].level, node, tile, info->level);
+        return fault(s, "tile %u is at level %d below node %u (tile %u) at level %d", child, s->tiles[child].level,
+                     node, tile, info->level);
     for (int axis = 0; axis < 3; axis++) {
         uint64_t own = (uint64_t)info->corner[axis] + (node >> axis & 1);
         if ((uint64_t)s->tiles[child].corner[axis] != 2 * own)
@@ -132,7 +140,8 @@ static bool check_node(const snapshot *s, uint32_t node)
 static bool check_tile(const snapshot *s, uint32_t tile)
 {
     const karst_tile_info *info = &s->tiles[tile];
-    if (tile == KARST_ROOT_TILE ? info->in_use != s->cache->has_root : info->in_use != (s->tile_slots[tile] == SLOT_HELD))
+    if (tile == KARST_ROOT_TILE ? info->in_use != s->cache->has_root
+                                : info->in_use != (s->tile_slots[tile] == SLOT_HELD))
         return fault(s, "tile %u has in_use %u, but its slot is %s", tile, info->in_use,
                      tile == KARST_ROOT_TILE            ? "the root's"
                      : s->tile_slots[tile] == SLOT_HELD ? "neither free nor granted"
@@ -145,8 +154,8 @@ static bool check_tile(const snapshot *s, uint32_t tile)
         return fault(s, "the root tile has a parent, node %u", info->parent);
     for (int axis = 0; tile == KARST_ROOT_TILE && axis < 3; axis++)
         if (info->corner[axis] != s->cache->root_corner[axis] || info->level != s->cache->root_level)
-            return fault(s, "the root tile lies at %ld on axis %d, level %d, but was placed at %" PRId64 ", level %d", info->corner[axis], axis,
-                         info->level, s->cache->root_corner[axis], s->cache->root_level);
+            return fault(s, "the root tile lies at %ld on axis %d, level %d, but was placed at %" PRId64 ", level %d",
+                         info->corner[axis], axis, info->level, s->cache->root_corner[axis], s->cache->root_level);
     if (info->parent != KARST_NO_NODE) {
         uint32_t parent = info->parent / KARST_TILE_NODES;
         if (parent == 0 || parent >= s->num_tiles || !s->tiles[parent].in_use)
@@ -155,8 +164,8 @@ static bool check_tile(const snapshot *s, uint32_t tile)
             return fault(s, "tile %u has parent node %u, whose children are in tile %u", tile, info->parent,
                          KARST_NODE_CHILDREN(s->nodes[info->parent].link));
         if (info->parent_generation != s->tiles[parent].generation)
-            return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", tile, info->parent_generation, parent,
-                         s->tiles[parent].generation);
+            return fault(s, "tile %u hangs on generation %u of tile %u, which is at %u", tile, info->parent_generation,
+                         parent, s->tiles[parent].generation);
     }
     for (uint32_t i = 0; i < KARST_TILE_NODES; i++)
         if (!check_node(s, tile * KARST_TILE_NODES + i))
@@ -180,10 +189,10 @@ static bool check_brick(const snapshot *s, uint32_t brick)
     return true; /* generations: check_node */
 }
 
-/* A usage list: a permutation; nothing that could be taken stands before the cursor; behind it, what was not used since the last sort is in
- * order of use. */
-static bool check_list(const snapshot *s, const karst_lru *lru, const char *what, const uint32_t *order, const uint32_t *stamps,
-                       const uint32_t *fallback, const uint8_t *slots)
+/* A usage list: a permutation; nothing that could be taken stands before the cursor; behind it, what was not used since
+ * the last sort is in order of use. */
+static bool check_list(const snapshot *s, const karst_lru *lru, const char *what, const uint32_t *order,
+                       const uint32_t *stamps, const uint32_t *fallback, const uint8_t *slots)
 {
     if (lru->cursor > lru->num)
         return fault(s, "the usage list of %ss has its cursor at %u of %u", what, lru->cursor, lru->num);
@@ -201,10 +210,12 @@ static bool check_list(const snapshot *s, const karst_lru *lru, const char *what
         if (!lru->started || slots[slot] != SLOT_HELD || is_root || karst_stamp_is_after(used, lru->sorted_serial))
             continue;
         if (i < lru->cursor)
-            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, before the cursor at %u", what, slot, used, i, lru->cursor);
+            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, before the cursor at %u", what,
+                         slot, used, i, lru->cursor);
         uint32_t age = used ? lru->sorted_serial - used : UINT32_MAX;
         if (age > last_age || (age == last_age && slot < last_slot))
-            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, behind %u", what, slot, used, i, last_slot);
+            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, behind %u", what, slot, used, i,
+                         last_slot);
         last_age = age;
         last_slot = slot;
     }
@@ -214,8 +225,10 @@ static bool check_list(const snapshot *s, const karst_lru *lru, const char *what
 static bool check_all(const snapshot *s)
 {
     const karst_cache *cache = s->cache;
-    if (!mark_slots(s, "tile", s->tile_slots, s->num_tiles, &cache->tile_slots, cache->granted_tiles, cache->num_granted_tiles) ||
-        !mark_slots(s, "brick", s->brick_slots, s->num_bricks, &cache->brick_slots, cache->granted_bricks, cache->num_granted_bricks))
+    if (!mark_slots(s, "tile", s->tile_slots, s->num_tiles, &cache->tile_slots, cache->granted_tiles,
+                    cache->num_granted_tiles) ||
+        !mark_slots(s, "brick", s->brick_slots, s->num_bricks, &cache->brick_slots, cache->granted_bricks,
+                    cache->num_granted_bricks))
         return false;
     for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
         if (!check_tile(s, tile))

@@ -18,7 +18,10 @@ void karst_churn_finish(karst_churn *churn)
     churn->entries = NULL;
 }
 
-void karst_churn_forget(karst_churn *churn) { memset(churn->entries, 0, KARST_CHURN_ENTRIES * sizeof(*churn->entries)); }
+void karst_churn_forget(karst_churn *churn)
+{
+    memset(churn->entries, 0, KARST_CHURN_ENTRIES * sizeof(*churn->entries));
+}
 
 void karst_churn_evicted(karst_churn *churn, uint64_t identity, uint32_t frame)
 {

@@ -10,13 +10,13 @@
 #define KARST_CHURN_FRAMES 100 /* produced again within this many frames of its eviction */
 #define KARST_CHURN_ENTRIES (1u << 16)
 
-/* A direct-mapped table: of two evictions that fall on one entry the later is remembered, so that a count may be too low by the
- * share of the table that is in use, never too high. */
+/* A direct-mapped table: of two evictions that fall on one entry the later is remembered, so that a count may be too
+ * low by the share of the table that is in use, never too high. */
 typedef struct {
     struct karst_churn_entry {
         uint64_t identity; /* 0: none */
         uint32_t frame;
-    } *entries;
+    } * entries;
 } karst_churn;
 
 bool karst_churn_init(karst_churn *churn, karst_error *error);

@@ -4,31 +4,37 @@
 #include <string.h>
 
 /* Slots for at most `need` tiles: free ones, then recycled ones. */
-static bool grant_tiles(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work, karst_error *error)
+static bool grant_tiles(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work,
+                        karst_error *error)
 {
     uint32_t num_recycled = 0, num_bricks_freed = 0;
     cache->num_granted_tiles = karst_slots_take(&cache->tile_slots, cache->granted_tiles, need);
-    bool ok = karst_evict_tiles(&cache->evict, &cache->tiles, params->serial, params->frame, need - cache->num_granted_tiles, &cache->churn,
-                                &cache->brick_slots, cache->granted_tiles + cache->num_granted_tiles, &num_recycled, &num_bricks_freed, error);
+    bool ok = karst_evict_tiles(
+        &cache->evict, &cache->tiles, params->serial, params->frame, need - cache->num_granted_tiles, &cache->churn,
+        &cache->brick_slots, cache->granted_tiles + cache->num_granted_tiles, &num_recycled, &num_bricks_freed, error);
     cache->num_granted_tiles += num_recycled;
     work->num_evicted_tiles = num_recycled;
     work->num_evicted_bricks += num_bricks_freed;
     return ok;
 }
 
-static bool grant_bricks(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work, karst_error *error)
+static bool grant_bricks(karst_cache *cache, const karst_collect_params *params, uint32_t need, karst_work *work,
+                         karst_error *error)
 {
     uint32_t num_recycled = 0;
     cache->num_granted_bricks = karst_slots_take(&cache->brick_slots, cache->granted_bricks, need);
-    bool ok = karst_evict_bricks(&cache->evict, &cache->bricks, params->serial, params->frame, need - cache->num_granted_bricks,
-                                 params->may_drop_fallback, &cache->churn, cache->granted_bricks + cache->num_granted_bricks, &num_recycled, error);
+    bool ok = karst_evict_bricks(&cache->evict, &cache->bricks, params->serial, params->frame,
+                                 need - cache->num_granted_bricks, params->may_drop_fallback, &cache->churn,
+                                 cache->granted_bricks + cache->num_granted_bricks, &num_recycled, error);
     cache->num_granted_bricks += num_recycled;
     work->num_evicted_bricks += num_recycled;
     return ok;
 }
 
-/* Of the work that got slots, what was evicted lately. Loads' names come first in the list, then all chosen subdivides'. */
-static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint32_t frame, karst_work *work, karst_error *error)
+/* Of the work that got slots, what was evicted lately. Loads' names come first in the list, then all chosen
+ * subdivides'. */
+static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint32_t frame, karst_work *work,
+                             karst_error *error)
 {
     uint32_t num = num_chosen_loads + work->num_subdivides;
     if (!karst_buffer_read(cache->wants.identities, 0, cache->identities, num * sizeof(uint64_t), error))
@@ -46,8 +52,11 @@ static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, k
 
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
 {
-    *work = (karst_work){.load_nodes = cache->load_nodes, .load_slots = cache->load_slots, .load_results = cache->load_results,
-                         .subdivide_nodes = cache->subdivide_nodes, .subdivide_tiles = cache->subdivide_tiles};
+    *work = (karst_work){.load_nodes = cache->load_nodes,
+                         .load_slots = cache->load_slots,
+                         .load_results = cache->load_results,
+                         .subdivide_nodes = cache->subdivide_nodes,
+                         .subdivide_tiles = cache->subdivide_tiles};
     if (params->serial == 0)
         return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
     karst_cache_abandon(cache);
@@ -69,12 +78,14 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     if (loads->num + subdivides->num == 0)
         return true;
 
-    /* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled below. Tiles go first,
-     * since their bricks become free. */
+    /* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled
+     * below. Tiles go first, since their bricks become free. */
     if (!upload(cache->load_nodes, loads->nodes, loads->num, error) ||
         !upload(cache->subdivide_nodes, subdivides->nodes, subdivides->num, error) ||
-        !karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num, params->serial, error) ||
-        !grant_tiles(cache, params, subdivides->num, work, error) || !grant_bricks(cache, params, loads->num, work, error))
+        !karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num,
+                            params->serial, error) ||
+        !grant_tiles(cache, params, subdivides->num, work, error) ||
+        !grant_bricks(cache, params, loads->num, work, error))
         return false;
 
     work->num_loads = cache->num_granted_bricks;

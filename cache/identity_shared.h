@@ -7,7 +7,8 @@
 #define KARST_IDENTITY_TILE 1u
 #define KARST_IDENTITY_BRICK 2u
 
-/* Finaliser of MurmurHash3 (A. Appleby, public domain), with the constants that D. Stafford found by search ("Mix13"). */
+/* Finaliser of MurmurHash3 (A. Appleby, public domain), with the constants that D. Stafford found by search ("Mix13").
+ */
 K_INLINE ulong karst_identity_mix(ulong x)
 {
     x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9UL;

@@ -13,12 +13,13 @@
 
 #include "core/dialect.h"
 
-#define KARST_BRICK_CELLS 16                       /* cells on a side of a brick */
+#define KARST_BRICK_CELLS 16 /* cells on a side of a brick */
 #define KARST_BRICK_CELLS_LOG2 4
-#define KARST_BRICK_SIDE (KARST_BRICK_CELLS + 1)   /* samples on a side */
-#define KARST_BRICK_SAMPLES (KARST_BRICK_SIDE * KARST_BRICK_SIDE * KARST_BRICK_SIDE) /* 4913, x fastest, then y, then z */
-#define KARST_BRICK_STRIDE 4928                    /* 16-bit samples from one slot to the next: a multiple of 64 bytes */
-#define KARST_BLOCK_CELLS 4                        /* cells on a side of a block of the block mask: 4^3 blocks, 64 bits */
+#define KARST_BRICK_SIDE (KARST_BRICK_CELLS + 1) /* samples on a side */
+#define KARST_BRICK_SAMPLES \
+    (KARST_BRICK_SIDE * KARST_BRICK_SIDE * KARST_BRICK_SIDE) /* 4913, x fastest, then y, then z */
+#define KARST_BRICK_STRIDE 4928 /* 16-bit samples from one slot to the next: a multiple of 64 bytes */
+#define KARST_BLOCK_CELLS 4     /* cells on a side of a block of the block mask: 4^3 blocks, 64 bits */
 
 #define KARST_TILE_NODES 8
 #define KARST_ROOT_TILE 1u
@@ -29,10 +30,10 @@
 #define KARST_STATE_UNKNOWN 0u /* never looked at: only root nodes, and nodes that wait for their bounds */
 #define KARST_STATE_AIR 1u
 #define KARST_STATE_SOLID 2u
-#define KARST_STATE_BRICK 3u   /* not constant, its brick is in memory */
-#define KARST_STATE_LOST 4u    /* not constant, without a brick: not loaded yet, or recycled; it may have children */
-/* Not constant, but evaluated: at this level all samples are on one side, so the interpolant has no zero and needs no brick. Finer levels may
- * have a surface: such a node may have children. */
+#define KARST_STATE_BRICK 3u /* not constant, its brick is in memory */
+#define KARST_STATE_LOST 4u  /* not constant, without a brick: not loaded yet, or recycled; it may have children */
+/* Not constant, but evaluated: at this level all samples are on one side, so the interpolant has no zero and needs no
+ * brick. Finer levels may have a surface: such a node may have children. */
 #define KARST_STATE_CLEAR_AIR 5u
 #define KARST_STATE_CLEAR_SOLID 6u
 
@@ -44,18 +45,18 @@ typedef struct {
 K_ASSERT_SIZE(karst_node, 8);
 
 #define KARST_NODE_STATE(link) ((link) >> 29)
-#define KARST_NODE_CHILDREN(link) ((link) & 0x0fffffffu)
+#define KARST_NODE_CHILDREN(link) ((link)&0x0fffffffu)
 #define KARST_NODE_LINK(state, tile) ((state) << 29 | (tile))
 #define KARST_MAX_TILES 0x0fffffffu
 
 /* What the cache and the producers know of a tile (rays do not read it). */
 typedef struct {
-    long corner[3];     /* node coordinate of child 0, at `level`: even, except in the root tile */
-    int level;          /* of the eight nodes */
-    uint parent;        /* attachment: the node whose link names this tile; KARST_NO_NODE: the root tile, free or orphaned */
+    long corner[3]; /* node coordinate of child 0, at `level`: even, except in the root tile */
+    int level;      /* of the eight nodes */
+    uint parent; /* attachment: the node whose link names this tile; KARST_NO_NODE: the root tile, free or orphaned */
     uint parent_generation; /* generation of the parent's tile when it was attached */
-    uint generation;    /* counts how often this slot was handed out; wraps */
-    uint in_use;        /* 1 while the slot holds a tile */
+    uint generation;        /* counts how often this slot was handed out; wraps */
+    uint in_use;            /* 1 while the slot holds a tile */
     uint pad[5];
 } karst_tile_info;
 K_ASSERT_SIZE(karst_tile_info, 64);
@@ -66,7 +67,8 @@ K_ASSERT_SIZE(karst_tile_info, 64);
 typedef struct {
     float scale;
     float safe_cells;
-    uint blocks[2]; /* bit b = x/4 + 4*(y/4) + 16*(z/4), cells: set if the 4^3 block has a cell with both signs at its corners */
+    uint blocks[2]; /* bit b = x/4 + 4*(y/4) + 16*(z/4), cells: set if the 4^3 block has a cell with both signs at its
+                       corners */
 } karst_brick_info;
 K_ASSERT_SIZE(karst_brick_info, 16);
 
@@ -77,10 +79,9 @@ typedef struct {
 } karst_brick_owner;
 K_ASSERT_SIZE(karst_brick_owner, 8);
 
-/* Rays only store the frame's serial number (never 0; compared for equality or by signed difference, so that it may wrap):
- *   tile_stamp[tile]        the tile was walked through
- *   brick_stamp[slot]       the brick was marched at the level that the footprint asked for
- *   brick_fallback[slot]    the brick was marched in place of a finer one that is missing
+/* Rays only store the frame's serial number (never 0; compared for equality or by signed difference, so that it may
+ * wrap): tile_stamp[tile]        the tile was walked through brick_stamp[slot]       the brick was marched at the level
+ * that the footprint asked for brick_fallback[slot]    the brick was marched in place of a finer one that is missing
  *   want_brick[node]        a ray wants this node's brick
  *   want_children[node]     a ray wants this node's children
  *   want_chunk[node / KARST_REQUEST_CHUNK]   one of the two was stored in this chunk: lets collect skip the rest

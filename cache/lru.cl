@@ -1,5 +1,5 @@
-/* Usage lists: passes over them. A work-item goes through one chunk of a list; KARST_CHUNK is a multiple of 32, so that every item owns the
- * words of marks that it writes. Count, scan, scatter: no atomics, and order is kept. */
+/* Usage lists: passes over them. A work-item goes through one chunk of a list; KARST_CHUNK is a multiple of 32, so that
+ * every item owns the words of marks that it writes. Count, scan, scatter: no atomics, and order is kept. */
 #include "cache/lru_shared.h"
 
 /* What a window's entry is. */
@@ -7,8 +7,8 @@
 #define ENTRY_TAKE 1u /* may be recycled */
 #define ENTRY_PASS 2u /* free, or used since the list was sorted */
 
-static uint tile_entry(uint tile, karst_lru_window window, __global const uint *stamps, __global const karst_node *nodes,
-                       __global const karst_tile_info *tile_info)
+static uint tile_entry(uint tile, karst_lru_window window, __global const uint *stamps,
+                       __global const karst_node *nodes, __global const karst_tile_info *tile_info)
 {
     uint stamp = stamps[tile];
     if (tile == KARST_ROOT_TILE || stamp == window.serial || karst_stamp_is_after(stamp, window.sorted_serial) ||
@@ -28,15 +28,16 @@ static uint brick_entry(uint brick, karst_lru_window window, __global const uint
         return ENTRY_PASS;
     if (stand_in == window.serial)
         return window.drop_fallback ? ENTRY_TAKE : ENTRY_PASS;
-    bool used = karst_stamp_is_after(stamp, window.sorted_serial) || karst_stamp_is_after(stand_in, window.sorted_serial);
+    bool used =
+        karst_stamp_is_after(stamp, window.sorted_serial) || karst_stamp_is_after(stand_in, window.sorted_serial);
     return used ? ENTRY_PASS : ENTRY_TAKE;
 }
 
 /* marks: word pairs (take, pass) of 32 entries; counts: how many of either in the chunk. */
 __kernel void karst_lru_mark(__global const uint *order, __global const uint *stamps, __global const uint *fallback,
                              __global const karst_node *nodes, __global const karst_tile_info *tile_info,
-                             __global const karst_brick_owner *brick_owner, karst_lru_window window, __global uint2 *marks,
-                             __global uint2 *counts)
+                             __global const karst_brick_owner *brick_owner, karst_lru_window window,
+                             __global uint2 *marks, __global uint2 *counts)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= window.num)
@@ -59,8 +60,8 @@ __kernel void karst_lru_mark(__global const uint *order, __global const uint *st
 }
 
 /* Exclusive prefix sums in place, and the total; one work-group. */
-__kernel __attribute__((reqd_work_group_size(KARST_SCAN_WIDTH, 1, 1))) void karst_lru_scan(__global uint2 *counts, uint num,
-                                                                                           __global uint2 *total)
+__kernel __attribute__((reqd_work_group_size(KARST_SCAN_WIDTH, 1, 1))) void
+karst_lru_scan(__global uint2 *counts, uint num, __global uint2 *total)
 {
     __local uint2 sums[KARST_SCAN_WIDTH];
     uint lane = (uint)get_local_id(0), share = (num + KARST_SCAN_WIDTH - 1) / KARST_SCAN_WIDTH;
@@ -88,10 +89,11 @@ __kernel __attribute__((reqd_work_group_size(KARST_SCAN_WIDTH, 1, 1))) void kars
     }
 }
 
-/* Stable partition of a window: what is taken now or passed over | what stays. What is taken is stamped: the next to get the slot uses it. */
+/* Stable partition of a window: what is taken now or passed over | what stays. What is taken is stamped: the next to
+ * get the slot uses it. */
 __kernel void karst_lru_part(__global const uint *order, __global const uint2 *marks, __global const uint2 *counts,
-                             __global const uint2 *total, karst_lru_window window, __global uint *stamps, __global uint *spare,
-                             __global uint *victims)
+                             __global const uint2 *total, karst_lru_window window, __global uint *stamps,
+                             __global uint *spare, __global uint *victims)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= window.num)
@@ -122,8 +124,9 @@ static uint last_use(uint slot, __global const uint *stamps, __global const uint
 }
 
 /* For a sort: x of the marks: the list's i-th entry was not used since the last one; y: slot i + 1 was. */
-__kernel void karst_lru_sort_mark(__global const uint *order, __global const uint *stamps, __global const uint *fallback, uint num,
-                                  uint sorted_serial, __global uint2 *marks, __global uint2 *counts)
+__kernel void karst_lru_sort_mark(__global const uint *order, __global const uint *stamps,
+                                  __global const uint *fallback, uint num, uint sorted_serial, __global uint2 *marks,
+                                  __global uint2 *counts)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= num)
@@ -162,14 +165,16 @@ __kernel void karst_lru_sort_part(__global const uint *order, __global const uin
     }
 }
 
-static uint digit_of(uint slot, __global const uint *stamps, __global const uint *fallback, uint sorted_serial, uint shift)
+static uint digit_of(uint slot, __global const uint *stamps, __global const uint *fallback, uint sorted_serial,
+                     uint shift)
 {
     return (last_use(slot, stamps, fallback) - sorted_serial) >> shift & (KARST_LRU_RADIX_SIZE - 1);
 }
 
 /* One digit of the casts since the last sort: a stable partition into KARST_LRU_RADIX_SIZE parts. */
-__kernel void karst_lru_digit_count(__global const uint *order, __global const uint *stamps, __global const uint *fallback, uint first,
-                                    uint num, uint sorted_serial, uint shift, __global uint2 *counts)
+__kernel void karst_lru_digit_count(__global const uint *order, __global const uint *stamps,
+                                    __global const uint *fallback, uint first, uint num, uint sorted_serial, uint shift,
+                                    __global uint2 *counts)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= num)
@@ -184,9 +189,9 @@ __kernel void karst_lru_digit_count(__global const uint *order, __global const u
         counts[digit * num_chunks + chunk] = (uint2)(sums[digit], 0);
 }
 
-__kernel void karst_lru_digit_part(__global const uint *order, __global const uint *stamps, __global const uint *fallback,
-                                   __global const uint2 *counts, uint first, uint num, uint sorted_serial, uint shift,
-                                   __global uint *spare)
+__kernel void karst_lru_digit_part(__global const uint *order, __global const uint *stamps,
+                                   __global const uint *fallback, __global const uint2 *counts, uint first, uint num,
+                                   uint sorted_serial, uint shift, __global uint *spare)
 {
     uint chunk = (uint)get_global_id(0), begin = chunk * KARST_CHUNK;
     if (begin >= num)

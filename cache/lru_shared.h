@@ -22,8 +22,8 @@ typedef struct {
 } karst_lru_window;
 K_ASSERT_SIZE(karst_lru_window, 32);
 
-/* Stamped after `serial`? Never (0) is before everything. Serials wrap; a stamp that is more than 2^31 casts old passes for a
- * new one, which only delays its recycling. */
+/* Stamped after `serial`? Never (0) is before everything. Serials wrap; a stamp that is more than 2^31 casts old passes
+ * for a new one, which only delays its recycling. */
 K_INLINE int karst_stamp_is_after(uint stamp, uint serial) { return stamp != 0u && (int)(stamp - serial) > 0; }
 
 /* The later of two stamps. */

@@ -21,10 +21,12 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
         limit = smaller(limit, max_segment_bytes);
     size_t most = limit / BRICK_BYTES;
     if (most == 0)
-        return karst_fail(error, KARST_USAGE, "segments of %zu bytes for bricks of %zu: use larger ones", limit, BRICK_BYTES);
+        return karst_fail(error, KARST_USAGE, "segments of %zu bytes for bricks of %zu: use larger ones", limit,
+                          BRICK_BYTES);
     size_t num_segments = ((size_t)b->num_bricks + most - 1) / most;
     if (num_segments > KARST_MAX_BRICK_SEGMENTS)
-        return karst_fail(error, KARST_USAGE, "%u bricks take %zu segments of %zu bytes, but %d is the limit: use a smaller pool%s",
+        return karst_fail(error, KARST_USAGE,
+                          "%u bricks take %zu segments of %zu bytes, but %d is the limit: use a smaller pool%s",
                           b->num_bricks, num_segments, most * BRICK_BYTES, KARST_MAX_BRICK_SEGMENTS,
                           max_segment_bytes ? " or larger segments" : "");
     b->num_segments = (uint32_t)num_segments;
@@ -32,7 +34,8 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++) {
         if (i >= b->num_segments)
             b->bricks[i] = b->bricks[0];
-        else if (!(b->bricks[i] = karst_buffer_create_blank(cache->context, "bricks", b->bricks_per_segment * BRICK_BYTES, error)))
+        else if (!(b->bricks[i] =
+                       karst_buffer_create_blank(cache->context, "bricks", b->bricks_per_segment * BRICK_BYTES, error)))
             return false;
     }
     return true;
@@ -48,12 +51,16 @@ static bool create_buffers(karst_cache *cache, size_t max_segment_bytes, karst_e
     karst_cache_buffers *b = &cache->buffers;
     size_t num_tiles = b->num_tiles, num_bricks = b->num_bricks, num_nodes = num_tiles * KARST_TILE_NODES;
     /* Whole request chunks, so that passes over them need no bounds. */
-    size_t num_chunks = (num_nodes + KARST_REQUEST_CHUNK - 1) / KARST_REQUEST_CHUNK, padded = num_chunks * KARST_REQUEST_CHUNK;
+    size_t num_chunks = (num_nodes + KARST_REQUEST_CHUNK - 1) / KARST_REQUEST_CHUNK,
+           padded = num_chunks * KARST_REQUEST_CHUNK;
     return create_bricks(cache, max_segment_bytes, error) &&
            (b->nodes = karst_buffer_create(cache->context, "nodes", num_nodes * sizeof(karst_node), NULL, error)) &&
-           (b->tile_info = karst_buffer_create(cache->context, "tile_info", num_tiles * sizeof(karst_tile_info), NULL, error)) &&
-           (b->brick_info = karst_buffer_create(cache->context, "brick_info", num_bricks * sizeof(karst_brick_info), NULL, error)) &&
-           (b->brick_owner = karst_buffer_create(cache->context, "brick_owner", num_bricks * sizeof(karst_brick_owner), NULL, error)) &&
+           (b->tile_info =
+                karst_buffer_create(cache->context, "tile_info", num_tiles * sizeof(karst_tile_info), NULL, error)) &&
+           (b->brick_info = karst_buffer_create(cache->context, "brick_info", num_bricks * sizeof(karst_brick_info),
+                                                NULL, error)) &&
+           (b->brick_owner = karst_buffer_create(cache->context, "brick_owner", num_bricks * sizeof(karst_brick_owner),
+                                                 NULL, error)) &&
            (b->tile_stamp = create_uints(cache, "stamps", num_tiles, error)) &&
            (b->brick_stamp = create_uints(cache, "stamps", num_bricks, error)) &&
            (b->brick_fallback = create_uints(cache, "stamps", num_bricks, error)) &&
@@ -79,21 +86,23 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
     cache->identities = malloc(2 * KARST_CACHE_MAX_WORK * sizeof(uint64_t));
     if (!cache->granted_bricks || !cache->granted_tiles || !cache->identities)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of work");
-    return (cache->program = karst_program_build(context, "cache/kernels.cl", options, NULL, 0, error)) &&
+    return (cache->program = karst_program_build(context, "cache/pools.cl", options, NULL, 0, error)) &&
            karst_slots_init(&cache->tile_slots, KARST_ROOT_TILE + 1, b->num_tiles, error) &&
            karst_slots_init(&cache->brick_slots, 1, b->num_bricks, error) &&
            karst_lru_init(&cache->tiles, context, cache->program, KARST_LRU_TILES, b, error) &&
            karst_lru_init(&cache->bricks, context, cache->program, KARST_LRU_BRICKS, b, error) &&
            karst_wants_init(&cache->wants, context, cache->program, b, error) &&
            karst_evict_init(&cache->evict, context, cache->program, b, error) &&
-           karst_publish_init(&cache->publish, context, cache->program, b, error) && karst_churn_init(&cache->churn, error);
+           karst_publish_init(&cache->publish, context, cache->program, b, error) &&
+           karst_churn_init(&cache->churn, error);
 }
 
-karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes, karst_error *error)
+karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
+                                size_t max_segment_bytes, karst_error *error)
 {
     if (num_tiles < 2 || num_bricks < 9 || num_tiles > KARST_MAX_TILES) {
-        karst_fail(error, KARST_USAGE, "a cache of %u tiles and %u bricks: at least 2 and 9, and at most %u tiles", num_tiles, num_bricks,
-                   KARST_MAX_TILES);
+        karst_fail(error, KARST_USAGE, "a cache of %u tiles and %u bricks: at least 2 and 9, and at most %u tiles",
+                   num_tiles, num_bricks, KARST_MAX_TILES);
         return NULL;
     }
     karst_cache *cache = calloc(1, sizeof(*cache));
@@ -104,7 +113,8 @@ karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint
     cache->context = context;
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;
-    if (!create_buffers(cache, max_segment_bytes, error) || !create_rooms(cache, error) || !karst_cache_clear(cache, error)) {
+    if (!create_buffers(cache, max_segment_bytes, error) || !create_rooms(cache, error) ||
+        !karst_cache_clear(cache, error)) {
         karst_cache_destroy(cache);
         return NULL;
     }
@@ -125,9 +135,10 @@ void karst_cache_destroy(karst_cache *cache)
     karst_publish_finish(&cache->publish);
     karst_churn_finish(&cache->churn);
     karst_program_destroy(cache->program);
-    karst_buffer *buffers[] = {b->nodes,           b->tile_info,      b->brick_info,      b->brick_owner,         b->tile_stamp,
-                               b->brick_stamp,     b->brick_fallback, b->want_brick,      b->want_children,       b->want_chunk,
-                               cache->load_nodes,  cache->load_slots, cache->load_results, cache->subdivide_nodes, cache->subdivide_tiles};
+    karst_buffer *buffers[] = {
+        b->nodes,          b->tile_info,      b->brick_info,       b->brick_owner,         b->tile_stamp,
+        b->brick_stamp,    b->brick_fallback, b->want_brick,       b->want_children,       b->want_chunk,
+        cache->load_nodes, cache->load_slots, cache->load_results, cache->subdivide_nodes, cache->subdivide_tiles};
     for (size_t i = 0; i < sizeof(buffers) / sizeof(buffers[0]); i++)
         karst_buffer_destroy(buffers[i]);
     for (uint32_t i = 0; i < b->num_segments; i++)
@@ -156,14 +167,15 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error)
 {
     karst_cache_buffers *b = &cache->buffers;
     const karst_tile_info free_tile = {.parent = KARST_NO_NODE};
-    cl_int code = clEnqueueFillBuffer(cache->context->queue, b->tile_info->mem, &free_tile, sizeof(free_tile), 0, b->tile_info->size_bytes, 0,
-                                      NULL, NULL);
+    cl_int code = clEnqueueFillBuffer(cache->context->queue, b->tile_info->mem, &free_tile, sizeof(free_tile), 0,
+                                      b->tile_info->size_bytes, 0, NULL, NULL);
     if (code != CL_SUCCESS)
         return karst_fail(error, KARST_FAILED, "cannot clear tile_info: %s", karst_cl_error_name(code));
-    if (!fill_all(b->nodes, 0, error) || !fill_all(b->brick_owner, KARST_NO_NODE, error) || !fill_all(b->tile_stamp, 0, error) ||
-        !fill_all(b->brick_stamp, 0, error) || !fill_all(b->brick_fallback, 0, error) || !fill_all(b->want_brick, 0, error) ||
-        !fill_all(b->want_children, 0, error) || !fill_all(b->want_chunk, 0, error) || !karst_lru_reset(&cache->tiles, error) ||
-        !karst_lru_reset(&cache->bricks, error))
+    if (!fill_all(b->nodes, 0, error) || !fill_all(b->brick_owner, KARST_NO_NODE, error) ||
+        !fill_all(b->tile_stamp, 0, error) || !fill_all(b->brick_stamp, 0, error) ||
+        !fill_all(b->brick_fallback, 0, error) || !fill_all(b->want_brick, 0, error) ||
+        !fill_all(b->want_children, 0, error) || !fill_all(b->want_chunk, 0, error) ||
+        !karst_lru_reset(&cache->tiles, error) || !karst_lru_reset(&cache->bricks, error))
         return false;
     karst_slots_reset(&cache->tile_slots);
     karst_slots_reset(&cache->brick_slots);
@@ -194,14 +206,16 @@ static bool reattach(karst_cache *cache, karst_node old, uint32_t node, karst_er
     karst_cache_buffers *b = &cache->buffers;
     uint32_t tile = KARST_NODE_CHILDREN(old.link);
     if (tile != KARST_NONE &&
-        !karst_buffer_write(b->tile_info, tile * sizeof(karst_tile_info) + offsetof(karst_tile_info, parent), &node, sizeof(node), error))
+        !karst_buffer_write(b->tile_info, tile * sizeof(karst_tile_info) + offsetof(karst_tile_info, parent), &node,
+                            sizeof(node), error))
         return false;
     if (old.brick == KARST_NONE)
         return true;
     if (node == KARST_NO_NODE)
         karst_slots_give(&cache->brick_slots, &old.brick, 1);
-    return karst_buffer_write(b->brick_owner, old.brick * sizeof(karst_brick_owner) + offsetof(karst_brick_owner, owner), &node, sizeof(node),
-                              error);
+    return karst_buffer_write(b->brick_owner,
+                              old.brick * sizeof(karst_brick_owner) + offsetof(karst_brick_owner, owner), &node,
+                              sizeof(node), error);
 }
 
 bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int level, karst_error *error)
@@ -210,11 +224,12 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
     const uint32_t first_node = KARST_ROOT_TILE * KARST_TILE_NODES;
     if (level < 0 || level > MAX_LEVEL)
         return karst_fail(error, KARST_USAGE, "a root of level %d: levels go from 0 to %d", level, MAX_LEVEL);
-    int64_t half = (int64_t)1 << (63 - KARST_BRICK_CELLS_LOG2 - level); /* nodes of this level on one side of the origin */
+    int64_t half =
+        (int64_t)1 << (63 - KARST_BRICK_CELLS_LOG2 - level); /* nodes of this level on one side of the origin */
     for (int axis = 0; axis < 3; axis++)
         if (corner[axis] < -half || corner[axis] > half - 2)
-            return karst_fail(error, KARST_USAGE, "a root at node %lld of level %d: its voxels are beyond 64 bits", (long long)corner[axis],
-                              level);
+            return karst_fail(error, KARST_USAGE, "a root at node %lld of level %d: its voxels are beyond 64 bits",
+                              (long long)corner[axis], level);
     bool same_level = cache->has_root && level == cache->root_level;
     if (same_level && memcmp(corner, cache->root_corner, sizeof(cache->root_corner)) == 0)
         return true;
@@ -222,8 +237,9 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
 
     karst_node old_nodes[KARST_TILE_NODES] = {{0}}, new_nodes[KARST_TILE_NODES] = {{0}}; /* unknown, empty */
     karst_tile_info info = {.generation = 1};
-    if (cache->has_root && (!karst_buffer_read(b->nodes, first_node * sizeof(karst_node), old_nodes, sizeof(old_nodes), error) ||
-                            !karst_buffer_read(b->tile_info, KARST_ROOT_TILE * sizeof(info), &info, sizeof(info), error)))
+    if (cache->has_root &&
+        (!karst_buffer_read(b->nodes, first_node * sizeof(karst_node), old_nodes, sizeof(old_nodes), error) ||
+         !karst_buffer_read(b->tile_info, KARST_ROOT_TILE * sizeof(info), &info, sizeof(info), error)))
         return false;
     for (int i = 0; i < KARST_TILE_NODES; i++) {
         int shifted = same_level ? shifted_node(i, cache->root_corner, corner) : -1;
@@ -242,7 +258,8 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
     size_t at = first_node * sizeof(uint32_t), size = KARST_TILE_NODES * sizeof(uint32_t);
     return karst_buffer_write(b->nodes, first_node * sizeof(karst_node), new_nodes, sizeof(new_nodes), error) &&
            karst_buffer_write(b->tile_info, KARST_ROOT_TILE * sizeof(info), &info, sizeof(info), error) &&
-           karst_buffer_fill(b->want_brick, 0, at, size, error) && karst_buffer_fill(b->want_children, 0, at, size, error);
+           karst_buffer_fill(b->want_brick, 0, at, size, error) &&
+           karst_buffer_fill(b->want_children, 0, at, size, error);
 }
 
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error)

@@ -14,7 +14,8 @@ struct karst_cache {
     karst_context *context;
     karst_program *program;
     karst_cache_buffers buffers;
-    /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it holds). */
+    /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it
+     * holds). */
     karst_slots tile_slots, brick_slots;
     karst_lru tiles, bricks;
     karst_wants wants;

@@ -6,8 +6,8 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program, const karst_cache_buffers *pools,
-                        karst_error *error)
+bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
+                        const karst_cache_buffers *pools, karst_error *error)
 {
     *publish = (karst_publish){.context = context, .shape = karst_shape_of(context), .pools = pools};
     publish->used = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
@@ -31,20 +31,25 @@ void karst_publish_finish(karst_publish *publish)
     *publish = (karst_publish){0};
 }
 
-static bool launch_loads(karst_publish *publish, const karst_work *work, uint32_t num, uint32_t serial, karst_error *error)
+static bool launch_loads(karst_publish *publish, const karst_work *work, uint32_t num, uint32_t serial,
+                         karst_error *error)
 {
     const karst_cache_buffers *pools = publish->pools;
-    return KARST_ARGUMENTS(publish->loads, error, KARST_BUFFER_ARG(work->load_nodes), KARST_BUFFER_ARG(work->load_slots),
-                           KARST_BUFFER_ARG(work->load_results), KARST_VALUE_ARG(num), KARST_VALUE_ARG(serial), KARST_BUFFER_ARG(pools->nodes),
-                           KARST_BUFFER_ARG(pools->tile_info), KARST_BUFFER_ARG(pools->brick_owner), KARST_BUFFER_ARG(pools->brick_stamp)) &&
+    return KARST_ARGUMENTS(publish->loads, error, KARST_BUFFER_ARG(work->load_nodes),
+                           KARST_BUFFER_ARG(work->load_slots), KARST_BUFFER_ARG(work->load_results),
+                           KARST_VALUE_ARG(num), KARST_VALUE_ARG(serial), KARST_BUFFER_ARG(pools->nodes),
+                           KARST_BUFFER_ARG(pools->tile_info), KARST_BUFFER_ARG(pools->brick_owner),
+                           KARST_BUFFER_ARG(pools->brick_stamp)) &&
            karst_launch(publish->context, publish->loads, STAGE, num, publish->shape.item_local, error);
 }
 
-static bool launch_subdivides(karst_publish *publish, const karst_work *work, uint32_t num, uint32_t serial, karst_error *error)
+static bool launch_subdivides(karst_publish *publish, const karst_work *work, uint32_t num, uint32_t serial,
+                              karst_error *error)
 {
     const karst_cache_buffers *pools = publish->pools;
-    return KARST_ARGUMENTS(publish->subdivides, error, KARST_BUFFER_ARG(work->subdivide_nodes), KARST_BUFFER_ARG(work->subdivide_tiles),
-                           KARST_VALUE_ARG(num), KARST_VALUE_ARG(serial), KARST_BUFFER_ARG(pools->nodes), KARST_BUFFER_ARG(pools->tile_info),
+    return KARST_ARGUMENTS(publish->subdivides, error, KARST_BUFFER_ARG(work->subdivide_nodes),
+                           KARST_BUFFER_ARG(work->subdivide_tiles), KARST_VALUE_ARG(num), KARST_VALUE_ARG(serial),
+                           KARST_BUFFER_ARG(pools->nodes), KARST_BUFFER_ARG(pools->tile_info),
                            KARST_BUFFER_ARG(pools->tile_stamp), KARST_BUFFER_ARG(publish->used)) &&
            karst_launch(publish->context, publish->subdivides, STAGE, num, publish->shape.item_local, error);
 }
@@ -55,7 +60,8 @@ static void keep_unused(uint32_t *granted, uint32_t *num_granted, uint32_t i)
     granted[(*num_granted)++] = granted[i];
 }
 
-bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked, uint32_t *num_bricks_constant, karst_error *error)
+bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
+                         uint32_t *num_bricks_constant, karst_error *error)
 {
     karst_publish *publish = &cache->publish;
     uint32_t *flags = publish->host_flags, num_linked = 0, num_constant = 0;

@@ -1,10 +1,11 @@
-/* Publish: links what the producers wrote, so that rays can reach it from the next cast on. One work-item for each piece of work; no node is
- * in a list twice. */
+/* Publish: links what the producers wrote, so that rays can reach it from the next cast on. One work-item for each
+ * piece of work; no node is in a list twice. */
 #include "cache/layout_shared.h"
 
-__kernel void karst_publish_loads(__global const uint *load_nodes, __global const uint *load_slots, __global const uint *load_results,
-                                  uint num, uint serial, __global karst_node *nodes, __global karst_tile_info *tile_info,
-                                  __global karst_brick_owner *brick_owner, __global uint *brick_stamp)
+__kernel void karst_publish_loads(__global const uint *load_nodes, __global const uint *load_slots,
+                                  __global const uint *load_results, uint num, uint serial, __global karst_node *nodes,
+                                  __global karst_tile_info *tile_info, __global karst_brick_owner *brick_owner,
+                                  __global uint *brick_stamp)
 {
     uint item = (uint)get_global_id(0);
     if (item >= num)
@@ -26,9 +27,11 @@ __kernel void karst_publish_loads(__global const uint *load_nodes, __global cons
     }
 }
 
-/* After the loads: a node that one of them proved constant has no use for its tile. used: 1 where the tile was linked. */
-__kernel void karst_publish_subdivides(__global const uint *subdivide_nodes, __global const uint *subdivide_tiles, uint num, uint serial,
-                                       __global karst_node *nodes, __global karst_tile_info *tile_info, __global uint *tile_stamp,
+/* After the loads: a node that one of them proved constant has no use for its tile. used: 1 where the tile was linked.
+ */
+__kernel void karst_publish_subdivides(__global const uint *subdivide_nodes, __global const uint *subdivide_tiles,
+                                       uint num, uint serial, __global karst_node *nodes,
+                                       __global karst_tile_info *tile_info, __global uint *tile_stamp,
                                        __global uint *used)
 {
     uint item = (uint)get_global_id(0);

@@ -10,13 +10,13 @@ typedef struct {
     karst_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     cl_kernel loads, subdivides;
-    karst_buffer *used;               /* uint[KARST_CACHE_MAX_WORK]: the tile was linked */
-    uint32_t *host_flags;             /* results or `used` */
+    karst_buffer *used;   /* uint[KARST_CACHE_MAX_WORK]: the tile was linked */
+    uint32_t *host_flags; /* results or `used` */
 } karst_publish;
 
 /* Errors: KARST_FAILED. karst_publish_finish takes what a failed init left, or zeros. */
-bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program, const karst_cache_buffers *pools,
-                        karst_error *error);
+bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
+                        const karst_cache_buffers *pools, karst_error *error);
 void karst_publish_finish(karst_publish *publish);
 
 #endif

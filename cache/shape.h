@@ -4,8 +4,8 @@
 
 #include "core/context.h"
 
-/* On CPUs a work-item goes through a long chunk by itself: that beats a work-group scan several times over. Elsewhere chunks are
- * short, so that there are work-items enough. */
+/* On CPUs a work-item goes through a long chunk by itself: that beats a work-group scan several times over. Elsewhere
+ * chunks are short, so that there are work-items enough. */
 typedef struct {
     uint32_t chunk;       /* entries of a list that one work-item goes through; a multiple of 32 */
     uint32_t chunk_local; /* work-group size of passes over chunks */

@@ -14,7 +14,8 @@ typedef struct {
     uint32_t first_slot; /* lowest slot that may ever be free */
 } karst_slots;
 
-/* All slots from first_slot to end_slot - 1 are free, lowest first. Release with karst_slots_finish. Errors: KARST_FAILED. */
+/* All slots from first_slot to end_slot - 1 are free, lowest first. Release with karst_slots_finish. Errors:
+ * KARST_FAILED. */
 bool karst_slots_init(karst_slots *slots, uint32_t first_slot, uint32_t end_slot, karst_error *error);
 void karst_slots_finish(karst_slots *slots); /* zeroed is fine */
 void karst_slots_reset(karst_slots *slots);  /* as after init */

@@ -6,7 +6,8 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program, const karst_cache_buffers *pools, karst_error *error)
+bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
+                      const karst_cache_buffers *pools, karst_error *error)
 {
     *wants = (karst_wants){.context = context, .shape = karst_shape_of(context), .pools = pools};
     wants->num_chunks = (uint32_t)(pools->want_chunk->size_bytes / sizeof(uint32_t));
@@ -17,11 +18,14 @@ bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program 
     size_t num_chunks = wants->num_chunks, most = num_counts > num_chunks ? num_counts : num_chunks;
     wants->survey_counts = karst_buffer_create(context, "requests", num_counts * sizeof(uint32_t), NULL, error);
     wants->active = karst_buffer_create(context, "requests", num_chunks * sizeof(uint32_t), NULL, error);
-    wants->marks = karst_buffer_create(context, "requests", num_chunks * (KARST_REQUEST_CHUNK / 32) * sizeof(cl_uint2), NULL, error);
+    wants->marks = karst_buffer_create(context, "requests", num_chunks * (KARST_REQUEST_CHUNK / 32) * sizeof(cl_uint2),
+                                       NULL, error);
     wants->counts = karst_buffer_create(context, "requests", num_chunks * sizeof(uint32_t), NULL, error);
     wants->wants = karst_buffer_create(context, "requests", KARST_WANTS_LIST * sizeof(karst_want), NULL, error);
-    wants->identities = karst_buffer_create(context, "requests", 2 * KARST_CACHE_MAX_WORK * sizeof(uint64_t), NULL, error);
-    if (!wants->survey_counts || !wants->active || !wants->marks || !wants->counts || !wants->wants || !wants->identities)
+    wants->identities =
+        karst_buffer_create(context, "requests", 2 * KARST_CACHE_MAX_WORK * sizeof(uint64_t), NULL, error);
+    if (!wants->survey_counts || !wants->active || !wants->marks || !wants->counts || !wants->wants ||
+        !wants->identities)
         return false;
     wants->host_counts = malloc(most * sizeof(*wants->host_counts));
     wants->host_active = malloc(num_chunks * sizeof(*wants->host_active));
@@ -29,7 +33,8 @@ bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program 
     wants->loads = calloc(1, sizeof(*wants->loads));
     wants->subdivides = calloc(1, sizeof(*wants->subdivides));
     wants->spare = calloc(1, sizeof(*wants->spare));
-    if (!wants->host_counts || !wants->host_active || !wants->host_wants || !wants->loads || !wants->subdivides || !wants->spare)
+    if (!wants->host_counts || !wants->host_active || !wants->host_wants || !wants->loads || !wants->subdivides ||
+        !wants->spare)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of requests");
     return (wants->survey = karst_program_kernel(program, "karst_wants_survey", error)) &&
            (wants->mark = karst_program_kernel(program, "karst_wants_mark", error)) &&
@@ -66,15 +71,17 @@ static uint32_t sum_of(const uint32_t *counts, uint32_t num)
     return sum;
 }
 
-bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants, karst_error *error)
+bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants,
+                        karst_error *error)
 {
     const karst_cache_buffers *pools = wants->pools;
     const uint32_t *num_counts = wants->num_counts;
     uint32_t num = num_counts[0] + num_counts[1] + num_counts[2];
-    if (!KARST_ARGUMENTS(wants->survey, error, KARST_BUFFER_ARG(pools->tile_stamp), KARST_BUFFER_ARG(pools->brick_stamp),
-                         KARST_BUFFER_ARG(pools->brick_fallback), KARST_BUFFER_ARG(pools->want_chunk), KARST_VALUE_ARG(pools->num_tiles),
-                         KARST_VALUE_ARG(pools->num_bricks), KARST_VALUE_ARG(wants->num_chunks), KARST_VALUE_ARG(serial),
-                         KARST_BUFFER_ARG(wants->survey_counts)) ||
+    if (!KARST_ARGUMENTS(wants->survey, error, KARST_BUFFER_ARG(pools->tile_stamp),
+                         KARST_BUFFER_ARG(pools->brick_stamp), KARST_BUFFER_ARG(pools->brick_fallback),
+                         KARST_BUFFER_ARG(pools->want_chunk), KARST_VALUE_ARG(pools->num_tiles),
+                         KARST_VALUE_ARG(pools->num_bricks), KARST_VALUE_ARG(wants->num_chunks),
+                         KARST_VALUE_ARG(serial), KARST_BUFFER_ARG(wants->survey_counts)) ||
         !karst_launch(wants->context, wants->survey, STAGE, num, wants->shape.chunk_local, error) ||
         !karst_buffer_read(wants->survey_counts, 0, wants->host_counts, num * sizeof(uint32_t), error))
         return false;
@@ -84,8 +91,8 @@ bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles
     return true;
 }
 
-void karst_wants_merge(karst_wants_choice **choice, karst_wants_choice **spare, const karst_want *more, uint32_t num_more, uint32_t flag,
-                       uint32_t limit)
+void karst_wants_merge(karst_wants_choice **choice, karst_wants_choice **spare, const karst_want *more,
+                       uint32_t num_more, uint32_t flag, uint32_t limit)
 {
     /* A counting sort, which keeps the order of nodes within a class. */
     uint32_t at[KARST_WANT_CLASSES] = {0};
@@ -126,17 +133,18 @@ static bool launch_mark(karst_wants *wants, uint32_t num_active, karst_wants_vie
 {
     const karst_cache_buffers *pools = wants->pools;
     return KARST_ARGUMENTS(wants->mark, error, KARST_BUFFER_ARG(wants->active), KARST_VALUE_ARG(num_active),
-                           KARST_BUFFER_ARG(pools->want_brick), KARST_BUFFER_ARG(pools->want_children), KARST_BUFFER_ARG(pools->nodes),
-                           KARST_BUFFER_ARG(pools->tile_info), KARST_VALUE_ARG(view), KARST_BUFFER_ARG(wants->marks),
-                           KARST_BUFFER_ARG(wants->counts)) &&
+                           KARST_BUFFER_ARG(pools->want_brick), KARST_BUFFER_ARG(pools->want_children),
+                           KARST_BUFFER_ARG(pools->nodes), KARST_BUFFER_ARG(pools->tile_info), KARST_VALUE_ARG(view),
+                           KARST_BUFFER_ARG(wants->marks), KARST_BUFFER_ARG(wants->counts)) &&
            karst_launch(wants->context, wants->mark, STAGE, num_active, wants->shape.chunk_local, error);
 }
 
 static bool launch_list(karst_wants *wants, uint32_t first, uint32_t num, karst_wants_view view, karst_error *error)
 {
-    return KARST_ARGUMENTS(wants->list, error, KARST_BUFFER_ARG(wants->active), KARST_VALUE_ARG(first), KARST_VALUE_ARG(num),
-                           KARST_BUFFER_ARG(wants->marks), KARST_BUFFER_ARG(wants->counts), KARST_BUFFER_ARG(wants->pools->tile_info),
-                           KARST_VALUE_ARG(view), KARST_BUFFER_ARG(wants->wants)) &&
+    return KARST_ARGUMENTS(wants->list, error, KARST_BUFFER_ARG(wants->active), KARST_VALUE_ARG(first),
+                           KARST_VALUE_ARG(num), KARST_BUFFER_ARG(wants->marks), KARST_BUFFER_ARG(wants->counts),
+                           KARST_BUFFER_ARG(wants->pools->tile_info), KARST_VALUE_ARG(view),
+                           KARST_BUFFER_ARG(wants->wants)) &&
            karst_launch(wants->context, wants->list, STAGE, num, wants->shape.chunk_local, error);
 }
 
@@ -153,7 +161,8 @@ static bool find_active(karst_wants *wants, uint32_t serial, uint32_t *num_activ
     return karst_buffer_write(wants->active, 0, wants->host_active, num * sizeof(*wants->host_active), error);
 }
 
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads, uint32_t max_subdivides, karst_error *error)
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+                        uint32_t max_subdivides, karst_error *error)
 {
     karst_wants_view view = {{camera[0], camera[1], camera[2]}, serial, wants->pools->num_tiles * KARST_TILE_NODES};
     max_loads = max_loads < KARST_CACHE_MAX_WORK ? max_loads : KARST_CACHE_MAX_WORK;
@@ -177,13 +186,15 @@ bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camer
         }
         if (num == 0)
             continue;
-        if (!karst_buffer_write(wants->counts, first * sizeof(*counts), counts + first, (end - first) * sizeof(*counts), error) ||
+        if (!karst_buffer_write(wants->counts, first * sizeof(*counts), counts + first, (end - first) * sizeof(*counts),
+                                error) ||
             !launch_list(wants, first, end - first, view, error) ||
             !karst_buffer_read(wants->wants, 0, wants->host_wants, num * sizeof(*wants->host_wants), error))
             return false;
         uint64_t start_ns = karst_clock_ns();
         karst_wants_merge(&wants->loads, &wants->spare, wants->host_wants, num, KARST_WANT_BRICK, max_loads);
-        karst_wants_merge(&wants->subdivides, &wants->spare, wants->host_wants, num, KARST_WANT_CHILDREN, max_subdivides);
+        karst_wants_merge(&wants->subdivides, &wants->spare, wants->host_wants, num, KARST_WANT_CHILDREN,
+                          max_subdivides);
         karst_profile_add_host(wants->context, STAGE, karst_clock_ns() - start_ns);
     }
     return true;
@@ -192,8 +203,10 @@ bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camer
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,
                         uint32_t num_subdivides, uint32_t serial, karst_error *error)
 {
-    return KARST_ARGUMENTS(wants->accept, error, KARST_BUFFER_ARG(load_nodes), KARST_VALUE_ARG(num_loads), KARST_BUFFER_ARG(subdivide_nodes),
-                           KARST_VALUE_ARG(num_subdivides), KARST_BUFFER_ARG(wants->pools->tile_info), KARST_VALUE_ARG(serial),
+    return KARST_ARGUMENTS(wants->accept, error, KARST_BUFFER_ARG(load_nodes), KARST_VALUE_ARG(num_loads),
+                           KARST_BUFFER_ARG(subdivide_nodes), KARST_VALUE_ARG(num_subdivides),
+                           KARST_BUFFER_ARG(wants->pools->tile_info), KARST_VALUE_ARG(serial),
                            KARST_BUFFER_ARG(wants->pools->tile_stamp), KARST_BUFFER_ARG(wants->identities)) &&
-           karst_launch(wants->context, wants->accept, STAGE, num_loads + num_subdivides, wants->shape.item_local, error);
+           karst_launch(wants->context, wants->accept, STAGE, num_loads + num_subdivides, wants->shape.item_local,
+                        error);
 }

@@ -28,9 +28,9 @@ static uint count_stamps(__global const int *a, __global const int *b, uint begi
 }
 
 /* One count for each chunk of tiles, then of bricks, then of request chunks. */
-__kernel void karst_wants_survey(__global const int *tile_stamp, __global const int *brick_stamp, __global const int *brick_fallback,
-                                 __global const int *want_chunk, uint num_tiles, uint num_bricks, uint num_chunks, uint serial,
-                                 __global uint *counts)
+__kernel void karst_wants_survey(__global const int *tile_stamp, __global const int *brick_stamp,
+                                 __global const int *brick_fallback, __global const int *want_chunk, uint num_tiles,
+                                 uint num_bricks, uint num_chunks, uint serial, __global uint *counts)
 {
     uint tiles = (num_tiles + KARST_CHUNK - 1) / KARST_CHUNK, bricks = (num_bricks + KARST_CHUNK - 1) / KARST_CHUNK;
     uint chunks = (num_chunks + KARST_CHUNK - 1) / KARST_CHUNK, item = (uint)get_global_id(0), begin;
@@ -47,16 +47,19 @@ __kernel void karst_wants_survey(__global const int *tile_stamp, __global const 
 }
 
 /* The valid wants of one node. */
-static uint wants_of(uint node, karst_wants_view view, __global const uint *want_brick, __global const uint *want_children,
-                     __global const karst_node *nodes, __global const karst_tile_info *tile_info)
+static uint wants_of(uint node, karst_wants_view view, __global const uint *want_brick,
+                     __global const uint *want_children, __global const karst_node *nodes,
+                     __global const karst_tile_info *tile_info)
 {
-    uint wants = (want_brick[node] == view.serial ? KARST_WANT_BRICK : 0u) | (want_children[node] == view.serial ? KARST_WANT_CHILDREN : 0u);
+    uint wants = (want_brick[node] == view.serial ? KARST_WANT_BRICK : 0u) |
+                 (want_children[node] == view.serial ? KARST_WANT_CHILDREN : 0u);
     if (!wants || node >= view.num_nodes || !tile_info[node / KARST_TILE_NODES].in_use)
         return 0u;
     return karst_want_valid(wants, nodes[node], tile_info[node / KARST_TILE_NODES].level);
 }
 
-/* For each active request chunk: two bits for each of its nodes (x: brick, y: children), and how many nodes have either. */
+/* For each active request chunk: two bits for each of its nodes (x: brick, y: children), and how many nodes have
+ * either. */
 __kernel void karst_wants_mark(__global const uint *active, uint num_active, __global const uint *want_brick,
                                __global const uint *want_children, __global const karst_node *nodes,
                                __global const karst_tile_info *tile_info, karst_wants_view view, __global uint2 *marks,
@@ -96,8 +99,8 @@ static uint class_of(uint node, karst_wants_view view, __global const karst_tile
 
 /* The wants of active chunks [first, first + num): those of chunk i go to wants[offsets[i]...]. */
 __kernel void karst_wants_list(__global const uint *active, uint first, uint num, __global const uint2 *marks,
-                               __global const uint *offsets, __global const karst_tile_info *tile_info, karst_wants_view view,
-                               __global karst_want *wants)
+                               __global const uint *offsets, __global const karst_tile_info *tile_info,
+                               karst_wants_view view, __global karst_want *wants)
 {
     uint item = first + (uint)get_global_id(0);
     if (item >= first + num)
@@ -115,10 +118,11 @@ __kernel void karst_wants_list(__global const uint *active, uint first, uint num
     }
 }
 
-/* Work that was chosen: its nodes' tiles count as in use, and what it makes gets its name (see identity_shared.h). Loads first. */
+/* Work that was chosen: its nodes' tiles count as in use, and what it makes gets its name (see identity_shared.h).
+ * Loads first. */
 __kernel void karst_wants_accept(__global const uint *load_nodes, uint num_loads, __global const uint *subdivide_nodes,
-                                 uint num_subdivides, __global const karst_tile_info *tile_info, uint serial, __global uint *tile_stamp,
-                                 __global ulong *identities)
+                                 uint num_subdivides, __global const karst_tile_info *tile_info, uint serial,
+                                 __global uint *tile_stamp, __global ulong *identities)
 {
     uint item = (uint)get_global_id(0);
     if (item >= num_loads + num_subdivides)

@@ -1,7 +1,7 @@
 /* Wants: what rays asked for, read from their stamps and put in order.
  *
- * The cost follows the wants: only request chunks in which a ray stored one are read. However many there are, memory is bounded: the list is
- * made and read in pieces, and of each only the best are kept. */
+ * The cost follows the wants: only request chunks in which a ray stored one are read. However many there are, memory is
+ * bounded: the list is made and read in pieces, and of each only the best are kept. */
 #ifndef KARST_CACHE_WANTS_H
 #define KARST_CACHE_WANTS_H
 
@@ -11,8 +11,8 @@
 
 #define KARST_WANTS_LIST 65536u /* wants in one piece of the list */
 
-/* One kind of work, best first: by class, then by node. A want that was deferred keeps its class, so that it is served as soon as all
- * before it are; its age is not kept. */
+/* One kind of work, best first: by class, then by node. A want that was deferred keeps its class, so that it is served
+ * as soon as all before it are; its age is not kept. */
 typedef struct {
     uint32_t num_all; /* valid wants */
     uint32_t num;     /* of them in the list */
@@ -27,33 +27,37 @@ typedef struct {
     uint32_t num_chunks;              /* request chunks */
     uint32_t num_counts[3];           /* of the survey: for tiles, bricks, request chunks */
     cl_kernel survey, mark, list, accept;
-    karst_buffer *survey_counts;      /* uint for each chunk of the survey */
-    karst_buffer *active;             /* uint: request chunks with wants, ascending */
-    karst_buffer *marks;              /* uint2 for 32 nodes of each active chunk */
-    karst_buffer *counts;             /* uint for each active chunk: first wants in it, then where they go */
-    karst_buffer *wants;              /* karst_want[KARST_WANTS_LIST] */
-    karst_buffer *identities;         /* ulong for each accepted piece of work */
+    karst_buffer *survey_counts; /* uint for each chunk of the survey */
+    karst_buffer *active;        /* uint: request chunks with wants, ascending */
+    karst_buffer *marks;         /* uint2 for 32 nodes of each active chunk */
+    karst_buffer *counts;        /* uint for each active chunk: first wants in it, then where they go */
+    karst_buffer *wants;         /* karst_want[KARST_WANTS_LIST] */
+    karst_buffer *identities;    /* ulong for each accepted piece of work */
     uint32_t *host_counts, *host_active;
     karst_want *host_wants;
     karst_wants_choice *loads, *subdivides, *spare;
 } karst_wants;
 
 /* Errors: KARST_FAILED. karst_wants_finish takes what a failed init left, or zeros. */
-bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program, const karst_cache_buffers *pools, karst_error *error);
+bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
+                      const karst_cache_buffers *pools, karst_error *error);
 void karst_wants_finish(karst_wants *wants);
 
 /* Counts what carries the serial; *any_wants: some request chunk does. Waits for the device. */
-bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants, karst_error *error);
-/* Reads the wants of a serial and chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK of either)
- * into wants->loads and wants->subdivides. */
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads, uint32_t max_subdivides, karst_error *error);
-/* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads first. */
+bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants,
+                        karst_error *error);
+/* Reads the wants of a serial and chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK
+ * of either) into wants->loads and wants->subdivides. */
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+                        uint32_t max_subdivides, karst_error *error);
+/* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads
+ * first. */
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,
                         uint32_t num_subdivides, uint32_t serial, karst_error *error);
 
-/* Adds to a choice those of `more` that have the flag, keeping the best `limit`; `more` stands in the order of nodes, behind all that the
- * choice was made from before. `spare` is room for the result and trades places with it. */
-void karst_wants_merge(karst_wants_choice **choice, karst_wants_choice **spare, const karst_want *more, uint32_t num_more, uint32_t flag,
-                       uint32_t limit);
+/* Adds to a choice those of `more` that have the flag, keeping the best `limit`; `more` stands in the order of nodes,
+ * behind all that the choice was made from before. `spare` is room for the result and trades places with it. */
+void karst_wants_merge(karst_wants_choice **choice, karst_wants_choice **spare, const karst_want *more,
+                       uint32_t num_more, uint32_t flag, uint32_t limit);
 
 #endif

@@ -4,7 +4,7 @@
 
 #include "cache/layout_shared.h"
 
-#define KARST_WANT_CLASSES 3072u       /* classes of priority: 0 is the most urgent */
+#define KARST_WANT_CLASSES 3072u /* classes of priority: 0 is the most urgent */
 #define KARST_WANT_CLASS_MASK 0x0fffu
 #define KARST_WANT_BRICK 0x1000u
 #define KARST_WANT_CHILDREN 0x2000u
@@ -24,8 +24,8 @@ typedef struct {
 } karst_wants_view;
 K_ASSERT_SIZE(karst_wants_view, 32);
 
-/* Level-0 voxels between the camera and a node's extent on one axis, exact; 0: inside. `shift` is log2 of the node's width, at most 63:
- * unsigned, since the gap may be longer than an int64 holds. */
+/* Level-0 voxels between the camera and a node's extent on one axis, exact; 0: inside. `shift` is log2 of the node's
+ * width, at most 63: unsigned, since the gap may be longer than an int64 holds. */
 K_INLINE ulong karst_want_gap(long node, long camera, int shift)
 {
     long own = camera >> shift; /* the node that the camera is in */
@@ -37,14 +37,16 @@ K_INLINE ulong karst_want_gap(long node, long camera, int shift)
     return 0;
 }
 
-/* The class of a node's projected error, 2^level over the distance to its box: larger error, lower class; 16 classes for a factor of 2.
- * The distance counts as at least one level-0 voxel. It stands squared in a float whose upper bits are its logarithm, near enough;
- * so there is no square root or division in which devices might differ. */
+/* The class of a node's projected error, 2^level over the distance to its box: larger error, lower class; 16 classes
+ * for a factor of 2. The distance counts as at least one level-0 voxel. It stands squared in a float whose upper bits
+ * are its logarithm, near enough; so there is no square root or division in which devices might differ. */
 K_INLINE uint karst_want_class(int level, ulong gap_x, ulong gap_y, ulong gap_z)
 {
-    float x = (float)gap_x * 0.25f, y = (float)gap_y * 0.25f, z = (float)gap_z * 0.25f; /* 2^64 squared would be too large */
+    float x = (float)gap_x * 0.25f, y = (float)gap_y * 0.25f,
+          z = (float)gap_z * 0.25f; /* 2^64 squared would be too large */
     float squared = k_max(x * x + y * y + z * z, 0.0625f);
-    return (k_as_uint(squared) >> 20) + 16u * (uint)(59 - level); /* level at most 59: 2040 + 944 < KARST_WANT_CLASSES */
+    return (k_as_uint(squared) >> 20) +
+           16u * (uint)(59 - level); /* level at most 59: 2040 + 944 < KARST_WANT_CLASSES */
 }
 
 /* Which of a node's wants count: for what it does not have and could have. */
