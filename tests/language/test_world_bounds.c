@@ -1,0 +1,145 @@
+/* Bounds of the worlds that Karst ships: over random boxes, from a part of a voxel to a million, near the camera and
+ * far away, they hold what the tape gives at points inside, at every footprint that they speak for. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+#include <glob.h>
+
+#include "karst/position.h"
+#include "producers/language/language.h"
+#include "producers/language/tape.clh"
+#include "producers/language/tape.h"
+#include "tests/language/random_graph.h"
+
+enum { NUM_BOXES = 3000, NUM_SAMPLES = 20 };
+
+typedef struct {
+    karst_program_graph *program;
+    karst_world_layout layout;
+    karst_tape tape;
+    uint64_t *data;
+    int *slots;
+    int64_t camera[3]; /* level-0 voxel */
+} world;
+
+static void world_open(world *w, const char *path)
+{
+    bool ok;
+    karst_error error = {0};
+    w->program = karst_language_compile_file(path, NULL, 0, &ok, &error);
+    if (!ok)
+        fail_msg("%s: %s", path, error.message);
+    assert_true(karst_world_layout_init(&w->layout, &w->program->world));
+    assert_true(karst_tape_build(&w->layout, &w->program->world.density, 1, &w->tape, &error));
+    karst_number *values = calloc(w->program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; i < w->program->num_parameters; i++)
+        values[i] = w->program->parameters[i].value;
+    w->data = calloc(w->layout.num_words, sizeof *w->data);
+    assert_true(
+        karst_world_data_fill(&w->layout, values, w->program->header.seed, w->program->header.voxel_log2_m, w->data));
+    free(values);
+    w->slots = calloc((size_t)w->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *w->slots);
+    const char *const *at = w->program->header.camera_position;
+    for (int axis = 0; axis < 3; axis++) {
+        uint32_t fraction;
+        const char *text = w->program->header.has_camera ? at[axis] : "0";
+        assert_true(karst_coordinate_parse(text, w->program->header.voxel_log2_m, &w->camera[axis], &fraction, NULL));
+    }
+}
+
+static void world_close(world *w)
+{
+    free(w->slots);
+    free(w->data);
+    karst_tape_finish(&w->tape);
+    karst_program_graph_destroy(w->program);
+}
+
+static tape_program program_of(const world *w)
+{
+    return (tape_program){.code = w->tape.code,
+                          .num_instructions = w->tape.num_instructions,
+                          .constants = w->tape.constants,
+                          .data = w->data,
+                          .values = (const uint *)(w->data + w->layout.values_word),
+                          .num_values = w->layout.num_values,
+                          .slots = w->slots};
+}
+
+/* A box of 2^level voxels times 16, about where the camera is, or anywhere. */
+static op_box random_box(const world *w)
+{
+    op_box box = {.level = (int)random_below(16) - 1};
+    double spread = random_magnitude(1, 1e5), radius = box.level < 0 ? random_magnitude(1e-3, 10) : ldexp(8, box.level);
+    double far = random_chance(4) ? 1e9 : random_chance(8) ? 1e12 : 0;
+    for (int axis = 0; axis < 3; axis++) {
+        box.centre.voxel[axis] = w->camera[axis] + (int64_t)((2 * random_unit() - 1) * spread + (axis == 1 ? 0 : far));
+        box.radius[axis] = (float)radius;
+    }
+    return box;
+}
+
+static affine_position random_place_in(const op_box *box)
+{
+    affine_position at;
+    for (int axis = 0; axis < 3; axis++) {
+        int64_t most = (int64_t)((double)box->radius[axis] * 0x1p32);
+        int64_t offset =
+            random_chance(3) ? (random_chance(2) ? most : -most) : (int64_t)((random_unit() * 2 - 1) * (double)most);
+        at.voxel[axis] = box->centre.voxel[axis] + (offset >> 32);
+        at.fraction[axis] = (uint32_t)offset;
+    }
+    return at;
+}
+
+static void check_world(const char *path)
+{
+    world w;
+    int num_known = 0, num_decided = 0;
+    world_open(&w, path);
+    tape_program program = program_of(&w);
+    random_state = 99;
+    for (int n = 0; n < NUM_BOXES; n++) {
+        op_box box = random_box(&w);
+        if (tape_bounds(&program, &box, NULL))
+            continue;
+        op_bound b = tape_load_bound(&program, w.tape.output[0]);
+        num_known++;
+        num_decided += b.v.lo > 0 || b.v.hi < 0;
+        for (int k = 0; k < NUM_SAMPLES; k++) {
+            affine_position at = random_place_in(&box);
+            int level = box.level < 0 ? -1 : (int)random_below((uint32_t)box.level + 3) - 1;
+            tape_values(&program, &at, NULL, level);
+            float value = k_as_float((uint)tape_load(&program, w.tape.output[0]));
+            if (!(value >= b.v.lo && value <= b.v.hi))
+                fail_msg("%s: at %ld, %ld, %ld, level %d of a box of level %d: %.9g is not in [%.9g, %.9g]", path,
+                         at.voxel[0], at.voxel[1], at.voxel[2], level, box.level, (double)value, (double)b.v.lo,
+                         (double)b.v.hi);
+        }
+    }
+    print_message("%s: %d of %d boxes bounded, %d with one sign\n", path, num_known, NUM_BOXES, num_decided);
+    assert_true(num_known > NUM_BOXES / 2);
+    world_close(&w);
+}
+
+static void test_shipped_worlds(void **state)
+{
+    (void)state;
+    glob_t found;
+    assert_int_equal(glob("demos/worlds/*.karst", 0, NULL, &found), 0);
+    for (size_t i = 0; i < found.gl_pathc; i++)
+        check_world(found.gl_pathv[i]);
+    globfree(&found);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_shipped_worlds),
+    };
+    return cmocka_run_group_tests_name("bounds of worlds", tests, NULL, NULL);
+}
