@@ -137,7 +137,8 @@ static bool check_node(const snapshot *s, uint32_t node)
     return true;
 }
 
-static bool check_tile(const snapshot *s, uint32_t tile)
+/* Does a slot hold something where, and only where, it should? */
+static bool check_tile_slot(const snapshot *s, uint32_t tile)
 {
     const karst_tile_info *info = &s->tiles[tile];
     if (tile == KARST_ROOT_TILE ? info->in_use != s->cache->has_root
@@ -146,6 +147,21 @@ static bool check_tile(const snapshot *s, uint32_t tile)
                      tile == KARST_ROOT_TILE            ? "the root's"
                      : s->tile_slots[tile] == SLOT_HELD ? "neither free nor granted"
                                                         : "free or granted");
+    return true;
+}
+
+static bool check_brick_slot(const snapshot *s, uint32_t brick)
+{
+    uint32_t owner = s->owners[brick].owner;
+    if ((owner != KARST_NO_NODE) != (s->brick_slots[brick] == SLOT_HELD))
+        return fault(s, "brick %u has owner %u, but its slot is %s", brick, owner,
+                     s->brick_slots[brick] == SLOT_HELD ? "neither free nor granted" : "free or granted");
+    return true;
+}
+
+static bool check_tile(const snapshot *s, uint32_t tile)
+{
+    const karst_tile_info *info = &s->tiles[tile];
     if (!info->in_use)
         return true;
     if (info->level < 0)
@@ -176,9 +192,6 @@ static bool check_tile(const snapshot *s, uint32_t tile)
 static bool check_brick(const snapshot *s, uint32_t brick)
 {
     uint32_t owner = s->owners[brick].owner;
-    if ((owner != KARST_NO_NODE) != (s->brick_slots[brick] == SLOT_HELD))
-        return fault(s, "brick %u has owner %u, but its slot is %s", brick, owner,
-                     s->brick_slots[brick] == SLOT_HELD ? "neither free nor granted" : "free or granted");
     if (owner == KARST_NO_NODE)
         return true;
     uint32_t tile = owner / KARST_TILE_NODES;
@@ -230,6 +243,12 @@ static bool check_all(const snapshot *s)
         !mark_slots(s, "brick", s->brick_slots, s->num_bricks, &cache->brick_slots, cache->granted_bricks,
                     cache->num_granted_bricks))
         return false;
+    for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
+        if (!check_tile_slot(s, tile))
+            return false;
+    for (uint32_t brick = 1; brick < s->num_bricks; brick++)
+        if (!check_brick_slot(s, brick))
+            return false;
     for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
         if (!check_tile(s, tile))
             return false;

@@ -210,7 +210,7 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
             rig->want_chunk[node / KARST_REQUEST_CHUNK] != m->serial)
             continue;
         wish w = {class_of(m, node, rig->camera.voxel), node};
-        if (rig->want_brick[node] == m->serial && !m->nodes[node].brick)
+        if (rig->want_brick[node] == m->serial && (state == KARST_STATE_UNKNOWN || state == KARST_STATE_LOST))
             m->loads[num_loads++] = w;
         if (rig->want_children[node] == m->serial && !KARST_NODE_CHILDREN(m->nodes[node].link) && m->tiles[node / 8].level > 0)
             m->subdivides[num_subdivides++] = w;
@@ -254,7 +254,9 @@ static void model_publish(model *m, rig_content content)
             continue;
         }
         m->load_slots[kept++] = slot;
-        if (result == KARST_STATE_UNKNOWN)
+        if (result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID)
+            m->nodes[node].link = KARST_NODE_LINK(result, KARST_NODE_CHILDREN(link));
+        if (result != KARST_STATE_AIR && result != KARST_STATE_SOLID)
             continue;
         if (KARST_NODE_CHILDREN(link))
             m->tiles[KARST_NODE_CHILDREN(link)].parent = KARST_NO_NODE;
@@ -380,7 +382,9 @@ static uint32_t mixed(int level, const int64_t node[3], bool load)
         return h & 64 ? KARST_STATE_AIR : KARST_STATE_SOLID;
     if (!load)
         return KARST_STATE_LOST;
-    return h % 8 < 2 ? KARST_STATE_SOLID : h % 64 == 7 ? KARST_STATE_UNKNOWN : KARST_STATE_BRICK;
+    if (h % 8 < 2)
+        return h & 64 ? KARST_STATE_CLEAR_AIR : h & 128 ? KARST_STATE_CLEAR_SOLID : KARST_STATE_SOLID;
+    return h % 64 == 7 ? KARST_STATE_UNKNOWN : KARST_STATE_BRICK;
 }
 
 /* What rays might do below a tile. `greed` in percent: how much they look at. */
