@@ -40,11 +40,11 @@ typedef struct {
     karst_emit_node *nodes;
     karst_text text;
     karst_block block;
-    uint32_t *placed; /* per data word: 1 + the block that declared its place last */
+    uint32_t *placed; /* per data word: serial of the block that declared its place last */
     uint32_t serial;  /* of the block */
 } karst_emit;
 
-/* Marks what the roots need: an error if it is too much. Returns how many nodes that is. */
+/* Sets `nodes` afresh: what the roots need. Returns how many nodes that is. */
 uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots);
 /* The nodes whose values the line of a node reads. */
 size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_emit_input inputs[KARST_MAX_INPUTS]);
