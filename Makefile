@@ -149,6 +149,13 @@ check: all $(TEST_PROGRAMS)
 bench: all $(BENCH_PROGRAMS)
 	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(ONLY),$(b)),$(b))); do $$program || exit; done
 
+# The pictures that the pages under docs/ and the README show.
+docs-images: $(COMMAND)
+	$(Q)mkdir -p docs/images/worlds
+	$(Q)$(COMMAND) render hills -q -o docs/images/hills.png --size 960x540
+	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
+	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 || exit; done
+
 lint:
 	$(Q)CC='$(CC)' sh tests/lint/run.sh .
 
@@ -206,6 +213,7 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           measure; ONLY=text runs some'
+	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
 	@echo 'make clean           remove $(BUILD)'
@@ -213,7 +221,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench lint install uninstall check-install clean help FORCE
+.PHONY: all demo check bench docs-images lint install uninstall check-install clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \

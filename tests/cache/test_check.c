@@ -1,4 +1,5 @@
-/* The debug pass finds what is broken: one deliberate fault after another in pools that are sound, each found by its name. */
+/* The debug pass finds what is broken: one deliberate fault after another in pools that are sound, each found by its
+ * name. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -62,7 +63,8 @@ static int open_rig(void **state)
     /* Drop a subtree: its root node's brick comes free, and it is orphaned. */
     rig_place_root(&rig, (const int64_t[3]){-2, -1, -1}, 6);
     rig_place_root(&rig, (const int64_t[3]){-1, -1, -1}, 6);
-    rig_expect(children_of(8) == upper && children_of(9) == KARST_NONE && rig.tiles[other].parent == KARST_NO_NODE, "an orphan", NULL);
+    rig_expect(children_of(8) == upper && children_of(9) == KARST_NONE && rig.tiles[other].parent == KARST_NO_NODE,
+               "an orphan", NULL);
     /* A tile that is recycled for nothing: its node comes out constant. */
     rig.content = all_solid;
     rig_cast(&rig);
@@ -73,7 +75,8 @@ static int open_rig(void **state)
     rig_round(&rig);
     rig.content = rig_all_bricks;
     rig_expect(rig.cache->brick_slots.num > 1 && rig.cache->tile_slots.num == 1, "free slots", NULL);
-    rig_expect(rig.tiles[lower].in_use && rig.tiles[other].in_use && rig.owners[brick].owner == lower * 8 + 2, "a tree still", NULL);
+    rig_expect(rig.tiles[lower].in_use && rig.tiles[other].in_use && rig.owners[brick].owner == lower * 8 + 2,
+               "a tree still", NULL);
     return 0;
 }
 
@@ -96,7 +99,8 @@ static void spoil(karst_buffer *buffer, size_t offset_bytes, const void *value, 
     assert_true(karst_buffer_write(buffer, offset_bytes, value, size_bytes, NULL));
     bool sound = karst_cache_check(rig.cache, &error);
     if (sound || error.status != KARST_FAILED || !strstr(error.message, expected))
-        fail_msg("%s at %zu: expected \"%s\" in \"%s\"", buffer->name, offset_bytes, expected, sound ? "(nothing found)" : error.message);
+        fail_msg("%s at %zu: expected \"%s\" in \"%s\"", buffer->name, offset_bytes, expected,
+                 sound ? "(nothing found)" : error.message);
     assert_true(karst_buffer_write(buffer, offset_bytes, old, size_bytes, NULL));
     assert_true(karst_cache_check(rig.cache, NULL));
 }
@@ -107,11 +111,11 @@ static void spoil_node(uint32_t node, uint32_t link, uint32_t new_brick, const c
     spoil(rig.pools->nodes, node * sizeof(value), &value, sizeof(value), expected);
 }
 
-#define SPOIL_TILE(tile, field, value, expected)                                                                      \
-    do {                                                                                                              \
-        karst_tile_info info = rig.tiles[tile];                                                                       \
-        info.field = value;                                                                                           \
-        spoil(rig.pools->tile_info, (tile) * sizeof(info), &info, sizeof(info), expected);                            \
+#define SPOIL_TILE(tile, field, value, expected)                                           \
+    do {                                                                                   \
+        karst_tile_info info = rig.tiles[tile];                                            \
+        info.field = value;                                                                \
+        spoil(rig.pools->tile_info, (tile) * sizeof(info), &info, sizeof(info), expected); \
     } while (0)
 
 static void spoil_owner(uint32_t slot, uint32_t owner, uint32_t generation, const char *expected)
@@ -151,7 +155,8 @@ static void test_nodes(void **state)
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_LOST, lower), 0, "whose parent is node"); /* a child of its own */
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_LOST, upper), 0, "whose parent is node"); /* a cycle */
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_LOST, other), 0, "whose parent is node"); /* an orphan that is none */
-    spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_LOST, 0u), rig.nodes[upper * 8].brick, "whose children are in tile 0");
+    spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_LOST, 0u), rig.nodes[upper * 8].brick,
+               "whose children are in tile 0");
 }
 
 static void test_tiles(void **state)
@@ -304,12 +309,9 @@ static void test_an_open_round_is_sound_and_is_looked_at(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_nodes),
-        cmocka_unit_test(test_tiles),
-        cmocka_unit_test(test_bricks),
-        cmocka_unit_test(test_free_slots),
-        cmocka_unit_test(test_usage_lists),
-        cmocka_unit_test(test_an_open_round_is_sound_and_is_looked_at),
+        cmocka_unit_test(test_nodes),       cmocka_unit_test(test_tiles),
+        cmocka_unit_test(test_bricks),      cmocka_unit_test(test_free_slots),
+        cmocka_unit_test(test_usage_lists), cmocka_unit_test(test_an_open_round_is_sound_and_is_looked_at),
     };
     return cmocka_run_group_tests(tests, open_rig, close_rig);
 }

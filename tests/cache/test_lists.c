@@ -1,5 +1,6 @@
-/* The cache's lists against plain loops on the host: usage lists (count, scan, scatter), requests, free slots, the memory of evictions. Sizes
- * around the lengths of chunks, input that is random and input that is extreme; each on both shapes of kernels. */
+/* The cache's lists against plain loops on the host: usage lists (count, scan, scatter), requests, free slots, the
+ * memory of evictions. Sizes around the lengths of chunks, input that is random and input that is extreme; each on both
+ * shapes of kernels. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -30,7 +31,8 @@ static karst_context *open_shape(bool as_gpu)
 }
 
 /* Lengths of lists: around words of marks, chunks of either shape, a window. */
-static const uint32_t lengths[] = {1, 2, 31, 32, 33, 63, 64, 65, 2047, 2048, 2049, 4095, 4096, 4097, 8191, 8192, 8193, 20001, 70000};
+static const uint32_t lengths[] = {1,    2,    31,   32,   33,   63,   64,   65,    2047, 2048,
+                                   2049, 4095, 4096, 4097, 8191, 8192, 8193, 20001, 70000};
 #define NUM_LENGTHS (sizeof(lengths) / sizeof(lengths[0]))
 
 /* ---- usage lists ---- */
@@ -91,7 +93,8 @@ static void sorts_like_the_host(karst_cache *cache, uint32_t span, uint32_t base
     karst_lru *lru = &cache->tiles;
     uint32_t num = lru->num;
     assert_true(karst_lru_reset(lru, NULL));
-    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)), *expected = calloc(num, sizeof(uint32_t));
+    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)),
+             *expected = calloc(num, sizeof(uint32_t));
     for (uint32_t i = 0; i < num; i++)
         expected[i] = i + 1;
     karst_lru_begin(lru, base + 1);
@@ -144,10 +147,12 @@ static void takes_like_the_host(karst_cache *cache, pattern takable, pattern wit
     assert_true(karst_lru_reset(lru, NULL));
     karst_tile_info *infos = calloc(num + 1, sizeof(*infos));
     karst_node *nodes = calloc((num + 1) * 8, sizeof(*nodes));
-    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)), *left = calloc(num, sizeof(uint32_t));
+    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)),
+             *left = calloc(num, sizeof(uint32_t));
     uint32_t num_left = 0, *victims = calloc(KARST_CACHE_MAX_WORK, sizeof(uint32_t)), serial = 100;
     for (uint32_t slot = 1; slot <= num; slot++) {
-        bool take = fits(takable, slot - 1, num) && slot != KARST_ROOT_TILE, parent = take && fits(with_children, slot - 1, num);
+        bool take = fits(takable, slot - 1, num) && slot != KARST_ROOT_TILE,
+             parent = take && fits(with_children, slot - 1, num);
         /* The others: free, or in use by this cast, or used since the list was in order. */
         int other = (int)random_below(3);
         infos[slot].in_use = take || other;
@@ -209,7 +214,7 @@ static void test_taking(void **state)
             karst_cache *cache = karst_cache_create(context, lengths[i] + 1, 9, 0, NULL);
             assert_non_null(cache);
             for (int takable = 0; takable < NUM_PATTERNS; takable++)
-                for (int with_children = 0; with_children < NUM_PATTERNS; with_children += lengths[i] > 5000 ? 3 : 1)
+                for (int with_children = 0; with_children<NUM_PATTERNS; with_children += lengths[i]> 5000 ? 3 : 1)
                     takes_like_the_host(cache, (pattern)takable, (pattern)with_children);
             karst_cache_destroy(cache);
         }
@@ -226,7 +231,8 @@ static int compare_uint64(const void *a, const void *b)
 }
 
 /* Wants by patterns on a pool of tiles that lie anywhere. */
-static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pattern bricks, pattern children, uint32_t limit)
+static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pattern bricks, pattern children,
+                                  uint32_t limit)
 {
     cache_rig rig;
     rig_open(&rig, context, num_tiles, 40, 0, 5);
@@ -250,8 +256,9 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
     for (uint32_t node = 8; node < rig.num_nodes; node++) {
         const karst_tile_info *info = &rig.tiles[node / 8];
         uint32_t node_state = random_below(7);
-        rig.nodes[node] = (karst_node){KARST_NODE_LINK(node_state, random_below(3) == 0 && node_state != 1 && node_state != 2 ? 1u : 0u),
-                                       node_state == KARST_STATE_BRICK};
+        rig.nodes[node] = (karst_node){
+            KARST_NODE_LINK(node_state, random_below(3) == 0 && node_state != 1 && node_state != 2 ? 1u : 0u),
+            node_state == KARST_STATE_BRICK};
         for (int kind = 0; kind < 2; kind++) {
             uint32_t *want = kind ? rig.want_children : rig.want_brick;
             want[node] = rig.serial - 1 + fits(kind ? children : bricks, node - 8, rig.num_nodes - 8);
@@ -260,13 +267,15 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
             rig.want_chunk[node / KARST_REQUEST_CHUNK] = rig.serial;
             asked = true;
             bool valid = info->in_use && node_state != KARST_STATE_AIR && node_state != KARST_STATE_SOLID &&
-                         (kind ? info->level > 0 && !KARST_NODE_CHILDREN(rig.nodes[node].link) : node_state == KARST_STATE_UNKNOWN || node_state == KARST_STATE_LOST);
+                         (kind ? info->level > 0 && !KARST_NODE_CHILDREN(rig.nodes[node].link)
+                               : node_state == KARST_STATE_UNKNOWN || node_state == KARST_STATE_LOST);
             if (!valid)
                 continue;
             int64_t at[3];
             rig_node_at(&rig, node, at);
-            uint32_t c = karst_want_class(info->level, karst_want_gap(at[0], rig.camera.voxel[0], info->level + 4),
-                                          karst_want_gap(at[1], 0, info->level + 4), karst_want_gap(at[2], 0, info->level + 4));
+            uint32_t c =
+                karst_want_class(info->level, karst_want_gap(at[0], rig.camera.voxel[0], info->level + 4),
+                                 karst_want_gap(at[1], 0, info->level + 4), karst_want_gap(at[2], 0, info->level + 4));
             keys[kind][num[kind]++] = (uint64_t)c << 32 | node;
         }
     }
@@ -302,7 +311,8 @@ static void test_choosing(void **state)
         karst_context *context = open_shape(as_gpu);
         for (size_t i = 0; i < sizeof(tiles) / sizeof(tiles[0]); i++)
             for (int bricks = 0; bricks < NUM_PATTERNS; bricks++)
-                chooses_like_the_host(context, tiles[i], (pattern)bricks, (pattern)random_below(NUM_PATTERNS), random_below(2) ? UINT32_MAX : 20);
+                chooses_like_the_host(context, tiles[i], (pattern)bricks, (pattern)random_below(NUM_PATTERNS),
+                                      random_below(2) ? UINT32_MAX : 20);
         chooses_like_the_host(context, 20000, ALL, ALL, UINT32_MAX); /* several pieces of the list */
         chooses_like_the_host(context, 20000, RANDOM, ALTERNATING, 3000);
         chooses_like_the_host(context, 20000, RARE, RARE, 0);
@@ -329,7 +339,9 @@ static void test_classes(void **state)
         if (random_below(2))
             camera >>= random_below(60);
         int64_t least = -(INT64_C(1) << (63 - shift)), most = -least - 1;
-        int64_t node = random_below(2) ? (camera >> shift) + (int64_t)random_below(5) - 2 : random_below(2) ? least : most;
+        int64_t node = random_below(2)   ? (camera >> shift) + (int64_t)random_below(5) - 2
+                       : random_below(2) ? least
+                                         : most;
         if (node < least || node > most)
             continue;
         assert_true(karst_want_gap(node, camera, shift) == plain_gap(node, camera, shift));
@@ -346,7 +358,8 @@ static void test_classes(void **state)
                 assert_int_equal(c + 16, karst_want_class(level - 1, UINT64_C(1) << bit, 0, 0));
             last = c;
         }
-        assert_true(karst_want_class(level, UINT64_MAX / 4 * 3, UINT64_MAX / 4 * 3, UINT64_MAX / 4 * 3) < KARST_WANT_CLASSES);
+        assert_true(karst_want_class(level, UINT64_MAX / 4 * 3, UINT64_MAX / 4 * 3, UINT64_MAX / 4 * 3) <
+                    KARST_WANT_CLASSES);
         assert_int_equal(karst_want_class(level, 0, 0, 0), karst_want_class(level, 1, 0, 0));
     }
     assert_true(karst_want_class(3, 3, 4, 12) == karst_want_class(3, 12, 3, 4));

@@ -1,5 +1,6 @@
-/* The cache against a plain model of it on the host, step by step, through thousands of random steps: the same work in the same order, the
- * same victims, the same pools, on both shapes of kernels. The model keeps no lists: it sorts everything by last use whenever it needs a slot. */
+/* The cache against a plain model of it on the host, step by step, through thousands of random steps: the same work in
+ * the same order, the same victims, the same pools, on both shapes of kernels. The model keeps no lists: it sorts
+ * everything by last use whenever it needs a slot. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -90,7 +91,8 @@ static uint32_t class_of(const model *m, uint32_t node, const int64_t camera[3])
 static int compare_wishes(const void *a, const void *b)
 {
     const wish *x = a, *y = b;
-    return x->class != y->class ? (x->class > y->class) - (x->class < y->class) : (x->node > y->node) - (x->node < y->node);
+    return x->class != y->class ? (x->class > y->class) - (x->class < y->class)
+                                : (x->node > y->node) - (x->node < y->node);
 }
 
 /* For sorting slots: age and then index. */
@@ -109,7 +111,8 @@ static uint32_t age_of(const model *m, uint32_t stamp) { return stamp ? m->seria
 static void model_evict_tile(model *m, uint32_t tile, uint32_t frame, uint32_t *freed, uint32_t *num_freed)
 {
     karst_tile_info *t = &m->tiles[tile];
-    karst_churn_evicted(&m->churn, karst_identity(KARST_IDENTITY_TILE, t->level, t->corner[0], t->corner[1], t->corner[2]), frame);
+    karst_churn_evicted(&m->churn,
+                        karst_identity(KARST_IDENTITY_TILE, t->level, t->corner[0], t->corner[1], t->corner[2]), frame);
     for (uint32_t node = tile * 8; node < tile * 8 + 8; node++)
         if (m->nodes[node].brick) {
             karst_churn_evicted(&m->churn, identity_of(m, node, false), frame);
@@ -176,7 +179,8 @@ static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may
         for (uint32_t i = 0; i < num_listed && num < need; i++) {
             uint32_t brick = list[i].slot, node = m->owners[brick].owner;
             karst_churn_evicted(&m->churn, identity_of(m, node, false), frame);
-            m->nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(m->nodes[node].link)), 0};
+            m->nodes[node] =
+                (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(m->nodes[node].link)), 0};
             m->owners[brick].owner = KARST_NO_NODE;
             granted[num++] = brick;
             m->work.num_evicted_bricks++;
@@ -212,7 +216,8 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
         wish w = {class_of(m, node, rig->camera.voxel), node};
         if (rig->want_brick[node] == m->serial && (state == KARST_STATE_UNKNOWN || state == KARST_STATE_LOST))
             m->loads[num_loads++] = w;
-        if (rig->want_children[node] == m->serial && !KARST_NODE_CHILDREN(m->nodes[node].link) && m->tiles[node / 8].level > 0)
+        if (rig->want_children[node] == m->serial && !KARST_NODE_CHILDREN(m->nodes[node].link) &&
+            m->tiles[node / 8].level > 0)
             m->subdivides[num_subdivides++] = w;
     }
     qsort(m->loads, num_loads, sizeof(wish), compare_wishes);
@@ -236,7 +241,8 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
     for (uint32_t i = 0; i < m->work.num_loads; i++)
         m->work.num_reproduced += karst_churn_is_recent(&m->churn, identity_of(m, m->loads[i].node, false), rig->frame);
     for (uint32_t i = 0; i < m->work.num_subdivides; i++)
-        m->work.num_reproduced += karst_churn_is_recent(&m->churn, identity_of(m, m->subdivides[i].node, true), rig->frame);
+        m->work.num_reproduced +=
+            karst_churn_is_recent(&m->churn, identity_of(m, m->subdivides[i].node, true), rig->frame);
 }
 
 static void model_publish(model *m, rig_content content)
@@ -265,20 +271,25 @@ static void model_publish(model *m, rig_content content)
     m->num_granted_bricks = kept;
     kept = 0;
     for (uint32_t i = 0; i < num_tiles; i++) {
-        uint32_t node = m->subdivides[i].node, tile = m->subdivide_tiles[i], state = KARST_NODE_STATE(m->nodes[node].link);
+        uint32_t node = m->subdivides[i].node, tile = m->subdivide_tiles[i],
+                 state = KARST_NODE_STATE(m->nodes[node].link);
         karst_tile_info *t = &m->tiles[tile], *own = &m->tiles[node / 8];
         if (state == KARST_STATE_AIR || state == KARST_STATE_SOLID) {
             m->subdivide_tiles[kept++] = tile;
             continue;
         }
         m->nodes[node].link = KARST_NODE_LINK(state, tile);
-        *t = (karst_tile_info){.level = own->level - 1, .parent = node, .parent_generation = own->generation,
-                               .generation = t->generation + 1, .in_use = 1};
+        *t = (karst_tile_info){.level = own->level - 1,
+                               .parent = node,
+                               .parent_generation = own->generation,
+                               .generation = t->generation + 1,
+                               .in_use = 1};
         for (int axis = 0; axis < 3; axis++)
             t->corner[axis] = 2 * (own->corner[axis] + (int64_t)(node >> axis & 1));
         for (uint32_t j = 0; j < 8; j++) {
             int64_t at[3] = {t->corner[0] + (j & 1), t->corner[1] + (j >> 1 & 1), t->corner[2] + (j >> 2 & 1)};
-            m->nodes[tile * 8 + j] = (karst_node){KARST_NODE_LINK(content(t->level, at, false), KARST_NONE), KARST_NONE};
+            m->nodes[tile * 8 + j] =
+                (karst_node){KARST_NODE_LINK(content(t->level, at, false), KARST_NONE), KARST_NONE};
         }
         m->tile_stamp[tile] = m->serial;
     }
@@ -374,7 +385,8 @@ static uint32_t random_below(uint32_t end)
     return (uint32_t)((random_state >> 33) % end);
 }
 
-/* A world of which a third is constant, some of it only found out by loading; and a producer that leaves some loads out. */
+/* A world of which a third is constant, some of it only found out by loading; and a producer that leaves some loads
+ * out. */
 static uint32_t mixed(int level, const int64_t node[3], bool load)
 {
     uint64_t h = karst_identity(9, level, node[0], node[1], node[2]);
@@ -442,8 +454,8 @@ static uint64_t hash_more(uint64_t hash, const void *data, size_t size_bytes)
 }
 
 /* Returns a hash of all work of the run. */
-static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, uint32_t num_bricks, int num_steps, uint32_t first_serial,
-                    const char *name)
+static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, uint32_t num_bricks, int num_steps,
+                    uint32_t first_serial, const char *name)
 {
     karst_error error = {0};
     karst_context *context = karst_context_create("", lanes, NULL, &error);
@@ -470,7 +482,8 @@ static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, u
         for (uint32_t casts = random_below(8) ? 1 : random_below(40); casts > 0; casts--)
             stamp(&rig);
         take_stamps(&m, &rig);
-        uint32_t max_tiles = random_below(4) ? 1 + random_below(12) : 8192, max_bricks = random_below(4) ? random_below(12) : 8192;
+        uint32_t max_tiles = random_below(4) ? 1 + random_below(12) : 8192,
+                 max_bricks = random_below(4) ? random_below(12) : 8192;
         bool may_drop = random_below(2);
         model_collect(&m, &rig, max_tiles, max_bricks, may_drop);
         rig_collect(&rig, max_tiles, max_bricks, may_drop);
@@ -491,9 +504,10 @@ static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, u
         rig_publish(&rig);
         assert_same_pools(&m, &rig);
     }
-    print_message("# %s: %d steps, %.0f produced, %.0f evicted, %.0f again, %.0f starved\n", name, num_steps, (double)produced, (double)evicted,
-                  (double)reproduced, (double)starved);
-    assert_true(evicted > (uint64_t)num_steps && reproduced > 0 && (starved > 0 || num_steps < 300)); /* or the steps were too tame */
+    print_message("# %s: %d steps, %.0f produced, %.0f evicted, %.0f again, %.0f starved\n", name, num_steps,
+                  (double)produced, (double)evicted, (double)reproduced, (double)starved);
+    assert_true(evicted > (uint64_t)num_steps && reproduced > 0 &&
+                (starved > 0 || num_steps < 300)); /* or the steps were too tame */
     model_close(&m);
     rig_close(&rig);
     karst_context_destroy(context);

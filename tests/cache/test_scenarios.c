@@ -107,12 +107,12 @@ static void test_wants_for_what_is_there_or_cannot_be_are_ignored(void **state)
     uint32_t tile = grow(&rig, ROOT_NODE(0));
     load(&rig, ROOT_NODE(0));
     rig_cast(&rig);
-    rig_want_children(&rig, ROOT_NODE(0));                      /* has some */
-    rig_want_brick(&rig, ROOT_NODE(0));                         /* has one */
-    rig_want_children(&rig, tile * KARST_TILE_NODES);           /* air */
-    rig_want_brick(&rig, tile * KARST_TILE_NODES + 2);          /* air */
-    rig.want_brick[40 * KARST_TILE_NODES] = rig.serial;         /* no tile */
-    rig.want_brick[KARST_ROOT_TILE * 8 - 1] = rig.serial;       /* tile 0 */
+    rig_want_children(&rig, ROOT_NODE(0));                        /* has some */
+    rig_want_brick(&rig, ROOT_NODE(0));                           /* has one */
+    rig_want_children(&rig, tile * KARST_TILE_NODES);             /* air */
+    rig_want_brick(&rig, tile * KARST_TILE_NODES + 2);            /* air */
+    rig.want_brick[40 * KARST_TILE_NODES] = rig.serial;           /* no tile */
+    rig.want_brick[KARST_ROOT_TILE * 8 - 1] = rig.serial;         /* tile 0 */
     rig.want_brick[tile * KARST_TILE_NODES + 1] = rig.serial - 1; /* not this cast's */
     rig_round(&rig);
     assert_int_equal(rig.work.num_requests, 0);
@@ -143,13 +143,15 @@ static void test_coarse_and_near_first_then_by_node(void **state)
     assert_int_equal(rig.work.num_requests, 17);
     assert_int_equal(rig.work.num_loads, 12);
     assert_int_equal(rig.work.num_deferred_budget, 5);
-    /* The camera is in `near` and `deep` node 0: there the distance is one voxel, and the coarser has the larger error. Root node 0 ends
-     * 17.3 voxels away. Of the others those that share a face are at 2^level * 16 - 10, those at edges 1.41 and at the corner 1.73 times
-     * that: `deep` is at twice the error for its distance, so it follows at once. */
+    /* The camera is in `near` and `deep` node 0: there the distance is one voxel, and the coarser has the larger error.
+     * Root node 0 ends 17.3 voxels away. Of the others those that share a face are at 2^level * 16 - 10, those at
+     * edges 1.41 and at the corner 1.73 times that: `deep` is at twice the error for its distance, so it follows at
+     * once. */
     uint32_t expected[12] = {near * 8, deep * 8, ROOT_NODE(0), 0};
     const uint32_t order[3][3] = {{1, 2, 4}, {3, 5, 6}, {7}};
     uint32_t at = 3;
-    /* Projected errors are the same fraction of the level for both tiles, up to the camera's 10 voxels: within a class. */
+    /* Projected errors are the same fraction of the level for both tiles, up to the camera's 10 voxels: within a class.
+     */
     for (int i = 0; i < 3 && at < 12; i++)
         for (int t = 0; t < 2; t++)
             for (int j = 0; j < (i == 2 ? 1 : 3) && at < 12; j++)
@@ -563,7 +565,8 @@ static void test_roots_beyond_64_bits_are_refused(void **state)
     assert_false(karst_cache_place_root(rig.cache, (const int64_t[3]){0, -2, 0}, 59, NULL));
     assert_false(karst_cache_place_root(rig.cache, (const int64_t[3]){0, 0, 0}, 60, NULL));
     assert_false(karst_cache_place_root(rig.cache, (const int64_t[3]){0, 0, 0}, -1, NULL));
-    assert_true(karst_cache_place_root(rig.cache, (const int64_t[3]){INT64_C(1) << 58, 0, -(INT64_C(1) << 59)}, 0, NULL));
+    assert_true(
+        karst_cache_place_root(rig.cache, (const int64_t[3]){INT64_C(1) << 58, 0, -(INT64_C(1) << 59)}, 0, NULL));
     assert_false(karst_cache_place_root(rig.cache, (const int64_t[3]){0, (INT64_C(1) << 59) - 1, 0}, 0, NULL));
     assert_true(karst_cache_place_root(rig.cache, (const int64_t[3]){0, (INT64_C(1) << 59) - 2, 0}, 0, NULL));
     rig_check(&rig);
@@ -579,8 +582,9 @@ static void test_serials_and_generations_wrap(void **state)
     /* Free tiles were handed out almost 2^32 times. */
     for (uint32_t tile = 2; tile < 4; tile++) {
         uint32_t generation = UINT32_MAX - 1;
-        assert_true(karst_buffer_write(rig.pools->tile_info, tile * sizeof(karst_tile_info) + offsetof(karst_tile_info, generation), &generation,
-                                       sizeof(generation), NULL));
+        assert_true(karst_buffer_write(rig.pools->tile_info,
+                                       tile * sizeof(karst_tile_info) + offsetof(karst_tile_info, generation),
+                                       &generation, sizeof(generation), NULL));
     }
     rig_read(&rig);
     /* Root nodes take turns with two tiles: each round recycles the one that was not used last. */
@@ -731,8 +735,8 @@ static void test_memory_is_named_and_as_announced(void **state)
         assert_non_null(cache);
         karst_stats stats = {0};
         karst_context_memory(context, &stats);
-        static const char *const names[] = {"nodes", "tile_info", "bricks", "brick_info", "brick_owner", "stamps", "wants", "usage_lists",
-                                            "requests", "work_lists"};
+        static const char *const names[] = {"nodes",  "tile_info", "bricks",      "brick_info", "brick_owner",
+                                            "stamps", "wants",     "usage_lists", "requests",   "work_lists"};
         assert_int_equal(stats.num_memory, sizeof(names) / sizeof(names[0]));
         for (size_t j = 0; j < stats.num_memory; j++) {
             size_t k = 0;
@@ -743,8 +747,8 @@ static void test_memory_is_named_and_as_announced(void **state)
         }
         karst_cache_destroy(cache);
     }
-    print_message("# bytes: fixed %.0f, a tile %.2f, a brick %.2f\n", (double)total[0], (double)(total[1] - total[0]) / 20000,
-                  (double)(total[2] - total[0]) / 2000);
+    print_message("# bytes: fixed %.0f, a tile %.2f, a brick %.2f\n", (double)total[0],
+                  (double)(total[1] - total[0]) / 20000, (double)(total[2] - total[0]) / 2000);
     assert_true(total[1] - total[0] <= 20000u * KARST_CACHE_TILE_BYTES);
     assert_true(total[2] - total[0] <= 2000u * KARST_CACHE_BRICK_BYTES);
 }
@@ -803,8 +807,11 @@ static void test_the_same_stamps_with_many_wants_in_pieces(void **state)
         int64_t at[3];
         rig_node_at(&rig, node, at);
         int level = rig.tiles[node / 8].level;
-        uint64_t key = (uint64_t)karst_want_class(level, karst_want_gap(at[0], 12345, level + 4), karst_want_gap(at[1], 0, level + 4),
-                                                  karst_want_gap(at[2], 0, level + 4)) << 32 | node;
+        uint64_t key =
+            (uint64_t)karst_want_class(level, karst_want_gap(at[0], 12345, level + 4),
+                                       karst_want_gap(at[1], 0, level + 4), karst_want_gap(at[2], 0, level + 4))
+                << 32 |
+            node;
         for (int k = 0; k < 15; k++)
             if (key < best[k]) {
                 uint64_t other = best[k];

@@ -38,7 +38,8 @@ static void *copy_for(karst_buffer *buffer)
     return copy;
 }
 
-void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes, int level)
+void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes,
+              int level)
 {
     karst_error error = {0};
     *rig = (cache_rig){.context = context, .content = rig_all_bricks};
@@ -145,8 +146,12 @@ void rig_read(cache_rig *rig)
 void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool may_drop_fallback)
 {
     karst_error error = {0};
-    karst_collect_params params = {.serial = rig->serial, .frame = rig->frame, .camera = rig->camera, .max_tiles = max_tiles,
-                                   .max_bricks = max_bricks, .may_drop_fallback = may_drop_fallback};
+    karst_collect_params params = {.serial = rig->serial,
+                                   .frame = rig->frame,
+                                   .camera = rig->camera,
+                                   .max_tiles = max_tiles,
+                                   .max_bricks = max_bricks,
+                                   .may_drop_fallback = may_drop_fallback};
     rig_write_stamps(rig);
     rig_expect(karst_cache_collect(rig->cache, &params, &rig->work, &error), "karst_cache_collect", &error);
     read_some(rig->work.load_nodes, 0, rig->load_nodes, rig->work.num_loads * sizeof(uint32_t));
@@ -178,7 +183,8 @@ static size_t brick_offset_bytes(const cache_rig *rig, uint32_t brick)
 uint64_t rig_brick_identity(cache_rig *rig, uint32_t brick)
 {
     uint64_t identity;
-    read_some(rig->pools->bricks[brick / rig->pools->bricks_per_segment], brick_offset_bytes(rig, brick), &identity, sizeof(identity));
+    read_some(rig->pools->bricks[brick / rig->pools->bricks_per_segment], brick_offset_bytes(rig, brick), &identity,
+              sizeof(identity));
     return identity;
 }
 
@@ -201,7 +207,8 @@ static void produce_load(cache_rig *rig, uint32_t i)
     uint64_t samples[KARST_BRICK_STRIDE * sizeof(int16_t) / sizeof(uint64_t)];
     for (size_t j = 0; j < sizeof(samples) / sizeof(samples[0]); j++)
         samples[j] = rig_node_identity(rig, node);
-    write_some(rig->pools->bricks[brick / rig->pools->bricks_per_segment], brick_offset_bytes(rig, brick), samples, sizeof(samples));
+    write_some(rig->pools->bricks[brick / rig->pools->bricks_per_segment], brick_offset_bytes(rig, brick), samples,
+               sizeof(samples));
 }
 
 static void produce_tile(cache_rig *rig, uint32_t i)
@@ -233,7 +240,8 @@ void rig_produce(cache_rig *rig)
 void rig_publish(cache_rig *rig)
 {
     karst_error error = {0};
-    rig_expect(karst_cache_publish(rig->cache, &rig->work, &rig->num_linked, &rig->num_constant, &error), "karst_cache_publish", &error);
+    rig_expect(karst_cache_publish(rig->cache, &rig->work, &rig->num_linked, &rig->num_constant, &error),
+               "karst_cache_publish", &error);
     rig_check(rig);
     rig_read(rig);
 }

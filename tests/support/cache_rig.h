@@ -1,11 +1,12 @@
-/* A cache driven by hand: stamps are written by the test instead of rays, content comes from a function instead of a producer. Whatever
- * fails ends the program; the cache's own check runs after each step. */
+/* A cache driven by hand: stamps are written by the test instead of rays, content comes from a function instead of a
+ * producer. Whatever fails ends the program; the cache's own check runs after each step. */
 #ifndef KARST_TESTS_SUPPORT_CACHE_RIG_H
 #define KARST_TESTS_SUPPORT_CACHE_RIG_H
 
 #include "cache/pools.h"
 
-/* What is in a node: `load` false: what bounds prove (KARST_STATE_AIR, _SOLID, or _LOST for "nothing"), true: what comes of loading it
+/* What is in a node: `load` false: what bounds prove (KARST_STATE_AIR, _SOLID, or _LOST for "nothing"), true: what
+ * comes of loading it
  * (_AIR, _SOLID, _BRICK, or _UNKNOWN for "the producer did not answer"). */
 typedef uint32_t (*rig_content)(int level, const int64_t node[3], bool load);
 
@@ -17,7 +18,8 @@ typedef struct {
     karst_position camera;
     uint32_t serial, frame;
     uint32_t num_nodes;
-    /* Copies of the pools. The test writes stamps and wants here; rig_collect takes them to the device and brings all back. */
+    /* Copies of the pools. The test writes stamps and wants here; rig_collect takes them to the device and brings all
+     * back. */
     karst_node *nodes;
     karst_tile_info *tiles;
     karst_brick_owner *owners;
@@ -32,7 +34,8 @@ typedef struct {
 uint32_t rig_all_bricks(int level, const int64_t node[3], bool load);
 
 /* A rig on a root tile at (-1, -1, -1) of `level`, camera at the origin. */
-void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes, int level);
+void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes,
+              int level);
 void rig_close(cache_rig *rig);
 void rig_place_root(cache_rig *rig, const int64_t corner[3], int level);
 
