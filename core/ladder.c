@@ -5,8 +5,9 @@
 /* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than
  * the final ones, so some starvation passes by itself. */
 #define MAX_STARVED_FRAMES 24
-/* Slots' worth of production that a rung may take for a view. What fits takes less than three: itself, its stand-ins and the way there. With
- * a small budget what does not fit need never starve: each round's few find slots among what the next rounds will miss. */
+/* Slots' worth of production that a rung may take for a view. What fits takes less than three: itself, its stand-ins
+ * and the way there. With a small budget what does not fit need never starve: each round's few find slots among what
+ * the next rounds will miss. */
 #define MAX_POOLS_PRODUCED 8
 /* In motion: rounds without starvation before a finer rung is tried. */
 #define CALM_FRAMES_TO_REFINE 10
