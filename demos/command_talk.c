@@ -72,8 +72,10 @@ static void write_log(void *user, karst_log_level level, const char *line)
     /* What failed comes back as karst_error and is printed once; the log's lines only say more of it. */
     if (level == KARST_LOG_ERROR && talk->verbose)
         say_coloured(talk, "\033[1;31m", "", line);
-    else if (level == KARST_LOG_WARNING)
-        say_coloured(talk, "\033[1;33m", "warning: ", line);
+    else if (level == KARST_LOG_WARNING) /* what is said of a world's text says itself what it is, and how it goes on */
+        say_coloured(
+            talk, "\033[1;33m",
+            line[0] == ' ' || strstr(line, ": error: ") || strstr(line, ": warning: ") ? "" : "warning: ", line);
     else if (level > KARST_LOG_WARNING)
         say_coloured(talk, "\033[2m", "", line);
 }
