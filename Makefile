@@ -147,7 +147,8 @@ check: all $(TEST_PROGRAMS)
 	    $(if $(PARTIAL),,$(TEST_SCRIPTS))
 
 bench: all $(BENCH_PROGRAMS)
-	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(ONLY),$(b)),$(b))); do $$program || exit; done
+	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(or $(ONLY),standard),$(b)),$(b))); do \
+	    $$program || exit; done
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND)
@@ -212,7 +213,7 @@ help:
 	@echo 'make demo            render the world "hills" to $(BUILD)/demo.png (installs missing packages if it can)'
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
-	@echo 'make bench           measure; ONLY=text runs some'
+	@echo 'make bench           the standard benchmark; ONLY=cast or ONLY=producers measures parts'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
