@@ -45,9 +45,10 @@ static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint
     return true;
 }
 
+/* The values are the cache's own lists, which stay as they are until the last read of this round. */
 static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, karst_error *error)
 {
-    return karst_buffer_write(buffer, 0, values, num * sizeof(*values), error);
+    return karst_cache_send(buffer, 0, values, num * sizeof(*values), error);
 }
 
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)

@@ -1,6 +1,46 @@
 /* Usage lists: passes over them. A work-item goes through one chunk of a list; KARST_CHUNK is a multiple of 32, so that
  * every item owns the words of marks that it writes. Count, scan, scatter: no atomics, and order is kept. */
 #include "cache/lru_shared.h"
+#include "core/lanes.clh"
+
+#if LANES == 16
+#define AS_VINT(v) as_int16(v)
+#else
+#define AS_VINT(v) ((int)(v))
+#endif
+
+/* A bit for each lane. */
+static uint bits_of(vint mask)
+{
+#if LANES == 16
+    int16 bits = mask & ((int16)(1) << V_LANE);
+    int8 a = bits.lo | bits.hi;
+    int4 b = a.lo | a.hi;
+    int2 c = b.lo | b.hi;
+    return (uint)(c.x | c.y);
+#else
+    return (uint)mask & 1u;
+#endif
+}
+
+static vint is_used(vint slots, __global const uint *stamps, uint sorted_serial)
+{
+    vuint stamp = v_gather_uint(stamps, slots);
+    return v_ne(stamp, (vuint)(0u)) & v_gt(AS_VINT(stamp - (vuint)(sorted_serial)), (vint)(0));
+}
+
+/* Which of the slots in order[begin...], 32 at most, were used since the list was sorted; all at once as far as whole
+ * vectors go, and no word of those behind them. */
+static uint used_slots(__global const uint *order, uint begin, uint end, __global const uint *stamps,
+                       __global const uint *fallback, uint sorted_serial)
+{
+    uint word = 0;
+    for (uint i = 0; i < 32 && begin + i + LANES <= end; i += LANES) {
+        vint slots = v_load_int((__global const int *)order + begin + i);
+        word |= bits_of(is_used(slots, stamps, sorted_serial) | is_used(slots, fallback, sorted_serial)) << i;
+    }
+    return word;
+}
 
 /* What a window's entry is. */
 #define ENTRY_KEEP 0u /* has children: not now, but perhaps later, at the same place in the order */
@@ -45,8 +85,14 @@ __kernel void karst_lru_mark(__global const uint *order, __global const uint *st
     uint end = min(window.num, begin + KARST_CHUNK);
     uint2 sum = (uint2)(0, 0);
     for (uint i = begin; i < end; i += 32) {
-        uint2 word = (uint2)(0, 0);
+        /* Most of a list is often in use; stand-ins that may go are, too, and need a closer look. */
+        uint used = window.drop_fallback ? 0u
+                                         : used_slots(order, window.first + i, window.first + end, stamps, fallback,
+                                                      window.sorted_serial);
+        uint2 word = (uint2)(0, used);
         for (uint bit = 0; bit < 32 && i + bit < end; bit++) {
+            if (used >> bit & 1u)
+                continue;
             uint slot = order[window.first + i + bit];
             uint entry = window.kind == KARST_LRU_TILES ? tile_entry(slot, window, stamps, nodes, tile_info)
                                                         : brick_entry(slot, window, stamps, fallback, brick_owner);
@@ -135,11 +181,17 @@ __kernel void karst_lru_sort_mark(__global const uint *order, __global const uin
     uint2 sum = (uint2)(0, 0);
     for (uint i = begin; i < end; i += 32) {
         uint2 word = (uint2)(0, 0);
-        for (uint bit = 0; bit < 32 && i + bit < end; bit++) {
-            uint slot = order[i + bit];
-            word.x |= (uint)!karst_stamp_is_after(last_use(slot, stamps, fallback), sorted_serial) << bit;
-            slot = i + bit + 1;
-            word.y |= (uint)(karst_stamp_is_after(last_use(slot, stamps, fallback), sorted_serial) != 0) << bit;
+        uint bit = 0;
+        for (; bit < 32 && i + bit + LANES <= end; bit += LANES) {
+            vint listed = v_load_int((__global const int *)order + i + bit),
+                 slots = (vint)((int)(i + bit + 1)) + V_LANE;
+            word.x |= bits_of(~(is_used(listed, stamps, sorted_serial) | is_used(listed, fallback, sorted_serial)))
+                      << bit;
+            word.y |= bits_of(is_used(slots, stamps, sorted_serial) | is_used(slots, fallback, sorted_serial)) << bit;
+        }
+        for (; bit < 32 && i + bit < end; bit++) {
+            word.x |= (uint)!karst_stamp_is_after(last_use(order[i + bit], stamps, fallback), sorted_serial) << bit;
+            word.y |= (uint)(karst_stamp_is_after(last_use(i + bit + 1, stamps, fallback), sorted_serial) != 0) << bit;
         }
         marks[i / 32] = word;
         sum += popcount(word);
@@ -156,12 +208,12 @@ __kernel void karst_lru_sort_part(__global const uint *order, __global const uin
         return;
     uint end = min(num, begin + KARST_CHUNK);
     uint unused = counts[chunk].x, used = total[0].x + counts[chunk].y;
-    for (uint i = begin; i < end; i++) {
-        uint2 word = marks[i / 32] >> (i % 32) & 1u;
-        if (word.x)
-            spare[unused++] = order[i];
-        if (word.y)
-            spare[used++] = i + 1;
+    for (uint i = begin; i < end; i += 32) {
+        uint2 word = marks[i / 32];
+        for (uint left = word.x; left; left &= left - 1)
+            spare[unused++] = order[i + 31 - clz(left & -left)];
+        for (uint left = word.y; left; left &= left - 1)
+            spare[used++] = i + 32 - clz(left & -left);
     }
 }
 

@@ -12,6 +12,18 @@
 
 static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
 
+bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                      karst_error *error)
+{
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
+                                       NULL, NULL);
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot write buffer %s: %s", buffer->name, karst_cl_error_name(code));
+    return true;
+}
+
 /* Cuts the brick pool into equal segments. */
 static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
@@ -125,6 +137,7 @@ void karst_cache_destroy(karst_cache *cache)
 {
     if (!cache)
         return;
+    clFinish(cache->context->queue); /* lists that were sent but not read yet */
     karst_cache_buffers *b = &cache->buffers;
     karst_slots_finish(&cache->tile_slots);
     karst_slots_finish(&cache->brick_slots);

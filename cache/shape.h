@@ -21,6 +21,10 @@ static inline karst_shape karst_shape_of(const karst_context *context)
     return (karst_shape){64, 64, 64, 256, 64 * (uint32_t)context->compute_units};
 }
 
+/* Like karst_buffer_write, but returns at once: `data` must stay as it is until the next blocking read. */
+bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                      karst_error *error);
+
 static inline uint32_t karst_shape_chunks(const karst_shape *shape, uint32_t num_entries)
 {
     return (uint32_t)(((uint64_t)num_entries + shape->chunk - 1) / shape->chunk);

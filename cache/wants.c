@@ -158,7 +158,7 @@ static bool find_active(karst_wants *wants, uint32_t serial, uint32_t *num_activ
         if (chunks[i] == serial)
             wants->host_active[num++] = i;
     *num_active = num;
-    return karst_buffer_write(wants->active, 0, wants->host_active, num * sizeof(*wants->host_active), error);
+    return karst_cache_send(wants->active, 0, wants->host_active, num * sizeof(*wants->host_active), error);
 }
 
 bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
@@ -186,8 +186,8 @@ bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camer
         }
         if (num == 0)
             continue;
-        if (!karst_buffer_write(wants->counts, first * sizeof(*counts), counts + first, (end - first) * sizeof(*counts),
-                                error) ||
+        if (!karst_cache_send(wants->counts, first * sizeof(*counts), counts + first, (end - first) * sizeof(*counts),
+                              error) ||
             !launch_list(wants, first, end - first, view, error) ||
             !karst_buffer_read(wants->wants, 0, wants->host_wants, num * sizeof(*wants->host_wants), error))
             return false;

@@ -29,9 +29,7 @@ static uint32_t all_solid(int level, const int64_t node[3], bool load)
 static int open_rig(void **state)
 {
     (void)state;
-    karst_error error = {0};
-    context = karst_context_create("", 0, NULL, &error);
-    rig_expect(context, "karst_context_create", &error);
+    context = rig_open_context();
     rig_open(&rig, context, 12, 12, 0, 6);
     for (uint32_t i = 0; i < 40; i++) { /* more than there is room for */
         rig_cast(&rig);

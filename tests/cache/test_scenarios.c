@@ -18,9 +18,7 @@ static karst_context *context;
 static int open_context(void **state)
 {
     (void)state;
-    karst_error error = {0};
-    context = karst_context_create("", 0, NULL, &error);
-    rig_expect(context, "karst_context_create", &error);
+    context = rig_open_context();
     return 0;
 }
 

@@ -13,6 +13,15 @@ void rig_expect(bool good, const char *what, const karst_error *error)
     abort();
 }
 
+karst_context *rig_open_context(void)
+{
+    karst_error error = {0};
+    const char *lanes = getenv("KARST_TEST_LANES");
+    karst_context *context = karst_context_create("", lanes ? atoi(lanes) : 0, NULL, &error);
+    rig_expect(context, "karst_context_create", &error);
+    return context;
+}
+
 uint32_t rig_all_bricks(int level, const int64_t node[3], bool load)
 {
     (void)level, (void)node;
@@ -153,7 +162,10 @@ void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool m
                                    .max_bricks = max_bricks,
                                    .may_drop_fallback = may_drop_fallback};
     rig_write_stamps(rig);
+    rig_expect(karst_finish(rig->context, &error), "karst_finish", &error);
+    uint64_t start_ns = karst_clock_ns();
     rig_expect(karst_cache_collect(rig->cache, &params, &rig->work, &error), "karst_cache_collect", &error);
+    rig->collect_ns = karst_clock_ns() - start_ns;
     read_some(rig->work.load_nodes, 0, rig->load_nodes, rig->work.num_loads * sizeof(uint32_t));
     read_some(rig->work.load_slots, 0, rig->load_slots, rig->work.num_loads * sizeof(uint32_t));
     read_some(rig->work.subdivide_nodes, 0, rig->subdivide_nodes, rig->work.num_subdivides * sizeof(uint32_t));
@@ -240,8 +252,11 @@ void rig_produce(cache_rig *rig)
 void rig_publish(cache_rig *rig)
 {
     karst_error error = {0};
+    rig_expect(karst_finish(rig->context, &error), "karst_finish", &error);
+    uint64_t start_ns = karst_clock_ns();
     rig_expect(karst_cache_publish(rig->cache, &rig->work, &rig->num_linked, &rig->num_constant, &error),
                "karst_cache_publish", &error);
+    rig->publish_ns = karst_clock_ns() - start_ns;
     rig_check(rig);
     rig_read(rig);
 }

@@ -29,7 +29,11 @@ typedef struct {
     uint32_t subdivide_nodes[KARST_CACHE_MAX_WORK], subdivide_tiles[KARST_CACHE_MAX_WORK];
     uint32_t num_linked, num_constant; /* of the last rig_publish */
     bool skip_check;                   /* for timing */
+    uint64_t collect_ns, publish_ns;   /* wall clock of the last ones */
 } cache_rig;
+
+/* The first device; KARST_TEST_LANES=1 for tools whose device takes no more. */
+karst_context *rig_open_context(void);
 
 uint32_t rig_all_bricks(int level, const int64_t node[3], bool load);
 
