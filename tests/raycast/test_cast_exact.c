@@ -262,12 +262,14 @@ static void localisation_is_exact(void **state)
                 if (level == top)
                     assert_int_equal(node + r[a], root[a]);
                 float in_node = view.levels[level].in_node[a];
-                long double exact = ((long double)(p.voxel[a] - (node << (KARST_BRICK_CELLS_LOG2 + level))) +
-                                     p.fraction[a] * 0x1p-32L) /
-                                    ldexpl(1, level);
+                long double exact =
+                    ((long double)(p.voxel[a] - node * (INT64_C(1) << (KARST_BRICK_CELLS_LOG2 + level))) +
+                     p.fraction[a] * 0x1p-32L) /
+                    ldexpl(1, level);
                 assert_true(in_node >= 0 && in_node < KARST_BRICK_CELLS);
                 assert_true((long double)in_node <= exact && exact - (long double)in_node <= exact * 0x1p-23L);
-                __extension__ __int128 left = (__int128)(node + 1) << (KARST_BRICK_CELLS_LOG2 + level + 32);
+                __extension__ __int128 left =
+                    (__int128)(node + 1) * ((__int128)1 << (KARST_BRICK_CELLS_LOG2 + level + 32));
                 left -= (__int128)p.voxel[a] * ((int64_t)1 << 32) + p.fraction[a];
                 long double to_end = view.levels[level].to_end[a], rest = (long double)left / ldexpl(1, level + 32);
                 assert_true(to_end > 0 && to_end <= rest && rest - to_end <= rest * 0x1p-23L);
