@@ -267,3 +267,29 @@ void rig_round(cache_rig *rig)
     rig_produce(rig);
     rig_publish(rig);
 }
+
+uint32_t rig_state(const cache_rig *rig, uint32_t node) { return KARST_NODE_STATE(rig->nodes[node].link); }
+uint32_t rig_children(const cache_rig *rig, uint32_t node) { return KARST_NODE_CHILDREN(rig->nodes[node].link); }
+
+uint32_t rig_grow(cache_rig *rig, uint32_t node)
+{
+    rig_cast(rig);
+    rig_want_children(rig, node);
+    rig_round(rig);
+    return rig_children(rig, node);
+}
+
+uint32_t rig_load(cache_rig *rig, uint32_t node)
+{
+    rig_cast(rig);
+    rig_want_brick(rig, node);
+    rig_round(rig);
+    return rig->nodes[node].brick;
+}
+
+uint32_t rig_grow_chain(cache_rig *rig, uint32_t node, int num_levels)
+{
+    for (int i = 0; i < num_levels; i++)
+        node = rig_grow(rig, node) * KARST_TILE_NODES;
+    return node;
+}

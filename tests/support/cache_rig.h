@@ -57,6 +57,13 @@ void rig_produce(cache_rig *rig);
 void rig_publish(cache_rig *rig);
 /* All three, with room for all work. */
 void rig_round(cache_rig *rig);
+/* Subdivides or loads one node in a cast and a round of their own; returns the tile or brick. */
+uint32_t rig_grow(cache_rig *rig, uint32_t node);
+uint32_t rig_load(cache_rig *rig, uint32_t node);
+/* A chain of tiles from a node downwards; returns the last one's node 0. */
+uint32_t rig_grow_chain(cache_rig *rig, uint32_t node, int num_levels);
+uint32_t rig_state(const cache_rig *rig, uint32_t node);
+uint32_t rig_children(const cache_rig *rig, uint32_t node);
 /* Brings the copies up to date. */
 void rig_read(cache_rig *rig);
 /* Takes stamps and wants to the device. */
