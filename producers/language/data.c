@@ -244,3 +244,24 @@ bool karst_world_data_fill(const karst_world_layout *layout, const karst_number 
     free(known);
     return done;
 }
+
+static bool is_pair(const karst_graph *graph, karst_expr e) { return graph->nodes[e].kind == KARST_KIND_WIDE; }
+
+bool karst_is_computed_wide(const karst_graph *graph, karst_expr e)
+{
+    const karst_expr_node *n = &graph->nodes[e];
+    switch (n->op) {
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+    case KARST_OP_FLOOR:
+    case KARST_OP_FRACT:
+    case KARST_OP_MOD:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+        return is_pair(graph, n->arg[0]) || is_pair(graph, n->arg[1]);
+    default:
+        return is_pair(graph, e);
+    }
+}

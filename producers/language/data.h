@@ -51,6 +51,9 @@ float karst_number_rest(karst_number number);
 
 /* True if the node works on the exact place of its argument number k, which is AFFINE or SHIFTED, not on its float. */
 bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k);
+/* True if the node is computed in pairs of floats: the same for every back end that is generated or interpreted. A
+ * comparison, floor and the like are, if an argument is WIDE, whatever their own kind. */
+bool karst_is_computed_wide(const karst_graph *graph, karst_expr e);
 /* The AFFINE leaf behind an AFFINE or SHIFTED node. */
 karst_expr karst_affine_behind(const karst_graph *graph, karst_expr e);
 

@@ -19,24 +19,7 @@ void karst_emit_begin_block(karst_emit *emit, karst_block block)
 
 static bool is_pair(const karst_emit *emit, karst_expr e) { return emit->graph->nodes[e].kind == KARST_KIND_WIDE; }
 
-bool karst_emit_is_wide(const karst_emit *emit, karst_expr e)
-{
-    const karst_expr_node *n = &emit->graph->nodes[e];
-    switch (n->op) {
-    case KARST_OP_LESS:
-    case KARST_OP_LESS_EQUAL:
-    case KARST_OP_EQUAL:
-    case KARST_OP_NOT_EQUAL:
-    case KARST_OP_FLOOR:
-    case KARST_OP_FRACT:
-    case KARST_OP_MOD:
-    case KARST_OP_SIN:
-    case KARST_OP_COS:
-        return is_pair(emit, n->arg[0]) || is_pair(emit, n->arg[1]);
-    default:
-        return is_pair(emit, e);
-    }
-}
+bool karst_emit_is_wide(const karst_emit *emit, karst_expr e) { return karst_is_computed_wide(emit->graph, e); }
 
 /* As which part a wide node reads an argument: AFFINE and SHIFTED have both, others what they have. */
 static uint8_t part_of(const karst_emit *emit, karst_expr e, bool wide)

@@ -30,25 +30,7 @@ typedef struct {
 
 static bool is_pair(const builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
 
-/* Whether the node is computed in pairs. */
-static bool is_wide(const builder *b, karst_expr e)
-{
-    const karst_expr_node *n = &b->graph->nodes[e];
-    switch (n->op) {
-    case KARST_OP_LESS:
-    case KARST_OP_LESS_EQUAL:
-    case KARST_OP_EQUAL:
-    case KARST_OP_NOT_EQUAL:
-    case KARST_OP_FLOOR:
-    case KARST_OP_FRACT:
-    case KARST_OP_MOD:
-    case KARST_OP_SIN:
-    case KARST_OP_COS:
-        return is_pair(b, n->arg[0]) || is_pair(b, n->arg[1]);
-    default:
-        return is_pair(b, e);
-    }
-}
+static bool is_wide(const builder *b, karst_expr e) { return karst_is_computed_wide(b->graph, e); }
 
 /* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it.
  */
