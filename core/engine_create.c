@@ -1,0 +1,141 @@
+/* Making and unmaking an engine. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/display_platform.h"
+#include "core/engine_parts.h"
+
+#define DEFAULT_WIDTH_PX 1280
+#define DEFAULT_HEIGHT_PX 720
+#define DEFAULT_POOL_BYTES ((uint64_t)512 << 20)
+#define DEFAULT_BUDGET_BRICKS 4096u
+#define MAX_BUDGET_BRICKS 8192u
+#define MAX_BUDGET_MS 60000.0
+/* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to
+ * them. */
+#define MIN_TILES 32u
+#define MIN_BRICKS 32u
+/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that
+ * is one or two to a brick. */
+#define TILES_PER_BRICK 3u
+
+/* Slots of both pools from the configuration. */
+static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error)
+{
+    uint64_t set_bytes = KARST_CACHE_BRICK_BYTES + (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
+    uint64_t pool_bytes = config->pool_bytes ? config->pool_bytes : DEFAULT_POOL_BYTES;
+    uint64_t bricks = config->num_bricks ? config->num_bricks : pool_bytes / set_bytes;
+    uint64_t tiles = config->num_tiles ? config->num_tiles : bricks * TILES_PER_BRICK;
+    if (bricks < MIN_BRICKS || tiles < MIN_TILES) {
+        uint64_t least_mib = (MIN_BRICKS * set_bytes + ((uint64_t)1 << 20) - 1) >> 20;
+        return karst_fail(
+            error, KARST_USAGE,
+            "the pools are too small for any picture: %llu bricks and %llu tiles; %llu MiB would do (--pool %llu)",
+            (unsigned long long)bricks, (unsigned long long)tiles, (unsigned long long)least_mib,
+            (unsigned long long)least_mib);
+    }
+    if (tiles > KARST_MAX_TILES || bricks > UINT32_MAX / 2)
+        return karst_fail(error, KARST_USAGE,
+                          "the pools are too large: %llu bricks and %llu tiles; %u tiles are the limit",
+                          (unsigned long long)bricks, (unsigned long long)tiles, KARST_MAX_TILES);
+    *num_tiles = (uint32_t)tiles;
+    *num_bricks = (uint32_t)bricks;
+    return true;
+}
+
+karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
+{
+    karst_engine *engine = calloc(1, sizeof *engine);
+    if (!engine) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    uint32_t num_tiles = 0, num_bricks = 0;
+    engine->log = config->log;
+    engine->width_px = config->width_px || config->height_px ? config->width_px : DEFAULT_WIDTH_PX;
+    engine->height_px = config->width_px || config->height_px ? config->height_px : DEFAULT_HEIGHT_PX;
+    engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
+    engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
+    engine->shadows = !config->no_shadows;
+    engine->count_changed_pixels = config->count_changed_pixels;
+    engine->budget_ns = config->budget_ms * 1e6;
+    karst_ladder_init(&engine->ladder);
+    karst_cost_init(&engine->cost);
+
+    if (!karst_engine_open_world(engine, config, error) ||
+        !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
+        !size_pools(config, &num_tiles, &num_bricks, error))
+        goto failed;
+    if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
+        karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
+        goto failed;
+    }
+    if (engine->budget_bricks > MAX_BUDGET_BRICKS) {
+        karst_fail(error, KARST_USAGE, "a budget of %u bricks a frame: the limit is %u", engine->budget_bricks,
+                   MAX_BUDGET_BRICKS);
+        goto failed;
+    }
+    if (!(config->budget_ms >= 0 && config->budget_ms <= MAX_BUDGET_MS)) {
+        karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g",
+                   config->budget_ms, MAX_BUDGET_MS);
+        goto failed;
+    }
+    double view_distance_m = config->view_distance_m != 0 ? config->view_distance_m : engine->world->view_distance_m;
+    engine->view_distance_voxels = view_distance_m / exp2(engine->world->voxel_log2_m);
+    if (!(engine->view_distance_voxels >= 16 && engine->view_distance_voxels <= 0x1p56)) {
+        karst_fail(error, KARST_USAGE, "a view distance of %g m: this world's goes from %g to %g", view_distance_m,
+                   16 * exp2(engine->world->voxel_log2_m), exp2(56 + engine->world->voxel_log2_m));
+        goto failed;
+    }
+    engine->camera.fov_deg = 60;
+    if (!karst_camera_parse(engine->world->camera, engine->world->voxel_log2_m, &engine->camera, error))
+        goto failed;
+    engine->view_changed = true;
+
+    /* The display first: a device that can share memory with its OpenGL must be opened for that. */
+    engine->owns_display = !config->in_display;
+    engine->display =
+        config->in_display ? config->in_display : karst_display_create(config->display, config->log, error);
+    if (!engine->display)
+        goto failed;
+    cl_context_properties sharing[KARST_SHARING_PROPERTIES];
+    bool may_share = karst_display_sharing(engine->display, sharing);
+    engine->context =
+        karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
+    if (!engine->context)
+        goto failed;
+    engine->cache = karst_cache_create(engine->context, num_tiles, num_bricks, config->max_segment_bytes, error);
+    if (!engine->cache || !karst_engine_allocate_picture(engine, error))
+        goto failed;
+    engine->counters =
+        karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
+    engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
+    if (!engine->counters || !engine->caster ||
+        !karst_engine_create_producer(engine, config->has_seed ? config->seed : engine->world->seed, error) ||
+        !karst_engine_create_shader(engine, error))
+        goto failed;
+    return engine;
+
+failed:
+    karst_engine_destroy(engine);
+    return NULL;
+}
+
+void karst_engine_destroy(karst_engine *engine)
+{
+    if (!engine)
+        return;
+    if (engine->context)
+        karst_finish(engine->context, NULL);
+    karst_engine_free_picture(engine);
+    karst_shader_destroy(engine->shader);
+    karst_caster_destroy(engine->caster);
+    karst_producer_destroy(engine->producer);
+    karst_world_file_destroy(engine->world_file);
+    karst_cache_destroy(engine->cache);
+    karst_buffer_destroy(engine->counters);
+    karst_context_destroy(engine->context);
+    if (engine->owns_display)
+        karst_display_destroy(engine->display);
+    free(engine);
+}

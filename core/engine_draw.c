@@ -1,0 +1,78 @@
+/* Casting and shading a frame. */
+#include <math.h>
+#include <string.h>
+
+#include "core/engine_parts.h"
+
+static void set3(float out[4], const double in[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        out[axis] = (float)in[axis];
+    out[3] = 0;
+}
+
+static karst_pinhole make_pinhole(const karst_engine *engine)
+{
+    karst_pinhole pinhole = {.width_px = engine->width_px, .height_px = engine->height_px};
+    double right[3], up[3], forward[3];
+    karst_camera_axes(&engine->camera, right, up, forward);
+    set3(pinhole.right, right);
+    set3(pinhole.up, up);
+    set3(pinhole.forward, forward);
+    double half_height = tan(engine->camera.fov_deg * (M_PI / 360));
+    pinhole.half_height = (float)half_height;
+    pinhole.half_width = (float)(half_height * engine->width_px / engine->height_px);
+    pinhole.t_max = (float)engine->view_distance_voxels;
+    pinhole.cone = (float)(2 * half_height / engine->height_px);
+    return pinhole;
+}
+
+static karst_light make_light(const karst_engine *engine)
+{
+    const karst_world_info *world = engine->world;
+    double azimuth = world->sun_azimuth_deg * (M_PI / 180), elevation = world->sun_elevation_deg * (M_PI / 180);
+    double voxel_m = exp2(world->voxel_log2_m);
+    karst_light light = {.haze_distance = (float)(world->haze_distance_m / voxel_m),
+                         .shadow_distance = (float)engine->view_distance_voxels};
+    set3(light.sun_direction,
+         (double[3]){sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)});
+    /* Air scatters blue out of low sunlight: from orange at the horizon to a warm white overhead. */
+    double height = fmin(1, fmax(0, sin(elevation)) / 0.6);
+    set3(light.sun_colour, (double[3]){2.4, 1.5 + 0.7 * height, 0.85 + 1.1 * height});
+    memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
+    memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
+    memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
+    memcpy(light.ground_steep, world->ground_steep, sizeof world->ground_steep);
+    return light;
+}
+
+/* Cast and shade into the display. */
+bool karst_engine_draw(karst_engine *engine, karst_error *error)
+{
+    karst_cast_view view;
+    karst_cast_view_init(&view, &engine->camera.position, engine->root_corner, engine->top_level);
+    view.serial = engine->serial;
+    view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
+    karst_pinhole pinhole = make_pinhole(engine);
+    karst_light light = make_light(engine);
+    karst_shader_set_anchor(engine->shader, &engine->camera.position);
+    uint32_t num_pixels = (uint32_t)engine->width_px * (uint32_t)engine->height_px;
+
+    if (!karst_cast_pinhole(engine->caster, &view, &pinhole, engine->hits, error))
+        return false;
+    if (engine->shadows &&
+        (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
+                                       error) ||
+         !karst_cast_rays(engine->caster, &view, engine->shadow_rays, num_pixels, true, engine->shadow_hits, error)))
+        return false;
+    if (!karst_buffer_fill(engine->counters, 0, 0, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error))
+        return false;
+    cl_mem pixels = karst_surface_begin(engine->surface, error);
+    if (!pixels)
+        return false;
+    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits,
+                                     engine->shadows ? engine->shadow_hits : NULL, pixels, engine->depth,
+                                     engine->counters, error);
+    /* The surface is mapped: end it even if shading failed. */
+    return karst_surface_end(engine->surface, shaded ? error : NULL) && shaded;
+}

@@ -1,0 +1,109 @@
+/* The memory that follows a picture's size, and reading the picture. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/engine_parts.h"
+
+#define MAX_SIDE_PX 16384
+
+bool karst_engine_check_size(int width_px, int height_px, karst_error *error)
+{
+    if (width_px < 1 || height_px < 1 || width_px > MAX_SIDE_PX || height_px > MAX_SIDE_PX)
+        return karst_fail(error, KARST_USAGE, "picture size %dx%d: each side must be 1 to %d pixels", width_px,
+                          height_px, MAX_SIDE_PX);
+    return true;
+}
+
+/* What follows the picture's size. */
+bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
+{
+    size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
+    engine->surface =
+        karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
+    engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
+    engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
+    if (!engine->surface || !engine->hits || !engine->depth)
+        return false;
+    if (engine->shadows) {
+        engine->shadow_rays =
+            karst_buffer_create_blank(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), error);
+        engine->shadow_hits =
+            karst_buffer_create_blank(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), error);
+        if (!engine->shadow_rays || !engine->shadow_hits)
+            return false;
+    }
+    if (engine->count_changed_pixels) {
+        engine->pixels = malloc(num_pixels * 4);
+        engine->previous_pixels = malloc(num_pixels * 4);
+        engine->have_previous = false;
+        if (!engine->pixels || !engine->previous_pixels)
+            return karst_fail(error, KARST_FAILED, "out of memory for comparing pictures of %dx%d", engine->width_px,
+                              engine->height_px);
+    }
+    return true;
+}
+
+void karst_engine_free_picture(karst_engine *engine)
+{
+    karst_surface_destroy(engine->surface);
+    karst_buffer_destroy(engine->hits);
+    karst_buffer_destroy(engine->depth);
+    karst_buffer_destroy(engine->shadow_rays);
+    karst_buffer_destroy(engine->shadow_hits);
+    free(engine->pixels);
+    free(engine->previous_pixels);
+    engine->surface = NULL;
+    engine->hits = engine->depth = engine->shadow_rays = engine->shadow_hits = NULL;
+    engine->pixels = engine->previous_pixels = NULL;
+}
+
+bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error)
+{
+    if (!karst_engine_check_size(width_px, height_px, error))
+        return false;
+    if (width_px == engine->width_px && height_px == engine->height_px)
+        return true;
+    karst_engine_free_picture(engine);
+    engine->width_px = width_px;
+    engine->height_px = height_px;
+    engine->view_changed = true;
+    return karst_engine_allocate_picture(engine, error);
+}
+
+bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error)
+{
+    size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
+    if (!karst_surface_read(engine->surface, engine->pixels, num_pixels * 4, error))
+        return false;
+    uint64_t num_changed = 0;
+    for (size_t i = 0; engine->have_previous && i < num_pixels; i++)
+        num_changed += memcmp(engine->pixels + 4 * i, engine->previous_pixels + 4 * i, 4) != 0;
+    engine->stats.num_changed_pixels = engine->have_previous ? num_changed : num_pixels;
+    engine->have_previous = true;
+    uint8_t *swap = engine->pixels;
+    engine->pixels = engine->previous_pixels;
+    engine->previous_pixels = swap;
+    return true;
+}
+
+bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_bytes, karst_error *error)
+{
+    if (!engine->surface || engine->frame == 0)
+        return karst_fail(error, KARST_USAGE, "no frame has been drawn yet");
+    return karst_surface_read(engine->surface, rgba, size_bytes, error);
+}
+
+bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error)
+{
+    size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
+    if (num_values < num_pixels)
+        return karst_fail(error, KARST_USAGE, "depth of %dx%d needs %zu values, not %zu", engine->width_px,
+                          engine->height_px, num_pixels, num_values);
+    if (!engine->depth || !karst_buffer_read(engine->depth, 0, depth_m, num_pixels * sizeof(float), error))
+        return karst_fail(error, KARST_FAILED, "the depth buffer could not be read");
+    float voxel_m = exp2f((float)engine->world->voxel_log2_m);
+    for (size_t i = 0; i < num_pixels; i++)
+        depth_m[i] *= voxel_m;
+    return true;
+}
