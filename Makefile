@@ -25,6 +25,8 @@ endif
 
 WARN   := -Wall -Wextra -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
 PKGS   := libpng jansson
+# What the command needs beyond the library's.
+COMMAND_PKGS := cairo
 CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_asan    := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
@@ -34,16 +36,17 @@ $(error CONFIG=$(CONFIG): choose release, debug or asan)
 endif
 # -ffp-contract=off: host and device must agree bit for bit.
 KCFLAGS := -std=c11 -D_GNU_SOURCE -DKARST_VERSION='"$(VERSION)"' -ffp-contract=off -fPIC -pthread $(WARN) \
-           $(CFLAGS_$(CONFIG)) -I. -Icore/include $(shell pkg-config --cflags $(PKGS) 2>/dev/null) $(CFLAGS)
+           $(CFLAGS_$(CONFIG)) -I. -Icore/include $(shell pkg-config --cflags $(PKGS) $(COMMAND_PKGS) 2>/dev/null) $(CFLAGS)
 KLDFLAGS := $(LDFLAGS_$(CONFIG)) $(LDFLAGS)
 KLIBS := $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lOpenCL -ldl -lm -pthread
+COMMAND_LIBS := $(shell pkg-config --libs $(COMMAND_PKGS) 2>/dev/null)
 
 SOURCES := $(sort $(shell find $(MODULES) -name '*.c'))
 OBJECTS := $(SOURCES:%.c=$(OBJ)/%.o) $(OBJ)/embedded_kernels.o
 # Everything that a kernel may include travels inside the library.
 KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h' -o -name '*.karst') core/dialect.h)
 HEADERS := $(sort $(wildcard core/include/karst/*.h))
-COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c $(sort $(wildcard demos/command_*.c)))
+COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c demos/plot.c $(sort $(wildcard demos/command_*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
@@ -125,7 +128,7 @@ $(OUT)/libkarst.so: $(SHARED)
 
 $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(COMMAND_LIBS) $(KLIBS) -o $@
 
 # An archive, so that a program takes only what it uses.
 $(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
