@@ -23,9 +23,9 @@ typedef struct {
     const char *name; /* for the legend; NULL: not in it */
     plot_kind kind;
     size_t num;
-    const double *x, *y;       /* x must not fall, except with PLOT_POINTS; what is not finite leaves a gap (as a stacked
-                                * area: counts as 0) */
-    const double *low, *high;  /* NULL, or a band around y (a spread) */
+    const double *x, *y;      /* x must not fall, except with PLOT_POINTS; what is not finite leaves a gap (as a stacked
+                               * area: counts as 0) */
+    const double *low, *high; /* NULL, or a band around y (a spread) */
 } plot_series;
 
 typedef struct {
@@ -51,8 +51,8 @@ typedef struct {
 } plot_panel;
 
 typedef struct {
-    const char *title, *subtitle;    /* NULL: none */
-    double width_pt, height_pt; /* 0: 900 x 600 */
+    const char *title, *subtitle; /* NULL: none */
+    double width_pt, height_pt;   /* 0: 900 x 600 */
     const plot_panel *panels;
     size_t num_panels;
 } plot_page;
