@@ -8,6 +8,12 @@ _Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RID
                "octave.clh has graph.h's numbers");
 
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
+static const char *const base_names[KARST_NUM_NOISE_BASES] = {"gradient"};
+
+static const karst_noise *noise_of(const karst_emit *emit, karst_expr e)
+{
+    return &emit->graph->noises[emit->graph->nodes[e].extra];
+}
 
 /* What moves an argument in its lattice: an offset, or all of an argument that has no exact place. KARST_NO_EXPR:
  * nothing does. */
@@ -24,6 +30,8 @@ static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e)
 {
     const karst_expr_node *n = &emit->graph->nodes[e];
+    if (noise_of(emit, e)->base != KARST_NOISE_GRADIENT || noise_of(emit, e)->derivative)
+        return false;
     for (int i = 0; i < 3; i++) {
         uint8_t axes = emit->graph->nodes[n->arg[i]].depends & KARST_AXES;
         if (moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
@@ -54,27 +62,56 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     if (!by)
         return;
     if (emit->graph->nodes[by].kind == KARST_KIND_WIDE)
-        karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, octave->scale);\n", i, i,
+        karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, weight.scale);\n", i, i,
                        karst_emit_wide_operand(emit, by).text);
     else
-        karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(octave->scale));\n",
+        karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(weight.scale));\n",
                        i, i, karst_emit_operand(emit, by).text);
 }
 
-/* Octaves at places of their own in each lane. */
-static void octaves(karst_emit *emit, karst_expr e, const char *shape)
+/* Adds an octave at places of its own in each lane. */
+static void octave_line(karst_emit *emit, karst_expr e)
 {
+    const karst_noise *noise = noise_of(emit, e);
+    const char *base = base_names[noise->base], *shape = shape_names[noise->shape];
     karst_text *text = &emit->text;
     karst_text_add(text, "        noise_position q;\n");
     for (int i = 0; i < 3; i++)
         coordinate(emit, e, i);
-    karst_text_add(text, "        v%u = octave_add_%s(&q, &weight, v%u);\n", e, shape, e);
+    if (noise->derivative)
+        karst_text_add(text, "        const vfloat slope = octave_slope_%s(&q, weight.seed, %d);\n", base,
+                       noise->derivative - 1);
+    if (noise->derivative && noise->shape == KARST_NOISE_SUM)
+        karst_text_add(text, "        v%u = octave_slope_sum(slope, &weight, v%u);\n", e, e);
+    else if (noise->derivative)
+        karst_text_add(text,
+                       "        v%u = octave_slope_folded(slope, octave_noise_%s(&q, weight.seed), octave_fold(%u), "
+                       "&weight, v%u);\n",
+                       e, base, noise->shape, e);
+    else if (noise->base == KARST_NOISE_GRADIENT && noise->shape == KARST_NOISE_SUM)
+        karst_text_add(text, "        v%u = octave_add_gradient(&q, &weight, v%u);\n", e, e);
+    else
+        karst_text_add(
+            text, "        v%u = octave_%s(octave_noise_%s(&q, weight.seed), octave_mean(%u, %u), &weight, v%u);\n", e,
+            shape, base, noise->base, noise->shape, e);
+}
+
+/* The same from a tensor product over the brick. */
+static void tensor_line(karst_emit *emit, karst_expr e)
+{
+    const karst_noise *noise = noise_of(emit, e);
+    if (noise->shape == KARST_NOISE_SUM)
+        karst_text_add(&emit->text, "        v%u = noise_tensor_row(&axes->t%u[k], iy, v%u);\n", e, e, e);
+    else
+        karst_text_add(&emit->text,
+                       "        v%u = octave_%s(noise_tensor_row(&axes->t%u[k], iy, (vfloat)(0.0f)), "
+                       "octave_mean(%u, %u), &weight, v%u);\n",
+                       e, shape_names[noise->shape], e, noise->base, noise->shape, e);
 }
 
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
 {
-    const karst_noise *noise = &emit->graph->noises[emit->graph->nodes[e].extra];
-    const char *shape = shape_names[noise->shape];
+    const karst_noise *noise = noise_of(emit, e);
     karst_text *text = &emit->text;
     karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
     karst_text_add(text, "    for (int k = 0; k < %u; k++) {\n", noise->num_octaves);
@@ -88,19 +125,18 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
                        "        const K_PRIVATE emit_octave *octave = &axes->n%u[k];\n"
                        "        const octave_weight weight = octave->weight;\n",
                        e);
-    karst_text_add(text,
-                   "        if (weight.weight == 0.0f) {\n"
-                   "            v%u = octave_faded_%s(&weight, v%u);\n"
-                   "            continue;\n"
-                   "        }\n",
-                   e, shape, e);
+    karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
+    if (!noise->derivative)
+        karst_text_add(text, "            v%u = octave_faded_%s(octave_mean(%u, %u), &weight, v%u);\n", e,
+                       shape_names[noise->shape], noise->base, noise->shape, e);
+    karst_text_add(text, "            continue;\n"
+                         "        }\n");
     bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point && !emit->block.is_sample;
-    if (is_tensor)
-        karst_text_add(text,
-                       "#if LANES == 16\n"
-                       "        v%u = emit_tensor_%s(&axes->t%u[k], &weight, iy, v%u);\n"
-                       "#else\n",
-                       e, shape, e, e);
-    octaves(emit, e, shape);
+    if (is_tensor) {
+        karst_text_add(text, "#if LANES == 16\n");
+        tensor_line(emit, e);
+        karst_text_add(text, "#else\n");
+    }
+    octave_line(emit, e);
     karst_text_add(text, "%s    }\n", is_tensor ? "#endif\n" : "");
 }

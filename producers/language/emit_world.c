@@ -84,8 +84,7 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
         const karst_expr_node *n = &emit->graph->nodes[e];
         if (!emit->nodes[e].needs)
             continue;
-        if (n->op == KARST_OP_NOISE &&
-            (emit->graph->noises[n->extra].base != KARST_NOISE_GRADIENT || emit->graph->noises[n->extra].derivative))
+        if (n->op == KARST_OP_NOISE && emit->graph->noises[n->extra].base != KARST_NOISE_GRADIENT)
             return karst_fail(error, KARST_BAD_WORLD, "%s uses a noise that cannot be compiled yet", what);
         if (n->op == KARST_OP_POSITION)
             return karst_fail(error, KARST_FAILED, "%s was not resolved", what);

@@ -35,33 +35,55 @@ static place moved(noise_coordinate c, double by)
 
 static double fade(double t) { return t * t * t * (t * (t * 6 - 15) + 10); }
 
-static double gradient_noise(const place p[3], uint seed)
+static double fade_slope(double t) { return 30 * t * t * (t - 1) * (t - 1); }
+
+/* The noise, or (along 0 to 2) its derivative along that axis, per cell. */
+static double gradient_noise(const place p[3], uint seed, int along)
 {
     static const uint primes[3] = {NOISE_PRIME_X, NOISE_PRIME_Y, NOISE_PRIME_Z};
     double sum = 0;
     for (int corner = 0; corner < 8; corner++) {
         uint at[3];
-        double offset[3], weight = 1;
+        double offset[3], weight = 1, slope = 1;
         for (int i = 0; i < 3; i++) {
             uint up = (uint)corner >> i & 1;
+            double w = fade(p[i].fraction), dw = fade_slope(p[i].fraction);
             at[i] = (p[i].cell + up) * primes[i];
             offset[i] = p[i].fraction - up;
-            weight *= up ? fade(p[i].fraction) : 1 - fade(p[i].fraction);
+            weight *= up ? w : 1 - w;
+            slope *= i == along ? (up ? dw : -dw) : up ? w : 1 - w;
         }
         uint hash = noise_corner_hash(NOISE_LINE_YZ(NOISE_LINE_Y(at[1]), at[2], seed), at[0]);
-        sum += weight * ((double)noise_times_x(hash, 1.0f) * offset[0] + (double)noise_times_y(hash, 1.0f) * offset[1] +
-                         (double)noise_times_z(hash, 1.0f) * offset[2]);
+        const double gradient[3] = {(double)noise_times_x(hash, 1.0f), (double)noise_times_y(hash, 1.0f),
+                                    (double)noise_times_z(hash, 1.0f)};
+        double rise = gradient[0] * offset[0] + gradient[1] * offset[1] + gradient[2] * offset[2];
+        sum += along < 0 ? weight * rise : slope * rise + weight * gradient[along];
     }
     return sum;
 }
 
-static double shaped(uint8_t shape, double n, double weight)
+static double base_noise(uint8_t base, const place p[3], uint seed, int along)
 {
-    const double mean = (double)OCTAVE_GRADIENT_MEAN;
-    if (shape == KARST_NOISE_SUM)
-        return weight * n;
-    double size = mean + weight * (fabs(n) - mean);
+    (void)base;
+    return gradient_noise(p, seed, along);
+}
+
+static double shaped(uint8_t base, uint8_t shape, double n, double weight)
+{
+    const double mean = (double)octave_mean(base, shape);
+    double size = mean + weight * ((shape == KARST_NOISE_SUM ? n : fabs(n)) - mean);
     return shape == KARST_NOISE_RIDGED ? 1 - 2 * size : shape == KARST_NOISE_BILLOW ? 2 * size - 1 : size;
+}
+
+/* Of an octave, at a place in its lattice. */
+static double octave_double(const karst_noise *noise, const place p[3], uint seed, double weight, double scale)
+{
+    if (!noise->derivative)
+        return shaped(noise->base, noise->shape, base_noise(noise->base, p, seed, -1), weight);
+    double slope = base_noise(noise->base, p, seed, noise->derivative - 1) * weight * scale;
+    if (noise->shape != KARST_NOISE_SUM)
+        slope *= (double)octave_fold(noise->shape) * (base_noise(noise->base, p, seed, -1) < 0 ? -1 : 1);
+    return slope;
 }
 
 static double noise_double(const karst_oracle *o, karst_expr e)
@@ -80,7 +102,7 @@ static double noise_double(const karst_oracle *o, karst_expr e)
             p[i] = moved(affine_coordinate(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
         }
         sum += amplitude *
-               shaped(noise->shape, gradient_noise(p, octave->seed), (double)octave_weight_at(octave, o->level).weight);
+               octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
         amplitude *= double_of(o, noise->gain);
         scale *= double_of(o, noise->lacunarity);
     }

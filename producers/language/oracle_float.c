@@ -30,34 +30,6 @@ static noise_coordinate octave_coordinate(const karst_oracle *o, const karst_exp
     return noise_coordinate_move(c, float_of(o, by) * octave->scale);
 }
 
-static vfloat add_octave(uint8_t shape, const noise_position *p, const octave_weight *w, vfloat sum)
-{
-    switch (shape) {
-    case KARST_NOISE_RIDGED:
-        return octave_add_ridged(p, w, sum);
-    case KARST_NOISE_BILLOW:
-        return octave_add_billow(p, w, sum);
-    case KARST_NOISE_TURBULENCE:
-        return octave_add_turbulence(p, w, sum);
-    default:
-        return octave_add_sum(p, w, sum);
-    }
-}
-
-static vfloat faded_octave(uint8_t shape, const octave_weight *w, vfloat sum)
-{
-    switch (shape) {
-    case KARST_NOISE_RIDGED:
-        return octave_faded_ridged(w, sum);
-    case KARST_NOISE_BILLOW:
-        return octave_faded_billow(w, sum);
-    case KARST_NOISE_TURBULENCE:
-        return octave_faded_turbulence(w, sum);
-    default:
-        return octave_faded_sum(w, sum);
-    }
-}
-
 static vfloat noise_float(const karst_oracle *o, karst_expr e)
 {
     const karst_expr_node *n = node_of(o, e);
@@ -69,7 +41,7 @@ static vfloat noise_float(const karst_oracle *o, karst_expr e)
         noise_position p;
         for (int i = 0; i < 3; i++)
             p.axis[i] = octave_coordinate(o, n, octave, i);
-        sum = w.weight == 0.0f ? faded_octave(noise->shape, &w, sum) : add_octave(noise->shape, &p, &w, sum);
+        sum = octave_add(noise->base, noise->shape, noise->derivative, &p, &w, sum);
     }
     return sum;
 }

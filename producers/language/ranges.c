@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "noise/bounds.clh"
+
 static const karst_range everything = {-(double)INFINITY, (double)INFINITY};
 
 static karst_range range_of(double lo, double hi)
@@ -50,18 +52,24 @@ static karst_range quotient(karst_range a, karst_range b)
     return product(a, range_of(1 / b.hi, 1 / b.lo));
 }
 
-/* What one octave gives at most, in magnitude. */
-static karst_range noise_range(const karst_graph *graph, const karst_noise *noise, const karst_range *ranges)
+/* What a noise gives at most: octave by octave. */
+static karst_range noise_range(const karst_noise *noise, const karst_range *ranges)
 {
-    double gain = magnitude(ranges[noise->gain]), amplitude = 1, all = 0;
-    for (int k = 0; k < noise->num_octaves; k++, amplitude *= gain)
+    bool doubled = noise->shape == KARST_NOISE_RIDGED || noise->shape == KARST_NOISE_BILLOW;
+    double ratio = magnitude(ranges[noise->gain]), amplitude = 1, all = 0;
+    if (noise->derivative)
+        ratio *= magnitude(ranges[noise->lacunarity]);
+    for (int k = 0; k < noise->num_octaves; k++, amplitude *= ratio)
         all += amplitude;
-    (void)graph;
-    if (noise->derivative || !isfinite(all))
+    if (!isfinite(all))
         return everything;
+    if (noise->derivative) {
+        double steepest = (double)NOISE_SUP_SLOPE * (doubled ? 2 : 1);
+        return range_of(-steepest * all, steepest * all);
+    }
     double one = noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2 ? 2 : 1.04;
     bool positive = noise->shape == KARST_NOISE_TURBULENCE || one == 2;
-    double high = noise->shape == KARST_NOISE_RIDGED || noise->shape == KARST_NOISE_BILLOW ? 2 * one - 1 : one;
+    double high = doubled ? 2 * one - 1 : one;
     high = high < 1 ? 1 : high;
     return range_of(positive && ranges[noise->gain].lo >= 0 ? 0 : -high * all, high * all);
 }
@@ -174,7 +182,7 @@ static karst_range range_of_node(const karst_graph *graph, karst_expr e, const k
     case KARST_OP_ATAN:
         return (karst_range){-3.1416, 3.1416};
     case KARST_OP_NOISE:
-        return noise_range(graph, &graph->noises[n->extra], ranges);
+        return noise_range(&graph->noises[n->extra], ranges);
     case KARST_OP_SELECT:
         return hull(b, c);
     case KARST_OP_CONVERT:

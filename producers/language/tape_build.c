@@ -185,9 +185,8 @@ static bool can_run(const builder *b, karst_expr e, karst_error *error)
     const karst_expr_node *n = &b->graph->nodes[e];
     if (n->op == KARST_OP_NOISE) {
         const karst_noise *noise = &b->graph->noises[n->extra];
-        if (noise->base != KARST_NOISE_GRADIENT || noise->derivative)
-            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d, derivative %d cannot be evaluated",
-                              noise->base, noise->derivative);
+        if (noise->base != KARST_NOISE_GRADIENT)
+            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d cannot be evaluated", noise->base);
         return true;
     }
     bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
@@ -232,6 +231,7 @@ static void add_instruction(builder *b, karst_expr e, int part)
         i->count = noise->num_octaves;
         i->argument_type = noise->base;
         i->type = noise->shape;
+        i->flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
     }
     release_arguments(b, e, part);
     b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;

@@ -42,7 +42,7 @@ enum {
     TAPE_SIN_TURNS,
     TAPE_COS_TURNS, /* of the lattice at `word`; a: the offset */
     TAPE_NOISE, /* `count` octaves at `word`; a, b, c: the arguments' float parts; base and shape in `argument_type` and
-                   `type` */
+                   `type`, its derivative in `flags` */
     TAPE_LESS,
     TAPE_LESS_EQUAL,
     TAPE_EQUAL,
@@ -82,6 +82,7 @@ enum {
 
 #define TAPE_IS_STEPS 1u /* piecewise constant: arguments that are one number make it one number */
 #define TAPE_IS_WIDE 2u  /* computed in pairs */
+#define TAPE_DERIVATIVE 4 /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
 
 typedef struct {
     uchar op;

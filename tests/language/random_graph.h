@@ -155,6 +155,7 @@ static inline karst_expr random_noise(random_graph *r)
     karst_graph *g = &r->graph;
     karst_noise noise = {.base = KARST_NOISE_GRADIENT,
                          .shape = (uint8_t)random_below(4),
+                         .derivative = (uint8_t)(random_chance(4) ? 1 + random_below(3) : 0),
                          .num_octaves = (uint16_t)(1 + random_below(4)),
                          .seed_offset = random_below(100)};
     noise.gain = karst_graph_float(g, gains[random_below(4)]);

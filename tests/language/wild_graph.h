@@ -74,6 +74,7 @@ static karst_expr wild_operand(const karst_graph *g, wild_source *random, karst_
 static karst_expr wild_noise(karst_graph *g, wild_source *random)
 {
     karst_noise noise = {.base = KARST_NOISE_GRADIENT, .shape = (uint8_t)wild_below(random, 4)};
+    noise.derivative = (uint8_t)(wild_below(random, 4) ? 0 : 1 + wild_below(random, 3));
     noise.num_octaves = (uint16_t)(1 + wild_below(random, 4));
     noise.seed_offset = wild_bits(random);
     noise.gain = karst_graph_float(g, 0.5);
