@@ -92,6 +92,8 @@ define remember
 endef
 $(OBJ)/flags: FORCE
 	$(call remember,$(CC) $(KCFLAGS) | $(AR) $(KLDFLAGS) $(KLIBS))
+$(OBJ)/prefix: FORCE
+	$(call remember,$(PREFIX))
 $(OBJ)/kernels: FORCE
 	$(call remember,$(KERNELS))
 $(OBJ)/objects: FORCE
@@ -102,6 +104,10 @@ $(OBJ)/%.o: %.c $(OBJ)/flags
 	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) $(EXTRA) -MMD -MP -c $< -o $@
 # `karst --version` and karst_info name them.
 $(OBJ)/demos/command_info.o $(OBJ)/core/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
+
+# Where installed worlds lie, for programs that are linked statically.
+$(OBJ)/core/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'
+$(OBJ)/core/data_folder.o: $(OBJ)/prefix
 
 $(OBJ)/embedded_kernels.c: core/embed.sh $(OBJ)/kernels $(KERNELS)
 	$(say) EMBED $@

@@ -4,7 +4,6 @@
  *   command_options.c  options from a table: parsing and their help
  *   command_talk.c     messages and the progress line on stderr
  *   command_output.c   files that appear whole or not at all
- *   command_data.c     files that come with Karst
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
  *   command_record.c   figures of a run, and their JSON
@@ -99,17 +98,6 @@ bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int 
 
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
-
-/* ---- command_data.c ---- */
-
-/* Where `name` lies: itself if it holds a slash or ends in `suffix`, else KIND/NAME+suffix in $KARST_DATA_DIR, in the
- * installed share/karst or in the source tree's demos. `kind` is the folder, a plural. Errors: KARST_BAD_DATA. */
-bool command_find_data(const char *kind, const char *name, const char *suffix, char *path, size_t size_bytes,
-                       karst_error *error);
-bool command_has_suffix(const char *name, const char *suffix);
-#define COMMAND_MAX_NAME 48
-/* Names, without suffix, of the files of a kind that come with Karst, in order. */
-size_t command_list_data(const char *kind, const char *suffix, char names[][COMMAND_MAX_NAME], size_t max_names);
 
 /* ---- command_world.c ---- */
 

@@ -8,28 +8,28 @@
 #define SUFFIX ".karst"
 
 /* All names, the library's first. */
-static size_t list_worlds(char names[MAX_WORLDS][COMMAND_MAX_NAME])
+static size_t list_worlds(char names[MAX_WORLDS][KARST_DATA_NAME_BYTES])
 {
     size_t num_worlds = 0;
     const char *name;
     while (num_worlds < MAX_WORLDS && (name = karst_world_name(num_worlds)) != NULL)
-        snprintf(names[num_worlds++], COMMAND_MAX_NAME, "%s", name);
+        snprintf(names[num_worlds++], KARST_DATA_NAME_BYTES, "%s", name);
     size_t num_own = num_worlds;
-    char files[MAX_WORLDS][COMMAND_MAX_NAME];
-    size_t num_files = command_list_data("worlds", SUFFIX, files, MAX_WORLDS);
+    char files[MAX_WORLDS][KARST_DATA_NAME_BYTES];
+    size_t num_files = karst_data_list("worlds", SUFFIX, files, MAX_WORLDS);
     for (size_t i = 0; i < num_files && num_worlds < MAX_WORLDS; i++) {
         bool known = false;
         for (size_t k = 0; k < num_own; k++)
             known = known || strcmp(names[k], files[i]) == 0;
         if (!known)
-            memcpy(names[num_worlds++], files[i], COMMAND_MAX_NAME);
+            memcpy(names[num_worlds++], files[i], KARST_DATA_NAME_BYTES);
     }
     return num_worlds;
 }
 
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error)
 {
-    char names[MAX_WORLDS][COMMAND_MAX_NAME];
+    char names[MAX_WORLDS][KARST_DATA_NAME_BYTES];
     const char *pointers[MAX_WORLDS + 1] = {NULL};
     char list[1024] = "";
     size_t num_worlds = list_worlds(names);
@@ -42,7 +42,7 @@ bool command_find_world(const char *name, char *world, size_t size_bytes, karst_
     for (size_t i = 0; (own = karst_world_name(i)) != NULL; i++)
         if (strcmp(own, name) == 0)
             return snprintf(world, size_bytes, "%s", name) > 0;
-    if (command_find_data("worlds", name, SUFFIX, world, size_bytes, NULL))
+    if (karst_data_find("worlds", name, SUFFIX, world, size_bytes, NULL))
         return true;
     const char *nearest = command_nearest(name, pointers);
     if (nearest)
@@ -53,7 +53,7 @@ bool command_find_world(const char *name, char *world, size_t size_bytes, karst_
 
 void command_print_worlds(FILE *file)
 {
-    char names[MAX_WORLDS][COMMAND_MAX_NAME];
+    char names[MAX_WORLDS][KARST_DATA_NAME_BYTES];
     size_t num_worlds = list_worlds(names);
     for (size_t i = 0; i < num_worlds; i++) {
         const char *description = karst_world_description(names[i]);
