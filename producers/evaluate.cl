@@ -4,24 +4,22 @@
 #include "world.clh"
 #include "producers/load_shared.h"
 
+#if LANES > 1
+#define EVALUATE_CALL static __attribute__((noinline)) K_WIDE
+#else
+#define EVALUATE_CALL K_INLINE K_WIDE
+#endif
 #define FACE_SAMPLES (KARST_BRICK_SIDE * KARST_BRICK_SIDE)
 
 #if KARST_GROUP == 1
 
 /* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the
- * seventeenth samples, a face of the brick, are gathered into full vectors rather than a vector each. */
-K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
-                      world_data data)
+ * seventeenth samples, a face of the brick, are gathered into full vectors rather than a vector each. Not in the entry
+ * itself, which drivers compile several times over. */
+EVALUATE_CALL void evaluate_brick(WORLD_TAKES(K_GLOBAL const karst_load *load, K_GLOBAL float *samples))
 {
-    uint brick = (uint)get_global_id(0);
     world_axes axes;
-
-    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
-        return;
-    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
-    world_prepare(WORLD_DATA(data, &axes, loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2],
-                             loads[brick].level));
+    world_prepare(WORLD_DATA(data, &axes, load->origin[0], load->origin[1], load->origin[2], load->level));
     for (int z = 0; z < KARST_BRICK_SIDE; z++)
         for (int y = 0; y < KARST_BRICK_SIDE; y++)
             for (int x = 0; x < KARST_BRICK_CELLS; x += LANES)
@@ -35,6 +33,16 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
         for (int lane = 0; lane < LANES && first + lane < FACE_SAMPLES; lane++)
             samples[(first + lane) * KARST_BRICK_SIDE + KARST_BRICK_CELLS] = values[lane];
     }
+}
+
+K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                      world_data data)
+{
+    uint brick = (uint)get_global_id(0);
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    if (brick < count && loads[brick].state == KARST_STATE_UNKNOWN)
+        evaluate_brick(WORLD_DATA(data, loads + brick, samples));
 }
 
 #else

@@ -7,7 +7,7 @@
 struct karst_finaliser {
     karst_context *context;
     karst_program *program;
-    cl_kernel bricks, tally;
+    cl_kernel bricks;
     size_t group_size; /* work-items a brick */
 };
 
@@ -26,8 +26,7 @@ karst_finaliser *karst_finaliser_create(karst_context *context, karst_shape shap
     snprintf(all_options, sizeof all_options, "%s %s -DKARST_GROUP=%zu", options, channels, finaliser->group_size);
     finaliser->program = karst_program_build(context, "producers/finalise.cl", all_options, NULL, 0, error);
     if (!finaliser->program ||
-        !(finaliser->bricks = karst_program_kernel(finaliser->program, "karst_finalise_bricks", error)) ||
-        !(finaliser->tally = karst_program_kernel(finaliser->program, "karst_finalise_tally", error))) {
+        !(finaliser->bricks = karst_program_kernel(finaliser->program, "karst_finalise_bricks", error))) {
         karst_finaliser_destroy(finaliser);
         return NULL;
     }
@@ -40,27 +39,30 @@ void karst_finaliser_destroy(karst_finaliser *finaliser)
         return;
     if (finaliser->bricks)
         clReleaseKernel(finaliser->bricks);
-    if (finaliser->tally)
-        clReleaseKernel(finaliser->tally);
     karst_program_destroy(finaliser->program);
     free(finaliser);
+}
+
+static bool launch(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                   uint32_t count, karst_buffer *loads, karst_buffer *staging, karst_buffer *scrubs, cl_mem total,
+                   uint32_t num_groups, karst_error *error)
+{
+    karst_buffer *const *b = cache->bricks;
+    return KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(staging),
+                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(work->load_slots),
+                           KARST_BUFFER_ARG(work->load_results), KARST_BUFFER_ARG(cache->brick_info),
+                           KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(total), KARST_VALUE_ARG(cache->bricks_per_segment),
+                           KARST_BUFFER_ARG(b[0]), KARST_BUFFER_ARG(b[1]), KARST_BUFFER_ARG(b[2]),
+                           KARST_BUFFER_ARG(b[3]), KARST_BUFFER_ARG(b[4]), KARST_BUFFER_ARG(b[5]),
+                           KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7])) &&
+           karst_launch(finaliser->context, finaliser->bricks, KARST_STAGE_FINALISE,
+                        (size_t)num_groups * finaliser->group_size, finaliser->group_size, error);
 }
 
 bool karst_finalise_bricks(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work,
                            uint32_t first, uint32_t count, karst_buffer *loads, karst_buffer *staging,
                            karst_buffer *scrubs, karst_buffer *total, karst_error *error)
 {
-    karst_buffer *const *b = cache->bricks;
-    if (!KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(staging),
-                         KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(work->load_slots),
-                         KARST_BUFFER_ARG(work->load_results), KARST_BUFFER_ARG(cache->brick_info),
-                         KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(cache->bricks_per_segment), KARST_BUFFER_ARG(b[0]),
-                         KARST_BUFFER_ARG(b[1]), KARST_BUFFER_ARG(b[2]), KARST_BUFFER_ARG(b[3]), KARST_BUFFER_ARG(b[4]),
-                         KARST_BUFFER_ARG(b[5]), KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7])) ||
-        !karst_launch(finaliser->context, finaliser->bricks, KARST_STAGE_FINALISE,
-                      (size_t)count * finaliser->group_size, finaliser->group_size, error))
-        return false;
-    return KARST_ARGUMENTS(finaliser->tally, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(scrubs),
-                           KARST_VALUE_ARG(count), KARST_BUFFER_ARG(total)) &&
-           karst_launch(finaliser->context, finaliser->tally, KARST_STAGE_FINALISE, 1, 1, error);
+    return launch(finaliser, cache, work, first, count, loads, staging, scrubs, NULL, count, error) &&
+           launch(finaliser, cache, work, first, count, loads, staging, scrubs, total->mem, 1, error);
 }

@@ -9,6 +9,12 @@
 #define LOCAL_ID ((int)get_local_id(0))
 #define NUM_GROUP_CELLS 9
 
+#if KARST_GROUP == 1
+#define FINALISE_CALL static __attribute__((noinline)) K_WIDE
+#else
+#define FINALISE_CALL K_INLINE K_WIDE /* barriers stand in entries */
+#endif
+
 #if LANES == 16
 #define LOAD_Q(p) convert_float16(vload16(0, p))
 #define STORE_Q(q, p) vstore16(convert_short16(q), 0, p)
@@ -217,20 +223,96 @@ K_INLINE K_GLOBAL short *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL sh
     return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_STRIDE;
 }
 
-/* Work-group i finalises load first + i of the work, whose samples are the i-th of the staging memory. */
+/* The i-th load of a chunk, load first + i of the work, its samples the i-th of the staging memory. */
+typedef struct {
+    K_GLOBAL const karst_load *load;
+    K_GLOBAL float *samples;
+    K_GLOBAL uint *result;
+    K_GLOBAL karst_scrub *scrub;
+    K_GLOBAL karst_brick_info *info;
+    K_GLOBAL short *q;
+} brick_places;
+
+#if KARST_GROUP == 1
+#define CELLS_ARGUMENT
+#define CELLS
+#else
+#define CELLS_ARGUMENT , __local uint *cells
+#define CELLS , cells
+#endif
+
+/* Not in the entry itself, which drivers compile several times over. */
+FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
+{
+    sample_survey survey;
+    survey_samples(at->samples, &survey);
+    float least = group_min_float(survey.least, cells + 0), largest = group_max_float(survey.largest, cells + 1);
+    uint sides = group_or(survey.sides, cells + 2);
+    karst_scrub scrub;
+    scrub.count = group_sum(survey.num_scrubbed, cells + 3);
+    scrub.first = group_min(survey.first_scrubbed, cells + 4);
+    uint state =
+        karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count, at->load->doubt);
+    if (LOCAL_ID == 0) {
+        *at->result = state;
+        *at->scrub = scrub;
+    }
+    if (state != KARST_STATE_BRICK)
+        return;
+
+    surface_survey surface;
+    survey_surface(at->samples, &surface);
+    float reach = group_max_float(surface.reach, cells + 5);
+    uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
+    float range = karst_brick_range(largest, reach);
+    encode_samples(at->samples, range, at->q);
+    GROUP_BARRIER();
+    float slope_squared = group_max_float(survey_slope(at->q), cells + 8);
+    if (LOCAL_ID == 0) {
+        karst_brick_info info = {range / KARST_MAX_Q, karst_safe_cells(slope_squared), {blocks0, blocks1}};
+        *at->info = info;
+    }
+}
+
+/* One work-item adds what was scrubbed from `count` loads to the total, and remembers the first place. */
+FINALISE_CALL void tally(K_GLOBAL const karst_load *loads, K_GLOBAL const karst_scrub *scrubs, uint count,
+                         K_GLOBAL karst_scrub_total *total)
+{
+    for (uint i = 0; i < count; i++) {
+        if (scrubs[i].count == 0)
+            continue;
+        if (total->count == 0) {
+            int sample[3] = {(int)scrubs[i].first % ROW, (int)scrubs[i].first / ROW % ROW,
+                             (int)scrubs[i].first / PLANE};
+            for (int axis = 0; axis < 3; axis++)
+                total->voxel[axis] = loads[i].origin[axis] + ((long)sample[axis] << loads[i].level);
+            total->level = loads[i].level;
+        }
+        total->count += scrubs[i].count;
+    }
+}
+
+/* Work-group i finalises load first + i of the work, whose samples are the i-th of the staging memory. A second launch,
+ * with a `total` that is not NULL, adds up what the first scrubbed: a kernel of its own would cost a start of the
+ * program another compilation. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
 karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float *staging, uint first, uint count,
                       K_GLOBAL const uint *restrict load_slots, K_GLOBAL uint *restrict load_results,
                       K_GLOBAL karst_brick_info *restrict brick_info, K_GLOBAL karst_scrub *restrict scrubs,
-                      uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1, K_GLOBAL short *b2,
-                      K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5, K_GLOBAL short *b6,
-                      K_GLOBAL short *b7)
+                      K_GLOBAL karst_scrub_total *restrict total, uint bricks_per_segment, K_GLOBAL short *b0,
+                      K_GLOBAL short *b1, K_GLOBAL short *b2, K_GLOBAL short *b3, K_GLOBAL short *b4,
+                      K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
 {
     uint brick = (uint)get_group_id(0);
 #if KARST_GROUP > 1
     __local uint cells[NUM_GROUP_CELLS];
 #endif
 
+    if (total) {
+        if (brick == 0 && LOCAL_ID == 0)
+            tally(loads, scrubs, count, total);
+        return;
+    }
     if (brick >= count)
         return;
     if (loads[brick].state != KARST_STATE_UNKNOWN) {
@@ -246,56 +328,13 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
         cells[LOCAL_ID] = 0u;
     GROUP_BARRIER();
 #endif
-    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
-    sample_survey survey;
-    survey_samples(samples, &survey);
-    float least = group_min_float(survey.least, cells + 0), largest = group_max_float(survey.largest, cells + 1);
-    uint sides = group_or(survey.sides, cells + 2);
-    karst_scrub scrub;
-    scrub.count = group_sum(survey.num_scrubbed, cells + 3);
-    scrub.first = group_min(survey.first_scrubbed, cells + 4);
-    uint state = karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count,
-                                          loads[brick].doubt);
-    if (LOCAL_ID == 0) {
-        load_results[first + brick] = state;
-        scrubs[brick] = scrub;
-    }
-    if (state != KARST_STATE_BRICK)
-        return;
-
-    surface_survey surface;
-    survey_surface(samples, &surface);
-    float reach = group_max_float(surface.reach, cells + 5);
-    uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
-    float range = karst_brick_range(largest, reach);
     uint slot = load_slots[first + brick];
-    K_GLOBAL short *q = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7) + CHANNEL_DENSITY_SLOT;
-    encode_samples(samples, range, q);
-    GROUP_BARRIER();
-    float slope_squared = group_max_float(survey_slope(q), cells + 8);
-    if (LOCAL_ID == 0) {
-        karst_brick_info info = {range / KARST_MAX_Q, karst_safe_cells(slope_squared), {blocks0, blocks1}};
-        brick_info[slot] = info;
-    }
-}
-
-/* One work-item adds what was scrubbed from `count` loads to the total, and remembers the first place. */
-__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-karst_finalise_tally(K_GLOBAL const karst_load *restrict loads, K_GLOBAL const karst_scrub *restrict scrubs, uint count,
-                     K_GLOBAL karst_scrub_total *restrict total)
-{
-    if (get_global_id(0) != 0)
-        return;
-    for (uint i = 0; i < count; i++) {
-        if (scrubs[i].count == 0)
-            continue;
-        if (total->count == 0) {
-            int sample[3] = {(int)scrubs[i].first % ROW, (int)scrubs[i].first / ROW % ROW,
-                             (int)scrubs[i].first / PLANE};
-            for (int axis = 0; axis < 3; axis++)
-                total->voxel[axis] = loads[i].origin[axis] + ((long)sample[axis] << loads[i].level);
-            total->level = loads[i].level;
-        }
-        total->count += scrubs[i].count;
-    }
+    brick_places at;
+    at.load = loads + brick;
+    at.samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    at.result = load_results + first + brick;
+    at.scrub = scrubs + brick;
+    at.info = brick_info + slot;
+    at.q = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7) + CHANNEL_DENSITY_SLOT;
+    finalise_brick(&at CELLS);
 }

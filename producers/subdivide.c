@@ -7,7 +7,7 @@
 struct karst_subdivider {
     karst_context *context;
     karst_program *program;
-    cl_kernel tiles, loads;
+    cl_kernel nodes;
     cl_mem data; /* of the world; NULL: none */
     size_t group_size;
 };
@@ -27,8 +27,7 @@ karst_subdivider *karst_subdivider_create(karst_context *context, const karst_vi
     snprintf(all_options, sizeof all_options, "%s -DKARST_BOUNDS_GROUP=%zu", options, subdivider->group_size);
     subdivider->program = karst_program_build(context, "producers/subdivide.cl", all_options, world, 1, error);
     if (!subdivider->program ||
-        !(subdivider->tiles = karst_program_kernel(subdivider->program, "karst_subdivide_tiles", error)) ||
-        !(subdivider->loads = karst_program_kernel(subdivider->program, "karst_bound_loads", error))) {
+        !(subdivider->nodes = karst_program_kernel(subdivider->program, "karst_bound_nodes", error))) {
         karst_subdivider_destroy(subdivider);
         return NULL;
     }
@@ -39,10 +38,8 @@ void karst_subdivider_destroy(karst_subdivider *subdivider)
 {
     if (!subdivider)
         return;
-    if (subdivider->tiles)
-        clReleaseKernel(subdivider->tiles);
-    if (subdivider->loads)
-        clReleaseKernel(subdivider->loads);
+    if (subdivider->nodes)
+        clReleaseKernel(subdivider->nodes);
     karst_program_destroy(subdivider->program);
     free(subdivider);
 }
@@ -58,24 +55,30 @@ static size_t items_for(const karst_subdivider *subdivider, size_t num_boxes)
     return (num_boxes + lanes - 1) / lanes;
 }
 
+/* What a launch has no use for is NULL. */
+static const cl_mem nothing = NULL;
+
 bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                            karst_error *error)
 {
-    size_t num_items = items_for(subdivider, (size_t)work->num_subdivides * KARST_TILE_NODES);
-    return num_items == 0 || (KARST_ARGUMENTS(subdivider->tiles, error, KARST_BUFFER_ARG(work->subdivide_nodes),
-                                              KARST_BUFFER_ARG(work->subdivide_tiles),
-                                              KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes),
-                                              KARST_BUFFER_ARG(cache->tile_info), KARST_VALUE_ARG(subdivider->data)) &&
-                              karst_launch(subdivider->context, subdivider->tiles, KARST_STAGE_SUBDIVIDE, num_items,
-                                           subdivider->group_size, error));
+    uint32_t first = 0, count = work->num_subdivides * KARST_TILE_NODES, is_loads = 0;
+    return count == 0 || (KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->subdivide_nodes),
+                                          KARST_BUFFER_ARG(work->subdivide_tiles), KARST_VALUE_ARG(first),
+                                          KARST_VALUE_ARG(count), KARST_VALUE_ARG(is_loads),
+                                          KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
+                                          KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(subdivider->data)) &&
+                          karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_SUBDIVIDE,
+                                       items_for(subdivider, count), subdivider->group_size, error));
 }
 
 bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                        uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error)
 {
-    return KARST_ARGUMENTS(subdivider->loads, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(first),
-                           KARST_VALUE_ARG(count), KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
+    uint32_t is_loads = 1;
+    return KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(nothing),
+                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(is_loads),
+                           KARST_VALUE_ARG(nothing), KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
                            KARST_VALUE_ARG(subdivider->data)) &&
-           karst_launch(subdivider->context, subdivider->loads, KARST_STAGE_EVALUATE, items_for(subdivider, count),
+           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, items_for(subdivider, count),
                         subdivider->group_size, error);
 }

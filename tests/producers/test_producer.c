@@ -40,7 +40,10 @@ static const char half_space[] =
     "    bound->lo = bound->hi - side;\n"
     "    bound->slope[0] = bound->slope[2] = (vfloat)(0.0f);\n"
     "    bound->slope[1] = (vfloat)(1.0f);\n"
+    "    bound->slack = (vfloat)(0.0f);\n"
     "}\n"
+    "K_INLINE void world_slopes(vlong x, vlong y, vlong z, vint level, world_bound *bound)\n"
+    "{ world_bounds(x, y, z, level, bound); }\n"
     "K_INLINE float world_slack(int level) { return 0.0f; }\n";
 
 static karst_context *make_context(int lanes)

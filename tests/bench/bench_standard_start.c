@@ -1,0 +1,141 @@
+/* From a world file's text to its first brick: with no kernel cache at all, with a warm one, and after a change of
+ * parameters, for each shipped world. Each start is a process of its own, as drivers read where their cache lies once.
+ *
+ * Names of worlds may be given. The context stands before the clock starts: a program has one, whatever it shows. */
+#include <errno.h>
+#include <ftw.h>
+#include <glob.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "karst/karst.h"
+#include "producers/density_producer.h"
+#include "producers/language/world_file.h"
+#include "tests/support/pool.h"
+
+#define COLD_MARK_S 2.0
+#define WARM_MARK_S 0.2
+
+static void print_line(void *user, karst_log_level level, const char *line)
+{
+    (void)user;
+    (void)level;
+    fprintf(stderr, "    %s\n", line);
+}
+
+static double seconds(void) { return (double)karst_clock_ns() * 1e-9; }
+
+/* Subdivides and loads one node; says when each step was done. */
+static void first_brick(karst_producer *producer, pool *p, double done_s[3])
+{
+    karst_error error = {0};
+    pool_node node = {{0, 0, 0}, 2};
+    pool_ask(p, &node, 1);
+    pool_expect(producer->ops->subdivide(producer, &p->cache, &p->work, &error), "subdivide", &error);
+    clFinish(p->context->queue);
+    done_s[0] = seconds();
+    pool_expect(producer->ops->evaluate(producer, &p->cache, &p->work, 0, 1, &error), "evaluate", &error);
+    clFinish(p->context->queue);
+    done_s[1] = seconds();
+    pool_expect(producer->ops->finalise(producer, &p->cache, &p->work, 0, 1, &error), "finalise", &error);
+    clFinish(p->context->queue);
+    done_s[2] = seconds();
+}
+
+/* In a child process: prints times in seconds. */
+static void start(const char *path)
+{
+    karst_error error = {0};
+    karst_log log = {.write = print_line, .max_level = getenv("KARST_VERBOSE") ? KARST_LOG_DEBUG : KARST_LOG_WARNING};
+    karst_context *context = karst_context_create(getenv("KARST_DEVICE"), 0, &log, &error);
+    pool_expect(context, "context", &error);
+    pool p;
+    pool_open(&p, context, 16, 1);
+
+    double begin = seconds();
+    karst_world_file *file = karst_world_file_open(path, NULL, 0, NULL, &error);
+    pool_expect(file, path, &error);
+    double read = seconds();
+    karst_producer *producer = karst_world_file_producer(context, file, file->info.seed, 16, &error);
+    pool_expect(producer, path, &error);
+    double built = seconds();
+    double done[3], changed[3];
+    first_brick(producer, &p, done);
+
+    karst_number *values = calloc(file->program->num_parameters + 1, sizeof *values);
+    pool_expect(values, "out of memory", NULL);
+    for (uint32_t i = 0; i < file->program->num_parameters; i++)
+        values[i] = file->program->parameters[i].value;
+    pool_expect(karst_world_file_set_parameters(producer, file, values, file->info.seed + 1, &error), "set", &error);
+    first_brick(producer, &p, changed);
+    printf("%.4f %.4f %.4f %.4f %.4f %.4f %.4f\n", done[2] - begin, read - begin, built - read, done[0] - built,
+           done[1] - done[0], done[2] - done[1], changed[2] - done[2]);
+    free(values);
+    pool_close(&p);
+    karst_producer_destroy(producer);
+    karst_world_file_destroy(file);
+    karst_context_destroy(context);
+}
+
+typedef struct {
+    double all_s, read_s, build_s, bounds_s, evaluate_s, finalise_s, change_s;
+} start_times;
+
+static start_times run(const char *program, const char *path)
+{
+    start_times t = {0};
+    char command[4096];
+    snprintf(command, sizeof command, "'%s' --start '%s'", program, path);
+    FILE *pipe = popen(command, "r");
+    pool_expect(pipe &&
+                    fscanf(pipe, "%lf %lf %lf %lf %lf %lf %lf", &t.all_s, &t.read_s, &t.build_s, &t.bounds_s,
+                           &t.evaluate_s, &t.finalise_s, &t.change_s) == 7 &&
+                    pclose(pipe) == 0,
+                command, NULL);
+    return t;
+}
+
+static int remove_one(const char *path, const struct stat *status, int type, struct FTW *walk)
+{
+    (void)status;
+    (void)type;
+    (void)walk;
+    return remove(path);
+}
+
+static void bench_world(const char *program, const char *path)
+{
+    char folder[] = "/tmp/karst_start_XXXXXX";
+    pool_expect(mkdtemp(folder), "mkdtemp", NULL);
+    setenv("POCL_CACHE_DIR", folder, 1);
+    setenv("XDG_CACHE_HOME", folder, 1);
+    start_times cold = run(program, path), warm = run(program, path);
+    nftw(folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+    const char *name = strrchr(path, '/');
+    printf("%-24s %6.2f %8.3f %7.2f %8.2f %9.2f %9.2f %8.3f %10.4f   %s\n", name ? name + 1 : path, cold.all_s,
+           cold.read_s, cold.build_s, cold.bounds_s, cold.evaluate_s, cold.finalise_s, warm.all_s, warm.change_s,
+           cold.all_s <= COLD_MARK_S && warm.all_s <= WARM_MARK_S ? "" : "over the mark");
+    fflush(stdout);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 3 && !strcmp(argv[1], "--start")) {
+        start(argv[2]);
+        return 0;
+    }
+    printf("\nfrom text to the first brick, seconds (marks: %.1f cold, %.1f warm)\n", COLD_MARK_S, WARM_MARK_S);
+    printf("%-24s %6s %8s %7s %8s %9s %9s %8s %10s\n", "", "cold", "= text", "build", "bounds", "evaluate", "finalise",
+           "warm", "parameter");
+    glob_t found = {0};
+    for (int i = 1; i < argc; i++)
+        bench_world(argv[0], argv[i]);
+    if (argc < 2 && glob("demos/worlds/*.karst", 0, NULL, &found) == 0)
+        for (size_t i = 0; i < found.gl_pathc; i++)
+            bench_world(argv[0], found.gl_pathv[i]);
+    globfree(&found);
+    return 0;
+}
