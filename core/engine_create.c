@@ -43,6 +43,13 @@ static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, u
     return true;
 }
 
+bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
+{
+    return (budget_ms >= 0 && budget_ms <= MAX_BUDGET_MS) ||
+           karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g", budget_ms,
+                      MAX_BUDGET_MS);
+}
+
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
 {
     karst_engine *engine = calloc(1, sizeof *engine);
@@ -75,11 +82,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
                    MAX_BUDGET_BRICKS);
         goto failed;
     }
-    if (!(config->budget_ms >= 0 && config->budget_ms <= MAX_BUDGET_MS)) {
-        karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g",
-                   config->budget_ms, MAX_BUDGET_MS);
+    if (!karst_engine_check_budget_ms(config->budget_ms, error))
         goto failed;
-    }
     double view_distance_m = config->view_distance_m != 0 ? config->view_distance_m : engine->world->view_distance_m;
     engine->view_distance_voxels = view_distance_m / exp2(engine->world->voxel_log2_m);
     if (!(engine->view_distance_voxels >= 16 && engine->view_distance_voxels <= 0x1p56)) {

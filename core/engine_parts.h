@@ -31,6 +31,7 @@ struct karst_engine {
     karst_buffer *hits, *shadow_rays, *shadow_hits, *depth, *counters;
 
     int width_px, height_px;
+    size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */
     bool shadows, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
     uint32_t budget_bricks;
@@ -56,6 +57,9 @@ bool karst_engine_open_world(karst_engine *engine, const karst_engine_config *co
 /* Makes the producer, then the shader, which may read the producer's data. */
 bool karst_engine_create_producer(karst_engine *engine, uint32_t seed, karst_error *error);
 bool karst_engine_create_shader(karst_engine *engine, karst_error *error);
+
+/* engine_create.c. Errors: KARST_USAGE. */
+bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
 /* engine_picture.c. What follows the picture's size. */
 bool karst_engine_check_size(int width_px, int height_px, karst_error *error);

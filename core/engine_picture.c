@@ -19,6 +19,7 @@ bool karst_engine_check_size(int width_px, int height_px, karst_error *error)
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
+    engine->room_px = num_pixels;
     engine->surface =
         karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
@@ -62,7 +63,8 @@ bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, ka
 {
     if (!karst_engine_check_size(width_px, height_px, error))
         return false;
-    if (width_px == engine->width_px && height_px == engine->height_px)
+    if (width_px == engine->width_px && height_px == engine->height_px && engine->surface &&
+        engine->room_px == (size_t)width_px * (size_t)height_px)
         return true;
     karst_engine_free_picture(engine);
     engine->width_px = width_px;

@@ -351,6 +351,19 @@ bool karst_surface_end(karst_surface *surface, karst_error *error)
     return done;
 }
 
+bool karst_surface_show(karst_surface *surface, karst_error *error)
+{
+    if (surface->begun)
+        return karst_fail(error, KARST_FAILED, "a surface was shown before it was ended");
+    if (surface->display->kind != KARST_DISPLAY_WINDOW)
+        return true;
+    if (!karst_display_bind(surface->display, error))
+        return false;
+    karst_gl_clear_errors(surface->gl);
+    draw_window(surface);
+    return karst_gl_check(surface->gl, "showing the picture", error);
+}
+
 bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes, karst_error *error)
 {
     if (size_bytes != surface->size_bytes)

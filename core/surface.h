@@ -38,6 +38,8 @@ cl_mem karst_surface_begin(karst_surface *surface, karst_error *error);
  * texture, pixel buffers and framebuffers unbound, the scissor test and sRGB framebuffers disabled, and sets pixel
  * storage modes. */
 bool karst_surface_end(karst_surface *surface, karst_error *error);
+/* Blits what the last karst_surface_end brought over a window's viewport once more; elsewhere nothing. */
+bool karst_surface_show(karst_surface *surface, karst_error *error);
 /* The pixels of the last karst_surface_end, top row first, exactly as the kernel wrote them, also if a window is hidden
  * or stretched. */
 bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes, karst_error *error);

@@ -11,4 +11,5 @@
 #include "karst/path.h"
 #include "karst/position.h"
 #include "karst/stats.h"
+#include "karst/view.h"
 #endif
