@@ -1,6 +1,7 @@
 /* Devices: listing them, choosing one, opening it. */
 #include "core/context.h"
 #include "core/profile.h"
+#include "core/program_cache.h"
 
 #include <CL/cl_gl.h>
 #include <ctype.h>
@@ -402,6 +403,7 @@ void karst_context_destroy(karst_context *context)
 {
     if (!context)
         return;
+    karst_program_writer_destroy(context->program_writer);
     if (context->queue)
         clFinish(context->queue);
     karst_profile_destroy(context->profile);

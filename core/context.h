@@ -36,6 +36,7 @@ struct karst_context {
     bool shares_gl;        /* created to share objects with an OpenGL context: see karst_context_create_sharing */
     karst_buffer *buffers; /* list of live buffers, newest first */
     struct karst_profile *profile; /* stage timer, see core/profile.h */
+    struct karst_program_writer *program_writer; /* NULL: nothing to write so far; see core/program_cache.h */
 };
 
 /* A device as `karst info` lists it. */
@@ -116,7 +117,7 @@ typedef struct {
  * and line of every error. Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured)
  * -DLANES=n -DKARST_DEVICE_CPU=0 or 1. Errors: KARST_FAILED with the first lines of the build log in the message, all
  * of it in the log at error level. An #include inside #if is resolved whatever the condition is, and again where it
- * stands outside: headers carry guards. */
+ * stands outside: headers carry guards. What was built is kept on disk: see core/program_cache.h. */
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
 void karst_program_destroy(karst_program *program);

@@ -1,4 +1,5 @@
 /* Programs: building kernels from sources, and saying what is wrong with them. */
+#include "core/program_cache.h"
 #include "core/source.h"
 
 #include <stdio.h>
@@ -111,7 +112,16 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     if (!source)
         return NULL;
     uint64_t start = karst_clock_ns();
-    cl_program cl = compile(context, entry, all_options, source, error);
+    karst_program_key key;
+    karst_program_key_init(&key, context, entry, all_options, source);
+    cl_program cl = karst_program_cache_load(context, &key, all_options);
+    bool was_kept = cl != NULL;
+    if (!cl) {
+        cl = compile(context, entry, all_options, source, error);
+        if (cl)
+            karst_program_cache_store(context, &key, all_options, source, cl);
+    }
+    karst_program_key_free(&key);
     free(source);
     if (!cl)
         return NULL;
@@ -124,7 +134,7 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     program->context = context;
     program->cl = cl;
     snprintf(program->entry, sizeof(program->entry), "%s", entry);
-    karst_log_print(context->log, KARST_LOG_DEBUG, "built %s in %.0f ms", entry,
+    karst_log_print(context->log, KARST_LOG_DEBUG, "%s %s in %.0f ms", was_kept ? "loaded" : "built", entry,
                     (double)(karst_clock_ns() - start) * 1e-6);
     return program;
 }
