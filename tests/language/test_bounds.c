@@ -21,11 +21,13 @@
     X(SCALE)                                                                                                         \
     X(DIVIDE)                                                                                                        \
     X(DIVIDE_BY_ZERO)                                                                                                \
-    X(DECIDE) X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) \
-        X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR)          \
-            X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE)           \
-                X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO) \
-                    X(NOISE_DERIVATIVE)
+    X(DECIDE)                                                                                                        \
+    X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) \
+        X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD)       \
+            X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY)       \
+                X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP)    \
+                    X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE) X(DOUBT_EITHER) X(DOUBT_LATTICE)   \
+                        X(DOUBT_FADE)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -206,7 +208,7 @@ typedef struct {
     karst_world_layout layout;
     karst_tape tape;
     uint64_t *data;
-    int *value_slots[NUM_SAMPLES], *bound_slots;
+    int *value_slots[NUM_SAMPLES], *home_slots[NUM_SAMPLES], *bound_slots; /* home: at the box's own footprint */
     real_slot *real_slots[NUM_SAMPLES];
     affine_position sample[NUM_SAMPLES];
     real delta[NUM_SAMPLES][3]; /* from the centre, level-0 voxels */
@@ -218,6 +220,7 @@ static void subject_finish(subject *s)
 {
     for (int i = 0; i < NUM_SAMPLES; i++) {
         free(s->value_slots[i]);
+        free(s->home_slots[i]);
         free(s->real_slots[i]);
     }
     free(s->bound_slots);
@@ -271,6 +274,7 @@ static void subject_make(subject *s, uint64_t seed)
     s->bound_slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof(int));
     for (int n = 0; n < NUM_SAMPLES; n++) {
         s->value_slots[n] = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof(int));
+        s->home_slots[n] = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof(int));
         s->real_slots[n] = calloc(s->tape.num_slots, sizeof(real_slot));
     }
     place_samples(s);
@@ -356,6 +360,22 @@ static real pair_base(const subject *s, uint32_t slot)
     return (real)k_as_float((uint)base[0]) + (real)k_as_float((uint)base[1]);
 }
 
+static real value_in(const tape_program *tape, const karst_instruction *i)
+{
+    real value = (real)k_as_float((uint)tape_load(tape, i->slot));
+    if (gives_pair(i))
+        value += (real)k_as_float((uint)tape_element(tape, i->slot * TAPE_VALUE_ELEMENTS + 1));
+    return value;
+}
+
+/* How far floats may lie from real numbers, at any footprint and at the box's own; what `size` leaves to long doubles
+ * is not held against them. */
+static bool check_doubt(const op_bound *b, real any, real home, real size, violation *v)
+{
+    *v = (violation){.rule = "doubt", .value = any + home, .lo = 0, .hi = (real)b->d + size * 0x1p-60L};
+    return any + home <= v->hi;
+}
+
 /* false: something escaped. *num_checked counts nodes whose bounds said anything. */
 static bool subject_holds(subject *s, violation *v, long *num_checked)
 {
@@ -371,16 +391,18 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
             return true;
         bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
         (*num_checked)++;
+        real any = 0, home = 0, size = 0;
         for (int k = 0; k < NUM_SAMPLES; k++) {
             one.slots = s->value_slots[k];
             tape_values(&one, &s->sample[k], NULL, s->level);
-            run_real(&one, i, &s->sample[k], s->level, s->real_slots[k]);
             int bits = tape_load(&one, i->slot);
-            real value = (real)k_as_float((uint)bits), base = 0;
-            if (gives_pair(i)) {
-                value += (real)k_as_float((uint)tape_element(&one, i->slot * TAPE_VALUE_ELEMENTS + 1));
-                base = pair_base(s, i->slot);
-            }
+            real value = value_in(&one, i), base = gives_pair(i) ? pair_base(s, i->slot) : 0;
+            one.slots = s->home_slots[k];
+            tape_values(&one, &s->sample[k], NULL, s->box.level);
+            run_real(&one, i, &s->sample[k], s->box.level, s->real_slots[k]);
+            size = fmaxl(size, fabsl(value));
+            any = fmaxl(any, fabsl(value - s->real_slots[k][i->slot].value[0]));
+            home = fmaxl(home, fabsl(value_in(&one, i) - s->real_slots[k][i->slot].value[0]));
             bool good = is_float ? check_value(&b, s->delta[k], value - base, v) &&
                                        check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0] - base, v)
                                  : check_discrete(i, &b, bits, v);
@@ -388,6 +410,8 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
             if (good && is_float && !has_noise(s) && other < k)
                 good = check_pair(&b, s->delta[k], s->delta[other], &s->real_slots[k][i->slot],
                                   &s->real_slots[other][i->slot], v);
+            if (good && is_float)
+                good = check_doubt(&b, any, home, size, v);
             if (!good) {
                 v->instruction = n;
                 v->sample = k;

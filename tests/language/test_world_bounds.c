@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 #include <glob.h>
+#include <math.h>
 
 #include "karst/position.h"
 #include "producers/language/language.h"
@@ -99,7 +100,7 @@ static affine_position random_place_in(const op_box *box)
 static void check_world(const char *path)
 {
     world w;
-    int num_known = 0, num_decided = 0;
+    int num_known = 0, num_decided = 0, num_told = 0;
     world_open(&w, path);
     tape_program program = program_of(&w);
     random_state = 99;
@@ -119,9 +120,25 @@ static void check_world(const char *path)
                 fail_msg("%s: at %ld, %ld, %ld, level %d of a box of level %d: %.9g is not in [%.9g, %.9g]", path,
                          at.voxel[0], at.voxel[1], at.voxel[2], level, box.level, (double)value, (double)b.v.lo,
                          (double)b.v.hi);
+            /* what a sample of the box's own footprint says of it */
+            affine_position sample = random_place_in(&box);
+            tape_values(&program, &sample, NULL, box.level);
+            float there = k_as_float((uint)tape_load(&program, w.tape.output[0]));
+            double apart = (double)b.d + ((double)b.r.hi - (double)b.r.lo);
+            for (int axis = 0; axis < 3; axis++) {
+                double delta = (double)(at.voxel[axis] - sample.voxel[axis]) +
+                               ((double)at.fraction[axis] - (double)sample.fraction[axis]) * 0x1p-32;
+                apart += fabs(delta) * fmax(fabs((double)b.g[axis].lo), fabs((double)b.g[axis].hi));
+            }
+            if (!(fabs((double)value - (double)there) <= apart))
+                fail_msg("%s: at %ld, %ld, %ld, level %d of a box of level %d: %.9g and a sample of %.9g are %g apart",
+                         path, at.voxel[0], at.voxel[1], at.voxel[2], level, box.level, (double)value, (double)there,
+                         apart);
+            num_told += apart < fabs((double)there);
         }
     }
-    print_message("%s: %d of %d boxes bounded, %d with one sign\n", path, num_known, NUM_BOXES, num_decided);
+    print_message("%s: %d of %d boxes bounded, %d with one sign; %d of %d samples tell a point's sign\n", path,
+                  num_known, NUM_BOXES, num_decided, num_told, num_known * NUM_SAMPLES);
     assert_true(num_known > NUM_BOXES / 2);
     world_close(&w);
 }
