@@ -11,7 +11,7 @@ DESTDIR ?=
 CC      ?= cc
 AR      ?= ar
 # Folders that make the library, lowest floor first. Fewer may be named to build a part while working on it.
-ALL_MODULES := core noise producers cache raycast
+ALL_MODULES := core noise producers cache raycast reference
 MODULES ?= $(ALL_MODULES)
 PARTIAL := $(filter-out $(MODULES),$(ALL_MODULES))
 V ?= 0

@@ -3,28 +3,13 @@
 #include <string.h>
 
 #include "core/engine_parts.h"
+#include "raycast/pinhole.h"
 
 static void set3(float out[4], const double in[3])
 {
     for (int axis = 0; axis < 3; axis++)
         out[axis] = (float)in[axis];
     out[3] = 0;
-}
-
-static karst_pinhole make_pinhole(const karst_engine *engine)
-{
-    karst_pinhole pinhole = {.width_px = engine->width_px, .height_px = engine->height_px};
-    double right[3], up[3], forward[3];
-    karst_camera_axes(&engine->camera, right, up, forward);
-    set3(pinhole.right, right);
-    set3(pinhole.up, up);
-    set3(pinhole.forward, forward);
-    double half_height = tan(engine->camera.fov_deg * (M_PI / 360));
-    pinhole.half_height = (float)half_height;
-    pinhole.half_width = (float)(half_height * engine->width_px / engine->height_px);
-    pinhole.t_max = (float)engine->view_distance_voxels;
-    pinhole.cone = (float)(2 * half_height / engine->height_px);
-    return pinhole;
 }
 
 static karst_light make_light(const karst_engine *engine)
@@ -53,7 +38,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_cast_view_init(&view, &engine->camera.position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
     view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
-    karst_pinhole pinhole = make_pinhole(engine);
+    karst_pinhole pinhole;
+    karst_pinhole_init(&pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
     karst_light light = make_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
     uint32_t num_pixels = (uint32_t)engine->width_px * (uint32_t)engine->height_px;

@@ -4,7 +4,7 @@ function layer(path)
 {
     if (path ~ /^core\/include\/karst\// || path ~ /^karst\//) return "public"
     if (path ~ /^core\/engine[^\/]*\.[ch]$/) return "engine"
-    if (path ~ /^(core|noise|cache|producers|raycast|demos|tests)\//) return substr(path, 1, index(path, "/") - 1)
+    if (path ~ /^(core|noise|cache|producers|raycast|reference|demos|tests)\//) return substr(path, 1, index(path, "/") - 1)
     return ""
 }
 
@@ -20,6 +20,8 @@ function allowed(from, to, target)
     if (from == to) return 1
     if (from == "core") return 0
     if (from == "cache") return to == "core"
+    if (from == "reference") return to == "core" || to == "noise" || to == "producers" || to == "raycast"
+    if (to == "reference") return 0
     # Producers and raycast: what lies below, and of the cache only what others are to see.
     return to == "core" || to == "noise" || target == "cache/cache.h" || target == "cache/layout_shared.h"
 }

@@ -19,7 +19,7 @@ find . -type f -not -path './.git/*' -not -path './build*' -not -name '*.png' | 
 list() { grep -E "$1" "$scratch/all"; }
 list '\.(c|h|cl|clh)$' > "$scratch/code"
 list '\.sh$|^\.ci/' > "$scratch/shell"
-list '^(core|noise|producers|cache|raycast)/.*\.(c|h|cl|clh)$' > "$scratch/library"
+list '^(core|noise|producers|cache|raycast|reference)/.*\.(c|h|cl|clh)$' > "$scratch/library"
 list '(^|/)Makefile$|\.(c|h|cl|clh|sh|mk|md|karst)$|^\.ci/' > "$scratch/text"
 grep -vE '\.(md|karst)$' "$scratch/text" > "$scratch/written"
 
@@ -77,7 +77,7 @@ list '^core/include/karst/.*\.h$' | while read -r header; do
     compiles "$header" "${CC:-cc}" -std=c11 -pedantic -x c
     compiles "$header" "${CXX:-c++}" -std=c++11 -pedantic -x c++
 done
-list '^(core|noise|producers|cache|raycast|demos|tests)/.*\.h$' | grep -v '^core/include/' | while read -r header; do
+list '^(core|noise|producers|cache|raycast|reference|demos|tests)/.*\.h$' | grep -v '^core/include/' | while read -r header; do
     compiles "$header" "${CC:-cc}" -std=c11 -D_GNU_SOURCE -x c
 done
 

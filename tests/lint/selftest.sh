@@ -7,7 +7,7 @@ tree=$(mktemp -d) || exit 1
 trap 'rm -rf "$tree"' EXIT
 
 mkdir -p "$tree/core/include/karst"
-for folder in noise cache producers raycast demos tests; do
+for folder in noise cache producers raycast reference demos tests; do
     mkdir "$tree/$folder"
 done
 echo 'int karst_good(void);' > "$tree/core/include/karst/good.h"
@@ -51,6 +51,8 @@ bites arrow "producers include raycast" producers/bad.c '#include "raycast/cast.
 bites arrow "producers include the cache's inside" producers/bad.c '#include "cache/lists.h"\n'
 bites arrow "raycast includes producers" raycast/bad.cl '#include "producers/producer.h"\n'
 bites arrow "raycast includes the engine" raycast/bad.c '#include "core/engine_private.h"\n'
+bites arrow "raycast includes the reference" raycast/bad.c '#include "reference/trace.h"\n'
+bites arrow "the reference includes the cache" reference/bad.c '#include "cache/cache.h"\n'
 bites arrow "a demo includes a private header" demos/bad.c '#include "core/private.h"\n'
 bites arrow "a public header includes a private one" core/include/karst/bad.h '#include "core/private.h"\n'
 bites arrow "the library includes a demo" cache/bad.c '#include "demos/command.h"\n'

@@ -10,6 +10,7 @@
 #include "karst/log.h"
 #include "karst/path.h"
 #include "karst/position.h"
+#include "karst/reference.h"
 #include "karst/stats.h"
 #include "karst/view.h"
 #endif

@@ -1,0 +1,77 @@
+/* The reference: where rays really meet a world, slow and right.
+ *
+ * No engine, no bricks, no device: the world's graph is evaluated on the host in double, and along each ray the first
+ * point where the density becomes positive is found by bisecting intervals that are proven free of it, so that no root
+ * is stepped over, however thin the thing. Rays, footprints and levels are those of an engine with the same settings.
+ */
+#ifndef KARST_REFERENCE_H
+#define KARST_REFERENCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "karst/camera.h"
+#include "karst/engine.h"
+#include "karst/error.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Which density a ray meets at distance t, where its footprint is w(t) = t * 2 tan(fov / 2) / height. */
+typedef enum {
+    KARST_FOOTPRINT_LEVELS, /* d(p, voxel of the level that an engine shows at t): the widest that is at most detail_px
+                             * footprints wide, from t alone */
+    KARST_FOOTPRINT_NONE    /* the full density, d(p, 0) */
+} karst_footprint;
+
+/* Zero-initialised fields mean the default that stands beside them. */
+typedef struct {
+    const char *world;                 /* path of a world file; required */
+    const karst_parameter *parameters; /* borrowed during the call, as in karst_engine_config */
+    size_t num_parameters;
+    bool has_seed;
+    uint32_t seed;              /* instead of the world's own */
+    const karst_camera *camera; /* NULL: the world's */
+    int width_px, height_px;    /* of the picture; each 1 to 16384; required */
+    double detail_px;           /* 1.0; 0.25 to 64 */
+    double view_distance_m;     /* 0: what the world says */
+    karst_footprint footprint;
+    int num_threads;        /* 0: one for each core; to 256 */
+    uint32_t max_intervals; /* looked at along one ray at most, before it is given up; 2^20 */
+} karst_reference_config;
+
+typedef enum {
+    KARST_REFERENCE_MISS,      /* no solid before the view distance */
+    KARST_REFERENCE_SURFACE,   /* first solid at t_m, within 1e-9 of the distance (or 2^-30 voxel) */
+    KARST_REFERENCE_INSIDE,    /* the ray begins in solid, or a level does: t_m is where */
+    KARST_REFERENCE_UNRESOLVED /* given up at t_m: nothing solid before */
+} karst_reference_kind;
+
+typedef struct {
+    double t_m;       /* along the ray; INFINITY for a miss */
+    double normal[3]; /* of length 1, towards the air: the density's exact gradient; against the ray where there is none
+                       */
+    double footprint_m; /* the ray's, there (of a miss: at the view distance) */
+    int level;          /* -1: full density */
+    karst_reference_kind kind;
+} karst_reference_hit;
+
+typedef struct {
+    uint64_t num_intervals;  /* that were looked at */
+    uint64_t num_grazes;     /* intervals as narrow as the tolerance that were neither proven empty nor end in solid */
+    uint64_t num_unresolved; /* rays */
+} karst_reference_stats;
+
+/* Traces width_px * height_px rays into `hits`, top row first. `progress` (may be NULL) is called now and then, from
+ * this thread, with the share done; returning false ends the work with KARST_FAILED. Errors: KARST_USAGE (a field out
+ * of range), KARST_BAD_WORLD, KARST_FAILED. Any thread. `stats` may be NULL. */
+bool karst_reference_trace(const karst_reference_config *config, karst_reference_hit *hits,
+                           bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                           karst_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,188 @@
+/* The reference over a picture: its rays, threads, and what they find. */
+#include "karst/reference.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "producers/language/world_file.h"
+#include "raycast/pinhole.h"
+#include "raycast/rays.clh"
+#include "reference/trace.h"
+
+#define MAX_THREADS 256
+#define DEFAULT_MAX_INTERVALS (1u << 20)
+
+typedef struct {
+    const karst_reference_config *config;
+    karst_world_file *file;
+    karst_camera camera;
+    karst_pinhole pinhole;
+    double voxel_m;
+    karst_reference_ray ray; /* all but the direction */
+    karst_reference_hit *hits;
+    atomic_int next_row, rows_done;
+    atomic_bool stop;
+    karst_reference_stats stats;
+    pthread_mutex_t lock; /* of stats */
+} picture;
+
+typedef struct {
+    picture *picture;
+    karst_ranger *ranger;
+} worker;
+
+static void trace_pixel(const worker *w, int x, int y, karst_reference_hit *hit, karst_reference_stats *stats)
+{
+    const picture *p = w->picture;
+    karst_reference_ray ray = p->ray;
+    vector3 direction = pinhole_direction(&p->pinhole, x, y);
+    ray.direction[0] = (double)direction.x;
+    ray.direction[1] = (double)direction.y;
+    ray.direction[2] = (double)direction.z;
+    const karst_position *anchor = &p->camera.position;
+    karst_reference_root root = karst_reference_first(w->ranger, anchor, &ray);
+    bool is_miss = root.kind == KARST_REFERENCE_MISS;
+    *hit = (karst_reference_hit){.kind = root.kind, .level = root.level};
+    hit->t_m = is_miss ? INFINITY : root.t * p->voxel_m;
+    hit->footprint_m = root.t * (double)p->pinhole.cone * p->voxel_m;
+    double gradient[3], length = 0;
+    bool known = !is_miss && karst_ranger_gradient(w->ranger, anchor, ray.direction, root.t, root.level, gradient);
+    if (known)
+        length = sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
+    for (int i = 0; i < 3; i++)
+        hit->normal[i] = length > 0 ? -gradient[i] / length : -ray.direction[i];
+    stats->num_intervals += root.num_intervals;
+    stats->num_grazes += root.num_grazes;
+    stats->num_unresolved += root.kind == KARST_REFERENCE_UNRESOLVED;
+}
+
+static void *trace_rows(void *user)
+{
+    worker *w = user;
+    picture *p = w->picture;
+    karst_reference_stats stats = {0};
+    for (int y; !atomic_load(&p->stop) && (y = atomic_fetch_add(&p->next_row, 1)) < p->pinhole.height_px;) {
+        for (int x = 0; x < p->pinhole.width_px && !atomic_load(&p->stop); x++)
+            trace_pixel(w, x, y, &p->hits[(size_t)y * (size_t)p->pinhole.width_px + (size_t)x], &stats);
+        atomic_fetch_add(&p->rows_done, 1);
+    }
+    pthread_mutex_lock(&p->lock);
+    p->stats.num_intervals += stats.num_intervals;
+    p->stats.num_grazes += stats.num_grazes;
+    p->stats.num_unresolved += stats.num_unresolved;
+    pthread_mutex_unlock(&p->lock);
+    return NULL;
+}
+
+static bool check_config(const karst_reference_config *c, karst_error *error)
+{
+    if (!c->world)
+        return karst_fail(error, KARST_USAGE, "the reference needs a world file");
+    if (c->width_px < 1 || c->width_px > 16384 || c->height_px < 1 || c->height_px > 16384)
+        return karst_fail(error, KARST_USAGE, "a picture of %dx%d: each side must be 1 to 16384", c->width_px,
+                          c->height_px);
+    if (c->detail_px != 0 && !(c->detail_px >= 0.25 && c->detail_px <= 64))
+        return karst_fail(error, KARST_USAGE, "detail %g: must be 0.25 to 64 pixels per voxel", c->detail_px);
+    if (!(c->view_distance_m >= 0) || !isfinite(c->view_distance_m))
+        return karst_fail(error, KARST_USAGE, "view distance %g m: must be positive", c->view_distance_m);
+    if (c->num_threads < 0 || c->num_threads > MAX_THREADS)
+        return karst_fail(error, KARST_USAGE, "%d threads: must be 0 to %d", c->num_threads, MAX_THREADS);
+    return true;
+}
+
+/* Opens the world and finds out what all rays share. */
+static bool prepare(picture *p, karst_error *error)
+{
+    const karst_reference_config *c = p->config;
+    karst_parameter_value *given = calloc(c->num_parameters + 1, sizeof *given);
+    if (!given)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    for (size_t i = 0; i < c->num_parameters; i++)
+        given[i] = (karst_parameter_value){c->parameters[i].name, c->parameters[i].value};
+    p->file = karst_world_file_open(c->world, given, c->num_parameters, NULL, error);
+    free(given);
+    if (!p->file)
+        return false;
+    int voxel_log2_m = p->file->info.voxel_log2_m;
+    p->camera = (karst_camera){.fov_deg = 60};
+    if (c->camera)
+        p->camera = *c->camera;
+    else if (!karst_camera_parse(p->file->info.camera, voxel_log2_m, &p->camera, error))
+        return false;
+    p->voxel_m = ldexp(1, voxel_log2_m);
+    double view_m = c->view_distance_m > 0 ? c->view_distance_m : p->file->info.view_distance_m;
+    karst_pinhole_init(&p->pinhole, &p->camera, c->width_px, c->height_px, view_m / p->voxel_m);
+    p->ray.t_max = (double)p->pinhole.t_max;
+    p->ray.max_intervals = c->max_intervals ? c->max_intervals : DEFAULT_MAX_INTERVALS;
+    float detail = c->detail_px > 0 ? (float)c->detail_px : 1.0f, grown = p->pinhole.cone * detail;
+    p->ray.lod_scale = c->footprint == KARST_FOOTPRINT_NONE ? 0 : 1.0f / (grown > 1.0e-20f ? grown : 1.0e-20f);
+    return true;
+}
+
+static karst_ranger *make_ranger(const picture *p, karst_error *error)
+{
+    const karst_program_graph *program = p->file->program;
+    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; values && i < program->num_parameters; i++)
+        values[i] = program->parameters[i].value;
+    uint32_t seed = p->config->has_seed ? p->config->seed : program->header.seed;
+    karst_ranger *ranger = values ? karst_ranger_create(program, values, seed, error) : NULL;
+    if (!values)
+        karst_fail(error, KARST_FAILED, "out of memory");
+    free(values);
+    return ranger;
+}
+
+/* Until all rows are done, or `progress` has had enough. */
+static bool watch(picture *p, bool (*progress)(void *user, double share), void *user, karst_error *error)
+{
+    const struct timespec pause = {.tv_nsec = 20000000};
+    int height_px = p->pinhole.height_px;
+    while (atomic_load(&p->rows_done) < height_px && !atomic_load(&p->stop)) {
+        if (progress && !progress(user, (double)atomic_load(&p->rows_done) / height_px)) {
+            atomic_store(&p->stop, true);
+            return karst_fail(error, KARST_FAILED, "interrupted");
+        }
+        nanosleep(&pause, NULL);
+    }
+    return true;
+}
+
+bool karst_reference_trace(const karst_reference_config *config, karst_reference_hit *hits,
+                           bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                           karst_error *error)
+{
+    picture p = {.config = config, .hits = hits};
+    worker workers[MAX_THREADS] = {{NULL, NULL}};
+    pthread_t threads[MAX_THREADS];
+    int num_threads = config->num_threads ? config->num_threads : (int)sysconf(_SC_NPROCESSORS_ONLN), started = 0;
+    num_threads = num_threads < 1 ? 1 : num_threads > MAX_THREADS ? MAX_THREADS : num_threads;
+    if (!check_config(config, error))
+        return false;
+    bool good = prepare(&p, error);
+    /* One after the other: they share the program's arena while they are made. */
+    for (int i = 0; good && i < num_threads; i++) {
+        workers[i] = (worker){&p, make_ranger(&p, error)};
+        good = workers[i].ranger != NULL;
+    }
+    pthread_mutex_init(&p.lock, NULL);
+    for (; good && started < num_threads; started++)
+        if (pthread_create(&threads[started], NULL, trace_rows, &workers[started]) != 0)
+            break;
+    if (good && started == 0)
+        good = karst_fail(error, KARST_FAILED, "no thread could be started");
+    good = good && watch(&p, progress, user, error);
+    for (int i = 0; i < started; i++)
+        pthread_join(threads[i], NULL);
+    pthread_mutex_destroy(&p.lock);
+    for (int i = 0; i < num_threads; i++)
+        karst_ranger_destroy(workers[i].ranger);
+    karst_world_file_destroy(p.file);
+    if (good && stats)
+        *stats = p.stats;
+    return good;
+}
