@@ -63,7 +63,7 @@ bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, s
     cl_int code = clEnqueueNDRangeKernel(context->queue, kernel, 1, NULL, &rounded, &local_size, 0, NULL, &event);
     if (code != CL_SUCCESS)
         return launch_failed(context, kernel, local_size, code, error);
-    return karst_profile_add_event(context, stage, event, error);
+    return karst_profile_add_event(context, stage, kernel, event, error);
 }
 
 bool karst_finish(karst_context *context, karst_error *error)

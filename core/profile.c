@@ -1,22 +1,32 @@
 /* Device time by stage: one profiling event for each command, START to END (PoCL's JIT falls before START). */
 #include "core/profile.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 /* Callers that never collect must not pile up events: the older half of this many is folded into the sums. */
 #define MAX_PENDING 4096
+/* Spans of one collection; more are dropped. */
+#define MAX_SPANS 8192
 
 typedef struct {
     cl_event event;
     karst_stage stage;
+    char name[48]; /* of the kernel; only while tracing */
 } timed_event;
 
 struct karst_profile {
     timed_event *events; /* in order of enqueueing */
     size_t num_events, capacity;
     uint64_t ns[KARST_NUM_STAGES]; /* folded events and host time since the last collect */
+    karst_span *spans;             /* NULL: no tracing */
+    size_t num_spans;
+    bool collected;     /* the spans are those of a collection that is over: the next one begins anew */
+    int64_t to_host_ns; /* what to add to the device's times; the least that was ever seen, so that nothing ends after
+                         * it was waited for */
+    bool has_to_host;
 };
 
 uint64_t karst_clock_ns(void)
@@ -41,11 +51,74 @@ void karst_profile_destroy(struct karst_profile *profile)
     for (size_t i = 0; i < profile->num_events; i++)
         clReleaseEvent(profile->events[i].event);
     free(profile->events);
+    free(profile->spans);
     free(profile);
 }
 
+bool karst_profile_trace(karst_context *context, bool tracing, karst_error *error)
+{
+    struct karst_profile *profile = context->profile;
+    profile->num_spans = 0;
+    if (tracing && !profile->spans) {
+        profile->spans = malloc(MAX_SPANS * sizeof *profile->spans);
+        return profile->spans || karst_fail(error, KARST_FAILED, "out of memory for a trace");
+    }
+    if (!tracing) {
+        free(profile->spans);
+        profile->spans = NULL;
+    }
+    return true;
+}
+
+size_t karst_profile_spans(const karst_context *context, karst_span *spans, size_t max_spans)
+{
+    const struct karst_profile *profile = context->profile;
+    size_t num = profile->num_spans < max_spans ? profile->num_spans : max_spans;
+    if (num > 0)
+        memcpy(spans, profile->spans, num * sizeof *spans);
+    return profile->num_spans;
+}
+
+static void add_span(struct karst_profile *profile, karst_track track, karst_stage stage, const char *name,
+                     uint64_t start_ns, uint64_t end_ns)
+{
+    if (!profile->spans)
+        return;
+    if (profile->collected)
+        profile->num_spans = 0;
+    profile->collected = false;
+    if (profile->num_spans == MAX_SPANS)
+        return;
+    karst_span *span = &profile->spans[profile->num_spans++];
+    *span = (karst_span){.track = track, .stage = stage, .start_ns = start_ns, .end_ns = end_ns};
+    snprintf(span->name, sizeof span->name, "%s", name);
+}
+
+/* Moves the queue's spans to the host's clock: the last command ended before it was known to have. */
+static void move_to_host_clock(struct karst_profile *profile)
+{
+    uint64_t now_ns = karst_clock_ns(), last_ns = 0;
+    for (size_t i = 0; i < profile->num_spans; i++)
+        if (profile->spans[i].track == KARST_TRACK_QUEUE && profile->spans[i].end_ns > last_ns)
+            last_ns = profile->spans[i].end_ns;
+    if (last_ns == 0)
+        return;
+    int64_t to_host_ns = (int64_t)(now_ns - last_ns);
+    /* Within a second the clocks are the same one. */
+    if (to_host_ns >= 0 && to_host_ns < 1000000000)
+        to_host_ns = 0;
+    if (!profile->has_to_host || to_host_ns < profile->to_host_ns)
+        profile->to_host_ns = to_host_ns;
+    profile->has_to_host = true;
+    for (size_t i = 0; i < profile->num_spans; i++)
+        if (profile->spans[i].track == KARST_TRACK_QUEUE) {
+            profile->spans[i].start_ns += (uint64_t)profile->to_host_ns;
+            profile->spans[i].end_ns += (uint64_t)profile->to_host_ns;
+        }
+}
+
 /* Adds a finished event's time to its stage and releases it. */
-static bool fold_event(struct karst_profile *profile, timed_event timed, karst_error *error)
+static bool fold_event(struct karst_profile *profile, const timed_event timed, karst_error *error)
 {
     cl_int status = CL_COMPLETE;
     cl_int code = clGetEventInfo(timed.event, CL_EVENT_COMMAND_EXECUTION_STATUS, sizeof(status), &status, NULL);
@@ -63,6 +136,7 @@ static bool fold_event(struct karst_profile *profile, timed_event timed, karst_e
                           karst_cl_error_name(code));
     if (end > start)
         profile->ns[timed.stage] += end - start;
+    add_span(profile, KARST_TRACK_QUEUE, timed.stage, timed.name, start, end > start ? end : start);
     return true;
 }
 
@@ -78,7 +152,8 @@ static bool fold_oldest(struct karst_profile *profile, size_t count, karst_error
     return ok;
 }
 
-bool karst_profile_add_event(karst_context *context, karst_stage stage, cl_event event, karst_error *error)
+bool karst_profile_add_event(karst_context *context, karst_stage stage, cl_kernel kernel, cl_event event,
+                             karst_error *error)
 {
     struct karst_profile *profile = context->profile;
     if (profile->num_events == MAX_PENDING) {
@@ -100,14 +175,23 @@ bool karst_profile_add_event(karst_context *context, karst_stage stage, cl_event
         profile->events = grown;
         profile->capacity = capacity;
     }
-    profile->events[profile->num_events++] = (timed_event){event, stage};
+    timed_event *timed = &profile->events[profile->num_events++];
+    timed->event = event;
+    timed->stage = stage;
+    timed->name[0] = 0;
+    if (profile->spans &&
+        clGetKernelInfo(kernel, CL_KERNEL_FUNCTION_NAME, sizeof timed->name, timed->name, NULL) != CL_SUCCESS)
+        snprintf(timed->name, sizeof timed->name, "%s", karst_stage_name(stage));
     return true;
 }
 
 void karst_profile_add_host(karst_context *context, karst_stage stage, uint64_t ns)
 {
-    if ((unsigned)stage < KARST_NUM_STAGES)
-        context->profile->ns[stage] += ns;
+    if ((unsigned)stage >= KARST_NUM_STAGES)
+        return;
+    uint64_t now_ns = karst_clock_ns();
+    context->profile->ns[stage] += ns;
+    add_span(context->profile, KARST_TRACK_HOST, stage, karst_stage_name(stage), now_ns - ns, now_ns);
 }
 
 bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES], karst_error *error)
@@ -118,6 +202,10 @@ bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES]
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++) {
         ns[stage] += profile->ns[stage];
         profile->ns[stage] = 0;
+    }
+    if (profile->spans) {
+        move_to_host_clock(profile);
+        profile->collected = true;
     }
     return ok;
 }

@@ -3,7 +3,7 @@
 function layer(path)
 {
     if (path ~ /^core\/include\/karst\// || path ~ /^karst\//) return "public"
-    if (path ~ /^core\/engine[^\/]*\.[ch]$/) return "engine"
+    if (path ~ /^core\/engine[^\/]*\.(c|h|cl)$/) return "engine"
     if (path ~ /^(core|noise|cache|producers|raycast|reference|demos|tests)\//) return substr(path, 1, index(path, "/") - 1)
     return ""
 }

@@ -8,6 +8,7 @@
 #include "karst/error.h"
 #include "karst/image.h"
 #include "karst/log.h"
+#include "karst/measure.h"
 #include "karst/path.h"
 #include "karst/position.h"
 #include "karst/reference.h"
