@@ -56,6 +56,8 @@ static void mark_needed(const karst_resolved_world *world, const uint8_t *is_kno
     needed[world->density] = 1;
     for (int i = 0; world->has_colour && i < 3; i++)
         needed[world->colour[i]] = 1;
+    for (int i = 0; world->has_gradient && i < 3; i++)
+        needed[world->gradient[i]] = 1;
     for (uint32_t e = graph->num_nodes - 1; e > 0; e--)
         for (int k = 0; needed[e] && !is_known[e] && k < 4; k++)
             needed[graph->nodes[e].arg[k]] = 1;

@@ -12,8 +12,9 @@
 typedef struct {
     const karst_graph *graph; /* resolved: no POSITION is left, kinds are set */
     karst_expr density;
-    karst_expr colour[3]; /* if has_colour */
-    bool has_colour;
+    karst_expr colour[3];   /* if has_colour */
+    karst_expr gradient[3]; /* of the density, per metre, if has_gradient: see derive.h */
+    bool has_colour, has_gradient;
 } karst_resolved_world;
 
 #define KARST_NO_WORD 0xffffffffu

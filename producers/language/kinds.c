@@ -323,21 +323,21 @@ static karst_expr build_value(resolver *r, karst_expr e)
 
 /* ---- kinds ---- */
 
-/* Known to the host: uniform, and without noise, which has no value there. */
-static void set_kinds(karst_graph *graph, uint8_t *known)
+/* Uniform nodes are known to the host, but for noise and what comes of it. */
+void karst_kinds_set(karst_graph *graph, uint32_t first)
 {
-    known[0] = 1;
-    for (uint32_t e = 1; e < graph->num_nodes; e++) {
+    for (uint32_t e = first; e < graph->num_nodes; e++) {
         karst_expr_node *n = &graph->nodes[e];
-        known[e] = karst_graph_is_uniform(graph, e) && n->op != KARST_OP_NOISE;
+        bool known = karst_graph_is_uniform(graph, e) && n->op != KARST_OP_NOISE;
         bool steps = n->arg[0] != KARST_NO_EXPR;
         for (int k = 0; k < 4 && n->arg[k]; k++) {
-            known[e] &= known[n->arg[k]];
-            steps &= graph->nodes[n->arg[k]].kind == KARST_KIND_STEPS || known[n->arg[k]];
+            uint8_t kind = graph->nodes[n->arg[k]].kind;
+            known &= kind == KARST_KIND_UNIFORM;
+            steps &= kind == KARST_KIND_STEPS || kind == KARST_KIND_UNIFORM;
         }
         steps |=
             n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL || n->op == KARST_OP_RINT || n->type != KARST_TYPE_FLOAT;
-        n->kind = known[e]                    ? KARST_KIND_UNIFORM
+        n->kind = known                       ? KARST_KIND_UNIFORM
                   : n->op == KARST_OP_AFFINE  ? KARST_KIND_AFFINE
                   : n->op == KARST_OP_SHIFTED ? KARST_KIND_SHIFTED
                   : steps                     ? KARST_KIND_STEPS
@@ -376,7 +376,7 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     for (size_t i = 0; i < num_roots; i++)
         roots[i] = r.value[roots[i]];
     karst_graph_extract(&built, resolved, roots, num_roots);
-    set_kinds(resolved, karst_arena_alloc(arena, resolved->num_nodes));
+    karst_kinds_set(resolved, 1);
     karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);
     karst_graph_ranges(resolved, settings, ranges);
     karst_kinds_widen(resolved, settings, ranges);

@@ -25,6 +25,9 @@ typedef struct {
 void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *settings, karst_graph *resolved,
                          karst_expr *roots, size_t num_roots);
 
+/* Sets the kinds of a graph's nodes from `first` on, without WIDE; those before have theirs. Arguments of uniform nodes
+ * are uniform, and no position is left. */
+void karst_kinds_set(karst_graph *graph, uint32_t first);
 /* ranges.c: the range of each node of a graph, resolved or not; bools and ints included. `ranges` has num_nodes items.
  */
 void karst_graph_ranges(const karst_graph *graph, const karst_kinds_settings *settings, karst_range *ranges);

@@ -16,12 +16,23 @@ typedef struct {
     double d;
 } karst_oracle_slot;
 
+/* What some roots need of a graph, in order; PRECISE and DEVICE say which halves of a node's value: with doubles alone,
+ * floats are computed only where they decide what is piecewise constant. */
+enum { KARST_ORACLE_DEVICE = 1, KARST_ORACLE_PRECISE = 2 };
+typedef struct {
+    karst_expr *nodes;
+    uint8_t *halves;
+    uint32_t num_nodes;
+} karst_oracle_plan;
+
 struct karst_oracle {
     karst_world_layout layout;
     const karst_graph *graph;
     karst_number *values; /* of uniform nodes */
     uint8_t *known;
     uint64_t *words; /* the world's data, as devices read it */
+    karst_oracle_plan density, precise_density, colour, gradient;
+    const karst_oracle *original; /* whose all of the above is, if this is a clone */
     karst_oracle_slot *slots;
     affine_position at;
     float normal[3];
