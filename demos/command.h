@@ -10,6 +10,7 @@
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
  *   command_pictures.c   many pictures: numbered PNGs, or a video through ffmpeg
+ *   command_bench*.c   karst bench; see command_bench.h
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -189,6 +190,7 @@ typedef struct {
 } command;
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

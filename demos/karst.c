@@ -6,6 +6,7 @@
 
 static const command commands[] = {
     {"render", "one picture of a world, to a PNG", command_render},
+    {"bench", "measures a world: frame time by stage, production, churn, memory", command_bench},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
 };
 #define NUM_COMMANDS (sizeof commands / sizeof *commands)

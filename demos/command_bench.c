@@ -1,0 +1,262 @@
+/* karst bench: frame time by stage, production, churn and memory, beside what the device can do at most. */
+#include "command_bench.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+    const char *json, *csv, *plot, *trace, *compare, *display;
+    bool help;
+} outputs;
+
+static void print_help(const command_option *options, size_t num_options)
+{
+    puts(
+        "karst bench WORLD [--path PATH] [OPTIONS]\n"
+        "Measures a world's view, and a flight along a path: each run starts afresh, settles, draws settled frames in\n"
+        "turns with a floor and ceilings of the device, and then flies. Prints a table; ratios are what counts.\n"
+        "\nOptions:");
+    command_print_options(stdout, options, num_options);
+    puts("\nWorlds (or the path of a world file, which ends in .karst):");
+    command_print_worlds(stdout);
+    puts("\nExamples:\n"
+         "  karst bench hills --size 800x600 --no-shadows\n"
+         "  karst bench hills --path low-flight --size 800x600 --budget 8 --plot flight.svg --json now.json\n"
+         "  karst bench hills --compare then.json\n"
+         "  karst bench karst --trace karst.json          (to be opened in ui.perfetto.dev or chrome://tracing)\n"
+         "\nfloor: for each ray 8 dependent reads of a node table and 8 trilinear samples of a brick, nothing else.\n"
+         "jank: the share of frames that take more than twice the median.\n"
+         "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
+         "5 a path or a report that cannot be read.");
+}
+
+static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, outputs *out, karst_error *error)
+{
+    const command_option options[] = {
+        {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 800x600)", b->size_px, 1, 16384, NULL},
+        {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
+         "metres, exact at any distance, and degrees (default: the world's)", &b->camera, 0, 0, NULL},
+        {"path", 0, COMMAND_TEXT, "PATH", "fly: a file, or walk, low-flight, orbit, dive or jump", &b->path, 0, 0,
+         NULL},
+        {"budget", 0, COMMAND_NUMBER, "MS", "of production a frame of the flight (default: 8)", &b->budget_ms, 0.001,
+         60000, NULL},
+        {"fps", 0, COMMAND_NUMBER, "F", "frames for a second of the path, however long they take (default: 30)",
+         &b->fps, 0.001, 1000, NULL},
+        {"frames", 0, COMMAND_INTEGER, "N", "of the flight at most", &b->num_pictures, 1, 10000000, NULL},
+        {"runs", 0, COMMAND_INTEGER, "N", "each from nothing (default: 3)", &b->num_runs, 1, BENCH_MAX_RUNS, NULL},
+        {"rounds", 0, COMMAND_INTEGER, "N", "settled frames of each run (default: 15)", &b->num_rounds, 1,
+         BENCH_MAX_ROUNDS, NULL},
+        {"json", 0, COMMAND_TEXT, "FILE", "the report; - is stdout, instead of the table", &out->json, 0, 0, NULL},
+        {"csv", 0, COMMAND_TEXT, "FILE", "a line for each frame; - is stdout, likewise", &out->csv, 0, 0, NULL},
+        {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: time by stage, requests and churn", &out->plot, 0, 0, NULL},
+        {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
+        {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
+         NULL},
+        {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
+         NULL},
+        {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
+         &b->view_distance_m, 1e-9, 1e18, NULL},
+        {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &b->seed, 0, 4294967295.0, &b->has_seed},
+        {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
+         &b->parameters, 0, 0, NULL},
+        {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &b->pool_mib, 0,
+         16777216, NULL},
+        {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle in at most (default: 1000)", &b->max_frames, 1,
+         1000000, NULL},
+        {"device", 0, COMMAND_TEXT, "DEVICE", "number or part of the name from karst info; cpu; gpu", &b->device, 0, 0,
+         NULL},
+        {"display", 0, COMMAND_TEXT, "WAY", "auto, egl, osmesa or none (default: auto)", &out->display, 0, 0, NULL},
+        {"lanes", 0, COMMAND_INTEGER, "N",
+         "rays and samples a work-item handles, 1 or 16 (default: what suits the device)", &b->lanes, 1, 16, NULL},
+        {"quiet", 'q', COMMAND_FLAG, NULL, "say nothing but warnings and errors", &talk->quiet, 0, 0, NULL},
+        {"verbose", 'v', COMMAND_FLAG, NULL, "say what the library does", &talk->verbose, 0, 0, NULL},
+    };
+    const size_t num_options = sizeof options / sizeof *options;
+    size_t num_words;
+    if (!command_parse(argc, argv, options, num_options, &b->world, 1, &num_words, &out->help, error))
+        return false;
+    if (out->help) {
+        print_help(options, num_options);
+        return true;
+    }
+    if (!num_words)
+        return karst_fail(error, KARST_USAGE,
+                          "which world? For example: karst bench hills (karst help bench lists them)");
+    return true;
+}
+
+/* All that can be wrong and is found without opening a device. */
+static bool check_options(bench *b, const outputs *out, karst_error *error)
+{
+    const struct {
+        const char *file, *option;
+    } files[] = {{out->json, "--json"}, {out->csv, "--csv"}, {out->plot, "--plot"}, {out->trace, "--trace"}};
+    int num_stdout = 0;
+    karst_camera camera = {.fov_deg = 60};
+    if (b->lanes != 0 && b->lanes != 1 && b->lanes != 16)
+        return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)b->lanes);
+    if (b->camera && b->path)
+        return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
+    if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
+        return false;
+    if (!karst_display_kind_parse(out->display, &b->display_kind, error) ||
+        !command_find_world(b->world, b->world_file, sizeof b->world_file, error))
+        return false;
+    if (b->path && (!karst_data_find("paths", b->path, ".json", b->path_file, sizeof b->path_file, error) ||
+                    !karst_path_check(b->path_file, error)))
+        return false;
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        num_stdout += files[i].file && strcmp(files[i].file, "-") == 0;
+        if (files[i].file && !command_check_output(files[i].file, files[i].option, false, error))
+            return false;
+    }
+    if (num_stdout > 1)
+        return karst_fail(error, KARST_USAGE, "only one of --json, --csv, --plot and --trace can have stdout (-)");
+    return !out->compare || bench_compare_check(out->compare, error);
+}
+
+/* ---- the table ---- */
+
+static double number(const json_t *root, const char *a, const char *b, const char *c)
+{
+    const json_t *value = json_object_get(root, a);
+    value = b ? json_object_get(value, b) : value;
+    value = c ? json_object_get(value, c) : value;
+    return json_number_value(value);
+}
+
+static void print_phase(FILE *file, const json_t *report, const char *phase)
+{
+    const json_t *times = json_object_get(json_object_get(report, phase), "time_ms");
+    const char *stage;
+    json_t *t;
+    if (!times)
+        return;
+    fprintf(file, "\n%-24s %9s %9s %9s %9s %7s   (%.0f frames)\n", phase, "median", "p95", "p99", "max", "jank %",
+            number(report, phase, "frames", NULL));
+    json_object_foreach((json_t *)times, stage, t)
+    {
+        if (number(t, "max", NULL, NULL) > 0)
+            fprintf(file, "  %-22s %9.3f %9.3f %9.3f %9.3f %7.1f\n", stage, number(t, "median", NULL, NULL),
+                    number(t, "p95", NULL, NULL), number(t, "p99", NULL, NULL), number(t, "max", NULL, NULL),
+                    100 * number(t, "jank", NULL, NULL));
+    }
+    const json_t *churn = json_object_get(json_object_get(report, phase), "churn_per_frame");
+    fprintf(file, "  a frame: %.4g requests, %.4g produced, %.4g evicted, %.4g produced again, %.4g put off\n",
+            number(churn, "requests", NULL, NULL), number(churn, "produced", NULL, NULL),
+            number(churn, "evicted", NULL, NULL), number(churn, "reproduced", NULL, NULL),
+            number(churn, "deferred", NULL, NULL));
+    const json_t *at_level = json_object_get(json_object_get(report, phase), "at_level");
+    fprintf(file, "  hits at the level asked for: median %.2f %%, 99 %% of frames have %.2f %%\n",
+            100 * number(at_level, "median", NULL, NULL), 100 * number(at_level, "p1", NULL, NULL));
+}
+
+static void print_ratio(FILE *file, const json_t *report, const char *name, const char *text)
+{
+    if (json_object_get(json_object_get(report, "ratios"), name))
+        fprintf(file, "%-42s %8.2f   (%.2f to %.2f)\n", text, number(report, "ratios", name, "median"),
+                number(report, "ratios", name, "min"), number(report, "ratios", name, "max"));
+}
+
+static void print_table(FILE *file, const bench *b, const json_t *report)
+{
+    const karst_stats *s = &b->settled;
+    fprintf(file, "%s%s%s, %dx%d, %s shadows, %.3g px a voxel, %u runs on %s, %d cores; times in ms\n\n", b->world,
+            b->path ? ", path " : "", b->path ? b->path : "", b->size_px[0], b->size_px[1],
+            b->no_shadows ? "no" : "sun", s->detail_given_px, b->runs_done, s->device, b->num_cores);
+    print_ratio(file, report, "settled_frame_per_floor", "settled frame / floor");
+    print_ratio(file, report, "flight_frame_per_settled_frame", "flight, median / settled frame");
+    print_ratio(file, report, "flight_p99_per_settled_frame", "flight, p99 / settled frame");
+    print_ratio(file, report, "used_bricks_per_hit_brick", "bricks used / bricks hit");
+    print_phase(file, report, "settled");
+    print_phase(file, report, "flight");
+    fprintf(file,
+            "\nfloor %.2f ms, %.1f Gfma/s, %.1f GB/s, bare noise (8 octaves, pointwise) %.1f Mvoxel/s: all cores\n",
+            number(report, "ceilings", "floor_ms", "median"), number(report, "ceilings", "fma_per_s", "median") * 1e-9,
+            number(report, "ceilings", "memory_bytes_per_s", "median") * 1e-9,
+            number(report, "ceilings", "noise_samples_per_s", "median") * 1e-6);
+    fprintf(
+        file,
+        "production while settling, a core: %.0f bricks/s, %.1f Mvoxel/s; evaluate alone %.1f Mvoxel/s, %.2f x bare "
+        "noise, 1 voxel for %.1f fma; bounds %.2f us a node\n",
+        number(report, "production", "bricks_per_core_s", "median"),
+        number(report, "production", "voxels_per_core_s", "median") * 1e-6,
+        number(report, "production", "evaluate_voxels_per_core_s", "median") * 1e-6,
+        number(report, "production", "evaluate_per_noise", "median"),
+        1 / number(report, "production", "evaluate_voxels_per_fma", "median"),
+        number(report, "production", "bounds_core_us_per_node", "median"));
+    fprintf(file, "  %.0f bricks (%.0f constant after all) and %.0f tiles in %.0f frames\n",
+            number(report, "production", "bricks", NULL), number(report, "production", "bricks_constant", NULL),
+            number(report, "production", "tiles", NULL), number(report, "start", "frames", "median"));
+    fprintf(file, "start of the process: open %.0f ms, first picture without a hole %.0f ms, complete %.0f ms\n",
+            number(report, "start", "process", "opened_ms"), number(report, "start", "process", "hole_free_ms"),
+            number(report, "start", "process", "complete_ms"));
+    fprintf(file, "in use when settled: %llu of %llu bricks, %llu of %llu tiles, %.1f MB\n",
+            (unsigned long long)s->bricks.num_used, (unsigned long long)s->bricks.num_total,
+            (unsigned long long)s->tiles.num_used, (unsigned long long)s->tiles.num_total,
+            number(report, "cache", "used_bytes", NULL) * 1e-6);
+    fprintf(file, "memory %.1f MB:", number(report, "memory_total_bytes", NULL, NULL) * 1e-6);
+    for (size_t i = 0; i < s->num_memory; i++)
+        fprintf(file, " %s %.1f%s", s->memory[i].name, (double)s->memory[i].size_bytes * 1e-6,
+                i + 1 < s->num_memory ? "," : "\n");
+}
+
+/* ---- the command ---- */
+
+static bool write_and_free(const char *file, char *text, karst_error *error)
+{
+    bool written = text ? command_write_text(file, text, error)
+                        : error->status != KARST_OK || karst_fail(error, KARST_FAILED, "out of memory");
+    free(text);
+    return written && error->status == KARST_OK;
+}
+
+static bool write_outputs(const bench *b, const outputs *out, karst_error *error)
+{
+    json_t *report = bench_report(b);
+    bool ok = report || karst_fail(error, KARST_FAILED, "out of memory for the report");
+    const char *const on_stdout[] = {out->json, out->csv, out->plot, out->trace};
+    FILE *table = stdout;
+    for (size_t i = 0; i < sizeof on_stdout / sizeof *on_stdout; i++)
+        if (on_stdout[i] && strcmp(on_stdout[i], "-") == 0)
+            table = NULL;
+    ok = ok && (!out->json || write_and_free(out->json, bench_json_text(report, JSON_INDENT(2)), error)) &&
+         (!out->csv || write_and_free(out->csv, bench_csv(b), error)) &&
+         (!out->plot || write_and_free(out->plot, bench_chart(b, error), error)) &&
+         (!out->trace || write_and_free(out->trace, bench_trace(b, error), error));
+    if (ok && table)
+        print_table(table, b, report);
+    ok = ok && (!out->compare || bench_compare(report, out->compare, table ? table : stderr, error));
+    json_decref(report);
+    return ok;
+}
+
+bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    static bench b;
+    b = (bench){.size_px = {800, 600}, .pool_mib = 512, .max_frames = 1000, .detail_px = 1, .num_runs = 3};
+    b.num_rounds = 15;
+    b.budget_ms = 8;
+    b.fps = 30;
+    b.process_start_ns = karst_clock();
+    outputs out = {.display = "auto"};
+    if (!parse_options(argc, argv, talk, &b, &out, error))
+        return false;
+    if (out.help)
+        return true;
+    if (!check_options(&b, &out, error))
+        return false;
+    command_catch_interrupts();
+    const karst_log log = command_log(talk);
+    b.tracing = out.trace != NULL;
+    b.ceilings = calloc((size_t)(b.num_runs * b.num_rounds), sizeof *b.ceilings);
+    bool done = b.ceilings || karst_fail(error, KARST_FAILED, "out of memory");
+    while (done && b.runs_done < b.num_runs)
+        done = bench_do_run(&b, talk, &log, error);
+    done = done && write_outputs(&b, &out, error);
+    free(b.ceilings);
+    free(b.frames);
+    free(b.spans);
+    return done;
+}

@@ -1,0 +1,92 @@
+/* What the parts of karst bench share.
+ *
+ *   command_bench.c          options; the order of things; the table on stdout
+ *   command_bench_run.c      runs: start, settle, rounds of settled frames beside floor and ceilings, the flight
+ *   command_bench_report.c   figures of the runs as JSON and CSV
+ *   command_bench_chart.c    the SVG and the trace
+ *   command_bench_compare.c  two reports side by side
+ */
+#ifndef KARST_DEMOS_COMMAND_BENCH_H
+#define KARST_DEMOS_COMMAND_BENCH_H
+
+#include "command.h"
+
+#include <jansson.h>
+
+/* When a frame was drawn. */
+typedef enum { BENCH_SETTLING, BENCH_SETTLED, BENCH_FLIGHT, BENCH_NUM_PHASES } bench_phase;
+
+/* One frame, and what of its statistics is kept. */
+typedef struct {
+    bench_phase phase;
+    unsigned run;
+    size_t index;      /* within its phase of its run */
+    double time_s;     /* of the flight; of settling: since its start */
+    uint64_t ended_ns; /* on karst_clock */
+    uint64_t frame_ns, stage_ns[KARST_NUM_STAGES];
+    uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
+    uint64_t num_tiles, num_bricks, num_constant; /* produced */
+    uint64_t num_pixels, num_hits, num_provisional, num_incomplete;
+    uint64_t used_tiles, used_bricks, resident_tiles, resident_bricks;
+    double given_px;
+} bench_frame;
+
+/* Of one run, what is no frame's. Times in ms. */
+typedef struct {
+    double opened_ms; /* display, device, memory and programs, from the start of the run (of the process, in run 0) */
+    double hole_free_ms; /* until the first frame in which every ray met data */
+    double complete_ms;  /* until the first settled frame */
+    size_t settling_frames;
+    uint64_t hit_bricks; /* in which rays of the settled picture ended */
+} bench_run;
+
+#define BENCH_MAX_RUNS 50
+#define BENCH_MAX_ROUNDS 1000
+
+typedef struct {
+    /* as asked for */
+    const char *world, *path; /* path: NULL for none */
+    char world_file[4096], path_file[4096];
+    const char *camera, *device;
+    karst_display_kind display_kind;
+    int size_px[2];
+    uint64_t num_runs, num_rounds, seed, lanes, max_frames, num_pictures;
+    double pool_mib, detail_px, view_distance_m, budget_ms, fps;
+    bool has_seed, no_shadows;
+    command_parameters parameters;
+    uint64_t process_start_ns;
+
+    /* as found */
+    char display[64], camera_text[512];
+    karst_stats settled; /* of the last run's settled view: device, memory, pools */
+    int num_cores;
+    bench_frame *frames;
+    size_t num_frames, max_frames_kept;
+    bench_run runs[BENCH_MAX_RUNS];
+    unsigned runs_done;
+    karst_ceilings *ceilings; /* num_rounds of each run */
+    karst_span *spans;        /* of the last run, with tracing */
+    size_t num_spans, max_spans;
+    bool tracing;
+} bench;
+
+/* command_bench_run.c. Does one run and adds what it finds. Errors: as the library's. */
+bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_error *error);
+
+/* command_bench_report.c. The report; NULL: out of memory. */
+json_t *bench_report(const bench *b);
+/* Lines of all frames, malloc'ed. NULL: out of memory. */
+char *bench_csv(const bench *b);
+/* JSON as a file's text, malloc'ed. */
+char *bench_json_text(const json_t *json, size_t flags);
+
+/* command_bench_chart.c. malloc'ed texts. */
+char *bench_chart(const bench *b, karst_error *error);
+char *bench_trace(const bench *b, karst_error *error);
+
+/* command_bench_compare.c. Prints a table of ratios, this run to the report in `file`. Errors: KARST_BAD_DATA. */
+bool bench_compare(const json_t *report, const char *file, FILE *out, karst_error *error);
+/* Whether `file` holds a report, before long work is done for it. Errors: KARST_BAD_DATA. */
+bool bench_compare_check(const char *file, karst_error *error);
+
+#endif

@@ -1,0 +1,256 @@
+/* karst bench: one run. Each has an engine of its own, so that every run begins with empty pools. */
+#include "command_bench.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define WARM_UP_ROUNDS 2
+#define MAX_FRAME_SPANS 4096
+#define MAX_SPANS ((size_t)4 << 20)
+
+typedef struct {
+    bench *b;
+    command_talk *talk;
+    karst_engine *engine;
+    karst_error *error;
+    bench_phase phase;
+    size_t index;
+    double time_s;
+    uint64_t phase_start_ns;
+    const char *doing;
+    bool counted;
+} run_state;
+
+static bool add_spans(run_state *state, karst_error *error)
+{
+    bench *b = state->b;
+    if (!b->tracing || b->num_spans >= MAX_SPANS)
+        return true;
+    if (b->max_spans < b->num_spans + MAX_FRAME_SPANS) {
+        size_t max_spans = 2 * b->max_spans + MAX_FRAME_SPANS;
+        karst_span *spans = realloc(b->spans, max_spans * sizeof *spans);
+        if (!spans)
+            return karst_fail(error, KARST_FAILED, "out of memory for a trace");
+        b->spans = spans;
+        b->max_spans = max_spans;
+    }
+    size_t num = karst_engine_spans(state->engine, b->spans + b->num_spans, MAX_FRAME_SPANS);
+    b->num_spans += num < MAX_FRAME_SPANS ? num : MAX_FRAME_SPANS;
+    return true;
+}
+
+static bool add_frame(run_state *state, const karst_stats *stats, karst_error *error)
+{
+    bench *b = state->b;
+    if (b->num_frames == b->max_frames_kept) {
+        size_t max_frames = b->max_frames_kept ? 2 * b->max_frames_kept : 256;
+        bench_frame *frames = realloc(b->frames, max_frames * sizeof *frames);
+        if (!frames)
+            return karst_fail(error, KARST_FAILED, "out of memory for %zu frames", max_frames);
+        b->frames = frames;
+        b->max_frames_kept = max_frames;
+    }
+    bench_frame *frame = &b->frames[b->num_frames++];
+    *frame = (bench_frame){.phase = state->phase, .run = b->runs_done, .index = state->index++};
+    frame->ended_ns = karst_clock();
+    frame->time_s =
+        state->phase == BENCH_FLIGHT ? state->time_s : (double)(frame->ended_ns - state->phase_start_ns) * 1e-9;
+    frame->frame_ns = stats->time_ns_frame;
+    memcpy(frame->stage_ns, stats->time_ns, sizeof frame->stage_ns);
+    frame->num_requests = stats->num_requests;
+    frame->num_produced = stats->num_produced;
+    frame->num_evicted = stats->num_evicted;
+    frame->num_reproduced = stats->num_reproduced;
+    frame->num_deferred = stats->num_deferred;
+    frame->num_tiles = stats->num_tiles_produced;
+    frame->num_bricks = stats->num_bricks_produced;
+    frame->num_constant = stats->num_bricks_constant;
+    frame->num_pixels = stats->num_pixels;
+    frame->num_hits = stats->num_hits;
+    frame->num_provisional = stats->num_provisional;
+    frame->num_incomplete = stats->num_incomplete;
+    frame->used_tiles = stats->tiles.num_used;
+    frame->used_bricks = stats->bricks.num_used;
+    frame->resident_tiles = stats->num_resident_tiles;
+    frame->resident_bricks = stats->num_resident_bricks;
+    frame->given_px = stats->detail_given_px;
+    return add_spans(state, error);
+}
+
+/* After each frame, whether settling or not. */
+static bool note_frame(void *user, const karst_stats *stats)
+{
+    run_state *state = user;
+    command_progress(state->talk, "run %u of %u: %s, frame %zu   %llu bricks   %llu requests", state->b->runs_done + 1,
+                     (unsigned)state->b->num_runs, state->doing, state->index,
+                     (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests);
+    return (!state->counted || add_frame(state, stats, state->error)) && !command_interrupted();
+}
+
+static bool interrupted(karst_error *error)
+{
+    return karst_fail(error, KARST_FAILED, "interrupted; nothing was written");
+}
+
+static bool settle(run_state *state, karst_error *error)
+{
+    bool settled = false;
+    karst_error noted = {0};
+    state->error = &noted;
+    if (!karst_engine_settle(state->engine, (uint32_t)state->b->max_frames, note_frame, state, &settled, error))
+        return false;
+    if (noted.status != KARST_OK)
+        return karst_fail(error, noted.status, "%s", noted.message);
+    if (command_interrupted())
+        return interrupted(error);
+    return settled || karst_fail(error, KARST_FAILED, "the view did not settle within %u frames; raise --frames-max",
+                                 (unsigned)state->b->max_frames);
+}
+
+static bool draw(run_state *state, karst_error *error)
+{
+    karst_stats stats;
+    karst_error noted = {0};
+    state->error = &noted;
+    if (!karst_engine_frame(state->engine, error))
+        return false;
+    karst_engine_stats(state->engine, &stats);
+    if (!note_frame(state, &stats))
+        return noted.status != KARST_OK ? karst_fail(error, noted.status, "%s", noted.message) : interrupted(error);
+    return true;
+}
+
+static void begin(run_state *state, bench_phase phase, bool counted, const char *doing)
+{
+    state->phase = phase;
+    state->counted = counted;
+    state->doing = doing;
+    state->index = 0;
+    state->phase_start_ns = karst_clock();
+}
+
+static karst_engine *open_engine(bench *b, karst_display *display, const karst_log *log, karst_error *error)
+{
+    karst_engine_config config = {.world = b->world_file, .device = b->device, .in_display = display, .log = log};
+    config.parameters = b->parameters.values;
+    config.num_parameters = b->parameters.num_values;
+    config.width_px = b->size_px[0];
+    config.height_px = b->size_px[1];
+    config.pool_bytes = b->pool_mib > 0 ? (uint64_t)(b->pool_mib * 1048576) : 1;
+    config.detail_px = b->detail_px;
+    config.view_distance_m = b->view_distance_m;
+    config.has_seed = b->has_seed;
+    config.seed = (uint32_t)b->seed;
+    config.no_shadows = b->no_shadows;
+    config.lanes = (int)b->lanes;
+    return karst_engine_create(&config, error);
+}
+
+/* To where the run looks at first: --camera, the path's start, or the world's own view. */
+static bool set_first_camera(bench *b, karst_engine *engine, const karst_path *path, karst_error *error)
+{
+    karst_camera camera = karst_engine_default_camera(engine);
+    if (b->camera && !karst_camera_parse(b->camera, karst_engine_voxel_log2_m(engine), &camera, error))
+        return false;
+    if (path)
+        camera = karst_path_sample(path, karst_path_start_s(path));
+    karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), b->camera_text, sizeof b->camera_text);
+    return karst_engine_set_camera(engine, &camera, error);
+}
+
+/* Finds the two moments of the start that one waits for. */
+static void time_start(const bench *b, size_t first_frame, uint64_t start_ns, bench_run *run)
+{
+    run->settling_frames = b->num_frames - first_frame;
+    run->hole_free_ms = run->complete_ms = (double)(b->frames[b->num_frames - 1].ended_ns - start_ns) * 1e-6;
+    for (size_t i = b->num_frames; i-- > first_frame;) {
+        if (b->frames[i].num_incomplete > 0)
+            break;
+        run->hole_free_ms = (double)(b->frames[i].ended_ns - start_ns) * 1e-6;
+    }
+}
+
+/* Settled frames, and in turns with them what to judge them by. */
+static bool do_rounds(run_state *state, karst_measure *measure, karst_error *error)
+{
+    bench *b = state->b;
+    karst_ceilings *ceilings = b->ceilings + (size_t)b->runs_done * b->num_rounds, unused;
+    begin(state, BENCH_SETTLED, false, "settled");
+    for (int round = -WARM_UP_ROUNDS; round < (int)b->num_rounds; round++) {
+        state->counted = round >= 0;
+        if (!karst_measure_ceilings(measure, round >= 0 ? &ceilings[round] : &unused, error) || !draw(state, error))
+            return false;
+    }
+    return true;
+}
+
+static bool fly(run_state *state, const karst_path *path, karst_error *error)
+{
+    const bench *b = state->b;
+    double start_s = karst_path_start_s(path), end_s = karst_path_end_s(path), step_s = 1 / b->fps;
+    size_t num = (size_t)fmax(1, rint((end_s - start_s) * b->fps));
+    if (b->num_pictures && b->num_pictures < num)
+        num = (size_t)b->num_pictures;
+    if (!karst_engine_set_budget_ms(state->engine, b->budget_ms, error))
+        return false;
+    begin(state, BENCH_FLIGHT, true, "flying");
+    for (size_t i = 0; i < num; i++) {
+        state->time_s = start_s + (double)i * step_s;
+        karst_camera camera = karst_path_sample(path, state->time_s);
+        if (!karst_engine_set_camera(state->engine, &camera, error) || !draw(state, error))
+            return false;
+    }
+    return true;
+}
+
+bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_error *error)
+{
+    bool done = false;
+    uint64_t start_ns = b->runs_done == 0 ? b->process_start_ns : karst_clock();
+    run_state state = {.b = b, .talk = talk};
+    bench_run *run = &b->runs[b->runs_done];
+    karst_path *path = NULL;
+    karst_measure *measure = NULL;
+    size_t first_frame = b->num_frames;
+    karst_display *display = karst_display_create(b->display_kind, log, error);
+    b->num_spans = 0;
+    if (!display)
+        return false;
+    snprintf(b->display, sizeof b->display, "%s", karst_display_kind_name(karst_display_get_kind(display)));
+    state.engine = open_engine(b, display, log, error);
+    if (!state.engine)
+        goto out;
+    if (b->path && !(path = karst_path_load(b->path_file, karst_engine_voxel_log2_m(state.engine), error)))
+        goto out;
+    if (!set_first_camera(b, state.engine, path, error) ||
+        (b->tracing && !karst_engine_set_tracing(state.engine, true, error)))
+        goto out;
+    run->opened_ms = (double)(karst_clock() - start_ns) * 1e-6;
+    begin(&state, BENCH_SETTLING, true, "settling");
+    if (!settle(&state, error))
+        goto out;
+    time_start(b, first_frame, start_ns, run);
+    karst_engine_stats(state.engine, &b->settled);
+    if (!karst_engine_count_hit_bricks(state.engine, &run->hit_bricks, error))
+        goto out;
+    command_progress(talk, "run %u of %u: building the kernels to compare with", b->runs_done + 1,
+                     (unsigned)b->num_runs);
+    measure = karst_measure_create(state.engine, error);
+    if (!measure)
+        goto out;
+    b->num_cores = karst_measure_num_cores(measure);
+    if (!do_rounds(&state, measure, error))
+        goto out;
+    karst_measure_destroy(measure);
+    measure = NULL;
+    done = !path || fly(&state, path, error);
+    b->runs_done += done;
+out:
+    command_end_progress(talk);
+    karst_measure_destroy(measure);
+    karst_path_destroy(path);
+    karst_engine_destroy(state.engine);
+    karst_display_destroy(display);
+    return done;
+}
