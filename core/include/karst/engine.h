@@ -11,18 +11,13 @@
 #include "karst/error.h"
 #include "karst/log.h"
 #include "karst/stats.h"
+#include "karst/world.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 typedef struct karst_engine karst_engine;
-
-/* A value for a parameter of a world file, instead of its header's. */
-typedef struct {
-    const char *name;
-    double value;
-} karst_parameter;
 
 /* How to make an engine. Zero-initialised fields mean the default that stands beside them. */
 typedef struct {

@@ -14,4 +14,5 @@
 #include "karst/reference.h"
 #include "karst/stats.h"
 #include "karst/view.h"
+#include "karst/world.h"
 #endif
