@@ -30,6 +30,11 @@ typedef struct {
     uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */
 } karst_emitted;
 
+/* What stands at the head of programs of worlds with no noise but gradient noise: others take time to compile
+ * (octave.clh). */
+#define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
+bool karst_emit_is_gradient_noise_alone(const karst_graph *graph);
+
 /* Writes the program of a world. Errors: KARST_BAD_WORLD, "too large", if the graph has more than KARST_EMIT_MAX_OPS
  * nodes to execute. Free with karst_emitted_finish. */
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);

@@ -3,12 +3,16 @@
 
 #include "producers/language/octave.clh"
 
+_Static_assert((int)OCTAVE_GRADIENT == KARST_NOISE_GRADIENT && (int)OCTAVE_VALUE == KARST_NOISE_VALUE &&
+                   (int)OCTAVE_SIMPLEX == KARST_NOISE_SIMPLEX && (int)OCTAVE_WORLEY_F1 == KARST_NOISE_WORLEY_F1 &&
+                   (int)OCTAVE_WORLEY_F2 == KARST_NOISE_WORLEY_F2,
+               "octave.clh has graph.h's bases");
 _Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
                    OCTAVE_BILLOW == KARST_NOISE_BILLOW && OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
                "octave.clh has graph.h's numbers");
 
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
-static const char *const base_names[KARST_NUM_NOISE_BASES] = {"gradient"};
+static const char *const base_names[KARST_NUM_NOISE_BASES] = {"gradient", "value", "simplex", "f1", "f2"};
 
 static const karst_noise *noise_of(const karst_emit *emit, karst_expr e)
 {

@@ -84,8 +84,6 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
         const karst_expr_node *n = &emit->graph->nodes[e];
         if (!emit->nodes[e].needs)
             continue;
-        if (n->op == KARST_OP_NOISE && emit->graph->noises[n->extra].base != KARST_NOISE_GRADIENT)
-            return karst_fail(error, KARST_BAD_WORLD, "%s uses a noise that cannot be compiled yet", what);
         if (n->op == KARST_OP_POSITION)
             return karst_fail(error, KARST_FAILED, "%s was not resolved", what);
         if (n->op == KARST_OP_NOISE)
@@ -97,7 +95,19 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
     return true;
 }
 
-static const char preamble[] = "#include \"producers/language/emit.clh\"\n\n";
+bool karst_emit_is_gradient_noise_alone(const karst_graph *graph)
+{
+    for (uint32_t i = 0; i < graph->num_noises; i++)
+        if (graph->noises[i].base != KARST_NOISE_GRADIENT)
+            return false;
+    return true;
+}
+
+static void preamble(karst_emit *emit)
+{
+    karst_text_add(&emit->text, "%s#include \"producers/language/emit.clh\"\n\n",
+                   karst_emit_is_gradient_noise_alone(emit->graph) ? KARST_EMIT_ONLY_GRADIENT : "");
+}
 
 static bool take_text(karst_emit *emit, char **to, karst_error *error)
 {
@@ -120,13 +130,13 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     done = done && check(&emit, &layout->world.density, 1, "density", error) &&
            (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error));
     if (done) {
-        karst_text_add(&emit.text, "%s", preamble);
+        preamble(&emit);
         karst_emit_points(&emit, emitted);
         karst_emit_bricks(&emit, emitted);
         done = take_text(&emit, &emitted->source, error);
     }
     if (done && layout->world.has_colour) {
-        karst_text_add(&emit.text, "%s", preamble);
+        preamble(&emit);
         karst_emit_colours(&emit, emitted);
         done = take_text(&emit, &emitted->colour_source, error);
     }

@@ -2,8 +2,10 @@
 
 #include <math.h>
 
-/* Of one octave, per cell: noise/gradient.clh's |gradient| is at most 3.75 (noise/bounds.clh). */
-#define GRADIENT_NOISE_STEEPNESS 3.76
+#include "noise/bounds.clh"
+
+/* Of one octave, per cell: suprema of |gradient| (noise/bounds.clh; 3.75 for gradient and value noise). */
+static const double noise_steepness_per_cell[KARST_NUM_NOISE_BASES] = {3.76, 3.76, NOISE_SIMPLEX_STEEPNESS, 1, 1};
 
 typedef struct {
     const karst_graph *graph;
@@ -52,7 +54,7 @@ static double jacobian_norm(const analysis *a, const karst_expr *row, int rows)
 static double noise_steepness(const analysis *a, const karst_expr_node *n)
 {
     const karst_noise *noise = &a->graph->noises[n->extra];
-    if (noise->base != KARST_NOISE_GRADIENT || noise->derivative)
+    if (noise->derivative)
         return (double)INFINITY;
     double gain = magnitude(a->ranges[noise->gain]), lacunarity = magnitude(a->ranges[noise->lacunarity]), factor = 1,
            sum = 0;
@@ -61,7 +63,7 @@ static double noise_steepness(const analysis *a, const karst_expr_node *n)
     /* a SHIFTED moves by its shift on top of its form */
     karst_expr row[3] = {n->arg[0], n->arg[1], n->arg[2]};
     bool doubled = noise->shape == KARST_NOISE_RIDGED || noise->shape == KARST_NOISE_BILLOW;
-    return times(GRADIENT_NOISE_STEEPNESS * sum * (doubled ? 2 : 1), jacobian_norm(a, row, 3));
+    return times(noise_steepness_per_cell[noise->base] * sum * (doubled ? 2 : 1), jacobian_norm(a, row, 3));
 }
 
 static double product_steepness(const analysis *a, karst_expr x, karst_expr y)

@@ -43,20 +43,26 @@ static const struct {
     {"equal", KARST_OP_EQUAL, false},     {"notEqual", KARST_OP_NOT_EQUAL, false},
 };
 
+/* worley gives F1 and F2 */
 static const struct {
     const char *name;
     uint8_t base, shape;
     bool has_octaves;
 } noises[] = {
     {"noise", KARST_NOISE_GRADIENT, KARST_NOISE_SUM, false},
-    {"valuenoise", KARST_NOISE_VALUE, KARST_NOISE_SUM, false},
-    {"simplex", KARST_NOISE_SIMPLEX, KARST_NOISE_SUM, false},
-    {"worley", KARST_NOISE_WORLEY_F1, KARST_NOISE_SUM, false},
-    {"worley2", KARST_NOISE_WORLEY_F2, KARST_NOISE_SUM, false},
     {"fbm", KARST_NOISE_GRADIENT, KARST_NOISE_SUM, true},
     {"ridged", KARST_NOISE_GRADIENT, KARST_NOISE_RIDGED, true},
     {"billow", KARST_NOISE_GRADIENT, KARST_NOISE_BILLOW, true},
     {"turbulence", KARST_NOISE_GRADIENT, KARST_NOISE_TURBULENCE, true},
+    {"valuenoise", KARST_NOISE_VALUE, KARST_NOISE_SUM, false},
+    {"vnoise", KARST_NOISE_VALUE, KARST_NOISE_SUM, false},
+    {"valuefbm", KARST_NOISE_VALUE, KARST_NOISE_SUM, true},
+    {"simplex", KARST_NOISE_SIMPLEX, KARST_NOISE_SUM, false},
+    {"snoise", KARST_NOISE_SIMPLEX, KARST_NOISE_SUM, false},
+    {"simplexfbm", KARST_NOISE_SIMPLEX, KARST_NOISE_SUM, true},
+    {"worley", KARST_NOISE_WORLEY_F1, KARST_NOISE_SUM, false},
+    {"cellular", KARST_NOISE_WORLEY_F1, KARST_NOISE_SUM, false},
+    {"worleyfbm", KARST_NOISE_WORLEY_F1, KARST_NOISE_SUM, true},
 };
 
 static const char *const others[] = {
@@ -234,6 +240,19 @@ static uint32_t integer_argument(karst_lower_state *s, karst_value v, const char
     return (uint32_t)(int64_t)n.value;
 }
 
+/* Into the axes of noise/simplex.clh from Perlin's, where the diagonal of the three is that of a cell: q = 2/3 (x + y +
+ * z) - p, a turn by half about the diagonal. Exact wherever p is. */
+static void turn_to_simplices(karst_lower_state *s, karst_expr *x, karst_expr *y, karst_expr *z)
+{
+    karst_graph *g = s->graph;
+    karst_expr sum = karst_expr_2(g, KARST_OP_ADD, karst_expr_2(g, KARST_OP_ADD, *x, *y), *z);
+    karst_expr part =
+        karst_expr_2(g, KARST_OP_MULTIPLY, sum, karst_graph_number(g, KARST_TYPE_FLOAT, karst_number_ratio(2, 3)));
+    karst_expr *axis[3] = {x, y, z};
+    for (int i = 0; i < 3; i++)
+        *axis[i] = karst_expr_2(g, KARST_OP_SUBTRACT, part, *axis[i]);
+}
+
 /* noise(p [, seed]); fbm(p, octaves [, gain [, lacunarity [, seed]]]). */
 static karst_value apply_noise(karst_lower_state *s, size_t which, karst_value *a, uint32_t count, uint32_t where)
 {
@@ -248,8 +267,6 @@ static karst_value apply_noise(karst_lower_state *s, size_t which, karst_value *
                       karst_format(s->arena, "%s(p%s), p of up to three components", name,
                                    octaves ? ", octaves, gain, lacunarity, seed" : ", seed"),
                       a, count, where);
-    if (noises[which].base != KARST_NOISE_GRADIENT) /* the graph has them, no back end does */
-        karst_source_error(s->source, where, "use noise(p)", "'%s' cannot be evaluated by this version", name);
     karst_noise noise = {.base = noises[which].base, .shape = noises[which].shape, .num_octaves = 1};
     noise.gain = karst_graph_float(s->graph, 0.5);
     noise.lacunarity = karst_graph_float(s->graph, 2);
@@ -275,8 +292,15 @@ static karst_value apply_noise(karst_lower_state *s, size_t which, karst_value *
                z = n == 3   ? a[0].e[2]
                    : n == 2 ? a[0].e[1]
                             : s->zero; /* noise(q) = noise(q.x, 0, q.y) */
-    karst_value r = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, 1), where);
+    if (noise.base == KARST_NOISE_SIMPLEX)
+        turn_to_simplices(s, &x, &y, &z);
+    bool is_worley = noise.base == KARST_NOISE_WORLEY_F1;
+    karst_value r = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, is_worley ? 2 : 1), where);
     r.e[0] = karst_graph_noise(s->graph, noise, x, y, z);
+    if (is_worley) {
+        noise.base = KARST_NOISE_WORLEY_F2;
+        r.e[1] = karst_graph_noise(s->graph, noise, x, y, z);
+    }
     return r;
 }
 

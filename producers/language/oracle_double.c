@@ -62,10 +62,93 @@ static double gradient_noise(const place p[3], uint seed, int along)
     return sum;
 }
 
+/* ---- the others, straight from their definitions ---- */
+
+static uint node_hash(const place p[3], const int step[3], uint seed)
+{
+    uint x = (p[0].cell + (uint)step[0]) * NOISE_PRIME_X, y = (p[1].cell + (uint)step[1]) * NOISE_PRIME_Y,
+         z = (p[2].cell + (uint)step[2]) * NOISE_PRIME_Z;
+    return noise_corner_hash(NOISE_LINE_YZ(NOISE_LINE_Y(y), z, seed), x);
+}
+
+static double value_noise(const place p[3], uint seed, int along)
+{
+    double sum = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        const int step[3] = {corner & 1, corner >> 1 & 1, corner >> 2};
+        double weight = 1;
+        for (int i = 0; i < 3; i++) {
+            double w = i == along ? fade_slope(p[i].fraction) : fade(p[i].fraction);
+            weight *= step[i] ? w : i == along ? -w : 1 - w;
+        }
+        sum += weight * (double)noise_node_value(node_hash(p, step, seed));
+    }
+    return sum;
+}
+
+/* Every node of both cubic lattices that is near enough. */
+static double simplex_noise(const place p[3], uint seed, int along)
+{
+    double sum = 0;
+    for (int n = 0; n < 2 * 27; n++) {
+        const int step[3] = {n % 3 - 1 + (n < 27), n / 3 % 3 - 1 + (n < 27), n / 9 % 3 - 1 + (n < 27)};
+        double offset[3], square = 0;
+        for (int i = 0; i < 3; i++) {
+            offset[i] = p[i].fraction - step[i] - (n < 27 ? 0 : 0.5);
+            square += offset[i] * offset[i];
+        }
+        if (square >= 0.5)
+            continue;
+        uint hash = node_hash(p, step, n < 27 ? seed : seed ^ NOISE_SIMPLEX_OTHER);
+        const double gradient[3] = {(double)noise_times_x(hash, 1.0f), (double)noise_times_y(hash, 1.0f),
+                                    (double)noise_times_z(hash, 1.0f)};
+        double h = 0.5 - square, rise = gradient[0] * offset[0] + gradient[1] * offset[1] + gradient[2] * offset[2];
+        sum += along < 0 ? h * h * h * h * rise : h * h * h * (h * gradient[along] - 8 * rise * offset[along]);
+    }
+    return (double)NOISE_SIMPLEX_SCALE * sum;
+}
+
+static double worley_noise(const place p[3], uint seed, int which, int along)
+{
+    enum { REACH = NOISE_WORLEY_REACH + 1, SIDE = 2 * REACH + 1 };
+    double nearest[2] = {INFINITY, INFINITY}, away[2] = {0, 0};
+    for (int n = 0; n < SIDE * SIDE * SIDE; n++) {
+        const int step[3] = {n % SIDE - REACH, n / SIDE % SIDE - REACH, n / (SIDE * SIDE) - REACH};
+        uint hash = node_hash(p, step, seed);
+        double offset[3], square = 0;
+        for (int i = 0; i < 3; i++) {
+            offset[i] = step[i] + (double)noise_worley_place(hash, i) - p[i].fraction;
+            square += offset[i] * offset[i];
+        }
+        for (int k = 0; k < 2; k++) /* the second is what the first was */
+            if (square < nearest[k]) {
+                double pushed = nearest[k], direction = away[k];
+                nearest[k] = square;
+                away[k] = along < 0 ? 0 : -offset[along];
+                if (k == 0) {
+                    nearest[1] = pushed;
+                    away[1] = direction;
+                }
+                break;
+            }
+    }
+    double distance = sqrt(nearest[which]);
+    return along < 0 ? distance : distance > 0 ? away[which] / distance : 0;
+}
+
 static double base_noise(uint8_t base, const place p[3], uint seed, int along)
 {
-    (void)base;
-    return gradient_noise(p, seed, along);
+    switch (base) {
+    case KARST_NOISE_VALUE:
+        return value_noise(p, seed, along);
+    case KARST_NOISE_SIMPLEX:
+        return simplex_noise(p, seed, along);
+    case KARST_NOISE_WORLEY_F1:
+    case KARST_NOISE_WORLEY_F2:
+        return worley_noise(p, seed, base == KARST_NOISE_WORLEY_F2, along);
+    default:
+        return gradient_noise(p, seed, along);
+    }
 }
 
 static double shaped(uint8_t base, uint8_t shape, double n, double weight)
@@ -101,8 +184,8 @@ static double noise_double(const karst_oracle *o, karst_expr e)
                 op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
             p[i] = moved(affine_coordinate(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
         }
-        sum += amplitude *
-               octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
+        sum +=
+            amplitude * octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
         amplitude *= double_of(o, noise->gain);
         scale *= double_of(o, noise->lacunarity);
     }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "noise/bounds.clh"
+#include "noise/worley.clh"
 
 static const karst_range everything = {-(double)INFINITY, (double)INFINITY};
 
@@ -63,14 +64,18 @@ static karst_range noise_range(const karst_noise *noise, const karst_range *rang
         all += amplitude;
     if (!isfinite(all))
         return everything;
-    if (noise->derivative) {
-        double steepest = (double)NOISE_SUP_SLOPE * (doubled ? 2 : 1);
-        return range_of(-steepest * all, steepest * all);
-    }
-    double one = noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2 ? 2 : 1.04;
-    bool positive = noise->shape == KARST_NOISE_TURBULENCE || one == 2;
-    double high = doubled ? 2 * one - 1 : one;
-    high = high < 1 ? 1 : high;
+    /* of n and of dn/dx */
+    static const float most[KARST_NUM_NOISE_BASES][2] = {{NOISE_SUP, NOISE_SUP_SLOPE},
+                                                         {1, NOISE_VALUE_SUP_SLOPE},
+                                                         {NOISE_SIMPLEX_SUP, NOISE_SIMPLEX_SUP_SLOPE},
+                                                         {NOISE_WORLEY_SUP, 1},
+                                                         {NOISE_WORLEY_SUP, 1}};
+    double one = (double)most[noise->base][noise->derivative != 0];
+    if (noise->derivative)
+        return range_of(-one * all * (doubled ? 2 : 1), one * all * (doubled ? 2 : 1));
+    bool positive = noise->shape == KARST_NOISE_TURBULENCE ||
+                    (noise->shape == KARST_NOISE_SUM && noise->base >= KARST_NOISE_WORLEY_F1);
+    double high = doubled ? fmax(2 * one - 1, 1) : one;
     return range_of(positive && ranges[noise->gain].lo >= 0 ? 0 : -high * all, high * all);
 }
 

@@ -19,8 +19,8 @@ typedef struct {
 } karst_tape;
 
 /* The tape of what `roots` (1 to KARST_TAPE_MAX_OUTPUTS of them, reached by the layout's world) need. Memory is
- * malloc'ed. Thread-safe. Errors: KARST_BAD_WORLD for what no back end can execute (a noise without an evaluator),
- * KARST_FAILED for lack of memory. */
+ * malloc'ed. Thread-safe. Errors: KARST_BAD_WORLD for what no back end can execute (an op of a graph that was not
+ * resolved), KARST_FAILED for lack of memory. */
 bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
                       karst_error *error);
 void karst_tape_finish(karst_tape *tape); /* a zeroed tape is fine */

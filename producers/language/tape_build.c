@@ -183,12 +183,6 @@ static uint8_t op_of(const builder *b, karst_expr e)
 static bool can_run(const builder *b, karst_expr e, karst_error *error)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
-    if (n->op == KARST_OP_NOISE) {
-        const karst_noise *noise = &b->graph->noises[n->extra];
-        if (noise->base != KARST_NOISE_GRADIENT)
-            return karst_fail(error, KARST_BAD_WORLD, "a noise of base %d cannot be evaluated", noise->base);
-        return true;
-    }
     bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
     if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE ||
         (is_turns && !karst_takes_place(b->layout, e, 0)))

@@ -12,6 +12,8 @@
 _Static_assert(sizeof(karst_data_header) == KARST_DATA_HEADER_WORDS * sizeof(uint64_t), "the header fits its words");
 
 static const char bounds_source[] = "#include \"producers/language/bounds.clh\"\n";
+static const char bounds_source_of_gradient_noise[] =
+    KARST_EMIT_ONLY_GRADIENT "#include \"producers/language/bounds.clh\"\n";
 
 /* ---- what is said ---- */
 
@@ -240,7 +242,9 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
     snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%u", slots_option(file->tape.num_slots));
     karst_density_program program = {.name = file->info.name,
                                      .source = file->code.source,
-                                     .bounds_source = bounds_source,
+                                     .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)
+                                                          ? bounds_source_of_gradient_noise
+                                                          : bounds_source,
                                      .options = options,
                                      .data = data,
                                      .data_bytes = file->data_bytes,

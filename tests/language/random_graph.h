@@ -153,7 +153,8 @@ static inline karst_expr random_noise(random_graph *r)
 {
     static const double gains[] = {0.5, 0.25, 0.7, 1}, lacunarities[] = {2, 2, 1.9, 3};
     karst_graph *g = &r->graph;
-    karst_noise noise = {.base = KARST_NOISE_GRADIENT,
+    karst_noise noise = {.base =
+                             (uint8_t)(random_chance(2) ? KARST_NOISE_GRADIENT : random_below(KARST_NUM_NOISE_BASES)),
                          .shape = (uint8_t)random_below(4),
                          .derivative = (uint8_t)(random_chance(4) ? 1 + random_below(3) : 0),
                          .num_octaves = (uint16_t)(1 + random_below(4)),

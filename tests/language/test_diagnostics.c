@@ -456,14 +456,14 @@ static const struct {
      "      discard;\n"
      "      ^\n"
      "  return a negative density: that is air"},
-    {"no_worley",
+    {"two_distances",
      "float density(vec3 p) {\n"
      "    return worley(p);\n"
      "}\n",
-     "world.karst:2:12: error: 'worley' cannot be evaluated by this version\n"
+     "world.karst:2:12: error: the result needs a float, not a vec2\n"
      "      return worley(p);\n"
      "             ^\n"
-     "  use noise(p)"},
+     "  take a part of it, such as .x"},
     {"empty", "   \n",
      "world.karst:1:1: error: the file is empty\n"
      "  a world needs a function `float density(vec3 p)`"},

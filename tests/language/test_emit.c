@@ -409,11 +409,11 @@ static void test_pasted_worlds(void **state)
 
 /* ---- the mean that octaves fade to ---- */
 
-static void test_mean_of_noise(void **state)
+static void test_means_of_noise(void **state)
 {
     uint64_t random = 1;
-    double sum = 0;
-    int count = 1 << 21;
+    double sum[KARST_NUM_NOISE_BASES][2] = {{0}};
+    int count = 1 << 20;
     (void)state;
     for (int i = 0; i < count; i++) {
         noise_position p;
@@ -422,17 +422,24 @@ static void test_mean_of_noise(void **state)
             p.axis[axis].cell = (uint)(random >> 40);
             p.axis[axis].fraction = (uint)(random >> 32) * 2654435761u;
         }
-        sum += fabs((double)noise_octave(&p, (uint)i, 1.0f, 0.0f));
+        for (int base = 0; base < KARST_NUM_NOISE_BASES; base++) {
+            double n = (double)octave_noise(base, &p, (uint)i);
+            sum[base][0] += n;
+            sum[base][1] += fabs(n);
+        }
     }
-    double mean = sum / count;
-    if (fabs(mean - (double)OCTAVE_GRADIENT_MEAN) > 0.001)
-        fail_msg("the mean is %g", mean);
+    for (int base = 0; base < KARST_NUM_NOISE_BASES; base++)
+        for (int magnitude = 0; magnitude < 2; magnitude++) {
+            double mean = sum[base][magnitude] / count;
+            if (fabs(mean - (double)octave_mean(base, magnitude ? OCTAVE_TURBULENCE : OCTAVE_SUM)) > 0.001)
+                fail_msg("base %d: the mean%s is %g", base, magnitude ? " magnitude" : "", mean);
+        }
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_mean_of_noise),
+        cmocka_unit_test(test_means_of_noise),
         cmocka_unit_test(test_random_graphs),
         cmocka_unit_test(test_shipped_worlds),
         cmocka_unit_test(test_pasted_worlds),

@@ -73,7 +73,9 @@ static karst_expr wild_operand(const karst_graph *g, wild_source *random, karst_
 
 static karst_expr wild_noise(karst_graph *g, wild_source *random)
 {
-    karst_noise noise = {.base = KARST_NOISE_GRADIENT, .shape = (uint8_t)wild_below(random, 4)};
+    karst_noise noise = {.shape = (uint8_t)wild_below(random, 4)};
+    if (wild_below(random, 2))
+        noise.base = (uint8_t)wild_below(random, KARST_NUM_NOISE_BASES);
     noise.derivative = (uint8_t)(wild_below(random, 4) ? 0 : 1 + wild_below(random, 3));
     noise.num_octaves = (uint16_t)(1 + wild_below(random, 4));
     noise.seed_offset = wild_bits(random);

@@ -12,6 +12,10 @@
 
 #include "core/context.h"
 
+#include "noise/simplex.clh"
+#include "noise/slope.clh"
+#include "noise/value.clh"
+#include "noise/worley.clh"
 #include "producers/worlds/hills.clh"
 #include "tests/noise/random.h"
 
@@ -21,6 +25,10 @@
 
 /* What the kernels do, for LANES items from `first`, on arrays that both sides have: places as x, y, z of all items. */
 static const char probes[] =
+    "#include \"noise/simplex.clh\"\n"
+    "#include \"noise/slope.clh\"\n"
+    "#include \"noise/value.clh\"\n"
+    "#include \"noise/worley.clh\"\n"
     "#include \"producers/worlds/hills.clh\"\n"
     "#include \"probes.clh\"\n"
     "#if LANES == 16\n"
@@ -51,6 +59,13 @@ static const char probes[] =
     "    uint first = (uint)get_global_id(0) * LANES;\n"
     "    if (first < count)\n"
     "        noise_probe(voxel, fraction, count, first, out);\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_families(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    if (first < count)\n"
+    "        families_probe(voxel, fraction, count, first, out);\n"
     "}\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void probe_points(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
@@ -89,6 +104,45 @@ K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fract
     p.axis[2] = noise_coordinate_move(p.axis[2], warp * (vfloat)(-50.0f));
     noise_octaves octaves = noise_octaves_at(3L << 44, 9, 1.0f, 0.625f, (int)(first >> 4) % 12);
     v_store_float(noise_fbm(&p, 99u, &octaves, 9, (vfloat)(0.0f)), out + first);
+}
+K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
+                             K_GLOBAL float *out)
+{
+    noise_position p;
+    for (uint a = 0; a < 3; a++)
+        p.axis[a] = noise_coordinate_at(LOAD_LONG(voxel + a * count + first), LOAD_UINT(fraction + a * count + first),
+                                        3L << (44 + a));
+    int along = (int)(first >> 4) % 3;
+    vfloat result;
+    switch ((first >> 4) % 8) {
+    case 0:
+        result = noise_value_part(&p, 5u, -1);
+        break;
+    case 1:
+        result = noise_value_part(&p, 6u, along);
+        break;
+    case 2:
+        result = noise_simplex(&p, 7u);
+        break;
+    case 3:
+        result = noise_simplex_slope(&p, 8u, along);
+        break;
+    case 4:
+        result = noise_worley_distance(&p, 9u, along & 1);
+        break;
+    case 5:
+        result = noise_worley_slope(&p, 10u, along & 1, along);
+        break;
+    case 6:
+        result = noise_slope(&p, 11u, along);
+        break;
+    default: {
+        vfloat distance[2];
+        noise_worley_distances(&p, 9u, distance);
+        result = distance[1] - distance[0];
+    }
+    }
+    v_store_float(result, out + first);
 }
 K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
                           K_GLOBAL float *out)
@@ -194,12 +248,12 @@ static void test_points(void **state)
     static const struct {
         const char *kernel;
         probe host;
-    } cases[] = {{"probe_noise", noise_probe}, {"probe_points", point_probe}};
+    } cases[] = {{"probe_noise", noise_probe}, {"probe_points", point_probe}, {"probe_families", families_probe}};
     uint32_t *fractions = malloc(3 * NUM_POINTS * sizeof *fractions);
     float *wanted = malloc(NUM_POINTS * sizeof *wanted);
     assert_true(fractions && wanted);
     int64_t *voxels = random_voxels(NUM_POINTS, fractions);
-    for (size_t c = 0; c < 2; c++) {
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         for (uint i = 0; i < NUM_POINTS; i++)
             cases[c].host(voxels, fractions, NUM_POINTS, i, wanted);
         for (int lanes = 1; lanes <= 16; lanes += 15) {
