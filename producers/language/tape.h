@@ -14,6 +14,8 @@ typedef struct {
     uint32_t *constants; /* bits; never NULL */
     uint32_t num_constants;
     uint32_t num_slots;                      /* at least 1 */
+    uint32_t ops[2], wide_ops[2];            /* TAPE_OPS_LOW and so on */
+    bool has_steps;                          /* TAPE_HAS_STEPS */
     uint32_t output[KARST_TAPE_MAX_OUTPUTS]; /* operands */
     uint32_t num_outputs;
 } karst_tape;
@@ -24,5 +26,10 @@ typedef struct {
 bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
                       karst_error *error);
 void karst_tape_finish(karst_tape *tape); /* a zeroed tape is fine */
+
+/* Options of a build, for interpreters (tape.clh) that run this tape: room for its slots (TAPE_SLOTS, rounded up, so
+ * that tapes share programs) and no op that it has not. At most KARST_TAPE_OPTIONS_BYTES. */
+#define KARST_TAPE_OPTIONS_BYTES 192
+void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes);
 
 #endif

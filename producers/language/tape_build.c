@@ -1,6 +1,7 @@
 /* From a resolved graph to a tape: which nodes run, where their arguments are read, which slot each result goes to. */
 #include "producers/language/tape.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -230,6 +231,9 @@ static void add_instruction(builder *b, karst_expr e, int part)
     release_arguments(b, e, part);
     b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;
     i->slot = b->slot[e][part];
+    bool is_wide_op = (i->flags & TAPE_IS_WIDE) != 0;
+    (is_wide_op ? tape->wide_ops : tape->ops)[i->op / 32] |= 1u << i->op % 32;
+    tape->has_steps |= (i->flags & TAPE_IS_STEPS) != 0;
 }
 
 bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
@@ -273,6 +277,17 @@ end:
     if (!done)
         karst_tape_finish(tape);
     return done;
+}
+
+void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes)
+{
+    uint32_t slots = 16;
+    while (slots < tape->num_slots)
+        slots *= 2;
+    snprintf(options, size_bytes,
+             "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
+             "-DTAPE_HAS_STEPS=%d",
+             slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps);
 }
 
 void karst_tape_finish(karst_tape *tape)

@@ -67,6 +67,32 @@ enum {
     TAPE_NUM_OPS
 };
 
+/* The ops that a tape runs, so that interpreters are compiled for no others: a whole one takes seconds. Bit sets, as
+ * options of a build; without them, all. Ops that are TAPE_IS_WIDE stand in the second pair of sets alone. */
+#ifndef TAPE_OPS_LOW
+#define TAPE_OPS_LOW 0xffffffffu
+#define TAPE_OPS_HIGH 0xffffffffu
+#define TAPE_WIDE_LOW 0xffffffffu
+#define TAPE_WIDE_HIGH 0xffffffffu
+#define TAPE_HAS_STEPS 1
+#endif
+#define TAPE_IS_IN(low, high, op) ((((op) < 32 ? (low) >> ((op)&31) : (high) >> ((op)&31)) & 1u) != 0u)
+#define TAPE_RUNS(op) TAPE_IS_IN(TAPE_OPS_LOW, TAPE_OPS_HIGH, op)
+#define TAPE_RUNS_WIDE(op) TAPE_IS_IN(TAPE_WIDE_LOW, TAPE_WIDE_HIGH, op)
+#define TAPE_HAS_WIDE ((TAPE_WIDE_LOW | TAPE_WIDE_HIGH) != 0u)
+#define TAPE_HAS_DISCRETE ((TAPE_OPS_LOW >> TAPE_LESS | TAPE_OPS_HIGH) != 0u) /* ints, bools, choices by them */
+#define TAPE_COMPARES_WIDE                                                                      \
+    (TAPE_RUNS_WIDE(TAPE_LESS) | TAPE_RUNS_WIDE(TAPE_LESS_EQUAL) | TAPE_RUNS_WIDE(TAPE_EQUAL) | \
+     TAPE_RUNS_WIDE(TAPE_NOT_EQUAL))
+
+/* In a case of an interpreter's switch: what no tape of its runs is no code. */
+#define TAPE_NEEDS(op)  \
+    if (!TAPE_RUNS(op)) \
+    break
+#define TAPE_NEEDS_WIDE(op)  \
+    if (!TAPE_RUNS_WIDE(op)) \
+    break
+
 /* karst_scalar_type */
 #define TAPE_FLOAT_TYPE 0
 #define TAPE_INT_TYPE 1
@@ -80,8 +106,8 @@ enum {
 #define TAPE_PAIR 0x20000000u     /* | any: what the float leaves is there, too (wide.clh) */
 #define TAPE_INDEX 0x1fffffffu
 
-#define TAPE_IS_STEPS 1u /* piecewise constant: arguments that are one number make it one number */
-#define TAPE_IS_WIDE 2u  /* computed in pairs */
+#define TAPE_IS_STEPS 1u  /* piecewise constant: arguments that are one number make it one number */
+#define TAPE_IS_WIDE 2u   /* computed in pairs */
 #define TAPE_DERIVATIVE 4 /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
 
 typedef struct {

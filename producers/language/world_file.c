@@ -215,22 +215,13 @@ void karst_world_file_destroy(karst_world_file *file)
 
 /* ---- producing ---- */
 
-/* Rounded up, so that few programs serve all worlds. */
-static uint32_t slots_option(uint32_t num_slots)
-{
-    uint32_t slots = 16;
-    while (slots < num_slots)
-        slots *= 2;
-    return slots;
-}
-
 /* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
 #define MAX_SLOTS 2048u
 
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error)
 {
-    char options[64];
+    char tape_options[KARST_TAPE_OPTIONS_BYTES], options[256];
     if (file->tape.num_slots > MAX_SLOTS) {
         karst_fail(error, KARST_BAD_WORLD,
                    "%.300s is too large: its bounds need %u values at a time; at most %u are possible", file->info.name,
@@ -239,7 +230,8 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
     }
     karst_number *values = parameter_values(file);
     void *data = values ? make_data(file, values, seed, error) : NULL;
-    snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%u", slots_option(file->tape.num_slots));
+    karst_tape_options(&file->tape, tape_options, sizeof tape_options);
+    snprintf(options, sizeof options, "-DWORLD_HAS_DATA %s", tape_options);
     karst_density_program program = {.name = file->info.name,
                                      .source = file->code.source,
                                      .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)

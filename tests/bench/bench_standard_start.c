@@ -111,7 +111,7 @@ static void bench_world(const char *program, const char *path)
     char folder[] = "/tmp/karst_start_XXXXXX";
     pool_expect(mkdtemp(folder), "mkdtemp", NULL);
     setenv("POCL_CACHE_DIR", folder, 1);
-    setenv("XDG_CACHE_HOME", folder, 1);
+    setenv("KARST_CACHE_DIR", folder, 1);
     start_times cold = run(program, path), warm = run(program, path);
     nftw(folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
     const char *name = strrchr(path, '/');

@@ -17,7 +17,7 @@
 #include "producers/language/tape.clh"
 #include "tests/language/random_graph.h"
 
-enum { NUM_POINTS = 32, MAX_SLOTS = 96, DEVICE_GRAPHS = 40, WORLD_SEED = 7 };
+enum { NUM_POINTS = 32, MAX_SLOTS = 96, DEVICE_GRAPHS = 40, OWN_DEVICE_GRAPHS = 8, WORLD_SEED = 7 };
 
 typedef struct {
     random_place place;
@@ -282,11 +282,11 @@ static void expect(bool good, const karst_error *error)
         fail_msg("%s", error->message);
 }
 
-static void device_open(device *d, int lanes)
+static void device_open(device *d, int lanes, const char *more)
 {
     karst_error error = {0};
-    char options[64];
-    snprintf(options, sizeof options, "-DNUM_POINTS=%d -DMAX_SLOTS=%d", NUM_POINTS, MAX_SLOTS);
+    char options[512];
+    snprintf(options, sizeof options, "-DNUM_POINTS=%d -DMAX_SLOTS=%d %s", NUM_POINTS, MAX_SLOTS, more);
     expect((d->context = karst_context_create("cpu", lanes, NULL, &error)), &error);
     const karst_virtual_file files[] = {{"probe.cl", probe}};
     expect((d->program = karst_program_build(d->context, "probe.cl", options, files, 1, &error)), &error);
@@ -379,37 +379,62 @@ static void host_bounds(const subject *s, const boxes *b, int k, float out[NUM_O
     free(slots);
 }
 
+/* Values and bounds of random boxes; returns of how many something is known. */
+static int agree(device *d, const subject *s, uint64_t seed)
+{
+    int num_known = 0, lanes = d->context->lanes;
+    assert_true(s->tape.num_slots <= MAX_SLOTS);
+    boxes b = random_boxes(s);
+    float values[NUM_POINTS], bounds[NUM_OUTPUTS][NUM_POINTS];
+    run_on_device(d, s, &b, values, bounds);
+    for (int k = 0; k < NUM_POINTS; k++) {
+        karst_position p;
+        for (int axis = 0; axis < 3; axis++) {
+            p.voxel[axis] = b.voxel[axis][k];
+            p.fraction[axis] = b.fraction[axis][k];
+        }
+        float expected = host_value(s, &p), limits[NUM_OUTPUTS];
+        if (!same_float(expected, values[k]))
+            fail_msg("graph %lu, point %d, %d lanes: %a, on the host %a", (unsigned long)seed, k, lanes,
+                     (double)values[k], (double)expected);
+        host_bounds(s, &b, k, limits);
+        num_known += limits[0] == 0;
+        for (int i = 0; i < NUM_OUTPUTS; i++)
+            if (!same_float(limits[i], bounds[i][k]) && (i == 0 || limits[0] == 0))
+                fail_msg("graph %lu, box %d, %d lanes, bound %d: %a, on the host %a", (unsigned long)seed, k, lanes, i,
+                         (double)bounds[i][k], (double)limits[i]);
+    }
+    return num_known;
+}
+
+/* Interpreters that are compiled for one tape give what whole ones do. */
+static void test_a_device_needs_no_more_than_a_tape_runs(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= OWN_DEVICE_GRAPHS; seed++) {
+        subject s;
+        device d;
+        char options[KARST_TAPE_OPTIONS_BYTES];
+        subject_make(&s, 91000 + seed, seed & 1);
+        karst_tape_options(&s.tape, options, sizeof options);
+        device_open(&d, seed == 1 ? 16 : 1, options);
+        agree(&d, &s, seed);
+        device_close(&d);
+        subject_finish(&s);
+    }
+}
+
 static void test_devices_agree_with_the_host(void **state)
 {
     (void)state;
     for (int lanes = 1; lanes <= 16; lanes += 15) {
         device d;
-        device_open(&d, lanes);
+        device_open(&d, lanes, "");
         int num_known = 0;
         for (uint64_t seed = 1; seed <= DEVICE_GRAPHS; seed++) {
             subject s;
             subject_make(&s, 90000 + seed, seed & 1);
-            assert_true(s.tape.num_slots <= MAX_SLOTS);
-            boxes b = random_boxes(&s);
-            float values[NUM_POINTS], bounds[NUM_OUTPUTS][NUM_POINTS];
-            run_on_device(&d, &s, &b, values, bounds);
-            for (int k = 0; k < NUM_POINTS; k++) {
-                karst_position p;
-                for (int axis = 0; axis < 3; axis++) {
-                    p.voxel[axis] = b.voxel[axis][k];
-                    p.fraction[axis] = b.fraction[axis][k];
-                }
-                float expected = host_value(&s, &p), limits[NUM_OUTPUTS];
-                if (!same_float(expected, values[k]))
-                    fail_msg("graph %lu, point %d, %d lanes: %a, on the host %a", (unsigned long)seed, k, lanes,
-                             (double)values[k], (double)expected);
-                host_bounds(&s, &b, k, limits);
-                num_known += limits[0] == 0;
-                for (int i = 0; i < NUM_OUTPUTS; i++)
-                    if (!same_float(limits[i], bounds[i][k]) && (i == 0 || limits[0] == 0))
-                        fail_msg("graph %lu, box %d, %d lanes, bound %d: %a, on the host %a", (unsigned long)seed, k,
-                                 lanes, i, (double)bounds[i][k], (double)limits[i]);
-            }
+            num_known += agree(&d, &s, seed);
             subject_finish(&s);
         }
         assert_true(num_known > DEVICE_GRAPHS * NUM_POINTS / 8);
@@ -508,6 +533,7 @@ int main(void)
         cmocka_unit_test(test_the_oracles_doubles_lie_within_bounds),
         cmocka_unit_test(test_slots_are_few_and_safe),
         cmocka_unit_test(test_devices_agree_with_the_host),
+        cmocka_unit_test(test_a_device_needs_no_more_than_a_tape_runs),
         cmocka_unit_test(test_a_tape_is_a_density_program),
     };
     return cmocka_run_group_tests_name("tape", tests, NULL, NULL);
