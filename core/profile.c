@@ -24,8 +24,7 @@ struct karst_profile {
     karst_span *spans;             /* NULL: no tracing */
     size_t num_spans;
     bool collected;     /* the spans are those of a collection that is over: the next one begins anew */
-    int64_t to_host_ns; /* what to add to the device's times; the least that was ever seen, so that nothing ends after
-                         * it was waited for */
+    int64_t to_host_ns; /* what to add to the device's times: nothing ends after it was waited for */
     bool has_to_host;
 };
 
@@ -104,11 +103,11 @@ static void move_to_host_clock(struct karst_profile *profile)
     if (last_ns == 0)
         return;
     int64_t to_host_ns = (int64_t)(now_ns - last_ns);
-    /* Within a second the clocks are the same one. */
-    if (to_host_ns >= 0 && to_host_ns < 1000000000)
-        to_host_ns = 0;
+    /* The shortest wait tells best; but the clocks drift apart. */
     if (!profile->has_to_host || to_host_ns < profile->to_host_ns)
         profile->to_host_ns = to_host_ns;
+    else
+        profile->to_host_ns += (to_host_ns - profile->to_host_ns) / 8;
     profile->has_to_host = true;
     for (size_t i = 0; i < profile->num_spans; i++)
         if (profile->spans[i].track == KARST_TRACK_QUEUE) {
@@ -203,7 +202,7 @@ bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES]
         ns[stage] += profile->ns[stage];
         profile->ns[stage] = 0;
     }
-    if (profile->spans) {
+    if (profile->spans && !profile->collected) {
         move_to_host_clock(profile);
         profile->collected = true;
     }

@@ -85,9 +85,9 @@ char *bench_chart(const bench *b, karst_error *error)
     plot_series times[KARST_NUM_STAGES + 1], counts[NUM_COUNTS];
     static const char *const names[NUM_COUNTS] = {"requests", "produced", "evicted", "produced again"};
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
-        times[stage] = (plot_series){
+        times[stage + 1] = (plot_series){
             .name = karst_stage_name(stage), .kind = PLOT_STACKED, .num = c.num, .x = c.time_s, .y = c.stage_ms[stage]};
-    times[KARST_NUM_STAGES] =
+    times[0] =
         (plot_series){.name = "frame (wall clock)", .kind = PLOT_LINE, .num = c.num, .x = c.time_s, .y = c.frame_ms};
     for (int count = 0; count < NUM_COUNTS; count++)
         counts[count] =

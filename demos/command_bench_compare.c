@@ -91,8 +91,11 @@ static void print_figure(FILE *out, const figure *f, const json_t *now, const js
     if (!(n_median > 0 && o_median > 0 && n_min > 0 && o_min > 0))
         return;
     double least = n_min / o_max, most = n_max / o_min;
-    /* Different only where the runs of one report lie apart from those of the other. */
-    const char *verdict = least <= 1 && most >= 1 ? "" : (most < 1) == (f->better == LESS) ? "better" : "worse";
+    /* Different only where the runs of one report lie apart from those of the other; files hold nine digits. */
+    const double grain = 1e-6;
+    const char *verdict = least <= 1 + grain && most >= 1 - grain ? ""
+                          : (most < 1) == (f->better == LESS)     ? "better"
+                                                                  : "worse";
     fprintf(out, "%-42s %12.5g %12.5g %8.3f  %6.3f to %6.3f  %s\n", f->path, o_median, n_median, n_median / o_median,
             least, most, verdict);
 }

@@ -1,0 +1,175 @@
+#!/bin/sh
+# karst bench from outside: its report, table, chart, trace and comparison. Nothing here depends on how fast anything is.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
+flatten="$PWD/tests/cli/flatten.awk"
+export KARST_DATA_DIR="$PWD/demos"
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 1
+quick="--size 160x120 --pool 64 --detail 2 --view-distance 2000 --rounds 3"
+
+run()
+{
+    "$karst" "$@" > stdout 2> stderr < /dev/null
+    status=$?
+    detail="karst $*: exit $status; stderr: $(head -c 600 stderr)"
+}
+complains()
+{
+    code=$1 pattern=$2 name=$3
+    shift 3
+    run "$@"
+    [ $status -eq "$code" ] && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
+    result "$name"
+}
+
+complains 2 "which world" "no world" bench
+complains 4 "did you mean 'hills'" "a misspelt world" bench hils
+complains 2 "did you mean --rounds" "a misspelt option" bench hills --ronds 3
+complains 2 "1 to 50" "no runs" bench hills --runs 0
+complains 2 "says where the camera is" "a path and a camera" bench hills --path low-flight --camera 0,0,0,0,0
+complains 5 "no path called" "an unknown path" bench hills --path nowhere
+complains 2 "only one of" "two files to stdout" bench hills --json - --csv -
+complains 1 "no-such-folder" "a report in a folder that is not there" bench hills --json no-such-folder/a.json
+complains 5 "cannot read nothing.json" "a comparison with nothing" bench hills --compare nothing.json
+echo '{"world": "hills"}' > other.json
+complains 5 "no report of karst bench" "a comparison with something else" bench hills --compare other.json
+[ -z "$(ls | grep -vE '^(stdout|stderr|other.json)$')" ]
+result "none of these left anything behind"
+run help bench
+[ $status -eq 0 ] && for option in size camera path budget fps frames runs rounds json csv plot trace compare detail \
+    seed param no-shadows pool device display lanes; do
+    grep -q -e "--$option" stdout || status="no --$option"
+done
+[ "$status" = 0 ]
+result "help bench names every option"
+
+# ---- a view ----
+run bench hills $quick --runs 2 --json still.json --csv still.csv
+[ $status -eq 0 ] && [ ! -s stderr ] && grep -q 'settled frame / floor' stdout && grep -q '^memory .*bricks' stdout &&
+    grep -q 'evaluate alone' stdout && grep -q 'start of the process' stdout && ! grep -q nan stdout
+result "a view: the table"
+awk -f "$flatten" still.json > flat
+wanted="karst_bench version world camera device display cores width_px height_px shadows path runs rounds \
+detail.asked_px detail.given_px memory_total_bytes memory_bytes.bricks memory_bytes.nodes cache.used_bytes \
+cache.hit_bricks start.process.opened_ms start.process.hole_free_ms start.process.complete_ms settling.at_level.p1"
+for stage in frame cast shade collect subdivide evaluate finalise display; do
+    for figure in median p95 p99 max jank runs.median runs.min runs.max; do
+        wanted="$wanted settled.time_ms.$stage.$figure settling.time_ms.$stage.$figure"
+    done
+done
+for figure in requests produced evicted reproduced deferred; do wanted="$wanted settling.churn_per_frame.$figure"; done
+for place in ceilings.floor_ms ceilings.fma_per_s ceilings.memory_bytes_per_s ceilings.noise_samples_per_s \
+    ratios.settled_frame_per_floor ratios.used_bricks_per_hit_brick production.bricks_per_core_s \
+    production.voxels_per_core_s production.evaluate_voxels_per_core_s production.bounds_core_us_per_node \
+    production.evaluate_per_noise start.opened_ms start.hole_free_ms start.complete_ms; do
+    wanted="$wanted $place.median $place.min $place.max"
+done
+for pool in tiles bricks; do
+    for figure in used resident total bytes; do wanted="$wanted cache.$pool.$figure"; done
+done
+missing=
+for key in $wanted; do grep -q "^$key = " flat || missing="$missing $key"; done
+detail="missing:$missing"
+[ -s flat ] && [ -z "$missing" ]
+result "the report has every figure"
+detail=$(cat flat)
+awk '{ v[$1] = $3 } END {
+    for (k in v) if (k ~ /\.median$/) {
+        b = substr(k, 1, length(k) - 7)
+        if ((b ".min") in v && (b ".max") in v && (v[b ".min"] + 0 > v[k] + 0 || v[k] + 0 > v[b ".max"] + 0)) bad = k
+        if ((b ".p99") in v && (v[k] + 0 > v[b ".p95"] + 0 || v[b ".p95"] + 0 > v[b ".p99"] + 0)) bad = k
+    }
+    for (k in v) if (k ~ /^memory_bytes\./) sum += v[k]
+    if (sum != v["memory_total_bytes"]) bad = "memory"
+    if (v["settled.frames"] != 6 || v["runs"] != 2 || v["settled.churn_per_frame.produced"] != 0) bad = "settled"
+    if (v["settled.at_level.min"] != 1 || v["cache.hit_bricks"] < 1 || v["flight"] != "null") bad = "hits"
+    if (v["cache.bricks.used"] < v["cache.hit_bricks"] || v["ratios.used_bricks_per_hit_brick.min"] < 1) bad = "bricks"
+    if (v["ceilings.fma_per_s.min"] < 1e8 || v["ceilings.memory_bytes_per_s.min"] < 1e8) bad = "ceilings"
+    if (v["ceilings.noise_samples_per_s.min"] < 1e4 || v["ceilings.floor_ms.min"] <= 0) bad = "floor"
+    if (v["start.opened_ms.min"] <= 0 || v["start.hole_free_ms.min"] < v["start.opened_ms.min"] ||
+        v["start.complete_ms.min"] < v["start.hole_free_ms.min"]) bad = "start"
+    if (v["production.bricks"] < 10 || v["production.bricks_per_core_s.min"] <= 0) bad = "production"
+    if (bad) print "# " bad
+    exit bad != "" }' flat
+result "its figures agree with one another"
+detail=$(head -n 3 still.csv)
+[ "$(wc -l < still.csv)" -gt 12 ] && awk -F, 'NR == 1 { n = NF } NF != n || n < 20 { exit 1 }' still.csv &&
+    [ "$(grep -c '^settled,' still.csv)" -eq 6 ] && grep -q '^settling,1,' still.csv
+result "a line for each frame, each with all columns"
+
+run bench hills $quick --runs 1 --json - --compare still.json
+[ $status -eq 0 ] && awk -f "$flatten" stdout | grep -q '^karst_bench = 1' && grep -q 'spread of the runs' stderr &&
+    ! grep -q 'not the same' stderr
+result "--json - has stdout for itself"
+
+# ---- a flight ----
+echo '{"keyframes": [{"time": 0, "position": ["0", "320", "0"], "yaw": 0, "pitch": -10},
+    {"time": 1, "position": ["60", "320", "0"], "yaw": 40, "pitch": -10}]}' > turn.json
+run bench hills $quick --runs 1 --path ./turn.json --fps 12 --json flight.json --plot flight.svg --trace trace.json \
+    --csv flight.csv
+detail="$detail $(cat stdout)"
+[ $status -eq 0 ] && grep -q 'flight, p99 / settled frame' stdout && [ "$(grep -c '^flight,' flight.csv)" -eq 12 ]
+result "a flight: the table"
+awk -f "$flatten" flight.json > flat
+detail=$(cat flat)
+awk '{ v[$1] = $3 } END { exit !(v["flight.frames"] == 12 && v["budget_ms"] == 8 && v["fps"] == 12 &&
+    v["flight.churn_per_frame.produced"] > 0 && v["flight.time_ms.evaluate.max"] > 0 &&
+    v["ratios.flight_frame_per_settled_frame.median"] > 0 && v["flight.at_level.p1"] <= 1) }' flat
+result "a flight: the report"
+# A file against itself, as a report of the very same run would be.
+sed 's/"shadows": true/"shadows": false/' flight.json > changed.json
+if command -v python3 > /dev/null; then
+    detail=$(python3 - 2>&1 << 'END'
+import json, re, xml.dom.minidom
+trace = json.load(open("trace.json"))["traceEvents"]
+tracks = {e["args"]["name"]: e["tid"] for e in trace if e["name"] == "thread_name"}
+assert set(tracks) == {"frames", "host thread", "device queue"}, tracks
+frames = [e for e in trace if e.get("tid") == tracks["frames"] and e["ph"] == "X"]
+assert sum(e["name"].startswith("flight") for e in frames) == 12
+for track in ("host thread", "device queue"):
+    spans = [e for e in trace if e.get("tid") == tracks[track] and e["ph"] == "X"]
+    assert len(spans) > 50, (track, len(spans))
+    # Every span lies in a frame or in a measurement between two.
+    inside = sum(any(f["ts"] - 100 <= e["ts"] and e["ts"] + e["dur"] <= f["ts"] + f["dur"] + 100 for f in frames)
+                 for e in spans)
+    assert inside > 0.9 * len(spans), (track, inside, len(spans))
+# The queue is in order: its spans do not overlap.
+queue = sorted((e["ts"], e["ts"] + e["dur"]) for e in trace if e.get("tid") == tracks["device queue"] and e["ph"] == "X")
+assert all(a[1] <= b[0] + 0.01 for a, b in zip(queue, queue[1:]))
+assert {"cast_pinhole", "shade_pixels"} <= {e["name"] for e in trace}
+svg = xml.dom.minidom.parse("flight.svg").documentElement
+assert svg.tagName == "svg" and len(svg.getElementsByTagName("path")) > 50
+END
+    ) && [ -z "$detail" ]
+    result "the trace and the chart are well formed"
+else
+    skip "the trace and the chart are well formed" "no python3 here"
+fi
+run bench hills $quick --runs 1 --rounds 3 --path ./turn.json --fps 12 --compare changed.json
+[ $status -eq 0 ] && grep -q 'not the same shadows: true now, false then' stdout &&
+    grep -qE '^ratios.settled_frame_per_floor +[0-9.]+ +[0-9.]+ +[0-9.]+ ' stdout
+result "a comparison says what was not the same"
+cat > self.sh << 'END'
+# The report is written before it is compared: this run's own.
+"$1" bench hills $2 --runs 2 --json self.json --compare self.json
+END
+cp still.json self.json
+sh self.sh "$karst" "$quick" > stdout 2> stderr
+status=$?
+detail="exit $status: $(cat stderr stdout)"
+[ $status -eq 0 ] && [ "$(grep -cE '^(ratios|ceilings|settled|production|start)\.' stdout)" -ge 15 ] &&
+    grep -E '^(ratios|ceilings|settled|production|start)\.' stdout | awk '$4 != "1.000" || NF > 7 { exit 1 }'
+result "a report compared with itself: every ratio is 1, nothing better or worse"
+"$karst" bench hills --runs 50 --json stopped.json > stdout 2> stderr &
+sleep 1.5
+kill -TERM $!
+wait $!
+status=$?
+detail="exit $status: $(cat stderr)"
+[ $status -eq 1 ] && grep -q interrupted stderr && [ ! -e stopped.json ]
+result "interrupted: nothing is written"
+finish
