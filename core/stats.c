@@ -6,6 +6,8 @@ const char *karst_stage_name(karst_stage stage)
     switch (stage) {
     case KARST_STAGE_CAST:
         return "cast";
+    case KARST_STAGE_REFINE:
+        return "refine";
     case KARST_STAGE_SHADE:
         return "shade";
     case KARST_STAGE_COLLECT:

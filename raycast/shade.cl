@@ -4,6 +4,9 @@
 #include "raycast/tone.clh"
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
+#ifdef SHADE_WORLD_COLOUR
+#include "raycast/exact.clh"
+#endif
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
 #define SUN_CONE 0.0093f
@@ -66,16 +69,6 @@ RAY_INLINE colour sky_colour(const karst_light *light, const vector3 *direction,
 }
 
 #ifdef SHADE_WORLD_COLOUR
-/* Adds a float to an exact coordinate. */
-RAY_INLINE void exact_place(world_point_at *place, int axis, const karst_shade_anchor *anchor, vfloat offset)
-{
-    vfloat whole = k_floor(offset);
-    vfloat part = lane_min(offset - whole, (vfloat)(0x1.fffffep-1f));
-    vlong fraction = v_float_to_long(part * (vfloat)(0x1p32f)) + (vlong)((long)anchor->fraction[axis]);
-    place->voxel[axis] = (vlong)(anchor->voxel[axis]) + v_float_to_long(whole) + (fraction >> 32);
-    place->fraction[axis] = v_ulong_to_uint(v_long_to_ulong(fraction));
-}
-
 /* The world's colour at the hits, level by level: at most a few in one packet. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor, const surface_hits *s,
                                const vector3 *direction, vint hit)
@@ -83,9 +76,7 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
     world_point_at place;
     colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     vfloat t = v_select(hit, s->t, (vfloat)(0.0f));
-    exact_place(&place, 0, anchor, direction->x * t);
-    exact_place(&place, 1, anchor, direction->y * t);
-    exact_place(&place, 2, anchor, direction->z * t);
+    exact_places(&place, anchor, direction, t);
     for (vint left = hit; v_any(left);) {
         int level = (int)v_min_across(v_select(left, v_to_float(s->level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(s->level, (vint)(level));

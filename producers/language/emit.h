@@ -38,6 +38,9 @@ bool karst_emit_is_gradient_noise_alone(const karst_graph *graph);
 /* Writes the program of a world. Errors: KARST_BAD_WORLD, "too large", if the graph has more than KARST_EMIT_MAX_OPS
  * nodes to execute. Free with karst_emitted_finish. */
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);
+/* Writes world_point and world_surface (raycast/refine.h) of a world that has a gradient (derive.h): malloc'ed text.
+ * Errors: as above. */
+bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error);
 void karst_emitted_finish(karst_emitted *emitted);
 
 #endif

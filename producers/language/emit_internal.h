@@ -76,6 +76,7 @@ bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);
 void karst_emit_colours(karst_emit *emit, karst_emitted *emitted);
+void karst_emit_surfaces(karst_emit *emit);
 
 /* ---- emit_brick.c ---- */
 void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted);

@@ -28,6 +28,21 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
 }
 
+void karst_emit_surfaces(karst_emit *emit)
+{
+    const karst_resolved_world *world = &emit->layout->world;
+    const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
+    karst_text *text = &emit->text;
+    karst_text_add(text,
+                   "K_INLINE K_WIDE vfloat world_surface(world_data data, const world_point_at *place, int level, "
+                   "vfloat gradient[3])\n{\n%s",
+                   begin);
+    lines_of(emit, roots, 4);
+    for (int i = 0; i < 3; i++)
+        karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, world->gradient[i]).text);
+    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
+}
+
 void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
 {
     const karst_resolved_world *world = &emit->layout->world;

@@ -147,6 +147,28 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     return done;
 }
 
+bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error)
+{
+    const karst_resolved_world *world = &layout->world;
+    const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
+    karst_emit emit = {.layout = layout, .graph = world->graph};
+    karst_emitted points = {0};
+    emit.nodes = calloc(emit.graph->num_nodes, sizeof *emit.nodes);
+    emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
+    bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
+    if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
+        karst_text_add(&emit.text, "%s", preamble);
+        karst_emit_points(&emit, &points);
+        karst_emit_surfaces(&emit);
+        done = take_text(&emit, source, error);
+    } else {
+        done = false;
+    }
+    free(emit.nodes);
+    free(emit.placed);
+    return done;
+}
+
 void karst_emitted_finish(karst_emitted *emitted)
 {
     free(emitted->source);

@@ -13,6 +13,7 @@ extern "C" {
 /* What a frame spends its time on. Names: karst_stage_name(). */
 typedef enum {
     KARST_STAGE_CAST,
+    KARST_STAGE_REFINE, /* hits moved to the true density; only with karst_engine_config.refine */
     KARST_STAGE_SHADE,
     KARST_STAGE_COLLECT,
     KARST_STAGE_SUBDIVIDE,
