@@ -11,6 +11,8 @@
  *   command_flight.c   karst render --path
  *   command_pictures.c   many pictures: numbered PNGs, or a video through ffmpeg
  *   command_bench*.c   karst bench; see command_bench.h
+ *   command_check.c    karst check
+ *   command_sample.c   karst sample
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -31,6 +33,7 @@ typedef enum {
     COMMAND_INTEGER,   /* uint64_t, within [min, max] */
     COMMAND_NUMBER,    /* double, within [min, max] */
     COMMAND_SIZE,      /* int[2]: WIDTHxHEIGHT, each within [min, max] */
+    COMMAND_LIST,      /* command_list: a text; may be given again */
     COMMAND_PARAMETERS /* command_parameters: NAME=VALUE; may be given again */
 } command_option_kind;
 
@@ -40,6 +43,11 @@ typedef struct {
     char names[COMMAND_MAX_PARAMETERS][64];
     size_t num_values;
 } command_parameters;
+
+typedef struct {
+    const char **items; /* the caller's: room for as many as there are arguments */
+    size_t num_items;
+} command_list;
 
 /* One option: --name VALUE, --name=VALUE, or -letter VALUE. `value` points at what its kind says; `given` may be NULL.
  */
@@ -191,6 +199,8 @@ typedef struct {
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

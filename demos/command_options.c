@@ -139,6 +139,11 @@ static bool set_option(const command_option *option, const char *text, karst_err
         return parse_number(option, text, error);
     case COMMAND_SIZE:
         return parse_size(option, text, error);
+    case COMMAND_LIST: {
+        command_list *list = option->value;
+        list->items[list->num_items++] = text;
+        return true;
+    }
     case COMMAND_PARAMETERS:
         return parse_parameter(option, text, error);
     }

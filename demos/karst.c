@@ -7,6 +7,8 @@
 static const command commands[] = {
     {"render", "one picture of a world, to a PNG", command_render},
     {"bench", "measures a world: frame time by stage, production, churn, memory", command_bench},
+    {"check", "what there is to say of a world file: mistakes, bounds, precision, cost", command_check},
+    {"sample", "a world's density, gradient and bounds at points", command_sample},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
 };
 #define NUM_COMMANDS (sizeof commands / sizeof *commands)
@@ -20,6 +22,8 @@ static void print_help(FILE *file)
           "\nExamples:\n"
           "  karst render hills                         the world \"hills\", to out.png\n"
           "  karst render asteroid -o a.png --size 800x600 --camera 0,0,-900,0,0\n"
+          "  karst check mine.karst                     what there is to say of a world file\n"
+          "  karst sample hills --at 0,120,0            its density there\n"
           "\nData goes to stdout, talk to stderr. Exit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device,\n"
           "4 world that does not compile or does not exist, 5 other data that cannot be read.\n",
           file);

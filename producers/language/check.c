@@ -16,6 +16,7 @@ typedef struct {
     double low[KARST_HEADER_MAX_PARAMETERS + 16], high[KARST_HEADER_MAX_PARAMETERS + 16];
     karst_range *ranges;
     karst_lipschitz *steepness;
+    uint8_t *is_density; /* whether the density needs the node */
     void (*print)(void *user, const char *line);
     void *user;
 } report;
@@ -115,6 +116,38 @@ static void say_noises(const report *r)
         say(r, "  %u octaves of noise, %u of them separable", all, separable);
 }
 
+/* Why no box with this node's argument near 0, or none at all, has bounds; NULL: they have. */
+static const char *why_unbounded(const report *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    karst_range b = r->ranges[n->arg[1]];
+    bool divides = n->op == KARST_OP_DIVIDE || n->op == KARST_OP_MOD;
+    if (divides && n->kind != KARST_KIND_UNIFORM && b.lo <= 0 && b.hi >= 0 &&
+        !karst_graph_constant(r->graph, n->arg[1]))
+        return "divides by what may be 0";
+    if (n->op == KARST_OP_BITS && n->type == KARST_TYPE_FLOAT && n->kind != KARST_KIND_UNIFORM)
+        return "makes a float of any bits";
+    if (n->op == KARST_OP_CONSTANT && n->type == KARST_TYPE_FLOAT && !isfinite(r->graph->constants[n->extra].value))
+        return "is not finite";
+    return NULL;
+}
+
+static void say_bounds(const report *r)
+{
+    uint32_t num_unbounded = 0, last_line = 0;
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
+        const char *why = why_unbounded(r, e);
+        uint32_t line = line_of(r, e);
+        if (!why || !r->is_density[e] || line == last_line)
+            continue;
+        last_line = line;
+        if (num_unbounded++ < 8)
+            say(r, "  not bounded: line %u %s; what is near is never left out unseen", line, why);
+    }
+    if (!num_unbounded)
+        say(r, "  bounded: there is a proof for every box");
+}
+
 static void say_steepness(const report *r)
 {
     karst_expr root = r->program->world.density;
@@ -175,6 +208,14 @@ static void say_cost(const report *r)
     say(r, "  estimated cost: %.3g ns a voxel and core", sum);
 }
 
+static void mark_density(report *r)
+{
+    r->is_density[r->program->world.density] = 1;
+    for (karst_expr e = r->graph->num_nodes - 1; e > 0; e--)
+        for (int k = 0; r->is_density[e] && k < 4; k++)
+            r->is_density[r->graph->nodes[e].arg[k]] = 1;
+}
+
 static double open_range(double bound)
 {
     return bound == DBL_MAX ? (double)INFINITY : bound == -DBL_MAX ? -(double)INFINITY : bound;
@@ -195,8 +236,10 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
                                         .parameter_max = r.high};
     r.ranges = calloc(r.graph->num_nodes, sizeof *r.ranges);
     r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
-    bool done = r.ranges && r.steepness;
+    r.is_density = calloc(r.graph->num_nodes, 1);
+    bool done = r.ranges && r.steepness && r.is_density;
     if (done) {
+        mark_density(&r);
         karst_graph_ranges(r.graph, &r.settings, r.ranges);
         karst_graph_lipschitz(r.graph, r.ranges, r.steepness);
         for (const karst_diagnostic *d = program->diagnostics; d; d = d->next)
@@ -204,6 +247,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
         say_head(&r);
         say_parameters(&r);
         say_noises(&r);
+        say_bounds(&r);
         say_steepness(&r);
         say_reach(&r);
         say_cost(&r);
@@ -212,5 +256,6 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     }
     free(r.ranges);
     free(r.steepness);
+    free(r.is_density);
     return done;
 }

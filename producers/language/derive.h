@@ -17,8 +17,8 @@ typedef struct {
     karst_resolved_world world; /* the same density, without colour, and its gradient */
 } karst_gradient_world;
 
-/* Of a resolved world without derivatives of noise, which need not outlive it. Destroy with karst_gradient_world_destroy. Errors: KARST_BAD_WORLD
- * (the gradient is too large), KARST_FAILED (memory). */
+/* Of a resolved world without derivatives of noise, which need not outlive it. Destroy with
+ * karst_gradient_world_destroy. Errors: KARST_BAD_WORLD (the gradient is too large), KARST_FAILED (memory). */
 karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_error *error);
 void karst_gradient_world_destroy(karst_gradient_world *world); /* NULL is fine */
 

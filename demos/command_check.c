@@ -1,0 +1,104 @@
+/* karst check: what there is to say of a world file. */
+#include "command.h"
+
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+    command_parameters parameters;
+    uint64_t seed;
+    bool has_seed, quiet;
+} check_options;
+
+static void print_help(const command_option *options, size_t num_options)
+{
+    puts("karst check WORLD [OPTIONS]\n"
+         "Compiles a world and reports: mistakes and warnings with their lines; parameters, and which of them decide "
+         "the\n"
+         "program; noises, and which are separable (fast); what is proven of its steepness, and what cannot be "
+         "bounded;\n"
+         "how far from the origin it is precise; the estimated cost of a voxel.\n"
+         "\nOptions:");
+    command_print_options(stdout, options, num_options);
+    puts("\nWorlds (or the path of a world file, which ends in .karst):");
+    command_print_worlds(stdout);
+    puts("\nExamples:\n"
+         "  karst check mine.karst\n"
+         "  karst check alps --param relief=900\n"
+         "  karst check -q mine.karst && karst render mine.karst\n"
+         "\nExit code: 0 it compiles, 1 failed, 2 wrong usage, 4 no such world, or one that does not compile.");
+}
+
+static void print_line(void *user, const char *line)
+{
+    fputs(line, user);
+    fputc('\n', user);
+}
+
+/* What is said before it is known whether the world compiles: the report repeats it if so. */
+typedef struct {
+    char *text;
+    size_t length;
+} kept_lines;
+
+static void keep_line(void *user, karst_log_level level, const char *line)
+{
+    (void)level;
+    kept_lines *kept = user;
+    size_t more = strlen(line) + 1;
+    char *text = realloc(kept->text, kept->length + more + 1);
+    if (!text)
+        return;
+    kept->text = text;
+    memcpy(text + kept->length, line, more - 1);
+    kept->length += more;
+    memcpy(text + kept->length - 1, "\n", 2);
+}
+
+static bool check(const char *name, const check_options *o, karst_error *error)
+{
+    char path[PATH_MAX];
+    if (!command_find_world(name, path, sizeof path, error))
+        return false;
+    kept_lines kept = {0};
+    const karst_log log = {.write = keep_line, .user = &kept, .max_level = KARST_LOG_WARNING};
+    const karst_world_config config = {.world = path,
+                                       .parameters = o->parameters.values,
+                                       .num_parameters = o->parameters.num_values,
+                                       .has_seed = o->has_seed,
+                                       .seed = (uint32_t)o->seed,
+                                       .log = &log};
+    karst_world *world = karst_world_open(&config, error);
+    if ((!world || o->quiet) && kept.text)
+        fputs(kept.text, stderr);
+    free(kept.text);
+    bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error));
+    karst_world_close(world);
+    return done;
+}
+
+bool command_check(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    (void)talk;
+    check_options o = {0};
+    const command_option options[] = {
+        {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "another value for a parameter; may be given again",
+         &o.parameters, 0, 0, NULL},
+        {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o.seed, 0, 4294967295.0, &o.has_seed},
+        {"quiet", 'q', COMMAND_FLAG, NULL, "only mistakes and warnings, to stderr", &o.quiet, 0, 0, NULL},
+    };
+    const size_t num_options = sizeof options / sizeof *options;
+    const char *name;
+    size_t num_words;
+    bool help;
+    if (!command_parse(argc, argv, options, num_options, &name, 1, &num_words, &help, error))
+        return false;
+    if (help) {
+        print_help(options, num_options);
+        return true;
+    }
+    if (num_words == 0)
+        return karst_fail(error, KARST_USAGE, "which world? For example: karst check hills");
+    return check(name, &o, error);
+}

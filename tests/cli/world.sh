@@ -1,0 +1,142 @@
+#!/bin/sh
+# karst check and karst sample from outside: neither needs a device.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
+export KARST_DATA_DIR="$PWD/demos"
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 1
+unset NO_COLOR
+: > stdin
+
+run()
+{
+    "$karst" "$@" > stdout 2> stderr < stdin
+    status=$?
+    detail="karst $*: exit $status; stdout: $(head -c 600 stdout); stderr: $(head -c 600 stderr)"
+}
+# complains CODE PATTERN NAME ARGUMENT...: fails with this exit code, says why on stderr, and writes nothing.
+complains()
+{
+    code=$1 pattern=$2 name=$3
+    shift 3
+    run "$@"
+    [ $status -eq "$code" ] && grep -q '^karst: ' stderr && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
+    result "$name"
+}
+# prints NAME PATTERN...: the last run succeeded, and each pattern is on stdout.
+prints()
+{
+    name=$1 missing=
+    shift
+    [ $status -eq 0 ] || missing="exit $status"
+    for pattern in "$@"; do grep -qE -e "$pattern" stdout || missing="$missing '$pattern'"; done
+    detail="$detail; missing: $missing"
+    [ -z "$missing" ]
+    result "$name"
+}
+
+cat > plain.karst << 'END'
+/*{ "name": "Plain", "author": "N. N.", "voxel": 0.5, "colour_of_the_sky": 3,
+    "params": { "height": { "value": 8, "min": 0, "max": 20, "unit": "m" }, "rounds": 2 } }*/
+float density(vec3 p) {
+    float d = height - p.y;
+    for (int i = 0; i < int(rounds); i++) d += 0.25;
+    return d + fract(p.x / 3.0) + noise(p.xz * 4.0);
+}
+END
+cat > coloured.karst << 'END'
+float density(vec3 p) { return 4.0 - length(p); }
+vec3 colour(vec3 p, vec3 n) { return 0.5 + 0.5 * n; }
+END
+printf 'float density(vec3 p) {\n    return hieght(p);\n}\nfloat height(vec3 p) { return -p.y; }\n' > wrong.karst
+
+# ---- check ----
+run check --help
+prints "check --help: options, worlds, examples" "--param" "alps" "karst check mine.karst" "Exit code"
+run check plain.karst
+prints "check: what there is to say" "^plain.karst:1:.*warning: .*colour_of_the_sky" "Plain, by N. N." "voxel 0.5 m" \
+    "parameter height = 8 m" "rounds = 2, decides the program" "noise, 1 octave, separable" "Lipschitz" "bounded: " \
+    "estimated cost"
+[ ! -s stderr ]
+result "check: it says so on stdout"
+run check plain.karst --param height=3 --param rounds=40
+prints "check --param" "parameter height = 3 m" "longest loop 40 rounds"
+run check -q plain.karst
+[ $status -eq 0 ] && [ ! -s stdout ] && grep -q 'colour_of_the_sky' stderr
+result "check -q: warnings, and nothing else"
+printf 'float density(vec3 p) { return p.x / p.y; }\n' > divides.karst
+run check divides.karst
+prints "check: what cannot be bounded, and why" "not bounded: line 1 divides by what may be 0"
+complains 4 "wrong.karst:2:12: .*hieght" "check: a world that does not compile" check wrong.karst
+grep -q '    return hieght(p);' stderr && grep -q '^  *^' stderr && grep -q "did you mean 'height'" stderr
+result "check: the line, a caret and a suggestion"
+complains 4 "did you mean 'alps'" "check: a misspelt world" check alp
+complains 4 "no-such.karst" "check: a file that is not there" check no-such.karst
+complains 4 "regular file" "check: a folder" check ./
+complains 4 "hight" "check: an unknown parameter" check plain.karst --param hight=3
+complains 2 "which world" "check: no world" check
+complains 2 "did you mean --param" "check: a misspelt option" check plain.karst --parm a=1
+for world in "$KARST_DATA_DIR"/worlds/*.karst; do
+    run check "$(basename "$world" .karst)"
+    [ $status -eq 0 ] || break
+done
+result "check: every shipped world, by name"
+
+# ---- sample ----
+run sample --help
+prints "sample --help: options, worlds, examples" "--at" "--box" "--footprint" "--json" "alps" "karst sample hills --at" \
+    "Exit code"
+run sample plain.karst --at 0,2,0
+prints "sample: a point" "^at +0, 2, 0 m" "^density +6.5 .*solid" "^oracle +6.5$" "^gradient .*per m"
+# 10^18 + 1 is 2 more than a multiple of 3; on lattice points the noise is 0.
+run sample plain.karst --at 1000000000000000001,8.5,0.25 --json
+prints "sample: coordinates are exact, however far" '"at":\["1000000000000000001","8.5","0.25"\]' '"density":0.6666[0-9]*,' \
+    '"oracle":0.66666666[0-9]*,' '"density_hex":"0x1.5555[0-9a-f]*p-1"'
+run sample plain.karst --at 0.1,1e-3,-.5 --json
+prints "sample: what lies between voxels is rounded to 2^-32 of one, and said" \
+    '"at":\["0.0999999999767169356346130371093?7?5?"|"at":\["0.1000' '"footprint_m":0.0' '"level":-1'
+run sample plain.karst --at 0,2,0 --json --box 2 --footprint 4
+prints "sample --box, --footprint" '"footprint_m":4.0,"level":3' '"box_m":2.0,"bounds":\[[0-9.e-]+,[0-9.e-]+\]'
+lower=$(sed 's/.*"bounds":\[\([^,]*\),.*/\1/' stdout) upper=$(sed 's/.*"bounds":\[[^,]*,\([^]]*\)].*/\1/' stdout)
+detail="bounds $lower to $upper"
+awk "BEGIN { exit !($lower <= 5.5 && $lower > 2 && $upper >= 8.1 && $upper < 11) }"
+result "sample: bounds hold what is in the box, and little more"
+run sample coloured.karst --at 0,4,0 --json
+prints "sample: colour and gradient" '"gradient":\[-?0.0,-1.0,-?0.0\]' '"colour":\[0.5,1.0,0.5\]'
+run sample plain.karst --at 0,2,0 --param height=12 --json
+prints "sample --param" '"density":10.5'
+run sample hills --at 7,300,9 --json
+cp stdout first
+run sample hills --at 7,300,9 --json --seed 99
+! cmp -s first stdout
+result "sample --seed: another world"
+run sample divides.karst --at 1,0,1 --json --box 1
+prints "sample: what is not finite is null" '"density":null' '"density_hex":"inf"' '"bounds":\[null,null\]'
+run sample plain.karst --at 0,1,0 --at 0,2,0 --at 0,3,0 --json
+[ $status -eq 0 ] && [ "$(sed 's/.*"density":\([^,]*\),.*/\1/' stdout | tr '\n' ' ')" = "7.5 6.5 5.5 " ]
+result "sample: several points, in order"
+printf '0,1,0\n\n  0 , 2 , 0  \n0 3 0\n0\t4\t0' > stdin
+run sample plain.karst --json
+[ $status -eq 0 ] && [ "$(sed 's/.*"density":\([^,]*\),.*/\1/' stdout | tr '\n' ' ')" = "7.5 6.5 5.5 4.5 " ]
+result "sample: points from stdin"
+run sample plain.karst --at 0,0,0 --at - --json
+[ $status -eq 0 ] && [ "$(wc -l < stdout)" -eq 5 ]
+result "sample --at -: stdin among others"
+printf '0,1,0\n0,1\n' > stdin
+run sample plain.karst --json
+[ $status -eq 5 ] && [ "$(wc -l < stdout)" -eq 1 ] && grep -q 'stdin:2: a point is X,Y,Z' stderr
+result "sample: a line that is no point is named; what came before is there"
+: > stdin
+complains 2 "no point was given" "sample: no point" sample plain.karst
+complains 2 "a point is X,Y,Z" "sample: a point of four" sample plain.karst --at 1,2,3,4
+complains 2 "y: .*not a decimal" "sample: a point with a gap" sample plain.karst --at 1,,3
+complains 2 "not a decimal" "sample: a point that is no number" sample plain.karst --at 1,2,x
+complains 2 "." "sample: a point beyond the world" sample plain.karst --at 1e30,0,0
+complains 2 "number from 0" "sample: a negative footprint" sample plain.karst --at 0,0,0 --footprint -1
+complains 4 "wrong.karst:2:12" "sample: a world that does not compile" sample wrong.karst --at 0,0,0
+complains 4 "did you mean 'alps'" "sample: a misspelt world" sample alp --at 0,0,0
+complains 2 "which world" "sample: no world" sample --at 0,0,0
+finish
