@@ -179,6 +179,15 @@ static karst_number power(karst_number base, int exponent)
     return result;
 }
 
+/* Cells a voxel that a Q8.56 frequency cannot hold. */
+static bool is_too_fine(const karst_affine_value *argument, int voxel_log2_m)
+{
+    double sum = 0;
+    for (int axis = 0; axis < 3; axis++)
+        sum += fabs(argument->coefficient[axis].value) * ldexp(1, voxel_log2_m);
+    return !(sum < 127);
+}
+
 karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number lacunarity, karst_number gain,
                              uint32_t seed, int k, int voxel_log2_m)
 {
@@ -187,15 +196,19 @@ karst_octave karst_octave_of(const karst_affine_value argument[3], karst_number 
                            .amplitude = karst_number_to_float(power(gain, k)),
                            .seed = NOISE_OCTAVE_SEED(seed, k)};
     for (int i = 0; i < 3; i++) {
-        karst_lattice lattice = karst_lattice_of(karst_affine_multiply(argument[i], scale), voxel_log2_m);
+        karst_affine_value form = karst_affine_multiply(argument[i], scale);
+        if (is_too_fine(&form, voxel_log2_m)) {
+            octave.frequency = KARST_OCTAVE_FADED;
+            continue;
+        }
+        karst_lattice lattice = karst_lattice_of(form, voxel_log2_m);
         lattice.fraction += (long)NOISE_OCTAVE_OFFSET(k) << 24;
         lattice.cell += lattice.fraction >> 56;
         lattice.fraction &= 0xffffffffffffffL;
         octave.lattice[i] = lattice;
-        double sum = 0; /* frequencies may wrap: this may not */
+        long frequency = 0;
         for (int axis = 0; axis < 3; axis++)
-            sum += fabs((double)lattice.frequency[axis]);
-        long frequency = sum < 0x1p63 ? (long)sum : INT64_MAX;
+            frequency += lattice.frequency[axis] < 0 ? -lattice.frequency[axis] : lattice.frequency[axis];
         octave.frequency = frequency > octave.frequency ? frequency : octave.frequency;
     }
     return octave;

@@ -49,6 +49,10 @@ typedef struct {
 } karst_cells;
 K_ASSERT_SIZE(karst_cells, 72);
 
+/* The frequency of an octave with 127 cells a voxel or more (or whose argument is not finite): no footprint shows more
+ * of it than its mean, not even full detail. */
+#define KARST_OCTAVE_FADED 0x7fffffffffffffffL
+
 /* One octave of a noise. Argument i lies at lattice[i], moved by scale * (its float part) cells: the offset of a
  * SHIFTED argument, or all of an argument that is neither AFFINE nor SHIFTED (whose lattice has frequencies 0). Octave
  * k's lattice moves by k golden sections besides, so that the lattices of different octaves share no nodes. */
@@ -58,7 +62,8 @@ typedef struct {
     float amplitude; /* gain^k */
     uint seed;
     uint unused;
-    long frequency; /* Q8.56: largest sum of |frequency[i]| over the arguments: what the band limit goes by */
+    long frequency; /* Q8.56: largest sum of |frequency[i]| over the arguments: what the band limit goes by; or
+                       KARST_OCTAVE_FADED */
 } karst_octave;
 K_ASSERT_SIZE(karst_octave, 144);
 

@@ -27,10 +27,19 @@ typedef struct {
     double fraction;
 } place;
 
-static place moved(noise_coordinate c, double by)
+/* To all the digits that fixed point has: 2^-56 cells. */
+static place place_in(const affine_position *at, const karst_lattice *form)
 {
-    double t = (double)c.fraction * 0x1p-32 + (by > 0x1p30 ? 0x1p30 : by < -0x1p30 ? -0x1p30 : by), whole = floor(t);
-    return (place){c.cell + (uint)(int)whole, t - whole};
+    affine_sum sum = {.low = (ulong)form->cell << 56 | (ulong)form->fraction, .high = (ulong)(form->cell >> 8)};
+    for (int axis = 0; axis < 3; axis++)
+        affine_sum_product(&sum, form->frequency[axis], at->voxel[axis], at->fraction[axis]);
+    return (place){(uint)(sum.high << 8 | sum.low >> 56), (double)(sum.low & 0xffffffffffffffUL) * 0x1p-56};
+}
+
+static place moved(place p, double by)
+{
+    double t = p.fraction + (by > 0x1p30 ? 0x1p30 : by < -0x1p30 ? -0x1p30 : by), whole = floor(t);
+    return (place){p.cell + (uint)(int)whole, t - whole};
 }
 
 static double fade(double t) { return t * t * t * (t * (t * 6 - 15) + 10); }
@@ -182,7 +191,7 @@ static double noise_double(const karst_oracle *o, karst_expr e)
             uint8_t op = node_of(o, by)->op;
             double offset =
                 op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
-            p[i] = moved(affine_coordinate(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
+            p[i] = moved(place_in(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
         }
         sum +=
             amplitude * octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);

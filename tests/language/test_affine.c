@@ -1,6 +1,7 @@
 /* Affine forms: fixed point against integers of 256 bits' worth of care, at every distance. */
 #include "producers/language/affine.clh"
 #include "producers/language/affine.h"
+#include "producers/language/octave.clh"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -182,12 +183,44 @@ static void test_octaves_are_apart(void **state)
     assert_int_equal(a.fraction, b.fraction);
 }
 
+/* What fixed point cannot hold is never seen: not a wrapped frequency, its mean. */
+static void test_octaves_too_fine_are_faded(void **state)
+{
+    (void)state;
+    karst_number zero = ratio(0, 1), none = karst_number_divide(zero, zero);
+    karst_affine_value still = {{zero, zero, zero}, zero},
+                       argument[3] = {{{ratio(40, 1), zero, zero}, zero}, still, still};
+    for (int axes = 0; axes < 2; axes++) {
+        if (axes)
+            argument[0].coefficient[1] = argument[0].coefficient[2] = ratio(-40, 1);
+        for (int voxel = 0; voxel < 3; voxel++)
+            for (int k = 0; k < 8; k++) {
+                karst_octave octave = karst_octave_of(argument, ratio(2, 1), ratio(1, 2), 7, k, -2 * voxel);
+                bool is_faded = ldexp(axes ? 120 : 40, k - 2 * voxel) >= 127;
+                assert_int_equal(octave.frequency == KARST_OCTAVE_FADED, is_faded);
+                for (int level = -1; level < 3; level++)
+                    if (is_faded)
+                        assert_true(octave_weight_at(&octave, level).weight == 0);
+                assert_true(is_faded || octave_weight_at(&octave, -1).weight == 1);
+                assert_true(is_faded || octave.lattice[0].frequency[0] == (long)ldexp(40, 56 + k - 2 * voxel));
+            }
+    }
+    argument[0].coefficient[0] = none;
+    assert_true(karst_octave_of(argument, ratio(2, 1), ratio(1, 2), 7, 0, 0).frequency == KARST_OCTAVE_FADED);
+    argument[0].coefficient[0] = karst_number_double(1e300);
+    assert_true(karst_octave_of(argument, ratio(2, 1), ratio(1, 2), 7, 0, 0).frequency == KARST_OCTAVE_FADED);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_periods_are_exact), cmocka_unit_test(test_a_lattice_is_a_noise_coordinate),
-        cmocka_unit_test(test_lattices_add),      cmocka_unit_test(test_floats_are_good_everywhere),
-        cmocka_unit_test(test_extremes),          cmocka_unit_test(test_octaves_are_apart),
+        cmocka_unit_test(test_periods_are_exact),
+        cmocka_unit_test(test_a_lattice_is_a_noise_coordinate),
+        cmocka_unit_test(test_lattices_add),
+        cmocka_unit_test(test_floats_are_good_everywhere),
+        cmocka_unit_test(test_extremes),
+        cmocka_unit_test(test_octaves_are_apart),
+        cmocka_unit_test(test_octaves_too_fine_are_faded),
     };
     return cmocka_run_group_tests_name("affine", tests, NULL, NULL);
 }
