@@ -287,7 +287,7 @@ static void device_open(device *d, int lanes, const char *more)
     karst_error error = {0};
     char options[512];
     snprintf(options, sizeof options, "-DNUM_POINTS=%d -DMAX_SLOTS=%d %s", NUM_POINTS, MAX_SLOTS, more);
-    expect((d->context = karst_context_create("cpu", lanes, NULL, &error)), &error);
+    expect((d->context = karst_context_create(getenv("KARST_DEVICE"), lanes, NULL, &error)), &error);
     const karst_virtual_file files[] = {{"probe.cl", probe}};
     expect((d->program = karst_program_build(d->context, "probe.cl", options, files, 1, &error)), &error);
     expect((d->values = karst_program_kernel(d->program, "run_values", &error)), &error);
@@ -489,7 +489,7 @@ static void test_a_tape_is_a_density_program(void **state)
     karst_error error = {0};
     char options[64];
     snprintf(options, sizeof options, "-DWORLD_HAS_DATA -DTAPE_SLOTS=%d", MAX_SLOTS);
-    karst_context *context = karst_context_create("cpu", 16, NULL, &error);
+    karst_context *context = karst_context_create(getenv("KARST_DEVICE"), 16, NULL, &error);
     expect(context, &error);
     const karst_virtual_file files[] = {{"probe.cl", world_probe}};
     karst_program *program = karst_program_build(context, "probe.cl", options, files, 1, &error);
