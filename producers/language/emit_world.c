@@ -157,7 +157,7 @@ bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_e
     emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
     bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
     if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
-        karst_text_add(&emit.text, "%s", preamble);
+        preamble(&emit);
         karst_emit_points(&emit, &points);
         karst_emit_surfaces(&emit);
         done = take_text(&emit, source, error);
