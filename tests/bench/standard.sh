@@ -1,0 +1,179 @@
+#!/bin/sh
+# The standard benchmark (make bench): what docs/PERFORMANCE.md shows. Everything is judged by ratios: a settled frame to
+# the floor kernel that took turns with it, production to the ceilings of the same process, two views by their ratios to
+# their own floors. KARST is the command, KARST_BENCH_PROGRAMS a folder with tests/*/bench_* built; PARTS="settled
+# flight" does some parts only; KARST_BENCH_OUT keeps the reports.
+set -u
+karst=${KARST:-build/karst}
+programs=${KARST_BENCH_PROGRAMS:-build/release/tests}
+flatten=tests/cli/flatten.awk
+out=${KARST_BENCH_OUT:-$(mktemp -d)} || exit 1
+[ -n "${KARST_BENCH_OUT:-}" ] || trap 'rm -rf "$out"' EXIT
+mkdir -p "$out" || exit 1
+# An 8-octave fBm and nothing else.
+echo 'float density(vec3 p) { return 300.0 * fbm(p / 1024.0, 8) - p.y; }' > "$out/fbm.karst"
+# The same, warped.
+cat > "$out/warped.karst" << 'END'
+float density(vec3 p)
+{
+    vec3 q = p + 40.0 * vec3(noise(p / 256.0), noise(p / 256.0 + 7.5), noise(p / 256.0 + 17.0));
+    return 300.0 * fbm(q / 1024.0, 8) - p.y;
+}
+END
+parts=${PARTS:-settled flight size pool distance lanes production start collect}
+wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
+
+# bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
+bench()
+{
+    name=$1
+    shift
+    if "$karst" bench "$@" -q --json "$out/$name.json" > "$out/$name.txt" 2>&1; then
+        awk -f $flatten "$out/$name.json" | sed 's/ = / /; s/"//g' > "$out/$name.flat"
+    else
+        echo "    karst bench $*: $(tail -n 1 "$out/$name.txt")"
+        rm -f "$out/$name.flat"
+        return 1
+    fi
+}
+# get NAME FIGURE
+get() { awk -v name="$2" '$1 == name { print $2; exit }' "$out/$1.flat"; }
+calc() { awk "BEGIN { printf \"%.4g\", $1 }"; }
+# line TEXT VALUE UNIT [MARK OP]: OP is at-most or at-least.
+line()
+{
+    verdict=
+    [ $# -lt 5 ] || verdict=$(awk -v v="$2" -v m="$4" -v op="$5" 'BEGIN {
+        ok = op == "at-most" ? v + 0 <= m + 0 : v + 0 >= m + 0
+        printf "  mark: %s %s%s", op == "at-most" ? "at most" : "at least", m, ok ? "" : "  NOT MET" }')
+    printf '    %-58s %9s %-14s%s\n' "$1" "$(awk -v v="$2" 'BEGIN { printf v >= 100 ? "%.0f" : v >= 1 ? "%.2f" : "%.3f", v }')" \
+        "$3" "$verdict"
+}
+few="--runs 2 --rounds 9"
+
+echo "Karst's standard benchmark: $("$karst" --version | head -n 1), one voxel a pixel, medians"
+
+if wants settled; then
+    echo; echo "Settled frames, every ray recast"
+    for world in hills karst; do
+        for size in 800x600 1280x720; do
+            bench $world-$size $world --size $size --no-shadows $few || continue
+            line "$world $size, no shadows" "$(get $world-$size ratios.settled_frame_per_floor.median)" "x floor" 4 at-most
+            line "" "$(get $world-$size settled.time_ms.frame.median)" "ms"
+        done
+        bench $world-shadows $world --size 800x600 $few || continue
+        line "$world 800x600, sun shadows" "$(calc "$(get $world-shadows ratios.settled_frame_per_floor.median) / \
+            $(get $world-800x600 ratios.settled_frame_per_floor.median)")" "x the frame without" 1.8 at-most
+        most=2
+        [ $world = karst ] && most=3
+        line "$world: bricks used / bricks hit" "$(get $world-800x600 ratios.used_bricks_per_hit_brick.median)" "" $most \
+            at-most
+    done
+    [ -e "$out/hills-800x600.flat" ] &&
+        line "hills 800x600: memory of what the view uses" "$(calc "$(get hills-800x600 cache.used_bytes) * 1e-6")" MB 100 at-most
+fi
+
+if wants flight; then
+    echo; echo "hills, low-flight, 800x600, no shadows, 8 ms of production a frame"
+    if bench flight hills --path low-flight --size 800x600 --no-shadows --runs 1 --rounds 15 --budget 8; then
+        line "median" "$(get flight ratios.flight_frame_per_settled_frame.median)" "x settled frame" 1.5 at-most
+        line "p99" "$(get flight ratios.flight_p99_per_settled_frame.median)" "x settled frame" 2 at-most
+        line "hits at the level asked for, median frame" "$(get flight flight.at_level.median)" ""
+        line "hits at the level asked for, 99 % of frames" "$(get flight flight.at_level.p1)" ""
+        line "production, p99" "$(calc "$(get flight flight.time_ms.evaluate.p99) + $(get flight flight.time_ms.finalise.p99) + \
+            $(get flight flight.time_ms.subdivide.p99)")" "ms"
+    fi
+fi
+
+# The cost of each pixel in floors: a floor grows with the pixels too.
+if wants size; then
+    echo; echo "Frame time against pixels: hills, no shadows"
+    base=
+    for size in 400x300 800x600 1280x720 1920x1080; do
+        bench size-$size hills --size $size --no-shadows --pool 1024 $few || continue
+        per_pixel=$(calc "$(get size-$size settled.time_ms.frame.median) * 1e6 / \
+            ($(get size-$size width_px) * $(get size-$size height_px))")
+        ratio=$(get size-$size ratios.settled_frame_per_floor.median)
+        base=${base:-$ratio}
+        line "$size" "$per_pixel" "ns a pixel"
+        line "  x floor, against 400x300" "$(calc "$ratio / $base")" "" 1.1 at-most
+    done
+fi
+
+if wants pool; then
+    echo; echo "Still frame against the size of the pools: hills, 800x600, 2 pixels a voxel"
+    base=
+    for pool in 64 512 2048; do
+        bench pool-$pool hills --size 800x600 --no-shadows --detail 2 --pool $pool $few || continue
+        ratio=$(get pool-$pool ratios.settled_frame_per_floor.median)
+        base=${base:-$ratio}
+        line "$pool MiB: x floor, against 64 MiB" "$(calc "$ratio / $base")" "" 1.1 at-most
+        line "  collect" "$(get pool-$pool settled.time_ms.collect.median)" "ms"
+    done
+fi
+
+# All rays end within 900 m: what changes is only how deep the tree is.
+if wants distance; then
+    echo; echo "Still frame against view distance, at the same footprint: hills from 520 m, looking down"
+    base=
+    for distance in 1e3 1e5 1e7; do
+        bench distance-$distance hills --size 800x600 --no-shadows --camera 0,520,0,30,-65 --view-distance $distance $few || continue
+        ratio=$(get distance-$distance ratios.settled_frame_per_floor.median)
+        base=${base:-$ratio}
+        line "$distance m: x floor, against 1e3 m" "$(calc "$ratio / $base")" "" 1.15 at-most
+    done
+fi
+
+if wants lanes; then
+    echo; echo "The same kernels with 1 lane, as GPUs run them, on this device: hills, 400x300"
+    bench lanes-16 hills --size 400x300 --no-shadows --runs 1 --rounds 9 &&
+        bench lanes-1 hills --size 400x300 --no-shadows --runs 1 --rounds 3 --lanes 1 &&
+        line "settled frame" "$(calc "$(get lanes-1 settled.time_ms.frame.median) / $(get lanes-16 settled.time_ms.frame.median)")" \
+            "x of 16 lanes"
+fi
+
+if wants production; then
+    echo; echo "Production while a view settles (800x600, 2 pixels a voxel), per core, in encoded samples"
+    for world in fbm warped; do
+        bench $world "$out/$world.karst" --camera 0,400,0,30,-15 --size 800x600 --detail 2 --no-shadows --runs 3 --rounds 9 || continue
+        line "$world, 8 octaves: evaluate" "$(calc "$(get $world production.evaluate_voxels_per_core_s.median) * 1e-6")" "Mvoxel/s"
+        if [ $world = fbm ]; then
+            line "  of the FMA ceiling, at 4 FMA a sample and octave" \
+                "$(calc "32 * $(get $world production.evaluate_voxels_per_fma.median)")" "" 0.2 at-least
+        else
+            line "  x bare pointwise noise" "$(get $world production.evaluate_per_noise.median)" "" 0.9 at-least
+        fi
+    done
+    if bench hills-production hills --size 800x600 --no-shadows --runs 3 --rounds 9; then
+        line "hills: all of production" "$(get hills-production production.bricks_per_core_s.median)" "bricks/s" 4000 at-least
+        line "  bounds" "$(get hills-production production.bounds_core_us_per_node.median)" "us a node"
+        line "  FMA ceiling" "$(calc "$(get hills-production ceilings.fma_per_s.median) * 1e-9")" "Gfma/s, all cores"
+        line "  copying memory" "$(calc "$(get hills-production ceilings.memory_bytes_per_s.median) * 1e-9")" "GB/s"
+        line "  bare noise, 8 octaves, pointwise" "$(calc "$(get hills-production ceilings.noise_samples_per_s.median) * 1e-6")" \
+            "Mvoxel/s, all"
+    fi
+fi
+
+if wants start; then
+    echo; echo "From the start of the process: hills, 800x600, no shadows"
+    KARST_CACHE_DIR=$out/karst-cache POCL_CACHE_DIR=$out/pocl-cache
+    export KARST_CACHE_DIR POCL_CACHE_DIR
+    if bench start-bare hills --size 800x600 --no-shadows --runs 1 --rounds 1; then
+        line "no cache at all: complete picture" "$(calc "$(get start-bare start.process.complete_ms) * 1e-3")" s 8 at-most
+        for try in 1 2 3; do
+            bench start-$try hills --size 800x600 --no-shadows --runs 1 --rounds 1 || break
+        done
+        median() { for i in 1 2 3; do get start-$i "start.process.$1"; done | sort -n | sed -n 2p; }
+        line "warm caches: device, memory and programs" "$(calc "$(median opened_ms) * 1e-3")" s
+        line "  picture without a hole" "$(calc "$(median hole_free_ms) * 1e-3")" s 0.3 at-most
+        line "  complete picture" "$(calc "$(median complete_ms) * 1e-3")" s 1.2 at-most
+        KARST_CACHE_DIR=off bench start-pocl hills --size 800x600 --no-shadows --runs 1 --rounds 1 &&
+            line "  without Karst's cache, only the driver's: opened" "$(calc "$(get start-pocl start.process.opened_ms) * 1e-3")" s
+    fi
+    unset KARST_CACHE_DIR POCL_CACHE_DIR
+fi
+
+if wants collect && [ -x "$programs/cache/bench_cache" ]; then
+    echo; echo "Collect and publish, ms (marks: under 0.5)"
+    "$programs/cache/bench_cache" | sed 's/^/    /'
+fi
