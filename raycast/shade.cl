@@ -1,7 +1,7 @@
 /* Entry points of shading: shadow rays from hits, and pixels from both. See raycast/shade.h. */
 #include "raycast/shade_shared.h"
+#include "raycast/light.clh"
 #include "raycast/surface.clh"
-#include "raycast/tone.clh"
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
 #ifdef SHADE_WORLD_COLOUR
@@ -12,61 +12,6 @@
 #define SUN_CONE 0.0093f
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
-
-typedef struct {
-    vfloat r, g, b;
-} colour;
-
-RAY_INLINE vfloat dot3(const vector3 *a, const float b[4])
-{
-    return k_fma(a->x, (vfloat)(b[0]), k_fma(a->y, (vfloat)(b[1]), a->z * b[2]));
-}
-
-RAY_INLINE vfloat mix_float(vfloat a, vfloat b, vfloat share) { return k_fma(b - a, share, a); }
-
-RAY_INLINE colour mix_colour(colour a, colour b, vfloat share)
-{
-    colour c = {mix_float(a.r, b.r, share), mix_float(a.g, b.g, share), mix_float(a.b, b.b, share)};
-    return c;
-}
-
-RAY_INLINE colour uniform_colour(const float c[4])
-{
-    colour all = {(vfloat)(c[0]), (vfloat)(c[1]), (vfloat)(c[2])};
-    return all;
-}
-
-/* a + b * scale */
-RAY_INLINE colour add_colour(colour a, colour b, vfloat scale)
-{
-    colour c = {k_fma(b.r, scale, a.r), k_fma(b.g, scale, a.g), k_fma(b.b, scale, a.b)};
-    return c;
-}
-
-RAY_INLINE vfloat smooth(float from, float to, vfloat x)
-{
-    vfloat s = lane_unit((x - from) * (1.0f / (to - from)));
-    return s * s * (3.0f - 2.0f * s);
-}
-
-RAY_INLINE vfloat square(vfloat x) { return x * x; }
-
-/* The air's glow around the sun, for the cosine of the angle to it. */
-RAY_INLINE vfloat sun_glow(vfloat cosine)
-{
-    vfloat c2 = square(lane_max(cosine, (vfloat)(0.0f))), c8 = square(square(c2));
-    vfloat c32 = square(square(c8)), c256 = square(square(square(c32)));
-    return 0.06f * c8 + 0.08f * c32 + 0.25f * c256;
-}
-
-RAY_INLINE colour sky_colour(const karst_light *light, const vector3 *direction, vfloat to_sun)
-{
-    vfloat down = 1.0f - lane_unit(direction->y), down2 = square(down);
-    colour sky = mix_colour(uniform_colour(light->sky_zenith), uniform_colour(light->sky_horizon), down2 * down2);
-    sky = add_colour(sky, uniform_colour(light->sun_colour), sun_glow(to_sun));
-    vfloat disc = smooth(0.99996f, 0.99999f, to_sun);
-    return add_colour(sky, uniform_colour(light->sun_colour), 12.0f * disc);
-}
 
 #ifdef SHADE_WORLD_COLOUR
 /* The world's colour at the hits, level by level: at most a few in one packet. */
@@ -90,29 +35,6 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
     return albedo;
 }
 #endif
-
-RAY_INLINE colour plain_albedo(const karst_light *light, const surface_hits *s)
-{
-    return mix_colour(uniform_colour(light->ground_steep), uniform_colour(light->ground_flat),
-                      smooth(0.55f, 0.85f, s->normal.y));
-}
-
-RAY_INLINE colour ground_colour(const karst_light *light, const surface_hits *s, colour albedo, vfloat lit)
-{
-    colour sun = uniform_colour(light->sun_colour), zenith = uniform_colour(light->sky_zenith),
-           horizon = uniform_colour(light->sky_horizon);
-    /* Above, the sky; below, what the ground throws back of both. */
-    vfloat up = k_fma(s->normal.y, (vfloat)(0.5f), (vfloat)(0.5f));
-    colour from_sky = mix_colour(zenith, horizon, (vfloat)(0.5f));
-    colour ground = uniform_colour(light->ground_flat);
-    float sun_height = light->sun_direction[1] > 0.0f ? light->sun_direction[1] : 0.0f;
-    colour bounce = add_colour(from_sky, sun, (vfloat)(0.5f * sun_height));
-    bounce.r *= ground.r, bounce.g *= ground.g, bounce.b *= ground.b;
-    colour incoming = mix_colour(bounce, from_sky, up);
-    incoming = add_colour(incoming, sun, lit);
-    colour c = {albedo.r * incoming.r, albedo.g * incoming.g, albedo.b * incoming.b};
-    return c;
-}
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
@@ -227,14 +149,10 @@ __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst
 #ifdef SHADE_WORLD_COLOUR
             colour albedo = world_albedo(data, &anchor, &s, &direction, hit);
 #else
-            colour albedo = plain_albedo(&light, &s);
+            colour albedo = plain_albedo(&light, &s.normal);
 #endif
-            colour ground = ground_colour(&light, &s, albedo, lit);
-            /* Haze takes the sky's colour at the horizon in this direction, so that far hills fade into it. */
-            colour haze = add_colour(uniform_colour(light.sky_horizon), uniform_colour(light.sun_colour),
-                                     0.5f * sun_glow(to_sun));
-            vfloat clear = tone_exp2_minus(s.t * (1.44269504f / light.haze_distance));
-            ground = mix_colour(haze, ground, clear);
+            colour ground = ground_colour(&light, &s.normal, albedo, lit);
+            ground = hazy_colour(&light, ground, to_sun, s.t);
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
             c.b = v_select(hit, ground.b, c.b);

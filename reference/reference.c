@@ -5,10 +5,14 @@
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "producers/language/oracle.h"
 #include "producers/language/world_file.h"
+#include "raycast/light.clh"
+#include "raycast/light.h"
 #include "raycast/pinhole.h"
 #include "raycast/rays.clh"
 #include "reference/trace.h"
@@ -23,7 +27,11 @@ typedef struct {
     karst_pinhole pinhole;
     double voxel_m;
     karst_reference_ray ray; /* all but the direction */
-    karst_reference_hit *hits;
+    karst_reference_hit *hits; /* or */
+    uint8_t *rgba;             /* of a picture of num_columns x num_rows, rays_px^2 rays a pixel */
+    int rays_px, num_columns, num_rows;
+    karst_light light;
+    karst_number *values; /* of the parameters */
     atomic_int next_row, rows_done;
     atomic_bool stop;
     karst_reference_stats stats;
@@ -33,13 +41,13 @@ typedef struct {
 typedef struct {
     picture *picture;
     karst_ranger *ranger;
+    karst_oracle *oracle; /* for colours; NULL: the world has none, or nobody wants them */
 } worker;
 
-static void trace_pixel(const worker *w, int x, int y, karst_reference_hit *hit, karst_reference_stats *stats)
+static void trace_ray(const worker *w, vector3 direction, karst_reference_hit *hit, karst_reference_stats *stats)
 {
     const picture *p = w->picture;
     karst_reference_ray ray = p->ray;
-    vector3 direction = pinhole_direction(&p->pinhole, x, y);
     ray.direction[0] = (double)direction.x;
     ray.direction[1] = (double)direction.y;
     ray.direction[2] = (double)direction.z;
@@ -60,14 +68,60 @@ static void trace_pixel(const worker *w, int x, int y, karst_reference_hit *hit,
     stats->num_unresolved += root.kind == KARST_REFERENCE_UNRESOLVED;
 }
 
+/* Linear light along a ray. */
+static colour light_of_ray(const worker *w, vector3 direction, karst_reference_stats *stats)
+{
+    const picture *p = w->picture;
+    karst_reference_hit hit;
+    trace_ray(w, direction, &hit, stats);
+    float to_sun = dot3(&direction, p->light.sun_direction);
+    if (hit.kind == KARST_REFERENCE_MISS)
+        return sky_colour(&p->light, &direction, to_sun);
+    const float normal[3] = {(float)hit.normal[0], (float)hit.normal[1], (float)hit.normal[2]};
+    const vector3 n = {normal[0], normal[1], normal[2]};
+    colour albedo = plain_albedo(&p->light, &n);
+    if (w->oracle) {
+        const double d[3] = {(double)direction.x, (double)direction.y, (double)direction.z};
+        karst_position at = karst_reference_place(&p->camera.position, d, hit.t_m / p->voxel_m);
+        karst_oracle_value rgb[3];
+        karst_oracle_colour(w->oracle, &at, normal, -1, rgb);
+        albedo.r = lane_unit((float)rgb[0].precise);
+        albedo.g = lane_unit((float)rgb[1].precise);
+        albedo.b = lane_unit((float)rgb[2].precise);
+    }
+    colour ground = ground_colour(&p->light, &n, albedo, lane_max(dot3(&n, p->light.sun_direction), 0.0f));
+    return hazy_colour(&p->light, ground, to_sun, (float)(hit.t_m / p->voxel_m));
+}
+
+static void shade_pixel(const worker *w, int x, int y, uint8_t *rgba, karst_reference_stats *stats)
+{
+    const picture *p = w->picture;
+    double sum[3] = {0, 0, 0}, share = 1.0 / (p->rays_px * p->rays_px);
+    for (int i = 0; i < p->rays_px * p->rays_px; i++) {
+        int u = x * p->rays_px + i % p->rays_px, v = y * p->rays_px + i / p->rays_px;
+        colour c = light_of_ray(w, pinhole_direction(&p->pinhole, u, v), stats);
+        sum[0] += (double)c.r * share;
+        sum[1] += (double)c.g * share;
+        sum[2] += (double)c.b * share;
+    }
+    for (int i = 0; i < 3; i++)
+        rgba[i] = (uint8_t)tone_byte((float)sum[i], tone_dither(x, y));
+    rgba[3] = 255;
+}
+
 static void *trace_rows(void *user)
 {
     worker *w = user;
     picture *p = w->picture;
     karst_reference_stats stats = {0};
-    for (int y; !atomic_load(&p->stop) && (y = atomic_fetch_add(&p->next_row, 1)) < p->pinhole.height_px;) {
-        for (int x = 0; x < p->pinhole.width_px && !atomic_load(&p->stop); x++)
-            trace_pixel(w, x, y, &p->hits[(size_t)y * (size_t)p->pinhole.width_px + (size_t)x], &stats);
+    for (int y; !atomic_load(&p->stop) && (y = atomic_fetch_add(&p->next_row, 1)) < p->num_rows;) {
+        for (int x = 0; x < p->num_columns && !atomic_load(&p->stop); x++) {
+            size_t pixel = (size_t)y * (size_t)p->num_columns + (size_t)x;
+            if (p->hits)
+                trace_ray(w, pinhole_direction(&p->pinhole, x, y), &p->hits[pixel], &stats);
+            else
+                shade_pixel(w, x, y, p->rgba + 4 * pixel, &stats);
+        }
         atomic_fetch_add(&p->rows_done, 1);
     }
     pthread_mutex_lock(&p->lock);
@@ -94,6 +148,17 @@ static bool check_config(const karst_reference_config *c, karst_error *error)
     return true;
 }
 
+static void set_light(picture *p)
+{
+    const karst_world_info *info = &p->file->info;
+    p->light = karst_light_of_sun(info->sun_azimuth_deg, info->sun_elevation_deg);
+    p->light.haze_distance = (float)(info->haze_distance_m / p->voxel_m);
+    memcpy(p->light.sky_zenith, info->sky_zenith, sizeof info->sky_zenith);
+    memcpy(p->light.sky_horizon, info->sky_horizon, sizeof info->sky_horizon);
+    memcpy(p->light.ground_flat, info->ground_flat, sizeof info->ground_flat);
+    memcpy(p->light.ground_steep, info->ground_steep, sizeof info->ground_steep);
+}
+
 /* Opens the world and finds out what all rays share. */
 static bool prepare(picture *p, karst_error *error)
 {
@@ -115,35 +180,42 @@ static bool prepare(picture *p, karst_error *error)
         return false;
     p->voxel_m = ldexp(1, voxel_log2_m);
     double view_m = c->view_distance_m > 0 ? c->view_distance_m : p->file->info.view_distance_m;
-    karst_pinhole_init(&p->pinhole, &p->camera, c->width_px, c->height_px, view_m / p->voxel_m);
+    p->num_columns = c->width_px;
+    p->num_rows = c->height_px;
+    karst_pinhole_init(&p->pinhole, &p->camera, c->width_px * p->rays_px, c->height_px * p->rays_px,
+                       view_m / p->voxel_m);
     p->ray.t_max = (double)p->pinhole.t_max;
     p->ray.max_intervals = c->max_intervals ? c->max_intervals : DEFAULT_MAX_INTERVALS;
     float detail = c->detail_px > 0 ? (float)c->detail_px : 1.0f, grown = p->pinhole.cone * detail;
-    p->ray.lod_scale = c->footprint == KARST_FOOTPRINT_NONE ? 0 : 1.0f / (grown > 1.0e-20f ? grown : 1.0e-20f);
-    return true;
+    bool full = p->rgba || c->footprint == KARST_FOOTPRINT_NONE;
+    p->ray.lod_scale = full ? 0 : 1.0f / (grown > 1.0e-20f ? grown : 1.0e-20f);
+    set_light(p);
+    const karst_program_graph *program = p->file->program;
+    p->values = calloc(program->num_parameters + 1, sizeof *p->values);
+    for (uint32_t i = 0; p->values && i < program->num_parameters; i++)
+        p->values[i] = program->parameters[i].value;
+    return p->values || karst_fail(error, KARST_FAILED, "out of memory");
 }
 
-static karst_ranger *make_ranger(const picture *p, karst_error *error)
+static bool make_worker(picture *p, worker *w, karst_error *error)
 {
     const karst_program_graph *program = p->file->program;
-    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
-    for (uint32_t i = 0; values && i < program->num_parameters; i++)
-        values[i] = program->parameters[i].value;
     uint32_t seed = p->config->has_seed ? p->config->seed : program->header.seed;
-    karst_ranger *ranger = values ? karst_ranger_create(program, values, seed, error) : NULL;
-    if (!values)
-        karst_fail(error, KARST_FAILED, "out of memory");
-    free(values);
-    return ranger;
+    w->picture = p;
+    w->ranger = karst_ranger_create(program, p->values, seed, error);
+    if (w->ranger && p->rgba && program->has_colour) {
+        w->oracle = karst_oracle_create(&program->world, p->values, seed, program->header.voxel_log2_m, error);
+        return w->oracle != NULL;
+    }
+    return w->ranger != NULL;
 }
 
 /* Until all rows are done, or `progress` has had enough. */
 static bool watch(picture *p, bool (*progress)(void *user, double share), void *user, karst_error *error)
 {
     const struct timespec pause = {.tv_nsec = 20000000};
-    int height_px = p->pinhole.height_px;
-    while (atomic_load(&p->rows_done) < height_px && !atomic_load(&p->stop)) {
-        if (progress && !progress(user, (double)atomic_load(&p->rows_done) / height_px)) {
+    while (atomic_load(&p->rows_done) < p->num_rows && !atomic_load(&p->stop)) {
+        if (progress && !progress(user, (double)atomic_load(&p->rows_done) / p->num_rows)) {
             atomic_store(&p->stop, true);
             return karst_fail(error, KARST_FAILED, "interrupted");
         }
@@ -152,37 +224,55 @@ static bool watch(picture *p, bool (*progress)(void *user, double share), void *
     return true;
 }
 
-bool karst_reference_trace(const karst_reference_config *config, karst_reference_hit *hits,
-                           bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
-                           karst_error *error)
+static bool run(picture *p, bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                karst_error *error)
 {
-    picture p = {.config = config, .hits = hits};
-    worker workers[MAX_THREADS] = {{NULL, NULL}};
+    const karst_reference_config *config = p->config;
+    worker workers[MAX_THREADS] = {{NULL, NULL, NULL}};
     pthread_t threads[MAX_THREADS];
     int num_threads = config->num_threads ? config->num_threads : (int)sysconf(_SC_NPROCESSORS_ONLN), started = 0;
     num_threads = num_threads < 1 ? 1 : num_threads > MAX_THREADS ? MAX_THREADS : num_threads;
     if (!check_config(config, error))
         return false;
-    bool good = prepare(&p, error);
+    bool good = prepare(p, error);
     /* One after the other: they share the program's arena while they are made. */
-    for (int i = 0; good && i < num_threads; i++) {
-        workers[i] = (worker){&p, make_ranger(&p, error)};
-        good = workers[i].ranger != NULL;
-    }
-    pthread_mutex_init(&p.lock, NULL);
+    for (int i = 0; good && i < num_threads; i++)
+        good = make_worker(p, &workers[i], error);
+    pthread_mutex_init(&p->lock, NULL);
     for (; good && started < num_threads; started++)
         if (pthread_create(&threads[started], NULL, trace_rows, &workers[started]) != 0)
             break;
     if (good && started == 0)
         good = karst_fail(error, KARST_FAILED, "no thread could be started");
-    good = good && watch(&p, progress, user, error);
+    good = good && watch(p, progress, user, error);
     for (int i = 0; i < started; i++)
         pthread_join(threads[i], NULL);
-    pthread_mutex_destroy(&p.lock);
-    for (int i = 0; i < num_threads; i++)
+    pthread_mutex_destroy(&p->lock);
+    for (int i = 0; i < num_threads; i++) {
         karst_ranger_destroy(workers[i].ranger);
-    karst_world_file_destroy(p.file);
+        karst_oracle_destroy(workers[i].oracle);
+    }
+    free(p->values);
+    karst_world_file_destroy(p->file);
     if (good && stats)
-        *stats = p.stats;
+        *stats = p->stats;
     return good;
+}
+
+bool karst_reference_trace(const karst_reference_config *config, karst_reference_hit *hits,
+                           bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                           karst_error *error)
+{
+    picture p = {.config = config, .hits = hits, .rays_px = 1};
+    return run(&p, progress, user, stats, error);
+}
+
+bool karst_reference_picture(const karst_reference_config *config, int rays_px, uint8_t *rgba,
+                             bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                             karst_error *error)
+{
+    picture p = {.config = config, .rgba = rgba, .rays_px = rays_px};
+    if (rays_px < 1 || rays_px > 8)
+        return karst_fail(error, KARST_USAGE, "%d rays on a pixel's side: must be 1 to 8", rays_px);
+    return run(&p, progress, user, stats, error);
 }

@@ -71,6 +71,14 @@ bool karst_reference_trace(const karst_reference_config *config, karst_reference
                            bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
                            karst_error *error);
 
+/* The picture that an engine with infinitely fine voxels and many rays a pixel would draw, without shadows: rays_px^2
+ * rays a pixel (1 to 8 on a side), at the middles of its parts, of the full density, whatever the configuration's
+ * footprint; colours at full detail; light is averaged before it is made bytes. RGBA, top row first, width * height * 4
+ * bytes. Errors and progress as above. */
+bool karst_reference_picture(const karst_reference_config *config, int rays_px, uint8_t *rgba,
+                             bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
+                             karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif
