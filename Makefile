@@ -26,7 +26,7 @@ endif
 WARN   := -Wall -Wextra -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
 PKGS   := libpng jansson
 # What the command needs beyond the library's.
-COMMAND_PKGS := cairo
+COMMAND_PKGS := cairo glfw3
 CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_asan    := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
@@ -38,7 +38,7 @@ endif
 KCFLAGS := -std=c11 -D_GNU_SOURCE -DKARST_VERSION='"$(VERSION)"' -ffp-contract=off -fPIC -pthread $(WARN) \
            $(CFLAGS_$(CONFIG)) -I. -Icore/include $(shell pkg-config --cflags $(PKGS) $(COMMAND_PKGS) 2>/dev/null) $(CFLAGS)
 KLDFLAGS := $(LDFLAGS_$(CONFIG)) $(LDFLAGS)
-KLIBS := $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lOpenCL -ldl -lm -pthread
+KLIBS := $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lOpenEXRCore -lOpenCL -ldl -lm -pthread
 COMMAND_LIBS := $(shell pkg-config --libs $(COMMAND_PKGS) 2>/dev/null)
 
 SOURCES := $(sort $(shell find $(MODULES) -name '*.c'))
@@ -46,7 +46,8 @@ OBJECTS := $(SOURCES:%.c=$(OBJ)/%.o) $(OBJ)/embedded_kernels.o
 # Everything that a kernel may include travels inside the library.
 KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h' -o -name '*.karst') core/dialect.h)
 HEADERS := $(sort $(wildcard core/include/karst/*.h))
-COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c demos/plot.c $(sort $(wildcard demos/command_*.c)))
+COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c demos/plot.c \
+    $(sort $(wildcard demos/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
@@ -184,7 +185,7 @@ Description: Ray-casts procedural landscapes from a density function
 Version: $(VERSION)
 Requires.private: $(PKGS)
 Libs: -L$${libdir} -lkarst
-Libs.private: -lOpenCL -ldl -lm -pthread
+Libs.private: -lOpenEXRCore -lOpenCL -ldl -lm -pthread
 Cflags: -I$${includedir}
 endef
 export KARST_PC

@@ -93,6 +93,8 @@ static bool answer_requests(karst_engine *engine, karst_work *work, karst_error 
         return false;
     if (!karst_producer_answer(engine->producer, buffers, work, error))
         return false;
+    if (engine->views && !karst_views_note(engine->views, work, engine->frame + 1, error))
+        return false;
     uint32_t num_linked = 0, num_constant = 0;
     if ((work->num_loads || work->num_subdivides) &&
         !karst_cache_publish(engine->cache, work, &num_linked, &num_constant, error))

@@ -134,6 +134,8 @@ void karst_engine_destroy(karst_engine *engine)
     karst_engine_free_picture(engine);
     karst_shader_destroy(engine->shader);
     karst_caster_destroy(engine->caster);
+    karst_caster_destroy(engine->counting);
+    karst_views_destroy(engine->views);
     karst_producer_destroy(engine->producer);
     karst_world_file_destroy(engine->world_file);
     karst_cache_destroy(engine->cache);

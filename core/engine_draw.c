@@ -40,11 +40,13 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
     karst_pinhole pinhole;
     karst_pinhole_init(&pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+    engine->drawn = engine->camera;
     karst_light light = make_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
     uint32_t num_pixels = (uint32_t)engine->width_px * (uint32_t)engine->height_px;
 
-    if (!karst_cast_pinhole(engine->caster, &view, &pinhole, engine->hits, error))
+    bool counting = engine->view == KARST_PAINT_STEPS;
+    if (!karst_cast_pinhole(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, error))
         return false;
     if (engine->shadows &&
         (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
@@ -59,6 +61,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits,
                                      engine->shadows ? engine->shadow_hits : NULL, pixels, engine->depth,
                                      engine->counters, error);
+    if (shaded && engine->view)
+        shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);
     /* The surface is mapped: end it even if shading failed. */
     return karst_surface_end(engine->surface, shaded ? error : NULL) && shaded;
 }

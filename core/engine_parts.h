@@ -13,6 +13,7 @@
 #include "producers/producer.h"
 #include "raycast/cast.h"
 #include "raycast/shade.h"
+#include "raycast/views.h"
 
 #define KARST_ENGINE_NUM_COUNTERS 4
 
@@ -44,6 +45,10 @@ struct karst_engine {
     int top_level;
     bool root_placed;
 
+    int view;                         /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
+    karst_camera drawn;               /* the last frame's */
+    karst_views *views;               /* NULL until one is asked for */
+    karst_caster *counting;           /* the caster that counts steps; NULL until they are asked for */
     karst_ladder ladder;
     uint32_t serial, frame;
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */

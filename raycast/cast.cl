@@ -1,6 +1,7 @@
 /* Entry points of casting: a stream of rays in, hit records and stamps out. See raycast/cast.h. */
 #include "raycast/rays.clh"
 #include "raycast/rays_shared.h"
+#include "raycast/views_shared.h"
 #include "raycast/walk.clh"
 
 /* Directions flatter than this on an axis count as this, upwards: their inverse stays finite, and a ray that runs in a
@@ -45,6 +46,9 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
     found.dt = zero;
     found.at.x = found.at.y = found.at.z = found.step.x = found.step.y = found.step.z = zero;
     found.f.c0 = found.f.c1 = found.f.c2 = found.f.c3 = zero;
+#ifdef CAST_COUNT_STEPS
+    found.steps = (vint)(0);
+#endif
     vint incomplete = (vint)(0);
 
     packet rays;
@@ -90,6 +94,9 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
         s = cubic_first_root(&found.f, hit);
     hits.t = v_select(hit, k_fma(s, found.dt, found.t), t_max);
     hits.kind = found.kind | (incomplete & (int)KARST_HIT_INCOMPLETE);
+#ifdef CAST_COUNT_STEPS
+    hits.kind |= lane_min_int(found.steps, (vint)(KARST_STEPS_MAX)) << KARST_STEPS_SHIFT;
+#endif
     hits.brick = found.brick;
     hits.cell = found.cell;
     hits.node = found.node;

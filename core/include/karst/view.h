@@ -36,6 +36,31 @@ typedef struct {
 /* At a pixel of the last frame's picture (0, 0 is top left). Errors: KARST_USAGE (outside), KARST_FAILED. */
 bool karst_engine_probe(karst_engine *engine, int x_px, int y_px, karst_probe *probe, karst_error *error);
 
+/* Pictures that show what the engine does. Their kernels are built when one is first asked for. */
+typedef enum {
+    KARST_VIEW_PICTURE,     /* the world as it looks */
+    KARST_VIEW_LEVEL,       /* a colour for each level of detail */
+    KARST_VIEW_BRICKS,      /* the borders of bricks, over the world */
+    KARST_VIEW_STEPS,       /* how many nodes and cells each ray looked at: dark few, bright many */
+    KARST_VIEW_AGE,         /* frames since a brick was made: bright young, dark old */
+    KARST_VIEW_PRODUCED,    /* bricks that were made just before this frame */
+    KARST_VIEW_PROVISIONAL, /* bricks that stand in for finer ones, which are missing */
+    KARST_VIEW_DEPTH,       /* distance, logarithmically: bright near, dark far */
+    KARST_VIEW_NORMAL,      /* x, y, z of the normal as red, green, blue */
+    KARST_NUM_VIEWS
+} karst_view;
+/* "picture", "level", "bricks", "steps", "age", "produced", "provisional", "depth", "normal". */
+const char *karst_view_name(karst_view view);
+bool karst_view_parse(const char *name, karst_view *view, karst_error *error); /* KARST_USAGE lists the names */
+/* Takes effect with the next frame. "age" knows what was made since it was first asked for; older bricks count as old.
+ * Errors: KARST_USAGE (no such view), KARST_FAILED. */
+bool karst_engine_set_view(karst_engine *engine, karst_view view, karst_error *error);
+
+/* Normals of the last frame, in world axes, three floats a pixel, top row first; zeros where nothing was hit. Builds
+ * its kernel when first asked. Errors: KARST_USAGE (num_values is not 3 * width * height; no frame yet), KARST_FAILED.
+ */
+bool karst_engine_read_normals(karst_engine *engine, float *normals, size_t num_values, karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif
