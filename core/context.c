@@ -399,6 +399,31 @@ karst_context *karst_context_create_sharing(const char *selector, int lanes, con
     return context;
 }
 
+karst_context *karst_context_fork(const karst_context *of, karst_error *error)
+{
+    karst_context *context = malloc(sizeof *context);
+    if (!context) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    cl_int code;
+    *context = *of;
+    context->log = NULL;
+    context->buffers = NULL;
+    context->program_writer = NULL;
+    context->is_fork = true;
+    context->num_new_programs = 0;
+    context->profile = karst_profile_create(error);
+    clRetainContext(context->cl);
+    context->queue = clCreateCommandQueue(context->cl, context->device, CL_QUEUE_PROFILING_ENABLE, &code);
+    if (context->profile && context->queue)
+        return context;
+    if (!context->queue)
+        karst_fail(error, KARST_FAILED, "no second queue on %s: %s", context->name, karst_cl_error_name(code));
+    karst_context_destroy(context);
+    return NULL;
+}
+
 void karst_context_destroy(karst_context *context)
 {
     if (!context)

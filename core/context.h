@@ -18,6 +18,8 @@
 typedef struct karst_context karst_context;
 typedef struct karst_buffer karst_buffer;
 
+#define KARST_FORK_PROGRAMS 16u /* that a fork launches at most */
+
 struct karst_context {
     const karst_log *log; /* borrowed; may be NULL */
     cl_platform_id platform;
@@ -36,6 +38,9 @@ struct karst_context {
     bool shares_gl;        /* created to share objects with an OpenGL context: see karst_context_create_sharing */
     karst_buffer *buffers; /* list of live buffers, newest first */
     struct karst_profile *profile; /* stage timer, see core/profile.h */
+    bool is_fork; /* launches only programs that are new; see karst_context_fork */
+    cl_program new_programs[KARST_FORK_PROGRAMS];
+    uint32_t num_new_programs;
     struct karst_program_writer *program_writer; /* NULL: nothing to write so far; see core/program_cache.h */
 };
 
@@ -73,6 +78,11 @@ karst_context *karst_context_create(const char *selector, int lanes, const karst
  * does not drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
 karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
                                             const karst_log *log, karst_error *error);
+/* The same device and OpenCL context with a queue, an account and a clock of their own and no log: for trying programs
+ * out on another thread. A launch does nothing if its program had been built before in this process, since it may be
+ * running: PoCL 3.1 counts the users of a kernel and loses count (an assertion of its own) if one runs on two queues
+ * in grids of different size. Errors: KARST_FAILED. */
+karst_context *karst_context_fork(const karst_context *context, karst_error *error);
 void karst_context_destroy(karst_context *context); /* NULL is fine; all buffers must be gone */
 
 /* ---- buffers (buffer.c): every byte on the device has a name ---- */

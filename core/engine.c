@@ -6,7 +6,6 @@
 #include "core/engine_parts.h"
 
 #define DEFAULT_MAX_FRAMES 1000u
-#define MAX_VOXEL ((int64_t)1 << 61)
 
 int karst_engine_voxel_log2_m(const karst_engine *engine) { return engine->world->voxel_log2_m; }
 karst_camera karst_engine_camera(const karst_engine *engine) { return engine->camera; }
@@ -25,7 +24,8 @@ bool karst_engine_set_camera(karst_engine *engine, const karst_camera *camera, k
         return karst_fail(error, KARST_USAGE,
                           "camera: angles must be finite and the field of view 0.0001 to 179 degrees");
     for (int axis = 0; axis < 3; axis++)
-        if (camera->position.voxel[axis] > MAX_VOXEL || camera->position.voxel[axis] < -MAX_VOXEL)
+        if (camera->position.voxel[axis] > KARST_ENGINE_MAX_VOXEL ||
+            camera->position.voxel[axis] < -KARST_ENGINE_MAX_VOXEL)
             return karst_fail(error, KARST_USAGE, "camera: %c lies beyond 2^61 voxels of %g m", "xyz"[axis],
                               exp2(engine->world->voxel_log2_m));
     if (memcmp(&engine->camera, camera, sizeof *camera) != 0)
@@ -159,6 +159,22 @@ static bool fill_pool_stats(karst_engine *engine, karst_error *error)
     return true;
 }
 
+/* Once a world: such densities are air, and where the first of them lies is what helps to mend it. */
+static void report_non_finite(karst_engine *engine)
+{
+    int64_t voxel[3];
+    int level;
+    double voxel_m = exp2(engine->world->voxel_log2_m);
+    if (engine->reported_non_finite || !karst_density_producer_first_non_finite(engine->producer, voxel, &level))
+        return;
+    engine->reported_non_finite = true;
+    karst_log_print(
+        engine->log, KARST_LOG_WARNING,
+        "%s: the density is not finite in places, which are taken as air; the first is at %.17g,%.17g,%.17g "
+        "(look with karst sample)",
+        engine->world->name, (double)voxel[0] * voxel_m, (double)voxel[1] * voxel_m, (double)voxel[2] * voxel_m);
+}
+
 bool karst_engine_frame(karst_engine *engine, karst_error *error)
 {
     uint64_t start_ns = karst_clock_ns();
@@ -195,10 +211,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->settled = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&
                      karst_ladder_at_rest(&engine->ladder);
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
-    if (stats->num_non_finite && !engine->reported_non_finite)
-        karst_log_print(engine->log, KARST_LOG_WARNING, "%s: densities that are not finite were taken as air",
-                        engine->world->name);
-    engine->reported_non_finite = stats->num_non_finite != 0;
+    report_non_finite(engine);
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;

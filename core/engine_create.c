@@ -69,7 +69,15 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_ladder_init(&engine->ladder);
     karst_cost_init(&engine->cost);
 
-    if (!karst_engine_open_world(engine, config, error) ||
+    const karst_world_config world = {.world = config->world,
+                                      .parameters = config->parameters,
+                                      .num_parameters = config->num_parameters,
+                                      .has_seed = config->has_seed,
+                                      .seed = config->seed,
+                                      .log = config->log};
+    engine->view_distance_m = config->view_distance_m;
+    engine->refine = config->refine;
+    if (!karst_engine_world_open(&engine->shown, &world, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
@@ -84,13 +92,9 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     }
     if (!karst_engine_check_budget_ms(config->budget_ms, error))
         goto failed;
-    double view_distance_m = config->view_distance_m != 0 ? config->view_distance_m : engine->world->view_distance_m;
-    engine->view_distance_voxels = view_distance_m / exp2(engine->world->voxel_log2_m);
-    if (!(engine->view_distance_voxels >= 16 && engine->view_distance_voxels <= 0x1p56)) {
-        karst_fail(error, KARST_USAGE, "a view distance of %g m: this world's goes from %g to %g", view_distance_m,
-                   16 * exp2(engine->world->voxel_log2_m), exp2(56 + engine->world->voxel_log2_m));
+    engine->world = &engine->shown.file->info;
+    if (!karst_engine_set_view_distance(engine, engine->world, error))
         goto failed;
-    }
     engine->camera.fov_deg = 60;
     if (!karst_camera_parse(engine->world->camera, engine->world->voxel_log2_m, &engine->camera, error))
         goto failed;
@@ -111,13 +115,15 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->cache = karst_cache_create(engine->context, num_tiles, num_bricks, config->max_segment_bytes, error);
     if (!engine->cache || !karst_engine_allocate_picture(engine, error))
         goto failed;
+    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
     if (!engine->counters || !engine->caster ||
-        !karst_engine_create_producer(engine, config->has_seed ? config->seed : engine->world->seed, error) ||
-        !karst_engine_create_shader(engine, error))
+        !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
+                                  error))
         goto failed;
+    karst_engine_adopt_world(engine, &engine->shown);
     return engine;
 
 failed:
@@ -132,12 +138,10 @@ void karst_engine_destroy(karst_engine *engine)
     if (engine->context)
         karst_finish(engine->context, NULL);
     karst_engine_free_picture(engine);
-    karst_shader_destroy(engine->shader);
+    karst_engine_world_close(&engine->shown);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_views_destroy(engine->views);
-    karst_producer_destroy(engine->producer);
-    karst_world_file_destroy(engine->world_file);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

@@ -3,27 +3,16 @@
 #include <string.h>
 
 #include "core/engine_parts.h"
+#include "raycast/light.h"
 #include "raycast/pinhole.h"
-
-static void set3(float out[4], const double in[3])
-{
-    for (int axis = 0; axis < 3; axis++)
-        out[axis] = (float)in[axis];
-    out[3] = 0;
-}
 
 static karst_light make_light(const karst_engine *engine)
 {
     const karst_world_info *world = engine->world;
-    double azimuth = world->sun_azimuth_deg * (M_PI / 180), elevation = world->sun_elevation_deg * (M_PI / 180);
     double voxel_m = exp2(world->voxel_log2_m);
-    karst_light light = {.haze_distance = (float)(world->haze_distance_m / voxel_m),
-                         .shadow_distance = (float)engine->view_distance_voxels};
-    set3(light.sun_direction,
-         (double[3]){sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)});
-    /* Air scatters blue out of low sunlight: from orange at the horizon to a warm white overhead. */
-    double height = fmin(1, fmax(0, sin(elevation)) / 0.6);
-    set3(light.sun_colour, (double[3]){2.4, 1.5 + 0.7 * height, 0.85 + 1.1 * height});
+    karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
+    light.haze_distance = (float)(world->haze_distance_m / voxel_m);
+    light.shadow_distance = (float)engine->view_distance_voxels;
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
     memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
@@ -48,6 +37,13 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     bool counting = engine->view == KARST_PAINT_STEPS;
     if (!karst_cast_pinhole(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, error))
         return false;
+    if (engine->shown.refiner) {
+        karst_shade_anchor anchor = {.pad = 0};
+        memcpy(anchor.voxel, engine->camera.position.voxel, sizeof anchor.voxel);
+        memcpy(anchor.fraction, engine->camera.position.fraction, sizeof anchor.fraction);
+        if (!karst_refine_hits(engine->shown.refiner, &pinhole, &anchor, engine->hits, error))
+            return false;
+    }
     if (engine->shadows &&
         (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
                                        error) ||

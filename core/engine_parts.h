@@ -9,18 +9,43 @@
 #include "core/ladder.h"
 #include "core/surface.h"
 #include "karst/engine.h"
+#include "karst/world.h"
+#include "producers/language/fingerprint.h"
+#include "producers/language/derive.h"
 #include "producers/language/world_file.h"
 #include "producers/producer.h"
 #include "raycast/cast.h"
+#include "raycast/refine.h"
 #include "raycast/shade.h"
 #include "raycast/views.h"
 
 #define KARST_ENGINE_NUM_COUNTERS 4
+#define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
+
+/* A world as an engine shows it. */
+typedef struct {
+    karst_world_file *file;
+    karst_number *values; /* of its parameters, as now in force */
+    uint32_t seed;
+    karst_fingerprint fingerprint; /* of the density with these values and this seed */
+    karst_producer *producer;      /* NULL until it is built */
+    karst_shader *shader;
+    karst_refiner *refiner;             /* NULL: hits stay as bricks have them */
+    karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
+    karst_world_layout gradient_layout; /* of refine_data */
+    karst_buffer *refine_data;
+} karst_engine_world;
+
+/* What is built of a world. */
+typedef struct {
+    bool shadows, refine;
+    uint32_t max_loads; /* of a round */
+} karst_engine_wishes;
 
 struct karst_engine {
     const karst_log *log;
-    const karst_world_info *world;
-    karst_world_file *world_file; /* NULL: a shipped world */
+    karst_engine_world shown;
+    const karst_world_info *world; /* shown's, as producer and shader are */
     karst_context *context;
     karst_display *display;
     bool owns_display;
@@ -33,8 +58,9 @@ struct karst_engine {
 
     int width_px, height_px;
     size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */
-    bool shadows, count_changed_pixels, reported_non_finite;
+    bool shadows, refine, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
+    double view_distance_m; /* as configured; 0: what the world says */
     uint32_t budget_bricks;
     double budget_ns; /* 0: bricks only */
     karst_cost cost;
@@ -45,10 +71,10 @@ struct karst_engine {
     int top_level;
     bool root_placed;
 
-    int view;                         /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
-    karst_camera drawn;               /* the last frame's */
-    karst_views *views;               /* NULL until one is asked for */
-    karst_caster *counting;           /* the caster that counts steps; NULL until they are asked for */
+    int view;               /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
+    karst_camera drawn;     /* the last frame's */
+    karst_views *views;     /* NULL until one is asked for */
+    karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
     karst_ladder ladder;
     uint32_t serial, frame;
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
@@ -56,15 +82,34 @@ struct karst_engine {
     karst_stats stats;
 };
 
-/* engine_world.c. Opens the world that the configuration names; a file is compiled. Errors: KARST_BAD_WORLD,
- * KARST_USAGE. */
-bool karst_engine_open_world(karst_engine *engine, const karst_engine_config *config, karst_error *error);
-/* Makes the producer, then the shader, which may read the producer's data. */
-bool karst_engine_create_producer(karst_engine *engine, uint32_t seed, karst_error *error);
-bool karst_engine_create_shader(karst_engine *engine, karst_error *error);
+/* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
+ * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error);
+/* The same text with other values, compiled anew. */
+bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
+                                  karst_error *error);
+/* Makes producer, shader and, if wanted, refiner of an open world. */
+bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
+                              const karst_engine_wishes *wishes, karst_error *error);
+void karst_engine_world_close(karst_engine_world *world);
+/* Where rays end in a world, from the configuration or its header. Errors: KARST_USAGE. */
+bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error);
+/* engine_change.c. From now on the engine shows this world, which is built; it is the engine's. */
+void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world);
+
+/* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
+ * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
+ * quick. Errors: KARST_FAILED. */
+bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *world, karst_error *error);
 
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
+
+/* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* After its values or seed changed; does nothing without a refiner. Errors: KARST_FAILED. */
+bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error);
+void karst_engine_world_close_refiner(karst_engine_world *world);
 
 /* engine_picture.c. What follows the picture's size. */
 bool karst_engine_check_size(int width_px, int height_px, karst_error *error);

@@ -1,22 +1,30 @@
-/* Which world an engine shows: finding it, compiling it, and what draws and produces it. */
+/* Which world an engine shows: finding its file, compiling it, and what draws and produces it. */
+#include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/engine_parts.h"
+#include "karst/data.h"
 
-static const karst_world_info *find_world(const char *name, karst_error *error)
+#define WORLD_SUFFIX ".karst"
+#define MAX_LISTED 64
+
+static bool fail_unknown(const char *name, karst_error *error)
 {
-    const karst_world_info *world = name ? karst_world_find(name) : NULL;
-    if (world)
-        return world;
-    char names[512] = "";
-    for (size_t i = 0; karst_world_at(i); i++) {
-        size_t length = strlen(names);
-        snprintf(names + length, sizeof names - length, "%s%s", i ? ", " : "", karst_world_at(i)->name);
+    char names[MAX_LISTED][KARST_DATA_NAME_BYTES], list[1024] = "";
+    size_t count = karst_data_list("worlds", WORLD_SUFFIX, names, MAX_LISTED);
+    for (size_t i = 0; i < count; i++) {
+        size_t length = strlen(list);
+        snprintf(list + length, sizeof list - length, "%s%s", i ? ", " : "", names[i]);
     }
-    karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name ? name : "", names);
-    return NULL;
+    if (count == 0)
+        return karst_fail(error, KARST_BAD_WORLD,
+                          "no world is called '%s', and the worlds that come with Karst are not where they were "
+                          "installed: set KARST_DATA_DIR to the folder that holds worlds/, or give a path",
+                          name);
+    return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name, list);
 }
 
 /* Hands the compiler's lines, if any, to the log. */
@@ -30,66 +38,98 @@ static void log_lines(const karst_log *log, karst_log_level level, char *lines)
     }
 }
 
-static bool is_path(const char *name)
+static bool remember_values(karst_engine_world *world, const karst_world_config *config, karst_error *error)
 {
-    size_t length = name ? strlen(name) : 0;
-    return length && (strchr(name, '/') || (length > 6 && !strcmp(name + length - 6, ".karst")));
+    const karst_program_graph *program = world->file->program;
+    world->seed = config->has_seed ? config->seed : program->header.seed;
+    world->values = calloc(program->num_parameters + 1, sizeof *world->values);
+    for (uint32_t i = 0; world->values && i < program->num_parameters; i++)
+        world->values[i] = program->parameters[i].value;
+    return (world->values && karst_fingerprint_init(&world->fingerprint, program, world->values, world->seed)) ||
+           karst_fail(error, KARST_FAILED, "out of memory");
 }
 
-/* The world and, if it is a file, what it compiles to. */
-bool karst_engine_open_world(karst_engine *engine, const karst_engine_config *config, karst_error *error)
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error)
 {
-    if (!is_path(config->world)) {
-        engine->world = find_world(config->world, error);
-        if (engine->world && config->num_parameters)
-            return karst_fail(error, KARST_USAGE, "the world %s has no parameters", config->world);
-        return engine->world != NULL;
-    }
-    karst_parameter_value *given = calloc(config->num_parameters + 1, sizeof(*given));
+    char path[PATH_MAX], *diagnostics = NULL;
+    const char *name = config->world ? config->world : "";
+    *world = (karst_engine_world){0};
+    if (!karst_data_find("worlds", name, WORLD_SUFFIX, path, sizeof path, NULL))
+        return fail_unknown(name, error);
+    karst_parameter_value *given = calloc(config->num_parameters + 1, sizeof *given);
     if (!given)
         return karst_fail(error, KARST_FAILED, "out of memory");
     for (size_t i = 0; i < config->num_parameters; i++)
         given[i] = (karst_parameter_value){config->parameters[i].name, config->parameters[i].value};
-    char *diagnostics = NULL;
-    engine->world_file = karst_world_file_open(config->world, given, config->num_parameters, &diagnostics, error);
-    log_lines(engine->log, KARST_LOG_WARNING, diagnostics);
+    world->file = karst_world_file_open(path, given, config->num_parameters, &diagnostics, error);
+    log_lines(config->log, KARST_LOG_WARNING, diagnostics);
     free(diagnostics);
     free(given);
-    engine->world = engine->world_file ? &engine->world_file->info : NULL;
-    return engine->world != NULL;
+    if (world->file && remember_values(world, config, error))
+        return true;
+    karst_engine_world_close(world);
+    return false;
 }
 
-bool karst_engine_create_shader(karst_engine *engine, karst_error *error)
+bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
+                                  karst_error *error)
 {
-    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
-    if (!engine->world_file || !engine->world_file->code.colour_source) {
-        engine->shader = karst_shader_create(engine->context, buffers, engine->shadows, error);
+    const karst_program_graph *program = old->file->program;
+    karst_world_config config = {.has_seed = true, .seed = old->seed};
+    *world = (karst_engine_world){0};
+    karst_parameter_value *given = calloc(program->num_parameters + 1, sizeof *given);
+    if (!given)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    size_t num_given = 0;
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        if (!program->parameters[i].is_implicit)
+            given[num_given++] = (karst_parameter_value){program->parameters[i].name, values[i].value};
+    const karst_source *source = &program->source;
+    world->file = karst_world_file_compile(program->name, source->text + source->user_begin,
+                                           source->length - source->user_begin, given, num_given, NULL, error);
+    free(given);
+    if (world->file && remember_values(world, &config, error))
+        return true;
+    karst_engine_world_close(world);
+    return false;
+}
+
+void karst_engine_world_close(karst_engine_world *world)
+{
+    karst_engine_world_close_refiner(world);
+    karst_shader_destroy(world->shader);
+    karst_producer_destroy(world->producer);
+    karst_fingerprint_finish(&world->fingerprint);
+    free(world->values);
+    karst_world_file_destroy(world->file);
+    *world = (karst_engine_world){0};
+}
+
+bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
+                              const karst_engine_wishes *wishes, karst_error *error)
+{
+    world->producer = karst_world_file_producer(context, world->file, world->seed, wishes->max_loads, error);
+    /* After the producer, whose data a world's colours read. */
+    if (!world->producer)
+        return false;
+    if (!world->file->code.colour_source) {
+        world->shader = karst_shader_create(context, buffers, wishes->shadows, error);
     } else {
-        karst_shade_colour colour = {.source = engine->world_file->code.colour_source,
-                                     .options = "-DWORLD_HAS_DATA",
-                                     .data = engine->producer->data[0]};
-        engine->shader = karst_shader_create_coloured(engine->context, buffers, engine->shadows, &colour, error);
+        karst_shade_colour colour = {
+            .source = world->file->code.colour_source, .options = "-DWORLD_HAS_DATA", .data = world->producer->data[0]};
+        world->shader = karst_shader_create_coloured(context, buffers, wishes->shadows, &colour, error);
     }
-    return engine->shader != NULL;
+    return world->shader && (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
 }
 
-bool karst_engine_create_producer(karst_engine *engine, uint32_t seed, karst_error *error)
+bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error)
 {
-    engine->producer =
-        engine->world_file
-            ? karst_world_file_producer(engine->context, engine->world_file, seed, engine->budget_bricks, error)
-            : karst_density_producer_create(engine->context, engine->world, seed, engine->budget_bricks, error);
-    return engine->producer != NULL;
-}
-
-const char *karst_world_name(size_t index)
-{
-    const karst_world_info *world = karst_world_at(index);
-    return world ? world->name : NULL;
-}
-
-const char *karst_world_description(const char *name)
-{
-    const karst_world_info *world = karst_world_find(name);
-    return world ? world->description : NULL;
+    double voxel_m = exp2(info->voxel_log2_m);
+    double distance_m = engine->view_distance_m != 0 ? engine->view_distance_m : info->view_distance_m;
+    double distance_voxels = distance_m / voxel_m;
+    if (!(distance_voxels >= 16 && distance_voxels <= 0x1p56))
+        return karst_fail(error, KARST_USAGE, "a view distance of %g m: this world's goes from %g to %g", distance_m,
+                          16 * voxel_m, 0x1p56 * voxel_m);
+    engine->view_distance_voxels = distance_voxels;
+    return true;
 }

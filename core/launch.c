@@ -49,6 +49,17 @@ static bool launch_failed(karst_context *context, cl_kernel kernel, size_t local
                       karst_cl_error_name(code));
 }
 
+static bool is_new_program(const karst_context *context, cl_kernel kernel)
+{
+    cl_program program;
+    bool is_new = false;
+    if (clGetKernelInfo(kernel, CL_KERNEL_PROGRAM, sizeof program, &program, NULL) != CL_SUCCESS)
+        return false;
+    for (uint32_t i = 0; i < context->num_new_programs; i++)
+        is_new = is_new || context->new_programs[i] == program;
+    return is_new;
+}
+
 bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, size_t global_size, size_t local_size,
                   karst_error *error)
 {
@@ -58,6 +69,8 @@ bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, s
     if (local_size == 0 || (unsigned)stage >= KARST_NUM_STAGES || global_size > SIZE_MAX - (local_size - 1))
         return karst_fail(error, KARST_FAILED, "cannot launch kernel %s: %zu work-items in groups of %zu, stage %d",
                           kernel_name(kernel, name, sizeof(name)), global_size, local_size, (int)stage);
+    if (context->is_fork && !is_new_program(context, kernel))
+        return true;
     size_t rounded = (global_size + local_size - 1) / local_size * local_size;
     cl_event event = NULL;
     cl_int code = clEnqueueNDRangeKernel(context->queue, kernel, 1, NULL, &rounded, &local_size, 0, NULL, &event);

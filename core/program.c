@@ -2,6 +2,7 @@
 #include "core/program_cache.h"
 #include "core/source.h"
 
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -97,6 +98,34 @@ static cl_program compile(karst_context *context, const char *entry, const char 
     return program;
 }
 
+/* ---- which programs this process has built ---- */
+
+#define MAX_BUILT 1024
+
+static uint64_t hash_text(uint64_t hash, const char *text)
+{
+    while (*text) /* FNV-1a */
+        hash = (hash ^ (unsigned char)*text++) * 0x100000001b3u;
+    return hash;
+}
+
+/* Notes a program; false if it was noted before, or nothing more can be. */
+static bool note_program(const char *source, const char *options)
+{
+    static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+    static uint64_t built[MAX_BUILT];
+    static size_t num_built;
+    uint64_t hash = hash_text(hash_text(0xcbf29ce484222325u, source), options);
+    pthread_mutex_lock(&lock);
+    bool is_new = num_built < MAX_BUILT;
+    for (size_t i = 0; i < num_built && is_new; i++)
+        is_new = built[i] != hash;
+    if (is_new)
+        built[num_built++] = hash;
+    pthread_mutex_unlock(&lock);
+    return is_new;
+}
+
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error)
 {
@@ -121,10 +150,13 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
         if (cl)
             karst_program_cache_store(context, &key, all_options, source, cl);
     }
+    bool is_new = cl && note_program(source, all_options);
     karst_program_key_free(&key);
     free(source);
     if (!cl)
         return NULL;
+    if (context->is_fork && is_new && context->num_new_programs < KARST_FORK_PROGRAMS)
+        context->new_programs[context->num_new_programs++] = cl;
     karst_program *program = calloc(1, sizeof(*program));
     if (!program) {
         karst_fail(error, KARST_FAILED, "out of memory");

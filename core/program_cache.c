@@ -360,7 +360,11 @@ static void do_job(struct karst_program_writer *writer, cl_context cl, const wri
     cl_program program = clCreateProgramWithSource(cl, 1, &source, NULL, &code);
     if (code != CL_SUCCESS)
         return;
-    if (clBuildProgram(program, 1, &writer->device, job->options, NULL, NULL) == CL_SUCCESS)
+    /* Under another name: PoCL 3.1 counts the users of a kernel by what it was built from, and loses count (an assertion
+     * of its own) if one is compiled for a binary on this thread while it runs on another. */
+    char options[4096];
+    int length = snprintf(options, sizeof options, "%s -DKARST_KEPT_PROGRAM", job->options);
+    if (length < (int)sizeof options && clBuildProgram(program, 1, &writer->device, options, NULL, NULL) == CL_SUCCESS)
         keep(&job->key, program);
     clReleaseProgram(program);
 }

@@ -43,6 +43,8 @@ typedef struct {
     uint32_t seed;             /* instead of the world's own */
     bool no_shadows;           /* leave out the second stream of rays, and its kernels */
     bool count_changed_pixels; /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
+    bool refine; /* move each hit from the bricks' surface to the true density's, with its exact gradient as normal;
+                  * only for world files. Costs a few evaluations of the density for each pixel */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
     const karst_log *log;      /* borrowed, outlives the engine; NULL: silent */
 } karst_engine_config;
@@ -84,10 +86,6 @@ void karst_engine_stats(const karst_engine *engine, karst_stats *stats);
 /* Debug pass over the pools: every reference is valid and mutual, nothing leaks, there is no cycle. false: `error`
  * names the first fault. */
 bool karst_engine_check(karst_engine *engine, karst_error *error);
-
-/* The shipped worlds: name by index, NULL past the end. */
-const char *karst_world_name(size_t index);
-const char *karst_world_description(const char *name);
 
 /* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens
  * and closes each display on this thread: call it where no OpenGL context of yours is current. */

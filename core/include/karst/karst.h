@@ -2,6 +2,7 @@
 #ifndef KARST_H
 #define KARST_H
 #include "karst/camera.h"
+#include "karst/change.h"
 #include "karst/data.h"
 #include "karst/display.h"
 #include "karst/engine.h"

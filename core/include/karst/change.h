@@ -1,0 +1,48 @@
+/* Worlds that change while an engine shows them: other values of parameters, and other worlds. */
+#ifndef KARST_CHANGE_H
+#define KARST_CHANGE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "karst/engine.h"
+#include "karst/error.h"
+#include "karst/world.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Sets parameters of the world that is shown, from the next frame on; the others keep their values. Values are clamped
+ * to the ranges of the header. Nothing is compiled, unless a structural parameter changes (karst_parameter_info says
+ * which those are), which takes as long as a new world. What was made stays, unless the density itself depends on what
+ * changed; then it is made anew, coarse first, so set the parameters that belong together in one call. Errors:
+ * KARST_USAGE (a name that the world does not have; nothing changes), KARST_BAD_WORLD (a structural value with which it
+ * does not compile; nothing changes), KARST_FAILED. */
+bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *parameters, size_t num_parameters,
+                                 karst_error *error);
+/* The value in force. Errors: KARST_USAGE (no such name). */
+bool karst_engine_parameter(const karst_engine *engine, const char *name, double *value, karst_error *error);
+
+/* A world made ready for an engine. */
+typedef struct karst_prepared_world karst_prepared_world;
+
+/* Compiles a world, and what runs of it on the engine's device, without touching the engine: it may be called from
+ * another thread while the engine draws frames, one preparation at a time. It takes seconds where the programs are not
+ * kept from an earlier time. `config` is read during the call only. Errors: as karst_world_open, and KARST_FAILED.
+ * Ends with karst_engine_change_world or karst_prepared_world_destroy, before the engine is destroyed. */
+karst_prepared_world *karst_engine_prepare_world(karst_engine *engine, const karst_world_config *config,
+                                                 karst_error *error);
+void karst_prepared_world_destroy(karst_prepared_world *world); /* NULL is fine */
+
+/* Shows a prepared world from the next frame on, and takes it over, also when it fails (then the old one stays).
+ * Called from the engine's own thread. The camera stays where it is, in metres. If the density is the same (the text
+ * changed in colours, names, sun or comments only), all that was made stays: no brick is made again. *kept, which may be
+ * NULL, says so. Errors: KARST_USAGE (view distance of the configuration against the voxels of this world),
+ * KARST_FAILED. */
+bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
