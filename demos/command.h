@@ -13,6 +13,7 @@
  *   command_bench*.c   karst bench; see command_bench.h
  *   command_check.c    karst check
  *   command_sample.c   karst sample
+ *   view/              karst view; see view/view.h
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -198,6 +199,7 @@ typedef struct {
 } command;
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_view(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);

@@ -6,6 +6,7 @@
 
 static const command commands[] = {
     {"render", "one picture of a world, to a PNG", command_render},
+    {"view", "a window on a world: fly, walk, change it and see", command_view},
     {"bench", "measures a world: frame time by stage, production, churn, memory", command_bench},
     {"check", "what there is to say of a world file: mistakes, bounds, precision, cost", command_check},
     {"sample", "a world's density, gradient and bounds at points", command_sample},

@@ -1,0 +1,369 @@
+/* What one leaves with: pictures, paths, videos, statistics, the place as a command line. */
+#include "demos/view/view.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define KEYFRAME_EVERY_S 0.2
+#define VIDEO_FPS 30.0
+#define MAX_NUMBERED 100000
+
+/* The world's name as part of a file's: without folders and suffix. */
+static void short_name(const viewer *v, char *name, size_t size_bytes)
+{
+    const char *slash = strrchr(v->world, '/');
+    snprintf(name, size_bytes, "%s", slash ? slash + 1 : v->world);
+    char *point = strrchr(name, '.');
+    if (point && point != name)
+        *point = 0;
+}
+
+/* The first of FOLDER/karst-WORLD-001.SUFFIX, -002, ... that is not there yet. */
+static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX], karst_error *error)
+{
+    char name[128];
+    short_name(v, name, sizeof name);
+    for (int i = 1; i < MAX_NUMBERED; i++) {
+        int length = snprintf(path, PATH_MAX, "%s/karst-%s-%03d.%s", v->settings.folder, name, i, suffix);
+        if (length < 0 || length >= PATH_MAX)
+            return karst_fail(error, KARST_FAILED, "the name of the folder %.60s... is too long", v->settings.folder);
+        if (access(path, F_OK) != 0)
+            return true;
+    }
+    return karst_fail(error, KARST_FAILED, "%s is full of pictures", v->settings.folder);
+}
+
+/* ---- pictures ---- */
+
+static bool write_exr(viewer *v, const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error)
+{
+    size_t num_pixels = (size_t)width_px * (size_t)height_px;
+    float *depth_m = malloc(num_pixels * sizeof *depth_m), *normals = malloc(3 * num_pixels * sizeof *normals);
+    bool written = depth_m && normals
+                       ? karst_engine_read_depth(v->engine, depth_m, num_pixels, error) &&
+                             karst_engine_read_normals(v->engine, normals, 3 * num_pixels, error) &&
+                             karst_image_write_exr(path, rgba, depth_m, normals, width_px, height_px, error)
+                       : karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
+    free(depth_m);
+    free(normals);
+    return written;
+}
+
+/* The last frame's pixels, malloc'ed, at the size that it was drawn with. */
+static uint8_t *read_picture(viewer *v, karst_error *error)
+{
+    size_t size_bytes = (size_t)v->stats.num_pixels * 4;
+    uint8_t *rgba = malloc(size_bytes);
+    if (!rgba)
+        karst_fail(error, KARST_FAILED, "out of memory for a picture");
+    else if (karst_engine_read_pixels(v->engine, rgba, size_bytes, error))
+        return rgba;
+    free(rgba);
+    return NULL;
+}
+
+bool view_capture_pictures(viewer *v, karst_error *error)
+{
+    view_capture *c = &v->capture;
+    if ((!c->want_png && !c->want_exr) || v->stats.num_pixels != (uint64_t)v->width_px * (uint64_t)v->height_px)
+        return true;
+    uint8_t *rgba = read_picture(v, error);
+    if (!rgba)
+        return false;
+    for (int exr = 0; exr < 2; exr++) {
+        bool *want = exr ? &c->want_exr : &c->want_png;
+        karst_error reason = {0};
+        char path[PATH_MAX];
+        if (!*want)
+            continue;
+        *want = false;
+        if (number_file(v, exr ? "exr" : "png", path, &reason) &&
+            (exr ? write_exr(v, path, rgba, v->width_px, v->height_px, &reason)
+                 : karst_image_write_png(path, rgba, v->width_px, v->height_px, &reason))) {
+            c->num_pictures++;
+            snprintf(c->last_file, sizeof c->last_file, "%s", path);
+            view_toast(v, "picture: %s%s", path, v->settled ? "" : " (not settled yet)");
+        } else {
+            view_complain(v, "%s", reason.message);
+        }
+    }
+    free(rgba);
+    return true;
+}
+
+void view_copy_command(viewer *v)
+{
+    char camera[512];
+    karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
+    snprintf(v->capture.copied, sizeof v->capture.copied, "karst render %s --camera %s", v->world, camera);
+    glfwSetClipboardString(v->window, v->capture.copied);
+    view_toast(v, "copied: %s", v->capture.copied);
+}
+
+/* ---- recording a path ---- */
+
+static bool add_keyframe(viewer *v, double time_s)
+{
+    view_capture *c = &v->capture;
+    if (c->num_keyframes == c->max_keyframes) {
+        size_t max = c->max_keyframes ? 2 * c->max_keyframes : 256;
+        void *more = realloc(c->keyframes, max * sizeof *c->keyframes);
+        if (!more)
+            return false;
+        c->keyframes = more;
+        c->max_keyframes = max;
+    }
+    c->keyframes[c->num_keyframes].time_s = time_s;
+    c->keyframes[c->num_keyframes++].camera = v->motion.camera;
+    c->recorded_at_s = v->now_s;
+    return true;
+}
+
+void view_record_step(viewer *v)
+{
+    view_capture *c = &v->capture;
+    if (!c->recording || v->now_s - c->recorded_at_s < KEYFRAME_EVERY_S)
+        return;
+    if (!add_keyframe(v, v->now_s - c->record_start_s)) {
+        c->recording = false;
+        view_complain(v, "out of memory for the path; it ends here");
+        view_record_save(v);
+    }
+}
+
+static json_t *describe_keyframe(const viewer *v, double time_s, const karst_camera *camera)
+{
+    char text[3][192];
+    for (int axis = 0; axis < 3; axis++)
+        karst_coordinate_format(camera->position.voxel[axis], camera->position.fraction[axis],
+                                karst_engine_voxel_log2_m(v->engine), text[axis], sizeof text[axis]);
+    return json_pack("{s:f, s:[s,s,s], s:f, s:f, s:f}", "time", time_s, "position", text[0], text[1], text[2], "yaw",
+                     camera->yaw_deg, "pitch", camera->pitch_deg, "fov", camera->fov_deg);
+}
+
+bool view_record_save(viewer *v)
+{
+    view_capture *c = &v->capture;
+    karst_error error = {0};
+    char path[PATH_MAX];
+    if (!c->num_keyframes)
+        return false;
+    json_t *frames = json_array();
+    for (size_t i = 0; i < c->num_keyframes; i++)
+        json_array_append_new(frames, describe_keyframe(v, c->keyframes[i].time_s, &c->keyframes[i].camera));
+    json_t *root = json_pack("{s:s, s:s, s:s, s:o}", "description", "recorded in the viewer", "world", v->world,
+                             "interpolation", "smooth", "keyframes", frames);
+    char *text = root ? json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(12)) : NULL;
+    bool saved = text ? number_file(v, "json", path, &error) && command_write_text(path, text, &error)
+                      : karst_fail(&error, KARST_FAILED, "out of memory for the path");
+    if (saved)
+        snprintf(c->path_file, sizeof c->path_file, "%s", path);
+    if (v->window && saved)
+        view_toast(v, "path: %s", path);
+    else if (saved)
+        command_say(v->talk, "path: %s", path);
+    else
+        view_complain(v, "%s", error.message);
+    free(text);
+    json_decref(root);
+    c->num_keyframes = 0;
+    return saved;
+}
+
+void view_record_toggle(viewer *v)
+{
+    view_capture *c = &v->capture;
+    if (c->recording) {
+        c->recording = false;
+        if (v->now_s - c->recorded_at_s > 1e-3)
+            add_keyframe(v, v->now_s - c->record_start_s);
+        view_record_save(v);
+        return;
+    }
+    view_replay_stop(v);
+    c->num_keyframes = 0;
+    c->record_start_s = v->now_s;
+    c->recording = add_keyframe(v, 0);
+    view_toast(v, "recording a path; F6 ends it");
+}
+
+/* ---- replaying one ---- */
+
+bool view_replay_start(viewer *v, const char *file, karst_error *error)
+{
+    view_capture *c = &v->capture;
+    karst_path *path = karst_path_load(file, karst_engine_voxel_log2_m(v->engine), error);
+    if (!path)
+        return false;
+    view_replay_stop(v);
+    c->path = path;
+    c->replay_start_s = -1; /* with the next frame */
+    view_toast(v, "flying along %s, %.0f s; F7 stops", file, karst_path_end_s(path) - karst_path_start_s(path));
+    return true;
+}
+
+void view_replay_stop(viewer *v)
+{
+    karst_path_destroy(v->capture.path);
+    v->capture.path = NULL;
+}
+
+bool view_replay_step(viewer *v)
+{
+    view_capture *c = &v->capture;
+    if (!c->path)
+        return false;
+    if (c->replay_start_s < 0)
+        c->replay_start_s = v->now_s;
+    double time_s = karst_path_start_s(c->path) + v->now_s - c->replay_start_s;
+    karst_camera camera = karst_path_sample(c->path, time_s);
+    view_set_camera(v, &camera);
+    if (time_s >= karst_path_end_s(c->path)) {
+        view_replay_stop(v);
+        v->leaving = v->leaving || c->replay_only;
+    }
+    return true;
+}
+
+/* ---- video ---- */
+
+void view_video_stop(viewer *v)
+{
+    view_capture *c = &v->capture;
+    karst_error error = {0};
+    if (!c->video)
+        return;
+    bool finished = command_pictures_finish(c->video, &error);
+    c->video = NULL;
+    if (!finished)
+        view_complain(v, "%s", error.message);
+    else if (v->window)
+        view_toast(v, "video: %s, %zu pictures", c->video_file, c->num_video_pictures);
+}
+
+void view_video_toggle(viewer *v)
+{
+    view_capture *c = &v->capture;
+    karst_error error = {0};
+    if (c->video) {
+        view_video_stop(v);
+        return;
+    }
+    if (number_file(v, "mp4", c->video_file, &error) &&
+        command_pictures_check(c->video_file, false, v->width_px, v->height_px, &error))
+        c->video = command_pictures_open(c->video_file, v->width_px, v->height_px, VIDEO_FPS, &error);
+    if (!c->video) {
+        view_complain(v, "%s", error.message);
+        return;
+    }
+    c->video_size_px[0] = v->width_px;
+    c->video_size_px[1] = v->height_px;
+    c->video_start_s = v->now_s;
+    c->num_video_pictures = 0;
+    view_toast(v, "recording a video of %dx%d, all pixels; F8 ends it", v->width_px, v->height_px);
+}
+
+/* As many pictures as the clock says, so that the video runs as fast as the flight did. */
+bool view_video_step(viewer *v, karst_error *error)
+{
+    view_capture *c = &v->capture;
+    if (!c->video)
+        return true;
+    if (v->width_px != c->video_size_px[0] || v->height_px != c->video_size_px[1]) {
+        view_video_stop(v);
+        view_toast(v, "the window has another size: the video ends here");
+        return true;
+    }
+    size_t due = (size_t)((v->now_s - c->video_start_s) * VIDEO_FPS) + 1;
+    if (due <= c->num_video_pictures || v->stats.num_pixels != (uint64_t)v->width_px * (uint64_t)v->height_px)
+        return true;
+    uint8_t *rgba = read_picture(v, error);
+    karst_error reason = {0};
+    bool added = rgba != NULL;
+    while (added && c->num_video_pictures < due)
+        added = command_pictures_add(c->video, c->num_video_pictures++, rgba, &reason);
+    free(rgba);
+    if (!rgba)
+        return false;
+    if (!added) {
+        command_pictures_discard(c->video);
+        c->video = NULL;
+        view_complain(v, "%s", reason.message);
+    }
+    return true;
+}
+
+/* ---- statistics ---- */
+
+static json_t *describe_viewer(const viewer *v)
+{
+    char camera[512];
+    karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
+    json_t *o = json_object(), *parameters = json_object();
+    json_object_set_new(o, "camera", json_string(camera));
+    json_object_set_new(o, "mode", json_string(view_mode_names[v->motion.mode]));
+    json_object_set_new(o, "speed_m_s", json_real(v->motion.speed_m_s));
+    json_object_set_new(o, "on_ground", json_boolean(v->motion.on_ground));
+    json_object_set_new(o, "view", json_string(karst_view_name(v->view)));
+    json_object_set_new(o, "page", json_string(view_page_names[v->page]));
+    json_object_set_new(o, "help", json_boolean(v->help_shown));
+    json_object_set_new(o, "prompt", json_boolean(v->prompt_shown));
+    json_object_set_new(o, "sliders", json_boolean(v->sliders.shown));
+    json_object_set_new(o, "mouse_captured", json_boolean(v->captured));
+    json_object_set_new(o, "fullscreen", json_boolean(v->fullscreen));
+    json_object_set_new(o, "fixed_resolution", json_boolean(v->settings.fixed_resolution));
+    json_object_set_new(o, "share_of_side", json_real((double)v->resolution.share / VIEW_FULL_SHARE));
+    json_object_set_new(o, "settled", json_boolean(v->settled));
+    json_object_set_new(o, "reloads", json_integer(v->reload.num_reloads));
+    json_object_set_new(o, "reload_errors", json_integer(v->reload.num_errors));
+    json_object_set_new(o, "error", json_string(v->reload.error));
+    json_object_set_new(o, "message", json_string(v->toast));
+    json_object_set_new(o, "pictures", json_integer(v->capture.num_pictures));
+    json_object_set_new(o, "last_picture", json_string(v->capture.last_file));
+    json_object_set_new(o, "recording", json_boolean(v->capture.recording));
+    json_object_set_new(o, "replaying", json_boolean(v->capture.path != NULL));
+    json_object_set_new(o, "video", json_boolean(v->capture.video != NULL));
+    json_object_set_new(o, "copied", json_string(v->capture.copied));
+    json_object_set_new(o, "frames_late", json_integer((json_int_t)v->num_late));
+    json_object_set_new(o, "frames_moving", json_integer((json_int_t)v->num_moving));
+    json_object_set_new(o, "first_frame_s", json_real(v->first_frame_s));
+    json_object_set_new(o, "hit_level", v->probe.hit ? json_integer(v->probe.level) : json_null());
+    json_object_set_new(o, "hit_depth_m", v->probe.hit ? json_real(v->probe.depth_m) : json_null());
+    for (int i = 0; i < v->sliders.num_sliders; i++)
+        json_object_set_new(parameters, v->sliders.sliders[i].name, json_real(v->sliders.sliders[i].value));
+    json_object_set_new(o, "parameters", parameters);
+    return o;
+}
+
+bool view_statistics_write(viewer *v, const char *file, karst_error *error)
+{
+    command_record *record = &v->capture.record;
+    record->world = v->world;
+    karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), record->camera, sizeof record->camera);
+    record->display = karst_display_kind_name(karst_display_get_kind(v->display));
+    record->display_description = karst_display_description(v->display);
+    record->width_px = v->width_px;
+    record->height_px = v->height_px;
+    record->live = true;
+    record->path = v->settings.replay;
+    record->settled = v->settled;
+    record->elapsed_ns = (uint64_t)(v->now_s * 1e9);
+    char *text = command_record_json(record);
+    json_t *root = text ? json_loads(text, 0, NULL) : NULL;
+    free(text);
+    text = NULL;
+    if (root) {
+        json_object_set_new(root, "viewer", describe_viewer(v));
+        text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+        json_decref(root);
+    }
+    if (!text)
+        return karst_fail(error, KARST_FAILED, "out of memory for the statistics");
+    bool written = command_write_text(file, text, error);
+    free(text);
+    return written;
+}

@@ -1,0 +1,476 @@
+/* Keys and mouse: one table says what there is, for the help in the window, for the manual, and for what happens. */
+#include "demos/view/view.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <string.h>
+
+#define ANY (-1)
+#define SHIFT GLFW_MOD_SHIFT
+#define CTRL GLFW_MOD_CONTROL
+#define LOOK_DEG_PER_S 60.0
+#define LEAVE_WITHIN_S 3.0
+#define SPEED_STEPS_PER_DECADE 8.0
+
+/* clang-format off */
+const view_key view_keys[] = {
+    {"Moving", "W A S D", "forward, left, back, right; in orbit: nearer, around, farther, around",
+     {{GLFW_KEY_W, ANY, VIEW_DO_NOTHING}, {GLFW_KEY_A, ANY, VIEW_DO_NOTHING}, {GLFW_KEY_S, ANY, VIEW_DO_NOTHING},
+      {GLFW_KEY_D, ANY, VIEW_DO_NOTHING}}},
+    {NULL, "E Q", "up, down; walking, E jumps", {{GLFW_KEY_E, ANY, VIEW_DO_NOTHING}, {GLFW_KEY_Q, ANY, VIEW_DO_NOTHING}}},
+    {NULL, "Shift, Ctrl", "held: ten times as fast, ten times as slow", {{0}}},
+    {NULL, "Wheel, + -", "speed, from 1 mm/s to 10^9 m/s",
+     {{GLFW_KEY_EQUAL, ANY, VIEW_DO_FASTER}, {GLFW_KEY_KP_ADD, ANY, VIEW_DO_FASTER},
+      {GLFW_KEY_MINUS, ANY, VIEW_DO_SLOWER}, {GLFW_KEY_KP_SUBTRACT, ANY, VIEW_DO_SLOWER}}},
+    {NULL, "Drag, arrows", "look around", {{GLFW_KEY_LEFT, ANY, VIEW_DO_SLIDER_LESS}, {GLFW_KEY_RIGHT, ANY, VIEW_DO_SLIDER_MORE},
+      {GLFW_KEY_UP, ANY, VIEW_DO_SLIDER_UP}, {GLFW_KEY_DOWN, ANY, VIEW_DO_SLIDER_DOWN}}},
+    {NULL, "L, right button", "the mouse looks without dragging, or no longer", {{GLFW_KEY_L, ANY, VIEW_DO_MOUSE}}},
+    {NULL, "M", "fly, walk, orbit around what is under the cross-hair", {{GLFW_KEY_M, ANY, VIEW_DO_MODE}}},
+    {NULL, "[ ]", "narrower, wider field of view",
+     {{GLFW_KEY_LEFT_BRACKET, ANY, VIEW_DO_NARROWER}, {GLFW_KEY_RIGHT_BRACKET, ANY, VIEW_DO_WIDER}}},
+    {"Places", "Home", "where the world begins", {{GLFW_KEY_HOME, ANY, VIEW_DO_HOME}}},
+    {NULL, "1 to 9", "to a bookmark; with Ctrl: keep this place as one", {{0}}},
+    {NULL, "G", "go to coordinates, typed", {{GLFW_KEY_G, ANY, VIEW_DO_GO_TO}}},
+    {NULL, "C", "copy this place as a command line", {{GLFW_KEY_C, ANY, VIEW_DO_COPY}}},
+    {"World", "P", "parameters; arrows choose and change them (Shift: more, Ctrl: less)",
+     {{GLFW_KEY_P, ANY, VIEW_DO_SLIDERS}}},
+    {NULL, "Backspace", "the chosen parameter as it was; with Shift: all of them",
+     {{GLFW_KEY_BACKSPACE, 0, VIEW_DO_SLIDER_RESET}, {GLFW_KEY_BACKSPACE, SHIFT, VIEW_DO_SLIDER_RESET_ALL}}},
+    {NULL, "F2", "save the parameters into the world file", {{GLFW_KEY_F2, ANY, VIEW_DO_SAVE_WORLD}}},
+    {NULL, "F5", "read the world file again (saving it does so too)", {{GLFW_KEY_F5, ANY, VIEW_DO_RELOAD}}},
+    {"Seeing", "Tab", "panels: none, status, frame times, cache", {{GLFW_KEY_TAB, ANY, VIEW_DO_PAGE}}},
+    {NULL, "V, Shift+V", "the picture; level, bricks, steps, age, produced, provisional, depth, normal",
+     {{GLFW_KEY_V, 0, VIEW_DO_NEXT_VIEW}, {GLFW_KEY_V, SHIFT, VIEW_DO_PREVIOUS_VIEW}}},
+    {NULL, "F9", "fewer pixels while moving, or always all", {{GLFW_KEY_F9, ANY, VIEW_DO_RESOLUTION}}},
+    {NULL, "F11", "full screen", {{GLFW_KEY_F11, ANY, VIEW_DO_FULLSCREEN}}},
+    {"Leaving with", "F12, Shift+F12", "a picture as PNG; as EXR, with depth and normals",
+     {{GLFW_KEY_F12, 0, VIEW_DO_PICTURE}, {GLFW_KEY_F12, SHIFT, VIEW_DO_PICTURE_EXR}}},
+    {NULL, "F6, F7", "record a path, and end; fly along the last one, and stop",
+     {{GLFW_KEY_F6, ANY, VIEW_DO_RECORD}, {GLFW_KEY_F7, ANY, VIEW_DO_REPLAY}}},
+    {NULL, "F8", "record a video, and end", {{GLFW_KEY_F8, ANY, VIEW_DO_VIDEO}}},
+    {NULL, "F3", "write statistics", {{GLFW_KEY_F3, ANY, VIEW_DO_STATISTICS}}},
+    {"This", "H, ?, F1", "these keys",
+     {{GLFW_KEY_H, ANY, VIEW_DO_HELP}, {GLFW_KEY_SLASH, SHIFT, VIEW_DO_HELP}, {GLFW_KEY_F1, ANY, VIEW_DO_HELP}}},
+    {NULL, "Esc", "close what is open; twice in a row: leave", {{GLFW_KEY_ESCAPE, ANY, VIEW_DO_ESCAPE}}},
+};
+/* clang-format on */
+const size_t view_num_keys = sizeof view_keys / sizeof *view_keys;
+
+void view_keys_print(FILE *file)
+{
+    for (size_t i = 0; i < view_num_keys; i++) {
+        if (view_keys[i].section)
+            fprintf(file, "  %s\n", view_keys[i].section);
+        fprintf(file, "    %-16s %s\n", view_keys[i].label, view_keys[i].help);
+    }
+}
+
+/* Minus signs that may be typed again. */
+static void print_escaped(FILE *file, const char *text)
+{
+    for (; *text; text++)
+        fprintf(file, *text == '-' ? "\\-" : *text == '\\' ? "\\e" : "%c", *text);
+}
+
+void view_keys_print_manual(FILE *file)
+{
+    for (size_t i = 0; i < view_num_keys; i++) {
+        if (view_keys[i].section)
+            fprintf(file, ".SS %s\n", view_keys[i].section);
+        fputs(".TP\n.B \"", file);
+        print_escaped(file, view_keys[i].label);
+        fputs("\"\n", file);
+        print_escaped(file, view_keys[i].help);
+        fputs("\n", file);
+    }
+}
+
+/* ---- messages ---- */
+
+static void set_toast(viewer *v, bool bad, const char *format, va_list arguments)
+{
+    vsnprintf(v->toast, sizeof v->toast, format, arguments);
+    v->toast_bad = bad;
+    v->toast_until_s = glfwGetTime() + (bad ? 6 : 3);
+    v->hud_dirty = true;
+}
+
+void view_toast(viewer *v, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    set_toast(v, false, format, arguments);
+    va_end(arguments);
+    command_say(v->talk, "%s", v->toast);
+}
+
+void view_complain(viewer *v, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    set_toast(v, true, format, arguments);
+    va_end(arguments);
+    command_say_error(v->talk, v->toast);
+}
+
+/* ---- what keys do ---- */
+
+static void change_view(viewer *v, int by)
+{
+    v->view = (karst_view)(((int)v->view + by + KARST_NUM_VIEWS) % KARST_NUM_VIEWS);
+    karst_error error = {0};
+    if (!karst_engine_set_view(v->engine, v->view, &error)) {
+        view_complain(v, "%s", error.message);
+        v->view = KARST_VIEW_PICTURE;
+        karst_engine_set_view(v->engine, v->view, NULL);
+    }
+    v->settled = false;
+    view_toast(v, "view: %s", karst_view_name(v->view));
+}
+
+static void change_speed(viewer *v, double steps)
+{
+    double speed = v->motion.speed_m_s * pow(10, steps / SPEED_STEPS_PER_DECADE);
+    v->motion.speed_m_s = fmin(VIEW_MAX_SPEED_M_S, fmax(VIEW_MIN_SPEED_M_S, speed));
+    v->hud_dirty = true;
+}
+
+static void change_fov(viewer *v, double factor)
+{
+    karst_camera camera = v->motion.camera;
+    camera.fov_deg = fmin(170, fmax(0.001, camera.fov_deg * factor));
+    view_set_camera(v, &camera);
+}
+
+static void go_to_bookmark(viewer *v, int number)
+{
+    karst_camera camera = v->motion.camera;
+    karst_error error = {0};
+    const char *text = v->memory.bookmarks[number];
+    if (!*text)
+        view_complain(v, "there is no bookmark %d; Ctrl+%d keeps this place as one", number + 1, number + 1);
+    else if (!karst_camera_parse(text, karst_engine_voxel_log2_m(v->engine), &camera, &error))
+        view_complain(v, "%s", error.message);
+    else
+        view_set_camera(v, &camera);
+}
+
+static void keep_bookmark(viewer *v, int number)
+{
+    karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), v->memory.bookmarks[number],
+                        sizeof v->memory.bookmarks[number]);
+    view_memory_write(v);
+    view_toast(v, "bookmark %d is here", number + 1);
+}
+
+static void escape(viewer *v)
+{
+    if (v->captured) {
+        view_window_capture(v, false);
+    } else if (v->help_shown) {
+        v->help_shown = false;
+    } else if (v->sliders.shown) {
+        v->sliders.shown = false;
+    } else if (v->now_s < v->asked_to_leave_s + LEAVE_WITHIN_S) {
+        v->leaving = true;
+    } else {
+        v->asked_to_leave_s = v->now_s;
+        view_toast(v, "Esc once more leaves");
+    }
+}
+
+static void write_statistics(viewer *v)
+{
+    char file[PATH_MAX];
+    karst_error error = {0};
+    if (v->settings.stats)
+        snprintf(file, sizeof file, "%s", v->settings.stats);
+    else
+        snprintf(file, sizeof file, "%s/karst-statistics.json", v->settings.folder);
+    if (view_statistics_write(v, file, &error))
+        view_toast(v, "statistics: %s", file);
+    else
+        view_complain(v, "%s", error.message);
+}
+
+static void toggle_replay(viewer *v)
+{
+    karst_error error = {0};
+    if (v->capture.path)
+        view_replay_stop(v);
+    else if (!*v->capture.path_file)
+        view_complain(v, "no path was recorded yet; F6 records one");
+    else if (!view_replay_start(v, v->capture.path_file, &error))
+        view_complain(v, "%s", error.message);
+}
+
+void view_do(viewer *v, view_action action, int number)
+{
+    v->hud_dirty = true;
+    switch (action) {
+    case VIEW_DO_NOTHING:
+        break;
+    case VIEW_DO_HELP:
+        v->help_shown = !v->help_shown;
+        break;
+    case VIEW_DO_ESCAPE:
+        escape(v);
+        break;
+    case VIEW_DO_PAGE:
+        v->page = (view_page)((v->page + 1) % VIEW_NUM_PAGES);
+        break;
+    case VIEW_DO_SLIDERS:
+        if (v->sliders.num_sliders)
+            v->sliders.shown = !v->sliders.shown;
+        else
+            view_complain(v, "the world %s has no parameters", v->world);
+        break;
+    case VIEW_DO_NEXT_VIEW:
+        change_view(v, 1);
+        break;
+    case VIEW_DO_PREVIOUS_VIEW:
+        change_view(v, -1);
+        break;
+    case VIEW_DO_MODE:
+        view_set_mode(v, (view_mode)((v->motion.mode + 1) % VIEW_NUM_MODES));
+        break;
+    case VIEW_DO_MOUSE:
+        view_window_capture(v, !v->captured);
+        break;
+    case VIEW_DO_FASTER:
+        change_speed(v, 1);
+        break;
+    case VIEW_DO_SLOWER:
+        change_speed(v, -1);
+        break;
+    case VIEW_DO_WIDER:
+        change_fov(v, 1.1);
+        break;
+    case VIEW_DO_NARROWER:
+        change_fov(v, 1 / 1.1);
+        break;
+    case VIEW_DO_HOME: {
+        karst_camera home = karst_engine_default_camera(v->engine);
+        view_set_camera(v, &home);
+        break;
+    }
+    case VIEW_DO_GO_TO:
+        v->prompt_shown = true;
+        v->prompt[0] = v->prompt_error[0] = 0;
+        view_release_all(v);
+        break;
+    case VIEW_DO_COPY:
+        view_copy_command(v);
+        break;
+    case VIEW_DO_BOOKMARK:
+        go_to_bookmark(v, number);
+        break;
+    case VIEW_DO_KEEP_BOOKMARK:
+        keep_bookmark(v, number);
+        break;
+    case VIEW_DO_RESOLUTION:
+        v->settings.fixed_resolution = !v->settings.fixed_resolution;
+        view_toast(v, v->settings.fixed_resolution ? "always all pixels" : "fewer pixels while moving, for %.0f fps",
+                   v->settings.fps);
+        break;
+    case VIEW_DO_FULLSCREEN:
+        view_window_fullscreen(v, !v->fullscreen);
+        break;
+    case VIEW_DO_SAVE_WORLD:
+        view_sliders_save(v);
+        break;
+    case VIEW_DO_STATISTICS:
+        write_statistics(v);
+        break;
+    case VIEW_DO_RELOAD: {
+        bool changed;
+        karst_error error = {0};
+        if (!v->is_file)
+            view_complain(v, "the world %s is part of Karst: there is no file to read again", v->world);
+        else if (!view_reload_step(v, true, &changed, &error))
+            view_complain(v, "%s", error.message);
+        break;
+    }
+    case VIEW_DO_RECORD:
+        view_record_toggle(v);
+        break;
+    case VIEW_DO_REPLAY:
+        toggle_replay(v);
+        break;
+    case VIEW_DO_VIDEO:
+        view_video_toggle(v);
+        break;
+    case VIEW_DO_PICTURE:
+        v->capture.want_png = true;
+        break;
+    case VIEW_DO_PICTURE_EXR:
+        v->capture.want_exr = true;
+        break;
+    case VIEW_DO_SLIDER_UP:
+    case VIEW_DO_SLIDER_DOWN:
+        if (v->sliders.shown && v->sliders.num_sliders) {
+            int by = action == VIEW_DO_SLIDER_UP ? v->sliders.num_sliders - 1 : 1;
+            v->sliders.chosen = (v->sliders.chosen + by) % v->sliders.num_sliders;
+        }
+        break;
+    case VIEW_DO_SLIDER_LESS:
+    case VIEW_DO_SLIDER_MORE:
+        if (v->sliders.shown)
+            view_sliders_step(v, action == VIEW_DO_SLIDER_MORE ? 1 : -1, number);
+        break;
+    case VIEW_DO_SLIDER_RESET:
+        if (v->sliders.shown && v->sliders.num_sliders)
+            view_sliders_set(v, v->sliders.chosen, v->sliders.sliders[v->sliders.chosen].original);
+        break;
+    case VIEW_DO_SLIDER_RESET_ALL:
+        for (int i = 0; v->sliders.shown && i < v->sliders.num_sliders; i++)
+            view_sliders_set(v, i, v->sliders.sliders[i].original);
+        break;
+    }
+}
+
+/* ---- the prompt ---- */
+
+static void run_prompt(viewer *v)
+{
+    /* Three numbers are a place: angles stay. */
+    char text[sizeof v->prompt + 64];
+    int commas = 0;
+    for (const char *p = v->prompt; *p; p++)
+        commas += *p == ',';
+    if (commas == 2)
+        snprintf(text, sizeof text, "%s,%.17g,%.17g", v->prompt, v->motion.camera.yaw_deg, v->motion.camera.pitch_deg);
+    else
+        snprintf(text, sizeof text, "%s", v->prompt);
+    karst_camera camera = v->motion.camera;
+    karst_error error = {0};
+    if (karst_camera_parse(text, karst_engine_voxel_log2_m(v->engine), &camera, &error)) {
+        v->prompt_shown = false;
+        view_set_camera(v, &camera);
+    } else {
+        snprintf(v->prompt_error, sizeof v->prompt_error, "%.250s", error.message);
+    }
+}
+
+static void append_to_prompt(viewer *v, const char *text)
+{
+    size_t length = strlen(v->prompt);
+    for (; *text && length + 1 < sizeof v->prompt; text++)
+        if (strchr("0123456789+-.,eE ", *text))
+            v->prompt[length++] = *text;
+    v->prompt[length] = 0;
+}
+
+static void prompt_key(viewer *v, int key, int mods)
+{
+    size_t length = strlen(v->prompt);
+    v->hud_dirty = true;
+    if (key == GLFW_KEY_ESCAPE) {
+        v->prompt_shown = false;
+    } else if (key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER) {
+        run_prompt(v);
+    } else if (key == GLFW_KEY_BACKSPACE && length) {
+        v->prompt[length - 1] = 0;
+    } else if (key == GLFW_KEY_V && mods & CTRL) {
+        const char *text = glfwGetClipboardString(v->window);
+        append_to_prompt(v, text ? text : "");
+    }
+}
+
+void view_char_event(viewer *v, unsigned codepoint)
+{
+    if (!v->prompt_shown || codepoint > 126)
+        return;
+    append_to_prompt(v, (char[]){(char)codepoint, 0});
+    v->prompt_error[0] = 0;
+    v->hud_dirty = true;
+}
+
+/* ---- events ---- */
+
+static bool is_arrow(int key)
+{
+    return key == GLFW_KEY_LEFT || key == GLFW_KEY_RIGHT || key == GLFW_KEY_UP || key == GLFW_KEY_DOWN;
+}
+
+static bool repeats(view_action action)
+{
+    return action == VIEW_DO_FASTER || action == VIEW_DO_SLOWER || action == VIEW_DO_WIDER ||
+           action == VIEW_DO_NARROWER || (action >= VIEW_DO_SLIDER_UP && action <= VIEW_DO_SLIDER_MORE);
+}
+
+void view_key_event(viewer *v, int key, bool pressed, bool repeated, int mods)
+{
+    mods &= SHIFT | CTRL | GLFW_MOD_ALT | GLFW_MOD_SUPER;
+    if (key < 0 || key > GLFW_KEY_LAST)
+        return;
+    double now_s = glfwGetTime();
+    if (!pressed) {
+        if (v->key_down_s[key] >= 0) /* a tap between two frames counts as a moment too */
+            v->key_held_s[key] += fmax(now_s - v->key_down_s[key], 1.0 / 60);
+        v->key_down_s[key] = -1;
+        return;
+    }
+    if (!v->engine)
+        return;
+    if (v->prompt_shown) {
+        prompt_key(v, key, mods);
+        return;
+    }
+    bool for_sliders = v->sliders.shown && is_arrow(key);
+    if (!repeated && !for_sliders)
+        v->key_down_s[key] = now_s;
+    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9 && !repeated)
+        view_do(v, mods & CTRL ? VIEW_DO_KEEP_BOOKMARK : VIEW_DO_BOOKMARK, key - GLFW_KEY_1);
+    for (size_t i = 0; i < view_num_keys; i++)
+        for (size_t k = 0; k < sizeof view_keys[i].keys / sizeof *view_keys[i].keys && view_keys[i].keys[k].key; k++) {
+            int wanted = view_keys[i].keys[k].mods;
+            view_action action = view_keys[i].keys[k].action;
+            if (view_keys[i].keys[k].key == key && (wanted == ANY || wanted == mods) && (!repeated || repeats(action)))
+                view_do(v, action, mods);
+        }
+}
+
+void view_release_all(viewer *v)
+{
+    for (int key = 0; key <= GLFW_KEY_LAST; key++) {
+        v->key_down_s[key] = -1;
+        v->key_held_s[key] = 0;
+    }
+    v->dragging = false;
+    v->sliders.dragged = -1;
+}
+
+void view_button_event(viewer *v, int button, bool pressed, int mods)
+{
+    (void)mods;
+    if (!v->engine)
+        return;
+    if (button == GLFW_MOUSE_BUTTON_RIGHT && pressed)
+        view_window_capture(v, !v->captured);
+    if (button != GLFW_MOUSE_BUTTON_LEFT)
+        return;
+    if (!pressed) {
+        v->dragging = false;
+        v->sliders.dragged = -1;
+    } else if (v->help_shown) {
+        v->help_shown = false;
+        v->hud_dirty = true;
+    } else if (!view_sliders_press(v, v->cursor_x_px, v->cursor_y_px)) {
+        v->dragging = true;
+        v->has_cursor = false;
+    }
+}
+
+void view_cursor_event(viewer *v, double x_px, double y_px)
+{
+    if (v->sliders.dragged >= 0)
+        view_sliders_drag(v, x_px);
+    else if ((v->dragging || v->captured) && v->has_cursor && v->engine)
+        view_look(v, x_px - v->cursor_x_px, y_px - v->cursor_y_px);
+    v->cursor_x_px = x_px;
+    v->cursor_y_px = y_px;
+    v->has_cursor = true;
+}
+
+void view_scroll_event(viewer *v, double steps) { change_speed(v, steps); }

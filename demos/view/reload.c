@@ -1,0 +1,248 @@
+/* The world file changes: it is compiled by a thread of its own while the picture moves on, then changed over between
+ * two frames. A file with a mistake changes nothing; what is wrong stands over the picture and on the terminal. */
+#include "demos/view/view.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define LOOK_EVERY_S 0.1
+
+/* What the thread reads and writes; nobody else does meanwhile. */
+struct view_compilation {
+    karst_engine *engine;
+    char world_file[PATH_MAX];
+    bool has_seed;
+    uint32_t seed;
+    /* Parameters that somebody moved: they stay, as long as the file has them and says the same of them. */
+    struct {
+        char name[64];
+        double value, original;
+    } moved[VIEW_MAX_SLIDERS];
+    size_t num_moved;
+    _Atomic bool *done;
+
+    karst_prepared_world *prepared;
+    karst_world *compiled;
+    karst_error error;
+    char lines[4096]; /* what the compiler says */
+};
+
+static void keep_line(void *user, karst_log_level level, const char *line)
+{
+    struct view_compilation *c = user;
+    size_t length = strlen(c->lines);
+    (void)level;
+    snprintf(c->lines + length, sizeof c->lines - length, "%s%s", length ? "\n" : "", line);
+}
+
+/* The parameters to set: those moved that the file, as it is now, still has as they were. */
+static size_t choose_parameters(const struct view_compilation *c, karst_parameter *parameters)
+{
+    const karst_world_config plain = {.world = c->world_file, .has_seed = c->has_seed, .seed = c->seed};
+    size_t num = 0;
+    karst_world *world = c->num_moved ? karst_world_open(&plain, NULL) : NULL;
+    if (!world)
+        return 0;
+    const karst_world_metadata *data = karst_world_get_metadata(world);
+    for (size_t i = 0; i < c->num_moved; i++)
+        for (size_t k = 0; k < data->num_parameters; k++)
+            if (strcmp(c->moved[i].name, data->parameters[k].name) == 0 &&
+                c->moved[i].original == data->parameters[k].value)
+                parameters[num++] = (karst_parameter){c->moved[i].name, c->moved[i].value};
+    karst_world_close(world);
+    return num;
+}
+
+static void *compile(void *user)
+{
+    struct view_compilation *c = user;
+    karst_parameter parameters[VIEW_MAX_SLIDERS];
+    const karst_log log = {.write = keep_line, .user = c, .max_level = KARST_LOG_WARNING};
+    karst_world_config config = {
+        .world = c->world_file, .parameters = parameters, .has_seed = c->has_seed, .seed = c->seed, .log = &log};
+    config.num_parameters = choose_parameters(c, parameters);
+    c->compiled = karst_world_open(&config, &c->error);
+    config.log = NULL; /* said once is enough */
+    if (c->compiled)
+        c->prepared = karst_engine_prepare_world(c->engine, &config, &c->error);
+    *c->done = true;
+    return NULL;
+}
+
+static bool look(const viewer *v, long long *mtime_ns, long long *size_bytes, long long *inode)
+{
+    struct stat info;
+    if (stat(v->world_file, &info) != 0 || !S_ISREG(info.st_mode))
+        return false; /* between two names, while an editor saves */
+    *mtime_ns = (long long)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
+    *size_bytes = info.st_size;
+    *inode = (long long)info.st_ino;
+    return true;
+}
+
+void view_reload_begin(viewer *v)
+{
+    view_reload *r = &v->reload;
+    r->watching = v->is_file && look(v, &r->mtime_ns, &r->size_bytes, &r->inode);
+    r->seen_mtime_ns = r->mtime_ns;
+    r->seen_size_bytes = r->size_bytes;
+    r->seen_inode = r->inode;
+}
+
+/* Whether the file is another than the one compiled last, and was left alone for a look: who writes slowly is waited
+ * for. */
+static bool has_changed(viewer *v)
+{
+    view_reload *r = &v->reload;
+    long long mtime_ns, size_bytes, inode;
+    if (!r->watching || v->now_s - r->looked_at_s < LOOK_EVERY_S)
+        return false;
+    r->looked_at_s = v->now_s;
+    if (!look(v, &mtime_ns, &size_bytes, &inode))
+        return false;
+    bool at_rest = mtime_ns == r->seen_mtime_ns && size_bytes == r->seen_size_bytes && inode == r->seen_inode;
+    r->seen_mtime_ns = mtime_ns;
+    r->seen_size_bytes = size_bytes;
+    r->seen_inode = inode;
+    return at_rest && (mtime_ns != r->mtime_ns || size_bytes != r->size_bytes || inode != r->inode);
+}
+
+static void start(viewer *v)
+{
+    view_reload *r = &v->reload;
+    struct view_compilation *c = calloc(1, sizeof *c);
+    if (!c) {
+        view_complain(v, "out of memory");
+        return;
+    }
+    look(v, &r->mtime_ns, &r->size_bytes, &r->inode);
+    c->engine = v->engine;
+    memcpy(c->world_file, v->world_file, sizeof c->world_file);
+    c->has_seed = v->settings.has_seed;
+    c->seed = (uint32_t)v->settings.seed;
+    for (int i = 0; i < v->sliders.num_sliders; i++) {
+        const view_slider *s = &v->sliders.sliders[i];
+        if (s->value == s->original)
+            continue;
+        memcpy(c->moved[c->num_moved].name, s->name, sizeof s->name);
+        c->moved[c->num_moved].value = s->value;
+        c->moved[c->num_moved++].original = s->original;
+    }
+    r->done = false;
+    c->done = &r->done;
+    if (pthread_create(&r->thread, NULL, compile, c) != 0) {
+        free(c);
+        view_complain(v, "cannot start a thread to compile the world");
+        return;
+    }
+    r->compilation = c;
+    r->running = true;
+    r->started_s = v->now_s;
+    v->hud_dirty = true;
+}
+
+static void say_lines(viewer *v, const char *lines)
+{
+    char text[sizeof v->reload.error];
+    snprintf(text, sizeof text, "%s", lines);
+    for (char *rest = text, *end; rest && *rest; rest = end) {
+        end = strchr(rest, '\n');
+        if (end)
+            *end++ = 0;
+        v->log.write(v->log.user, KARST_LOG_WARNING, rest);
+    }
+}
+
+/* Another world's voxels may have another width: what is kept in voxels is kept no longer. */
+static void follow_camera(viewer *v, int old_voxel_log2_m)
+{
+    v->motion.camera = karst_engine_camera(v->engine);
+    if (karst_engine_voxel_log2_m(v->engine) == old_voxel_log2_m)
+        return;
+    if (v->motion.mode == VIEW_ORBIT)
+        v->motion.mode = VIEW_FLY;
+    if (v->capture.path)
+        view_replay_stop(v);
+}
+
+static bool change_over(viewer *v, struct view_compilation *c, karst_error *error)
+{
+    bool kept = false;
+    int old_voxel_log2_m = karst_engine_voxel_log2_m(v->engine);
+    karst_error reason = {0};
+    /* Before positions change their unit. */
+    if (v->capture.recording && karst_world_get_metadata(c->compiled)->voxel_log2_m != old_voxel_log2_m)
+        view_record_toggle(v);
+    if (!karst_engine_set_camera(v->engine, &v->motion.camera, &reason) ||
+        !karst_engine_change_world(v->engine, c->prepared, &kept, &reason)) {
+        c->prepared = NULL;
+        if (reason.status == KARST_FAILED)
+            return karst_fail(error, reason.status, "%s", reason.message);
+        view_complain(v, "%s", reason.message);
+        return true;
+    }
+    c->prepared = NULL;
+    follow_camera(v, old_voxel_log2_m);
+    view_world_take(v, c->compiled);
+    c->compiled = NULL;
+    view_sliders_read(v, true);
+    v->reload.num_reloads++;
+    v->reload.error[0] = 0;
+    view_toast(v, "%s, %.1f s%s", v->world, v->now_s - v->reload.started_s, kept ? ", no brick made again" : "");
+    say_lines(v, c->lines);
+    return true;
+}
+
+static bool finish(viewer *v, karst_error *error)
+{
+    view_reload *r = &v->reload;
+    struct view_compilation *c = r->compilation;
+    bool good = true;
+    pthread_join(r->thread, NULL);
+    r->running = false;
+    r->compilation = NULL;
+    v->hud_dirty = true;
+    if (c->prepared) {
+        good = change_over(v, c, error);
+    } else {
+        r->num_errors++;
+        /* What follows the first line of the message stands under it: the line of the file, and the caret. */
+        snprintf(r->error, sizeof r->error, "%s", *c->lines ? c->lines : c->error.message);
+        if (*c->lines)
+            say_lines(v, c->lines);
+        else
+            command_say_error(v->talk, c->error.message);
+    }
+    karst_world_close(c->compiled);
+    free(c);
+    return good;
+}
+
+bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error)
+{
+    *changed = false;
+    if (v->reload.running && v->reload.done) {
+        *changed = true;
+        if (!finish(v, error))
+            return false;
+    }
+    bool look_again = force || has_changed(v);
+    if (look_again && !v->reload.running)
+        start(v);
+    return true;
+}
+
+void view_reload_end(viewer *v)
+{
+    view_reload *r = &v->reload;
+    if (!r->running)
+        return;
+    if (v->window)
+        glfwHideWindow(v->window); /* gone at once, whatever there is still to wait for */
+    pthread_join(r->thread, NULL);
+    karst_prepared_world_destroy(r->compilation->prepared);
+    karst_world_close(r->compilation->compiled);
+    free(r->compilation);
+    r->running = false;
+}

@@ -1,0 +1,81 @@
+/* Fewer pixels while things move, so that frames come in time; all of them as soon as nothing moves. */
+#include "demos/view/view.h"
+
+#include <math.h>
+
+#define USE_OF_FRAME 0.80  /* of the frame's time is planned for, the rest is for what is not foreseen */
+#define STILL_AFTER_S 0.12 /* without motion it is over */
+#define CALM_FRAMES 10     /* with time to spare before there are more pixels */
+#define SMOOTHING 0.3
+/* Time for making content, of a frame: the rest is for drawing. Standing, one waits for content alone. */
+#define MOVING_BUDGET 0.25
+#define STILL_BUDGET_MS 60.0
+
+static int side_px(int full_px, int share)
+{
+    /* In fours: rays go in packets of 4 x 4. */
+    int px = (full_px * share / VIEW_FULL_SHARE + 3) & ~3;
+    return px < full_px && px > 0 ? px : full_px;
+}
+
+static int clamp_share(int share)
+{
+    return share < VIEW_LEAST_SHARE ? VIEW_LEAST_SHARE : share > VIEW_FULL_SHARE ? VIEW_FULL_SHARE : share;
+}
+
+/* The largest share that is expected to be done in time. */
+static int affordable_share(const viewer *v)
+{
+    const view_resolution *r = &v->resolution;
+    double time_ns = 1e9 / v->settings.fps * (USE_OF_FRAME - MOVING_BUDGET) - r->other_ns;
+    double full_px = (double)v->width_px * v->height_px;
+    if (r->cost_ns_px <= 0)
+        return VIEW_FULL_SHARE;
+    double share = sqrt(fmax(0, time_ns) / (r->cost_ns_px * full_px));
+    return clamp_share((int)(VIEW_FULL_SHARE * fmin(share, 1) + 0.01));
+}
+
+bool view_resolution_choose(viewer *v, bool moving, karst_error *error)
+{
+    view_resolution *r = &v->resolution;
+    if (moving)
+        r->still_since_s = v->now_s;
+    bool at_rest = v->now_s - r->still_since_s > STILL_AFTER_S || v->settings.fixed_resolution || v->capture.video ||
+                   v->capture.want_png || v->capture.want_exr;
+    int share = at_rest ? VIEW_FULL_SHARE : r->moving_share ? r->moving_share : affordable_share(v);
+    if (!at_rest)
+        r->moving_share = share;
+    if (share != r->share)
+        r->calm_frames = 0;
+    r->share = share;
+    double budget_ms = at_rest && !v->capture.video ? STILL_BUDGET_MS : 1000 / v->settings.fps * MOVING_BUDGET;
+    return karst_engine_set_budget_ms(v->engine, budget_ms, error) &&
+           karst_engine_set_drawn_size(v->engine, side_px(v->width_px, share), side_px(v->height_px, share), error);
+}
+
+void view_resolution_learn(viewer *v, bool moving, uint64_t frame_ns)
+{
+    view_resolution *r = &v->resolution;
+    const karst_stats *s = &v->stats;
+    if (!s->num_pixels)
+        return;
+    double target_ns = 1e9 / v->settings.fps;
+    double drawn_ns = (double)(s->time_ns[KARST_STAGE_CAST] + s->time_ns[KARST_STAGE_SHADE]);
+    double made_ns = (double)(s->time_ns[KARST_STAGE_SUBDIVIDE] + s->time_ns[KARST_STAGE_EVALUATE] +
+                              s->time_ns[KARST_STAGE_FINALISE]);
+    double cost_ns_px = drawn_ns / (double)s->num_pixels;
+    double other_ns = fmax(0, (double)frame_ns - drawn_ns - made_ns);
+    double smoothing = r->cost_ns_px > 0 ? SMOOTHING : 1;
+    r->cost_ns_px += smoothing * (cost_ns_px - r->cost_ns_px);
+    r->other_ns += smoothing * (fmin(other_ns, target_ns / 2) - r->other_ns);
+    if (!moving || r->share == 0)
+        return;
+    int affordable = affordable_share(v);
+    if (affordable < r->share) { /* at once */
+        r->moving_share = affordable;
+        r->calm_frames = 0;
+    } else if (affordable > r->share && ++r->calm_frames >= CALM_FRAMES) { /* carefully */
+        r->moving_share = clamp_share(r->share + 1);
+        r->calm_frames = 0;
+    }
+}

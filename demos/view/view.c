@@ -1,0 +1,341 @@
+/* karst view: opening, the loop, closing. */
+#include "demos/view/view.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define IDLE_S 0.1       /* between looks at the world file while nothing happens */
+#define COMPILING_S 0.01 /* between looks at a compilation */
+#define GAMEPAD_S 0.033  /* between looks at a gamepad's sticks while nothing happens */
+#define LONGEST_STEP_S 0.25
+
+/* ---- opening ---- */
+
+static bool open_engine(viewer *v, karst_error *error)
+{
+    const view_settings *s = &v->settings;
+    karst_engine_config config = {
+        .world = v->world_file, .device = s->device, .in_display = v->display, .log = &v->log};
+    config.parameters = s->parameters.values;
+    config.num_parameters = s->parameters.num_values;
+    config.width_px = v->width_px > 0 ? v->width_px : 1;
+    config.height_px = v->height_px > 0 ? v->height_px : 1;
+    config.pool_bytes = s->pool_mib > 0 ? (uint64_t)(s->pool_mib * 1048576) : 1;
+    config.detail_px = s->detail_px;
+    config.view_distance_m = s->view_distance_m;
+    config.budget_ms = 1000 / s->fps;
+    config.has_seed = s->has_seed;
+    config.seed = (uint32_t)s->seed;
+    config.no_shadows = s->no_shadows;
+    config.lanes = (int)s->lanes;
+    v->engine = karst_engine_create(&config, error);
+    if (!v->engine)
+        return false;
+    v->resized = false;
+    v->motion.camera = karst_engine_default_camera(v->engine);
+    if (s->camera && !karst_camera_parse(s->camera, karst_engine_voxel_log2_m(v->engine), &v->motion.camera, error))
+        return false;
+    v->motion.dirty = true;
+    return true;
+}
+
+void view_world_take(viewer *v, karst_world *compiled)
+{
+    bool sampled = v->sampler != NULL;
+    karst_sampler_destroy(v->sampler);
+    karst_world_close(v->compiled);
+    v->compiled = compiled;
+    v->metadata = compiled ? karst_world_get_metadata(compiled) : NULL;
+    v->sampler = compiled && sampled ? karst_sampler_create(compiled, NULL) : NULL;
+    if (v->motion.mode == VIEW_WALK && !v->sampler)
+        view_set_mode(v, VIEW_FLY);
+}
+
+/* For the parameters' names and the ground: nothing that a picture needs, so its absence is no failure. */
+static void open_world(viewer *v)
+{
+    karst_parameter parameters[VIEW_MAX_SLIDERS];
+    size_t num_parameters = 0;
+    for (int i = 0; i < v->sliders.num_sliders; i++)
+        parameters[num_parameters++] = (karst_parameter){v->sliders.sliders[i].name, v->sliders.sliders[i].value};
+    bool first = num_parameters == 0;
+    const karst_world_config config = {.world = v->world_file,
+                                       .parameters = first ? v->settings.parameters.values : parameters,
+                                       .num_parameters = first ? v->settings.parameters.num_values : num_parameters,
+                                       .has_seed = v->settings.has_seed,
+                                       .seed = (uint32_t)v->settings.seed};
+    view_world_take(v, karst_world_open(&config, NULL));
+}
+
+void view_world_stale(viewer *v)
+{
+    if (v->sampler)
+        open_world(v);
+}
+
+static bool choose_start(viewer *v, karst_error *error)
+{
+    const view_settings *s = &v->settings;
+    v->page = s->hidden_hud ? VIEW_PAGE_NONE : (view_page)v->memory.page;
+    v->motion.speed_m_s = s->speed_m_s;
+    if (s->view && !karst_view_parse(s->view, &v->view, error))
+        return false;
+    for (int i = 0; s->mode && i < VIEW_NUM_MODES; i++)
+        if (strcmp(s->mode, view_mode_names[i]) == 0) {
+            v->motion.mode = (view_mode)i;
+            return true;
+        }
+    return !s->mode || karst_fail(error, KARST_USAGE, "--mode %s: must be fly, walk or orbit", s->mode);
+}
+
+static bool open_viewer(viewer *v, karst_error *error)
+{
+    view_memory_read(v);
+    if (!choose_start(v, error) || !view_window_open(v, error) || !view_overlay_create(v, error))
+        return false;
+    /* Something is there at once, and says what takes long the first time. */
+    view_toast(v, "opening %s", v->world);
+    view_hud_update(v, true);
+    view_overlay_clear(v);
+    view_overlay_draw(v);
+    glfwSwapBuffers(v->window);
+    glfwPollEvents();
+    v->display = karst_display_create_in_context((void *(*)(const char *))glfwGetProcAddress, &v->log, error);
+    if (!v->display || !open_engine(v, error))
+        return false;
+    v->toast[0] = 0;
+    open_world(v);
+    if (v->motion.speed_m_s <= 0)
+        v->motion.speed_m_s = v->metadata ? fmin(1e6, fmax(0.1, v->metadata->view_distance_m / 100)) : 10;
+    if (v->view != KARST_VIEW_PICTURE && !karst_engine_set_view(v->engine, v->view, error))
+        return false;
+    view_sliders_read(v, false);
+    view_reload_begin(v);
+    if (v->settings.replay) {
+        v->capture.replay_only = true;
+        return view_replay_start(v, v->capture.path_file, error);
+    }
+    return true;
+}
+
+/* ---- a turn of the loop ---- */
+
+static bool apply_size(viewer *v, karst_error *error)
+{
+    if (!v->resized || v->width_px < 1 || v->height_px < 1)
+        return true;
+    v->resized = false;
+    v->settled = false;
+    v->resolution.moving_share = 0;
+    return karst_engine_set_size(v->engine, v->width_px, v->height_px, error);
+}
+
+static void keep_history(viewer *v, double frame_ms)
+{
+    view_history *h = &v->history;
+    size_t i = h->next;
+    h->frame_ms[i] = frame_ms;
+    h->produced[i] = (double)v->stats.num_produced;
+    h->evicted[i] = (double)v->stats.num_evicted;
+    h->reproduced[i] = (double)v->stats.num_reproduced;
+    for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
+        h->stages_ms[i][stage] = (double)v->stats.time_ns[stage] / 1e6;
+    h->next = (i + 1) % VIEW_HISTORY;
+    h->num += h->num < VIEW_HISTORY;
+}
+
+/* One frame of the engine into the window, its panels over it. */
+static bool draw_frame(viewer *v, bool moving, karst_error *error)
+{
+    if (!view_resolution_choose(v, moving, error) || !karst_engine_set_camera(v->engine, &v->motion.camera, error))
+        return false;
+    view_overlay_clear(v);
+    if (!karst_engine_frame(v->engine, error))
+        return false;
+    karst_engine_stats(v->engine, &v->stats);
+    v->settled = v->stats.settled && v->resolution.share == VIEW_FULL_SHARE;
+    int width = v->width_px, height = v->height_px;
+    if (v->resolution.share < VIEW_FULL_SHARE) {
+        width = (int)((double)width * v->resolution.share / VIEW_FULL_SHARE);
+        height = (int)((double)height * v->resolution.share / VIEW_FULL_SHARE);
+    }
+    if (v->page != VIEW_PAGE_NONE || v->motion.mode == VIEW_FLY)
+        karst_engine_probe(v->engine, width / 2, height / 2, &v->probe, NULL);
+    v->num_frames++;
+    return command_record_add(&v->capture.record, &v->stats, error) && view_capture_pictures(v, error) &&
+           view_video_step(v, error);
+}
+
+static bool show(viewer *v, karst_error *error)
+{
+    view_hud_update(v, v->damaged);
+    v->damaged = false;
+    view_overlay_draw(v);
+    glfwSwapBuffers(v->window);
+    if (view_context_lost(v)) {
+        v->lost = true;
+        return karst_fail(error, KARST_FAILED,
+                          "the graphics driver lost this window's context (it was reset); start karst view again");
+    }
+    return true;
+}
+
+static void wait_for_events(viewer *v, bool busy)
+{
+    if (busy && !v->iconified)
+        glfwPollEvents();
+    else
+        glfwWaitEventsTimeout(v->reload.running ? COMPILING_S : view_gamepad_present() ? GAMEPAD_S : IDLE_S);
+}
+
+static bool turn(viewer *v, bool *busy, karst_error *error)
+{
+    double before_s = v->now_s;
+    bool was_busy = *busy, reloaded = false;
+    wait_for_events(v, *busy);
+    v->now_s = glfwGetTime();
+    /* After a pause one does not leap. */
+    double dt_s = was_busy ? fmin(v->now_s - before_s, LONGEST_STEP_S) : 1.0 / 60;
+    v->leaving = v->leaving || command_interrupted();
+    if (v->leaving)
+        return true;
+    if (!view_reload_step(v, false, &reloaded, error) || !apply_size(v, error))
+        return false;
+    if (v->sliders.changed && !view_sliders_apply(v, error))
+        return false;
+    bool replayed = view_replay_step(v);
+    bool moving = view_move(v, fmax(dt_s, 1e-4)) || replayed;
+    view_record_step(v);
+    if (moving) {
+        v->moved_at_s = v->now_s;
+        v->settled = false;
+    }
+    if (reloaded)
+        v->settled = false;
+    bool visible = !v->iconified && v->width_px > 0 && v->height_px > 0;
+    bool wants_picture = v->capture.want_png || v->capture.want_exr;
+    bool draw = visible && (!v->settled || wants_picture || v->capture.video);
+    if (draw) {
+        uint64_t start_ns = command_clock_ns();
+        if (!draw_frame(v, moving, error) || !show(v, error))
+            return false;
+        uint64_t frame_ns = command_clock_ns() - start_ns;
+        if (v->num_frames == 1)
+            v->first_frame_s = (double)(command_clock_ns() - v->started_ns) / 1e9;
+        if (moving) {
+            v->num_moving++;
+            v->num_late += (double)frame_ns > 1e9 / v->settings.fps;
+        }
+        keep_history(v, (double)frame_ns / 1e6);
+        view_resolution_learn(v, moving, frame_ns);
+    } else if (visible && (v->damaged || view_hud_update(v, false))) {
+        if (v->num_frames && !karst_engine_show(v->engine, error))
+            return false;
+        if (!show(v, error))
+            return false;
+    }
+    *busy = visible && (!v->settled || v->capture.path || v->capture.recording || v->capture.video);
+    if (v->capture.path && !visible)
+        *busy = true;
+    return true;
+}
+
+/* ---- closing ---- */
+
+/* The viewer that is open, for an end that comes from below: the X library ends a program whose server is gone. */
+static viewer *open_one;
+
+static void save_at_exit(void)
+{
+    viewer *v = open_one;
+    open_one = NULL;
+    if (!v || !v->engine)
+        return;
+    v->window = NULL; /* nothing can be shown any more */
+    command_say_error(v->talk, "the display is gone; start karst view again");
+    if (v->capture.recording || v->capture.num_keyframes)
+        view_record_save(v);
+    char camera[512];
+    karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
+    command_say(v->talk, "you were at: karst view %s --camera %s", v->world, camera);
+}
+
+static void close_viewer(viewer *v)
+{
+    view_reload_end(v);
+    view_video_stop(v);
+    if (v->capture.recording && v->engine) {
+        v->capture.recording = false;
+        view_record_save(v);
+    }
+    if (v->engine && v->window && !v->lost)
+        view_memory_write(v);
+    view_replay_stop(v);
+    karst_sampler_destroy(v->sampler);
+    karst_world_close(v->compiled);
+    karst_engine_destroy(v->engine);
+    karst_display_destroy(v->display);
+    v->engine = NULL;
+    if (v->overlay.gl)
+        view_overlay_destroy(v);
+    view_window_close(v);
+    command_record_free(&v->capture.record);
+    free(v->capture.keyframes);
+}
+
+static bool run(viewer *v, karst_error *error)
+{
+    if (!open_viewer(v, error))
+        return false;
+    static bool registered;
+    if (!registered)
+        atexit(save_at_exit);
+    registered = true;
+    open_one = v;
+    bool busy = true, good = true;
+    v->now_s = glfwGetTime();
+    while (good && !v->leaving)
+        good = turn(v, &busy, error);
+    open_one = NULL;
+    if (good && v->settings.stats)
+        good = view_statistics_write(v, v->settings.stats, error);
+    if (!good) { /* so that nobody loses the way */
+        char camera[512];
+        karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
+        command_say(v->talk, "you were at: karst view %s --camera %s", v->world, camera);
+    }
+    return good;
+}
+
+bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
+{
+    viewer *v = calloc(1, sizeof *v);
+    if (!v)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    v->started_ns = command_clock_ns();
+    v->talk = talk;
+    v->log = command_log(talk);
+    v->scale = 1;
+    view_release_all(v);
+    bool good = view_settings_read(&v->settings, argc, argv, talk, &v->world, error);
+    if (good && v->settings.help) {
+        view_settings_print_help();
+    } else if (good && v->settings.keys) {
+        view_keys_print(stdout);
+    } else if (good) {
+        command_catch_interrupts();
+        v->log = command_log(talk);
+        good = command_find_world(v->world, v->world_file, sizeof v->world_file, error) &&
+               (!v->settings.stats || command_check_output(v->settings.stats, "--stats", false, error)) &&
+               (!v->settings.replay || (karst_data_find("paths", v->settings.replay, ".json", v->capture.path_file,
+                                                        sizeof v->capture.path_file, error) &&
+                                        karst_path_check(v->capture.path_file, error)));
+        v->is_file = strchr(v->world_file, '/') || strstr(v->world_file, ".karst");
+        if (good)
+            good = run(v, error);
+        close_viewer(v);
+    }
+    free(v);
+    return good;
+}

@@ -1,0 +1,401 @@
+/* The viewer: what its parts share. Names begin with view_; `viewer` is the whole.
+ *
+ *   view.c        karst view: options, opening and closing, the loop
+ *   window.c      the window and what happens to it; what keys and mouse do goes on to input.c
+ *   input.c       the table of keys, and what each does
+ *   motion.c      fly, walk, orbit: the camera, frame by frame
+ *   walk.c        the ground under one's feet
+ *   overlay.c     panels over the picture: cairo images as textures
+ *   draw.c        type, panels, graphs and bars in cairo
+ *   hud.c         what stands in the panels
+ *   sliders.c     the world's parameters
+ *   reload.c      the world file changes: compiling beside the picture, and the change-over
+ *   resolution.c  fewer pixels while things move
+ *   capture.c     what one leaves with: pictures, paths, videos, statistics
+ *   settings.c    flags, environment, configuration; what is remembered
+ */
+#ifndef KARST_DEMOS_VIEW_H
+#define KARST_DEMOS_VIEW_H
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#include <cairo/cairo.h>
+#include <limits.h>
+#include <pthread.h>
+
+#include "demos/command.h"
+
+typedef struct viewer viewer;
+
+/* ---- settings.c ---- */
+
+typedef struct {
+    const char *camera, *device, *replay, *stats, *folder, *view, *mode;
+    command_parameters parameters;
+    int size_px[2];
+    bool has_size;
+    uint64_t seed, budget_bricks, lanes;
+    bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help, keys;
+    double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
+} view_settings;
+
+/* From flags over environment over the configuration file over defaults. Texts of the latter two live as long as the
+ * program. Errors: KARST_USAGE, naming where it stands. */
+bool view_settings_read(view_settings *settings, int argc, char **argv, command_talk *talk, const char **world,
+                        karst_error *error);
+void view_settings_print_help(void);
+
+#define VIEW_NUM_BOOKMARKS 9
+/* What is remembered from one run to the next, in $XDG_STATE_HOME/karst/view.json. Nothing fails if it cannot be read
+ * or written: there is a remark. */
+typedef struct {
+    int size_px[2], position_px[2];
+    bool has_window, fullscreen;
+    int page;
+    char bookmarks[VIEW_NUM_BOOKMARKS][320]; /* of this world; "": none */
+} view_memory;
+void view_memory_read(viewer *v);
+void view_memory_write(viewer *v);
+
+/* ---- overlay.c ---- */
+
+typedef enum {
+    VIEW_PANEL_STATUS,
+    VIEW_PANEL_PAGE,
+    VIEW_PANEL_SLIDERS,
+    VIEW_PANEL_ERROR,
+    VIEW_PANEL_PROMPT,
+    VIEW_PANEL_TOAST,
+    VIEW_PANEL_CROSS,
+    VIEW_PANEL_HELP,
+    VIEW_NUM_PANELS
+} view_panel_kind;
+
+typedef struct {
+    int x, y, width, height; /* framebuffer pixels, from the top left */
+    bool shown;
+    cairo_surface_t *image;
+    unsigned texture;
+    int texture_width, texture_height;
+} view_panel;
+
+typedef struct {
+    struct view_gl *gl;
+    unsigned program, vertices;
+    int rectangle_place;
+    view_panel panels[VIEW_NUM_PANELS];
+} view_overlay;
+
+/* Errors: KARST_NO_DEVICE (an OpenGL that lacks something). */
+bool view_overlay_create(viewer *v, karst_error *error);
+void view_overlay_destroy(viewer *v);
+/* Draws into a panel anew: begin gives a clear image of width x height, end takes it. NULL: out of memory. */
+cairo_t *view_panel_begin(viewer *v, view_panel_kind kind, int width, int height);
+void view_panel_end(viewer *v, view_panel_kind kind, cairo_t *cairo, int x, int y);
+void view_panel_hide(viewer *v, view_panel_kind kind);
+/* Clears the window (before any picture is there), and draws all panels that are shown. */
+void view_overlay_clear(viewer *v);
+void view_overlay_draw(viewer *v);
+/* Whether OpenGL says that the context was lost. */
+bool view_context_lost(viewer *v);
+
+/* ---- draw.c ---- */
+
+typedef enum { VIEW_TEXT, VIEW_TEXT_DIM, VIEW_TEXT_STRONG, VIEW_TEXT_BAD, VIEW_TEXT_MONO } view_style;
+/* A rounded dark panel over the whole image. */
+void view_draw_panel(cairo_t *cairo, double width, double height, double scale);
+/* Text with its baseline at y; returns its width. align 0 left, 1 right, 0.5 centred at x. */
+double view_draw_text(cairo_t *cairo, double x, double y, double size, double align, view_style style,
+                      const char *text);
+double view_text_width(cairo_t *cairo, double size, view_style style, const char *text);
+/* A line of values (oldest first) in a box, from 0 to `top`; a guide at `mark` (below 0: none). */
+void view_draw_graph(cairo_t *cairo, double x, double y, double width, double height, const double *values,
+                     size_t num_values, double top, double mark, int hue);
+/* A bar filled to `share`. */
+void view_draw_bar(cairo_t *cairo, double x, double y, double width, double height, double share, int hue);
+/* One of a few colours that go together. */
+void view_set_hue(cairo_t *cairo, int hue, double alpha);
+
+/* ---- input.c ---- */
+
+typedef enum {
+    VIEW_DO_NOTHING, /* keys that are held: motion.c asks for them */
+    VIEW_DO_HELP,
+    VIEW_DO_ESCAPE,
+    VIEW_DO_PAGE,
+    VIEW_DO_SLIDERS,
+    VIEW_DO_NEXT_VIEW,
+    VIEW_DO_PREVIOUS_VIEW,
+    VIEW_DO_MODE,
+    VIEW_DO_MOUSE,
+    VIEW_DO_FASTER,
+    VIEW_DO_SLOWER,
+    VIEW_DO_WIDER,
+    VIEW_DO_NARROWER,
+    VIEW_DO_HOME,
+    VIEW_DO_GO_TO,
+    VIEW_DO_COPY,
+    VIEW_DO_BOOKMARK,
+    VIEW_DO_KEEP_BOOKMARK,
+    VIEW_DO_RESOLUTION,
+    VIEW_DO_FULLSCREEN,
+    VIEW_DO_SAVE_WORLD,
+    VIEW_DO_STATISTICS,
+    VIEW_DO_RELOAD,
+    VIEW_DO_RECORD,
+    VIEW_DO_REPLAY,
+    VIEW_DO_VIDEO,
+    VIEW_DO_PICTURE,
+    VIEW_DO_PICTURE_EXR,
+    VIEW_DO_SLIDER_UP,
+    VIEW_DO_SLIDER_DOWN,
+    VIEW_DO_SLIDER_LESS,
+    VIEW_DO_SLIDER_MORE,
+    VIEW_DO_SLIDER_RESET,
+    VIEW_DO_SLIDER_RESET_ALL
+} view_action;
+
+/* A line of the table of keys: the help in the window and in the manual are made of it. */
+typedef struct {
+    const char *section; /* the first line of a section names it; NULL: as above */
+    const char *label;   /* of the keys, for people */
+    const char *help;
+    struct {
+        int key, mods; /* GLFW's; mods -1: any */
+        view_action action;
+    } keys[10];
+} view_key;
+extern const view_key view_keys[];
+extern const size_t view_num_keys;
+void view_keys_print(FILE *file);        /* as text */
+void view_keys_print_manual(FILE *file); /* as lines of a manual page */
+
+void view_do(viewer *v, view_action action, int number);
+/* What the window hears. */
+void view_key_event(viewer *v, int key, bool pressed, bool repeated, int mods);
+void view_char_event(viewer *v, unsigned codepoint);
+void view_button_event(viewer *v, int button, bool pressed, int mods);
+void view_cursor_event(viewer *v, double x_px, double y_px);
+void view_scroll_event(viewer *v, double steps);
+void view_release_all(viewer *v);
+/* Shows a short message for some seconds, and says it on the terminal. */
+void view_toast(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void view_complain(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* ---- motion.c ---- */
+
+typedef enum { VIEW_FLY, VIEW_WALK, VIEW_ORBIT, VIEW_NUM_MODES } view_mode;
+extern const char *const view_mode_names[];
+
+#define VIEW_MIN_SPEED_M_S 1e-3
+#define VIEW_MAX_SPEED_M_S 1e9
+
+typedef struct {
+    view_mode mode;
+    karst_camera camera;
+    double speed_m_s;
+    double velocity_m_s[3];
+    double fall_m_s; /* walking */
+    bool on_ground;
+    karst_position pivot; /* of the orbit */
+    double pivot_distance_m;
+    bool dirty; /* the camera was set by something else than motion */
+} view_motion;
+
+void view_set_mode(viewer *v, view_mode mode);
+void view_set_camera(viewer *v, const karst_camera *camera);
+/* Turns by so many pixels of the mouse's way. */
+void view_look(viewer *v, double x_px, double y_px);
+/* Moves for dt seconds; true if the camera is not where it was. */
+bool view_move(viewer *v, double dt_s);
+bool view_gamepad_present(void);
+
+/* ---- walk.c ---- */
+
+/* Gets ready to walk; false (and says why) if the world cannot be sampled. */
+bool view_walk_begin(viewer *v);
+/* Walks for dt seconds; true if the camera moved. */
+bool view_walk(viewer *v, const double wish_m_s[3], bool jump, double dt_s);
+
+/* ---- resolution.c ---- */
+
+#define VIEW_FULL_SHARE 16 /* shares of the picture's sides are counted in sixteenths; never under half */
+#define VIEW_LEAST_SHARE 8
+typedef struct {
+    int share;        /* given now */
+    int moving_share; /* what was right when last moving */
+    int calm_frames;  /* in a row with time to spare */
+    double still_since_s;
+    double cost_ns_px; /* of a pixel, smoothed */
+    double other_ns;   /* of the rest of a frame, smoothed */
+} view_resolution;
+/* What to draw the next frame with. Errors: the engine's. */
+bool view_resolution_choose(viewer *v, bool moving, karst_error *error);
+void view_resolution_learn(viewer *v, bool moving, uint64_t frame_ns);
+
+/* ---- sliders.c ---- */
+
+typedef struct {
+    char name[64], label[64], unit[16];
+    double value, original, min, max, step;
+    bool is_structural, changed; /* changed: the engine does not know yet */
+} view_slider;
+#define VIEW_MAX_SLIDERS 64
+typedef struct {
+    view_slider sliders[VIEW_MAX_SLIDERS];
+    int num_sliders, chosen, dragged;                 /* dragged -1: none */
+    int first_row;                                    /* of those that find room */
+    double track_x, track_width, first_y, row_height; /* of the panel, framebuffer pixels */
+    bool shown, changed;                              /* changed: the engine is to be told */
+} view_sliders;
+void view_sliders_read(viewer *v, bool keep_values); /* from the world */
+void view_sliders_set(viewer *v, int index, double value);
+bool view_sliders_apply(viewer *v, karst_error *error); /* tells the engine */
+void view_sliders_draw(viewer *v);
+bool view_sliders_press(viewer *v, double x_px, double y_px); /* true: it was for them */
+void view_sliders_drag(viewer *v, double x_px);
+void view_sliders_step(viewer *v, int direction, int mods);
+void view_sliders_save(viewer *v);
+
+/* ---- reload.c ---- */
+
+typedef struct {
+    bool watching;
+    long long mtime_ns, size_bytes, inode; /* of what was compiled last */
+    long long seen_mtime_ns, seen_size_bytes, seen_inode;
+    double looked_at_s, started_s;
+    pthread_t thread;
+    bool running;
+    _Atomic bool done;
+    struct view_compilation *compilation;
+    unsigned num_reloads, num_errors;
+    char error[4096]; /* what is wrong with the file now; "": nothing */
+} view_reload;
+void view_reload_begin(viewer *v);
+/* Looks whether the file changed, or a compilation ended; true: the picture changes. Errors: the engine's. */
+bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error);
+void view_reload_end(viewer *v); /* waits for a compilation */
+
+/* ---- view.c ---- */
+
+/* The world on show is this one now, which the viewer owns from here on (NULL: what is known of it is not). */
+void view_world_take(viewer *v, karst_world *compiled);
+/* Its parameters are other ones now: what samples it is made anew. */
+void view_world_stale(viewer *v);
+
+/* ---- capture.c ---- */
+
+typedef struct {
+    bool want_png, want_exr;
+    unsigned num_pictures;
+    char last_file[PATH_MAX];
+    /* recording a path */
+    bool recording;
+    double record_start_s, recorded_at_s;
+    struct {
+        double time_s;
+        karst_camera camera;
+    } * keyframes;
+    size_t num_keyframes, max_keyframes;
+    char path_file[PATH_MAX]; /* the last one written or given */
+    /* replaying one */
+    karst_path *path;
+    double replay_start_s;
+    bool replay_only; /* leave when it ends */
+    /* video */
+    command_pictures *video;
+    char video_file[PATH_MAX];
+    int video_size_px[2];
+    double video_start_s;
+    size_t num_video_pictures;
+    command_record record; /* all frames */
+    char copied[640];
+} view_capture;
+bool view_capture_pictures(viewer *v, karst_error *error); /* those that are wanted, after a frame */
+void view_record_toggle(viewer *v);
+void view_record_step(viewer *v);
+bool view_record_save(viewer *v); /* what was recorded so far */
+bool view_replay_start(viewer *v, const char *file, karst_error *error);
+void view_replay_stop(viewer *v);
+bool view_replay_step(viewer *v); /* true: the camera is the path's */
+void view_video_toggle(viewer *v);
+bool view_video_step(viewer *v, karst_error *error);
+void view_video_stop(viewer *v);
+bool view_statistics_write(viewer *v, const char *file, karst_error *error);
+void view_copy_command(viewer *v);
+
+/* ---- hud.c ---- */
+
+typedef enum { VIEW_PAGE_NONE, VIEW_PAGE_STATUS, VIEW_PAGE_FRAME, VIEW_PAGE_CACHE, VIEW_NUM_PAGES } view_page;
+extern const char *const view_page_names[];
+/* Draws panels that changed, at most some times a second unless `all`; true: something did. */
+bool view_hud_update(viewer *v, bool all);
+
+#define VIEW_HISTORY 240
+typedef struct {
+    double frame_ms[VIEW_HISTORY], produced[VIEW_HISTORY], evicted[VIEW_HISTORY], reproduced[VIEW_HISTORY];
+    double stages_ms[VIEW_HISTORY][KARST_NUM_STAGES];
+    size_t next, num;
+} view_history;
+
+/* ---- window.c ---- */
+
+bool view_window_open(viewer *v, karst_error *error);
+void view_window_close(viewer *v);
+void view_window_fullscreen(viewer *v, bool fullscreen);
+void view_window_capture(viewer *v, bool captured);
+
+struct viewer {
+    command_talk *talk;
+    karst_log log;
+    view_settings settings;
+    view_memory memory;
+    const char *world;         /* as it was asked for */
+    char world_file[PATH_MAX]; /* as the engine takes it */
+    bool is_file;
+
+    GLFWwindow *window;
+    int width_px, height_px; /* of the framebuffer; 0 while minimised */
+    double scale;            /* of type and panels */
+    bool fullscreen, iconified, damaged, resized, captured, focused;
+    int windowed[4]; /* x, y, width, height to come back to */
+
+    karst_display *display;
+    karst_engine *engine;
+    karst_world *compiled;                /* of the world on show, for what pictures do not tell; NULL: none */
+    const karst_world_metadata *metadata; /* of that; NULL: none */
+    karst_sampler *sampler;               /* of that; made when first needed */
+    karst_stats stats;                    /* of the last frame */
+    karst_probe probe;                    /* under the cross-hair */
+    karst_view view;
+    uint64_t num_frames, num_shown;
+    bool settled;
+    double now_s, moved_at_s, first_frame_s, flying_speed_m_s;
+    uint64_t started_ns, num_moving, num_late; /* frames while moving; those that missed the target */
+
+    /* input */
+    double key_down_s[GLFW_KEY_LAST + 1]; /* when it went down, below 0: it is up */
+    double key_held_s[GLFW_KEY_LAST + 1]; /* how long since the last step, for what has come up */
+    double cursor_x_px, cursor_y_px;
+    bool has_cursor, dragging;
+    double asked_to_leave_s;
+    bool help_shown, prompt_shown, leaving, lost;
+    char prompt[640], prompt_error[256];
+    char toast[512];
+    bool toast_bad;
+    double toast_until_s;
+    view_page page;
+    bool hud_dirty;
+    double hud_at_s;
+
+    view_overlay overlay;
+    view_motion motion;
+    view_resolution resolution;
+    view_sliders sliders;
+    view_reload reload;
+    view_capture capture;
+    view_history history;
+};
+
+#endif

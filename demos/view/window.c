@@ -1,0 +1,233 @@
+/* The window, and what happens to it. */
+#include "demos/view/view.h"
+
+#include <string.h>
+
+static char glfw_says[256];
+
+static void on_glfw_error(int code, const char *text)
+{
+    (void)code;
+    snprintf(glfw_says, sizeof glfw_says, "%s", text);
+}
+
+static viewer *viewer_of(GLFWwindow *window) { return glfwGetWindowUserPointer(window); }
+
+/* From the window's coordinates to framebuffer pixels: they differ on some displays of high density. */
+static void to_pixels(viewer *v, double *x, double *y)
+{
+    int width, height;
+    glfwGetWindowSize(v->window, &width, &height);
+    if (width > 0 && height > 0) {
+        *x *= (double)v->width_px / width;
+        *y *= (double)v->height_px / height;
+    }
+}
+
+static void on_key(GLFWwindow *window, int key, int scancode, int action, int mods)
+{
+    (void)scancode;
+    view_key_event(viewer_of(window), key, action != GLFW_RELEASE, action == GLFW_REPEAT, mods);
+}
+
+static void on_char(GLFWwindow *window, unsigned codepoint) { view_char_event(viewer_of(window), codepoint); }
+
+static void on_button(GLFWwindow *window, int button, int action, int mods)
+{
+    viewer *v = viewer_of(window);
+    double x, y;
+    glfwGetCursorPos(window, &x, &y);
+    to_pixels(v, &x, &y);
+    v->cursor_x_px = x;
+    v->cursor_y_px = y;
+    view_button_event(v, button, action == GLFW_PRESS, mods);
+}
+
+static void on_cursor(GLFWwindow *window, double x, double y)
+{
+    to_pixels(viewer_of(window), &x, &y);
+    view_cursor_event(viewer_of(window), x, y);
+}
+
+static void on_scroll(GLFWwindow *window, double x, double y)
+{
+    (void)x;
+    view_scroll_event(viewer_of(window), y);
+}
+
+static void on_framebuffer(GLFWwindow *window, int width, int height)
+{
+    viewer *v = viewer_of(window);
+    v->width_px = width;
+    v->height_px = height;
+    v->resized = v->damaged = v->hud_dirty = true;
+}
+
+static void on_scale(GLFWwindow *window, float x, float y)
+{
+    viewer *v = viewer_of(window);
+    (void)y;
+    v->scale = v->settings.scale > 0 ? v->settings.scale : x > 0.5f && x < 8 ? x : 1;
+    v->hud_dirty = true;
+}
+
+static void on_refresh(GLFWwindow *window) { viewer_of(window)->damaged = true; }
+static void on_iconify(GLFWwindow *window, int iconified)
+{
+    viewer_of(window)->iconified = iconified;
+    viewer_of(window)->damaged = true;
+}
+static void on_focus(GLFWwindow *window, int focused)
+{
+    viewer *v = viewer_of(window);
+    v->focused = focused;
+    if (!focused)
+        view_release_all(v);
+}
+static void on_close(GLFWwindow *window) { viewer_of(window)->leaving = true; }
+/* A world file that is dropped on the window is another matter than this one's world: say what to do. */
+static void on_drop(GLFWwindow *window, int count, const char **paths)
+{
+    if (count > 0)
+        view_toast(viewer_of(window), "karst view %s opens it in a window of its own", paths[0]);
+}
+
+static void set_callbacks(GLFWwindow *window)
+{
+    glfwSetKeyCallback(window, on_key);
+    glfwSetCharCallback(window, on_char);
+    glfwSetMouseButtonCallback(window, on_button);
+    glfwSetCursorPosCallback(window, on_cursor);
+    glfwSetScrollCallback(window, on_scroll);
+    glfwSetFramebufferSizeCallback(window, on_framebuffer);
+    glfwSetWindowContentScaleCallback(window, on_scale);
+    glfwSetWindowRefreshCallback(window, on_refresh);
+    glfwSetWindowIconifyCallback(window, on_iconify);
+    glfwSetWindowFocusCallback(window, on_focus);
+    glfwSetWindowCloseCallback(window, on_close);
+    glfwSetDropCallback(window, on_drop);
+}
+
+static void choose_size(const viewer *v, int size[2])
+{
+    memcpy(size, v->settings.size_px, 2 * sizeof *size);
+    if (!v->settings.has_size && v->memory.has_window)
+        memcpy(size, v->memory.size_px, 2 * sizeof *size);
+    const GLFWvidmode *mode = glfwGetPrimaryMonitor() ? glfwGetVideoMode(glfwGetPrimaryMonitor()) : NULL;
+    if (mode && !v->settings.has_size) {
+        size[0] = size[0] > mode->width ? mode->width : size[0];
+        size[1] = size[1] > mode->height ? mode->height : size[1];
+    }
+}
+
+bool view_window_open(viewer *v, karst_error *error)
+{
+    glfwSetErrorCallback(on_glfw_error);
+    if (!glfwInit())
+        return karst_fail(error, KARST_NO_DEVICE, "no window can be opened here (%s); karst render needs none",
+                          glfw_says);
+    char title[256];
+    snprintf(title, sizeof title, "%s - karst", v->world);
+    int size[2];
+    choose_size(v, size);
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
+    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+    glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
+    glfwWindowHint(GLFW_DEPTH_BITS, 0);
+    glfwWindowHint(GLFW_STENCIL_BITS, 0);
+    glfwWindowHint(GLFW_SRGB_CAPABLE, GLFW_FALSE);
+    if (!v->settings.has_size && !v->memory.has_window)
+        glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
+    glfwWindowHintString(GLFW_X11_CLASS_NAME, "karst");
+    glfwWindowHintString(GLFW_X11_INSTANCE_NAME, "karst");
+    /* To be told of a lost context, where the driver can tell. */
+    glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);
+    v->window = glfwCreateWindow(size[0], size[1], title, NULL, NULL);
+    if (!v->window) {
+        glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_NO_ROBUSTNESS);
+        v->window = glfwCreateWindow(size[0], size[1], title, NULL, NULL);
+    }
+    if (!v->window)
+        return karst_fail(error, KARST_NO_DEVICE,
+                          "no window with OpenGL 3.3 can be opened here (%s); karst render needs none", glfw_says);
+    glfwSetWindowUserPointer(v->window, v);
+    glfwMakeContextCurrent(v->window);
+    glfwSwapInterval(1);
+    set_callbacks(v->window);
+    float scale = 1, ignored;
+    glfwGetWindowContentScale(v->window, &scale, &ignored);
+    on_scale(v->window, scale, scale);
+    glfwGetFramebufferSize(v->window, &v->width_px, &v->height_px);
+    v->focused = true;
+    v->resized = true;
+    if (v->memory.has_window && !v->settings.has_size)
+        glfwSetWindowPos(v->window, v->memory.position_px[0], v->memory.position_px[1]);
+    if (v->settings.fullscreen || (v->memory.fullscreen && !v->settings.has_size))
+        view_window_fullscreen(v, true);
+    return true;
+}
+
+/* The monitor that shows most of the window. */
+static GLFWmonitor *nearest_monitor(GLFWwindow *window)
+{
+    int x, y, width, height, num_monitors;
+    glfwGetWindowPos(window, &x, &y);
+    glfwGetWindowSize(window, &width, &height);
+    GLFWmonitor **monitors = glfwGetMonitors(&num_monitors), *best = num_monitors ? monitors[0] : NULL;
+    long best_area = -1;
+    for (int i = 0; i < num_monitors; i++) {
+        const GLFWvidmode *mode = glfwGetVideoMode(monitors[i]);
+        int left, top;
+        glfwGetMonitorPos(monitors[i], &left, &top);
+        if (!mode)
+            continue;
+        int right = left + mode->width, bottom = top + mode->height;
+        long across = (x + width < right ? x + width : right) - (x > left ? x : left);
+        long down = (y + height < bottom ? y + height : bottom) - (y > top ? y : top);
+        if (across > 0 && down > 0 && across * down > best_area) {
+            best_area = across * down;
+            best = monitors[i];
+        }
+    }
+    return best;
+}
+
+void view_window_fullscreen(viewer *v, bool fullscreen)
+{
+    if (fullscreen == v->fullscreen)
+        return;
+    GLFWmonitor *monitor = fullscreen ? nearest_monitor(v->window) : NULL;
+    const GLFWvidmode *mode = monitor ? glfwGetVideoMode(monitor) : NULL;
+    if (fullscreen && !mode) {
+        view_complain(v, "there is no monitor to fill");
+        return;
+    }
+    if (fullscreen) {
+        glfwGetWindowPos(v->window, &v->windowed[0], &v->windowed[1]);
+        glfwGetWindowSize(v->window, &v->windowed[2], &v->windowed[3]);
+        glfwSetWindowMonitor(v->window, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);
+    } else {
+        glfwSetWindowMonitor(v->window, NULL, v->windowed[0], v->windowed[1], v->windowed[2], v->windowed[3],
+                             GLFW_DONT_CARE);
+    }
+    v->fullscreen = fullscreen;
+    v->damaged = true;
+}
+
+void view_window_capture(viewer *v, bool captured)
+{
+    v->captured = captured;
+    v->has_cursor = false;
+    glfwSetInputMode(v->window, GLFW_CURSOR, captured ? GLFW_CURSOR_DISABLED : GLFW_CURSOR_NORMAL);
+    if (glfwRawMouseMotionSupported())
+        glfwSetInputMode(v->window, GLFW_RAW_MOUSE_MOTION, captured);
+}
+
+void view_window_close(viewer *v)
+{
+    if (v->window)
+        glfwDestroyWindow(v->window);
+    v->window = NULL;
+    glfwTerminate();
+}
