@@ -218,10 +218,10 @@ void karst_world_file_destroy(karst_world_file *file)
 /* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
 #define MAX_SLOTS 2048u
 
-karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
-                                          uint32_t max_loads, karst_error *error)
+karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                                uint32_t max_loads, const karst_world_build *build, karst_error *error)
 {
-    char tape_options[KARST_TAPE_OPTIONS_BYTES], options[256];
+    char tape_options[KARST_TAPE_OPTIONS_BYTES], options[512];
     if (file->tape.num_slots > MAX_SLOTS) {
         karst_fail(error, KARST_BAD_WORLD,
                    "%.300s is too large: its bounds need %u values at a time; at most %u are possible", file->info.name,
@@ -231,13 +231,15 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
     karst_number *values = parameter_values(file);
     void *data = values ? make_data(file, values, seed, error) : NULL;
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, sizeof options, "-DWORLD_HAS_DATA %s", tape_options);
+    snprintf(options, sizeof options, "-DWORLD_HAS_DATA %s %s", tape_options,
+             build && build->options ? build->options : "");
     karst_density_program program = {.name = file->info.name,
                                      .source = file->code.source,
                                      .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)
                                                           ? bounds_source_of_gradient_noise
                                                           : bounds_source,
                                      .options = options,
+                                     .shape = build ? build->shape : KARST_SHAPE_AUTO,
                                      .data = data,
                                      .data_bytes = file->data_bytes,
                                      .max_loads = max_loads};
@@ -245,6 +247,12 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
     free(values);
     free(data);
     return producer;
+}
+
+karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                          uint32_t max_loads, karst_error *error)
+{
+    return karst_world_file_producer_built(context, file, seed, max_loads, NULL, error);
 }
 
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,

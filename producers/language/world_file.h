@@ -7,6 +7,7 @@
 #include "producers/language/language.h"
 #include "producers/language/tape.h"
 #include "producers/producer.h"
+#include "producers/shape.h"
 
 typedef struct {
     karst_program_graph *program; /* its diagnostics hold warnings */
@@ -31,6 +32,13 @@ void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producer
 /* Its producer. `max_loads`: as for karst_density_producer_create. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);
+/* The same in another shape than the device's own, or with more options of the build. */
+typedef struct {
+    karst_shape shape;
+    const char *options; /* NULL: none */
+} karst_world_build;
+karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                                uint32_t max_loads, const karst_world_build *build, karst_error *error);
 /* Gives a producer of the file the data of other parameters and seed: nothing is compiled; the caller drops what was
  * made before. A parameter that is structural cannot be changed so. Errors: KARST_FAILED. */
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,
