@@ -10,6 +10,7 @@
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
  *   command_pictures.c   many pictures: numbered PNGs, or a video through ffmpeg
+ *   command_accuracy*.c  karst accuracy; see command_accuracy.h
  *   command_bench*.c   karst bench; see command_bench.h
  *   command_check.c    karst check
  *   command_sample.c   karst sample
@@ -201,6 +202,7 @@ typedef struct {
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_view(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);

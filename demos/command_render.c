@@ -13,7 +13,7 @@ typedef struct {
     uint64_t seed, budget_bricks, max_frames, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_flight flight;
-    bool has_seed, no_shadows, help;
+    bool has_seed, no_shadows, refine, help;
 } render_options;
 
 typedef struct {
@@ -72,6 +72,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
+        {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
+         &o->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
@@ -234,6 +236,7 @@ static karst_engine_config make_config(const render_options *o, karst_display *d
     config.has_seed = o->has_seed;
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
+    config.refine = o->refine;
     config.lanes = (int)o->lanes;
     return config;
 }

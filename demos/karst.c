@@ -8,6 +8,7 @@ static const command commands[] = {
     {"render", "one picture of a world, to a PNG", command_render},
     {"view", "a window on a world: fly, walk, change it and see", command_view},
     {"bench", "measures a world: frame time by stage, production, churn, memory", command_bench},
+    {"accuracy", "speed against error: what each quality setting costs, and how wrong it is", command_accuracy},
     {"check", "what there is to say of a world file: mistakes, bounds, precision, cost", command_check},
     {"sample", "a world's density, gradient and bounds at points", command_sample},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},

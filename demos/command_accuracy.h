@@ -1,0 +1,81 @@
+/* What the parts of karst accuracy share.
+ *
+ *   command_accuracy.c          options; the order of things; the table on stdout
+ *   command_accuracy_measure.c  settings drawn, and what they are off the reference
+ *   command_accuracy_report.c   the Pareto fronts; JSON, CSV and the SVG
+ */
+#ifndef KARST_DEMOS_COMMAND_ACCURACY_H
+#define KARST_DEMOS_COMMAND_ACCURACY_H
+
+#include "command.h"
+
+/* A quality setting: one point of a family's curve. */
+typedef struct {
+    const char *family;
+    double detail_px;
+    bool refine;
+    bool is_default; /* of karst render and karst view */
+} accuracy_setting;
+
+/* What it costs, and how wrong it is. */
+typedef struct {
+    double cast_ms, refine_ms, shade_ms, frame_ms; /* medians over settled frames without shadows: device, and wall clock */
+    uint64_t num_bricks; /* that the picture needs */
+    double brick_mib;
+    double given_px; /* pixels per voxel: more than asked for if the pools are too small */
+    /* depth, where both hit, in footprints of the ray */
+    uint64_t num_compared;
+    double depth_median, depth_p99, depth_max;
+    /* pixels that miss what the reference hits, and the other way round; and those of both that lie at no silhouette */
+    uint64_t num_missed, num_false, num_elsewhere;
+    double normal_median_deg, normal_p99_deg;
+    /* the small picture against the supersampled reference, 8-bit */
+    double rmse, psnr_db, ssim;
+    bool on_depth_front, on_picture_front;
+} accuracy_result;
+
+#define ACCURACY_MAX_SETTINGS 32
+
+typedef struct {
+    /* as asked for */
+    const char *world, *device, *camera;
+    char world_file[4096];
+    int size_px[2];
+    double view_distance_m;
+    bool has_seed;
+    uint64_t seed, num_frames, lanes;
+    command_parameters parameters;
+    /* as found */
+    char camera_text[512], device_name[128];
+    karst_camera camera_used;
+    bool has_camera;
+    int picture_px[2]; /* of the pictures that are compared */
+    karst_reference_hit *expected;
+    uint8_t *picture; /* supersampled */
+    double reference_s, picture_s;
+    uint64_t num_unresolved;
+    accuracy_setting settings[ACCURACY_MAX_SETTINGS];
+    accuracy_result results[ACCURACY_MAX_SETTINGS];
+    size_t num_settings;
+} accuracy;
+
+#define ACCURACY_RAYS_PX 4 /* on the side of a pixel of the supersampled picture */
+
+/* ---- command_accuracy_measure.c ---- */
+
+/* Traces the reference and the supersampled picture. */
+bool accuracy_trace(accuracy *a, command_talk *talk, karst_error *error);
+/* Draws setting number i and compares. */
+bool accuracy_measure(accuracy *a, size_t i, command_talk *talk, karst_error *error);
+void accuracy_free(accuracy *a);
+
+/* ---- command_accuracy_report.c ---- */
+
+/* Marks what no other setting beats both in time and in error: by 5 % in one, and no worse in the other. */
+void accuracy_mark_fronts(accuracy *a);
+/* Malloc'ed texts; NULL: out of memory. */
+char *accuracy_json(const accuracy *a);
+char *accuracy_csv(const accuracy *a);
+char *accuracy_plot(const accuracy *a, karst_error *error);
+
+#endif
