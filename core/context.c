@@ -410,7 +410,7 @@ karst_context *karst_context_fork(const karst_context *of, karst_error *error)
     *context = *of;
     context->log = NULL;
     context->buffers = NULL;
-    context->program_writer = NULL;
+    context->program_backlog = NULL;
     context->is_fork = true;
     context->num_new_programs = 0;
     context->profile = karst_profile_create(error);
@@ -428,7 +428,7 @@ void karst_context_destroy(karst_context *context)
 {
     if (!context)
         return;
-    karst_program_writer_destroy(context->program_writer);
+    karst_program_cache_drop(context);
     if (context->queue)
         clFinish(context->queue);
     karst_profile_destroy(context->profile);

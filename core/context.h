@@ -41,7 +41,7 @@ struct karst_context {
     bool is_fork; /* launches only programs that are new; see karst_context_fork */
     cl_program new_programs[KARST_FORK_PROGRAMS];
     uint32_t num_new_programs;
-    struct karst_program_writer *program_writer; /* NULL: nothing to write so far; see core/program_cache.h */
+    struct karst_program_backlog *program_backlog; /* still to be kept; see core/program_cache.h */
 };
 
 /* A device as `karst info` lists it. */

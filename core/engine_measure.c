@@ -44,7 +44,7 @@ karst_measure *karst_measure_create(karst_engine *engine, karst_error *error)
         karst_measure_destroy(m);
         return NULL;
     }
-    karst_program_writer_finish(context->program_writer);
+    karst_program_cache_finish(context);
     return m;
 }
 

@@ -148,7 +148,7 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     if (!cl) {
         cl = compile(context, entry, all_options, source, error);
         if (cl)
-            karst_program_cache_store(context, &key, all_options, source, cl);
+            karst_program_cache_store(context, &key, cl);
     }
     bool is_new = cl && note_program(source, all_options);
     karst_program_key_free(&key);

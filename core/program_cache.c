@@ -4,13 +4,11 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
 #define SUFFIX ".program"
@@ -18,7 +16,6 @@
 #define TEMPORARY_AGE_S 3600 /* older ones were left by a process that died */
 #define MAX_ENTRY_BYTES ((size_t)64 << 20)
 #define MAX_ENTRIES 4096
-#define WRITER_DELAY_S 3 /* after the last program came: the first picture has the machine to itself */
 
 /* What stands at the front of an entry; then the key's text and the binary. */
 typedef struct {
@@ -324,164 +321,57 @@ static bool keep(const karst_program_key *key, cl_program program)
     return ok;
 }
 
-/* ---- the writer's thread ---- */
+/* ---- what is to be kept later ---- */
 
-typedef struct writer_job writer_job;
-struct writer_job {
+struct karst_program_backlog {
     karst_program_key key;
-    char *options, *source;
-    writer_job *next;
+    cl_program program;
+    struct karst_program_backlog *next;
 };
 
-struct karst_program_writer {
-    cl_device_id device;
-    pthread_t thread;
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    writer_job *first, **last;
-    struct timespec due; /* of the first job: some time after the last one came */
-    bool stop, busy, hurry;
-};
-
-static void free_job(writer_job *job)
+static void free_first(karst_context *context)
 {
-    karst_program_key_free(&job->key);
-    free(job->options);
-    free(job->source);
-    free(job);
+    struct karst_program_backlog *first = context->program_backlog;
+    context->program_backlog = first->next;
+    karst_program_key_free(&first->key);
+    clReleaseProgram(first->program);
+    free(first);
 }
 
-static void do_job(struct karst_program_writer *writer, cl_context cl, const writer_job *job)
+void karst_program_cache_finish(karst_context *context)
 {
-    cl_int code = CL_SUCCESS;
-    const char *source = job->source;
-    if (access(job->key.path, R_OK) == 0) /* another engine or process was faster */
-        return;
-    cl_program program = clCreateProgramWithSource(cl, 1, &source, NULL, &code);
-    if (code != CL_SUCCESS)
-        return;
-    /* Under another name: PoCL 3.1 counts the users of a kernel by what it was built from, and loses count (an assertion
-     * of its own) if one is compiled for a binary on this thread while it runs on another. */
-    char options[4096];
-    int length = snprintf(options, sizeof options, "%s -DKARST_KEPT_PROGRAM", job->options);
-    if (length < (int)sizeof options && clBuildProgram(program, 1, &writer->device, options, NULL, NULL) == CL_SUCCESS)
-        keep(&job->key, program);
-    clReleaseProgram(program);
-}
-
-static void *write_jobs(void *user)
-{
-    struct karst_program_writer *writer = user;
-    cl_int code = CL_SUCCESS;
-    /* On Linux a thread has a priority of its own. */
-    setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 19);
-    /* PoCL locks a context while it compiles: in this one nobody else waits. */
-    cl_context cl = clCreateContext(NULL, 1, &writer->device, NULL, NULL, &code);
-    pthread_mutex_lock(&writer->lock);
-    while (!writer->stop && code == CL_SUCCESS) {
-        writer_job *job = writer->first;
-        if (!job) {
-            pthread_cond_wait(&writer->changed, &writer->lock);
-            continue;
-        }
-        if (!writer->hurry && pthread_cond_timedwait(&writer->changed, &writer->lock, &writer->due) != ETIMEDOUT)
-            continue;
-        writer->first = job->next;
-        if (!writer->first)
-            writer->last = &writer->first;
-        writer->busy = true;
-        pthread_mutex_unlock(&writer->lock);
-        do_job(writer, cl, job);
-        free_job(job);
-        pthread_mutex_lock(&writer->lock);
-        writer->busy = false;
-        pthread_cond_broadcast(&writer->changed);
+    /* Nothing else may go on in the driver meanwhile: PoCL 3.1 dies when it builds and runs at the same time. */
+    if (context->program_backlog)
+        clFinish(context->queue);
+    while (context->program_backlog) {
+        if (access(context->program_backlog->key.path, R_OK) != 0) /* another engine or process was faster */
+            keep(&context->program_backlog->key, context->program_backlog->program);
+        free_first(context);
     }
-    writer->stop = true; /* also when there is no context: nobody is to wait */
-    pthread_cond_broadcast(&writer->changed);
-    pthread_mutex_unlock(&writer->lock);
-    if (code == CL_SUCCESS)
-        clReleaseContext(cl);
-    return NULL;
 }
 
-static struct karst_program_writer *create_writer(const karst_context *context)
+void karst_program_cache_drop(karst_context *context)
 {
-    struct karst_program_writer *writer = calloc(1, sizeof *writer);
-    if (!writer)
-        return NULL;
-    writer->device = context->device;
-    writer->last = &writer->first;
-    pthread_mutex_init(&writer->lock, NULL);
-    pthread_condattr_t attributes;
-    pthread_condattr_init(&attributes);
-    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
-    pthread_cond_init(&writer->changed, &attributes);
-    pthread_condattr_destroy(&attributes);
-    if (pthread_create(&writer->thread, NULL, write_jobs, writer) == 0)
-        return writer;
-    pthread_cond_destroy(&writer->changed);
-    pthread_mutex_destroy(&writer->lock);
-    free(writer);
-    return NULL;
+    while (context->program_backlog)
+        free_first(context);
 }
 
-void karst_program_writer_finish(struct karst_program_writer *writer)
+static void keep_later(karst_context *context, const karst_program_key *key, cl_program program)
 {
-    if (!writer)
+    struct karst_program_backlog *entry = calloc(1, sizeof *entry);
+    if (!entry)
         return;
-    pthread_mutex_lock(&writer->lock);
-    writer->hurry = true;
-    pthread_cond_broadcast(&writer->changed);
-    while ((writer->first || writer->busy) && !writer->stop)
-        pthread_cond_wait(&writer->changed, &writer->lock);
-    writer->hurry = false;
-    pthread_mutex_unlock(&writer->lock);
-}
-
-void karst_program_writer_destroy(struct karst_program_writer *writer)
-{
-    if (!writer)
-        return;
-    pthread_mutex_lock(&writer->lock);
-    writer->stop = true;
-    pthread_cond_broadcast(&writer->changed);
-    pthread_mutex_unlock(&writer->lock);
-    pthread_join(writer->thread, NULL);
-    while (writer->first) {
-        writer_job *job = writer->first;
-        writer->first = job->next;
-        free_job(job);
-    }
-    pthread_cond_destroy(&writer->changed);
-    pthread_mutex_destroy(&writer->lock);
-    free(writer);
-}
-
-static void write_later(karst_context *context, const karst_program_key *key, const char *options, const char *source)
-{
-    writer_job *job = calloc(1, sizeof *job);
-    if (!context->program_writer)
-        context->program_writer = create_writer(context);
-    if (job) {
-        job->key = *key;
-        job->key.text = malloc(key->length_bytes);
-        job->options = strdup(options);
-        job->source = strdup(source);
-    }
-    if (!context->program_writer || !job || !job->key.text || !job->options || !job->source) {
-        if (job)
-            free_job(job);
+    entry->key = *key;
+    entry->key.text = malloc(key->length_bytes);
+    if (!entry->key.text || clRetainProgram(program) != CL_SUCCESS) {
+        free(entry->key.text);
+        free(entry);
         return;
     }
-    memcpy(job->key.text, key->text, key->length_bytes);
-    pthread_mutex_lock(&context->program_writer->lock);
-    *context->program_writer->last = job;
-    context->program_writer->last = &job->next;
-    clock_gettime(CLOCK_MONOTONIC, &context->program_writer->due);
-    context->program_writer->due.tv_sec += WRITER_DELAY_S;
-    pthread_cond_broadcast(&context->program_writer->changed);
-    pthread_mutex_unlock(&context->program_writer->lock);
+    memcpy(entry->key.text, key->text, key->length_bytes);
+    entry->program = program;
+    entry->next = context->program_backlog;
+    context->program_backlog = entry;
 }
 
 /* PoCL compiles every kernel once more before it gives a binary out. */
@@ -492,13 +382,12 @@ static bool gives_binaries_slowly(const karst_context *context)
     return strstr(name, "Portable Computing Language") != NULL;
 }
 
-void karst_program_cache_store(karst_context *context, const karst_program_key *key, const char *options,
-                               const char *source, cl_program program)
+void karst_program_cache_store(karst_context *context, const karst_program_key *key, cl_program program)
 {
     if (!key->folder[0])
         return;
     if (gives_binaries_slowly(context))
-        write_later(context, key, options, source);
+        keep_later(context, key, program);
     else if (!keep(key, program))
         karst_log_print(context->log, KARST_LOG_DEBUG, "%s could not be kept", key->path);
 }

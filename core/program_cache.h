@@ -30,16 +30,12 @@ void karst_program_key_free(karst_program_key *key);
 
 /* The built program, ready for its kernels, or NULL if there is no good entry. */
 cl_program karst_program_cache_load(karst_context *context, const karst_program_key *key, const char *options);
-/* Keeps a program that was just built from `source`. Where the driver must do much work to give a binary out (PoCL
- * compiles each kernel once more for that, about as long as for using it), it happens later, when the first picture is
- * likely there, on a thread of low priority with an OpenCL context of its own. What is not done when the device is
- * closed is left for the next time. */
-void karst_program_cache_store(karst_context *context, const karst_program_key *key, const char *options,
-                               const char *source, cl_program program);
-
-/* That thread (NULL: none yet). Waits for the program in hand, drops the others. */
-void karst_program_writer_destroy(struct karst_program_writer *writer);
-/* Waits until all that was given to it is kept. For tests and measurements. */
-void karst_program_writer_finish(struct karst_program_writer *writer);
+/* Keeps a program that was just built. Where the driver must do much work to give a binary out (PoCL compiles each
+ * kernel once more for that, about as long as for using it), it is only noted down for karst_program_cache_finish. */
+void karst_program_cache_store(karst_context *context, const karst_program_key *key, cl_program program);
+/* Keeps what was noted down, once the queue is idle: may take seconds. */
+void karst_program_cache_finish(karst_context *context);
+/* Forgets it. */
+void karst_program_cache_drop(karst_context *context);
 
 #endif

@@ -94,7 +94,7 @@ static bool build_and_run(fixture *f, int value)
     karst_buffer_destroy(out);
     clReleaseKernel(kernel);
     karst_program_destroy(program);
-    karst_program_writer_finish(f->context->program_writer);
+    karst_program_cache_finish(f->context);
     bool loaded = strstr(f->text, "loaded small.cl") != NULL;
     assert_true(loaded || strstr(f->text, "built small.cl"));
     return loaded;
@@ -180,8 +180,8 @@ static void test_what_is_damaged_is_built_anew(void **state)
     const char *text = source;
     cl_program program = clCreateProgramWithSource(f->context->cl, 1, &text, NULL, &code);
     assert_int_equal(clBuildProgram(program, 1, &f->context->device, options, NULL, NULL), CL_SUCCESS);
-    karst_program_cache_store(f->context, &key, options, source, program);
-    karst_program_writer_finish(f->context->program_writer);
+    karst_program_cache_store(f->context, &key, program);
+    karst_program_cache_finish(f->context);
     clReleaseProgram(program);
     long size;
     unsigned char *good = read_file(key.path, &size), *bad = malloc((size_t)size);
@@ -240,7 +240,7 @@ static void test_without_a_folder_it_is_off(void **state)
     }
     assert_false(build_and_run(f, 5));
     assert_false(build_and_run(f, 5));
-    assert_null(f->context->program_writer);
+    assert_null(f->context->program_backlog);
 
     /* A folder that others may write to is not to be trusted. */
     setenv("KARST_CACHE_DIR", f->folder, 1);
@@ -315,7 +315,7 @@ static void test_its_size_is_bounded(void **state)
     assert_true(build_and_run(f, 2));
 }
 
-/* Closing a device right after building: what was not kept yet is dropped, nothing hangs, no half file stays. */
+/* Closing a device right after building: what was not kept yet is dropped, and no half file stays. */
 static void test_closing_at_once(void **state)
 {
     fixture *f = *state;

@@ -30,8 +30,9 @@ typedef struct {
 typedef struct karst_measure karst_measure;
 
 /* Builds the kernels and their data (some 260 MiB, in the engine's account as "floor" and "measure") on the engine's
- * device, for its current picture size, and waits until no program is being kept on disk in the background. The engine
- * outlives it. Errors: KARST_FAILED. */
+ * device, for its current picture size. With a driver that needs seconds to give built programs out (PoCL), this is
+ * also when they are kept on disk for later processes, so that no measurement is disturbed. The engine outlives it.
+ * Errors: KARST_FAILED. */
 karst_measure *karst_measure_create(karst_engine *engine, karst_error *error);
 void karst_measure_destroy(karst_measure *measure); /* NULL is fine */
 /* Runs each once. Call it a few times for nothing first, then in turns with what is to be compared. Errors:
