@@ -125,7 +125,7 @@ static void set_info(karst_world_file *file)
     karst_text_from_double(header->camera_pitch_deg, pitch, sizeof pitch);
     karst_text_from_double(header->camera_fov_deg, fov, sizeof fov);
     if (header->has_camera)
-        snprintf(file->camera, sizeof file->camera, "%.60s,%.60s,%.60s,%s,%s,%s", header->camera_position[0],
+        snprintf(file->camera, sizeof file->camera, "%s,%s,%s,%s,%s,%s", header->camera_position[0],
                  header->camera_position[1], header->camera_position[2], yaw, pitch, fov);
     else
         choose_camera(file, view_distance_m);
@@ -153,14 +153,41 @@ static void set_info(karst_world_file *file)
 
 /* ---- opening ---- */
 
+/* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
+#define MAX_SLOTS 2048u
+
+/* What is too large for the devices' compilers, told where its value is made. */
+static bool fail_at(const karst_world_file *file, karst_expr root, const karst_error *why, karst_error *error)
+{
+    uint32_t line, column;
+    karst_source_place(&file->program->source, file->program->resolved.nodes[root].where, &line, &column);
+    if (why->status != KARST_BAD_WORLD)
+        return karst_fail(error, why->status, "%s", why->message);
+    return karst_fail(error, KARST_BAD_WORLD, "%.300s:%u:%u: %s", file->program->name, line, column, why->message);
+}
+
+static bool make_code(karst_world_file *file, karst_error *error)
+{
+    const karst_resolved_world *world = &file->program->world;
+    karst_error why = {0};
+    if (!karst_emit_world(&file->layout, &file->code, &why))
+        return fail_at(file, world->has_colour ? world->colour[0] : world->density, &why, error);
+    if (!karst_tape_build(&file->layout, &world->density, 1, &file->tape, &why))
+        return fail_at(file, world->density, &why, error);
+    if (file->tape.num_slots <= MAX_SLOTS)
+        return true;
+    karst_fail(&why, KARST_BAD_WORLD, "density is too large: %u values are needed at a time; at most %u are possible",
+               file->tape.num_slots, MAX_SLOTS);
+    return fail_at(file, world->density, &why, error);
+}
+
 static bool complete(karst_world_file *file, karst_error *error)
 {
     const karst_resolved_world *world = &file->program->world;
     if (!karst_world_layout_init(&file->layout, world))
         return karst_fail(error, KARST_BAD_WORLD, "%.300s: the world needs too much memory to compile",
                           file->program->name);
-    if (!karst_emit_world(&file->layout, &file->code, error) ||
-        !karst_tape_build(&file->layout, &world->density, 1, &file->tape, error))
+    if (!make_code(file, error))
         return false;
     file->data_bytes = data_size(file);
     set_info(file);
@@ -215,19 +242,10 @@ void karst_world_file_destroy(karst_world_file *file)
 
 /* ---- producing ---- */
 
-/* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
-#define MAX_SLOTS 2048u
-
 karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error)
 {
     char tape_options[KARST_TAPE_OPTIONS_BYTES], options[512];
-    if (file->tape.num_slots > MAX_SLOTS) {
-        karst_fail(error, KARST_BAD_WORLD,
-                   "%.300s is too large: its bounds need %u values at a time; at most %u are possible", file->info.name,
-                   file->tape.num_slots, MAX_SLOTS);
-        return NULL;
-    }
     karst_number *values = parameter_values(file);
     void *data = values ? make_data(file, values, seed, error) : NULL;
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
@@ -249,10 +267,45 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
     return producer;
 }
 
+void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error)
+{
+    karst_number *values = parameter_values(file);
+    void *data = NULL;
+    if (values)
+        data = make_data(file, values, seed, error);
+    else
+        karst_fail(error, KARST_FAILED, "out of memory");
+    free(values);
+    return data;
+}
+
+void karst_world_file_program(const karst_world_file *file, const void *data,
+                              char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program)
+{
+    char tape_options[KARST_TAPE_OPTIONS_BYTES];
+    karst_tape_options(&file->tape, tape_options, sizeof tape_options);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA %s", tape_options);
+    *program = (karst_density_program){.name = file->info.name,
+                                       .source = file->code.source,
+                                       .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)
+                                                            ? bounds_source_of_gradient_noise
+                                                            : bounds_source,
+                                       .options = options,
+                                       .data = data,
+                                       .data_bytes = file->data_bytes};
+}
+
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error)
 {
-    return karst_world_file_producer_built(context, file, seed, max_loads, NULL, error);
+    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    void *data = karst_world_file_data(file, seed, error);
+    karst_density_program program;
+    karst_world_file_program(file, data, options, &program);
+    program.max_loads = max_loads;
+    karst_producer *producer = data ? karst_density_producer_create_program(context, &program, error) : NULL;
+    free(data);
+    return producer;
 }
 
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,

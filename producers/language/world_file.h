@@ -3,6 +3,7 @@
 #ifndef KARST_LANGUAGE_WORLD_FILE_H
 #define KARST_LANGUAGE_WORLD_FILE_H
 
+#include "producers/density_producer.h"
 #include "producers/language/emit.h"
 #include "producers/language/language.h"
 #include "producers/language/tape.h"
@@ -16,7 +17,7 @@ typedef struct {
     karst_tape tape; /* of the density, for its bounds */
     size_t data_bytes;
     karst_world_info info; /* source_path is NULL; strings live in the file */
-    char camera[320];
+    char camera[640];
 } karst_world_file;
 
 /* Compiles a file or a text. `given` are parameters to set. Errors: KARST_BAD_WORLD; if `diagnostics` is not NULL, all
@@ -29,6 +30,12 @@ karst_world_file *karst_world_file_compile(const char *name, const char *text, s
                                            karst_error *error);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
+/* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */
+void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error);
+/* Its density program, for producers of other shapes; max_loads is the caller's to fill. Borrows all three. */
+#define KARST_WORLD_FILE_OPTIONS_BYTES 256
+void karst_world_file_program(const karst_world_file *file, const void *data,
+                              char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
 /* Its producer. `max_loads`: as for karst_density_producer_create. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);
