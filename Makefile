@@ -31,8 +31,11 @@ CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_asan    := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
 LDFLAGS_asan   := -fsanitize=address,undefined
+# make fuzz uses it, with clang.
+CFLAGS_fuzz    := -g -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined
+LDFLAGS_fuzz   := -fsanitize=fuzzer,address,undefined
 ifeq ($(origin CFLAGS_$(CONFIG)),undefined)
-$(error CONFIG=$(CONFIG): choose release, debug or asan)
+$(error CONFIG=$(CONFIG): choose release, debug, asan or fuzz)
 endif
 # -ffp-contract=off: host and device must agree bit for bit.
 KCFLAGS := -std=c11 -D_GNU_SOURCE -DKARST_VERSION='"$(VERSION)"' -ffp-contract=off -fPIC -pthread $(WARN) \
@@ -147,6 +150,12 @@ $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) $(KLIBS) -o $@
 
+# libFuzzer brings main.
+FUZZER := $(OBJ)/tests/fuzz/fuzz_language
+$(FUZZER): $(FUZZER).o $(LIBRARY)
+	$(say) LD $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(LIBRARY) $(KLIBS) -o $@
+
 # ---- using ----
 demo: $(COMMAND)
 	$(Q)$(COMMAND) render hills -o $(BUILD)/demo.png
@@ -156,9 +165,26 @@ check: all $(TEST_PROGRAMS)
 	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests $(TEST_PROGRAMS) \
 	    $(if $(PARTIAL),,$(TEST_SCRIPTS))
 
+# ONLY=text runs the programs that measure parts, whose path holds the text; PARTS="settled start" parts of the standard.
 bench: all $(BENCH_PROGRAMS)
-	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(or $(ONLY),standard),$(b)),$(b))); do \
-	    $$program || exit; done
+ifneq ($(ONLY),)
+	$(Q)for program in $(foreach b,$(BENCH_PROGRAMS),$(if $(findstring $(ONLY),$(b)),$(b))); do $$program || exit; done
+else
+	$(Q)KARST=$(COMMAND) KARST_BENCH_PROGRAMS=$(OBJ)/tests sh tests/bench/standard.sh
+endif
+
+# FUZZ_SECONDS=n looks for longer. It begins with the worlds, what tests paste, and the hostile texts; what it finds to be
+# new is kept beside them, and a finding as crash-* in the same folder.
+FUZZ_SECONDS ?= 60
+FUZZ_CORPUS = $(BUILD)/fuzz/corpus
+HOSTILE = $(BUILD)/release/tests/language/test_hostile
+fuzz:
+	$(Q)$(MAKE) CONFIG=release $(HOSTILE)
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language
+	$(Q)mkdir -p $(FUZZ_CORPUS) && cp demos/worlds/*.karst tests/language/pasted/*.karst $(FUZZ_CORPUS) && \
+	    $(HOSTILE) write $(FUZZ_CORPUS)
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2000 \
+	    -max_len=20000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND)
@@ -223,7 +249,8 @@ help:
 	@echo 'make demo            render the world "hills" to $(BUILD)/demo.png (installs missing packages if it can)'
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
-	@echo 'make bench           the standard benchmark; ONLY=cast or ONLY=producers measures parts'
+	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
+	@echo 'make fuzz            fuzz the world language with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
@@ -232,7 +259,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench docs-images lint install uninstall check-install clean help FORCE
+.PHONY: all demo check bench fuzz docs-images lint install uninstall check-install clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \
