@@ -299,6 +299,20 @@ bool view_video_step(viewer *v, karst_error *error)
 
 /* ---- statistics ---- */
 
+/* Where they are, in pixels of the window: left, top, width, height. */
+static json_t *describe_panels(const viewer *v)
+{
+    static const char *const names[VIEW_NUM_PANELS] = {"status", "page",  "sliders", "error",
+                                                       "prompt", "toast", "cross",   "help"};
+    json_t *panels = json_object();
+    for (int i = 0; i < VIEW_NUM_PANELS; i++) {
+        const view_panel *p = &v->overlay.panels[i];
+        if (p->shown)
+            json_object_set_new(panels, names[i], json_pack("[i,i,i,i]", p->x, p->y, p->width, p->height));
+    }
+    return panels;
+}
+
 static json_t *describe_viewer(const viewer *v)
 {
     char camera[512];
@@ -328,6 +342,12 @@ static json_t *describe_viewer(const viewer *v)
     json_object_set_new(o, "replaying", json_boolean(v->capture.path != NULL));
     json_object_set_new(o, "video", json_boolean(v->capture.video != NULL));
     json_object_set_new(o, "copied", json_string(v->capture.copied));
+    json_object_set_new(o, "fps", json_real(v->settings.fps));
+    json_object_set_new(o, "window", json_pack("[i,i]", v->width_px, v->height_px));
+    json_object_set_new(o, "panels", describe_panels(v));
+    json_object_set_new(o, "reload_s", json_real(v->reload.last_s));
+    json_object_set_new(o, "frames_while_compiling", json_integer((json_int_t)v->reload.num_frames));
+    json_object_set_new(o, "longest_while_compiling_ms", json_real(v->reload.longest_ms));
     json_object_set_new(o, "frames_late", json_integer((json_int_t)v->num_late));
     json_object_set_new(o, "frames_moving", json_integer((json_int_t)v->num_moving));
     json_object_set_new(o, "first_frame_s", json_real(v->first_frame_s));

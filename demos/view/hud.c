@@ -117,6 +117,13 @@ static double largest(const double *values, size_t num)
     return most;
 }
 
+int view_hud_top(const viewer *v)
+{
+    const view_panel *message = &v->overlay.panels[VIEW_PANEL_ERROR];
+    int margin = (int)(MARGIN * v->scale);
+    return *v->reload.error && message->shown ? message->y + message->height + margin : margin;
+}
+
 /* ---- status ---- */
 
 static void draw_status(viewer *v)
@@ -214,7 +221,7 @@ static void draw_frame_page(viewer *v)
     snprintf(text, sizeof text, "%dx%d of %dx%d", v->stats.num_pixels ? (int)(v->width_px * of_side / 100) : 0,
              v->stats.num_pixels ? (int)(v->height_px * of_side / 100) : 0, v->width_px, v->height_px);
     say_pair(&p, "pixels", text);
-    view_panel_end(v, VIEW_PANEL_PAGE, p.cairo, v->width_px - (int)((width + MARGIN) * p.s), (int)(MARGIN * p.s));
+    view_panel_end(v, VIEW_PANEL_PAGE, p.cairo, v->width_px - (int)((width + MARGIN) * p.s), view_hud_top(v));
 }
 
 static void draw_churn(sheet *p, const view_history *h, const double *ring, const char *name, int hue)
@@ -273,7 +280,7 @@ static void draw_cache_page(viewer *v)
              group_digits(v->stats.num_hits, (char[48]){0}));
     say_pair(&p, "hits on stand-ins", text);
     say_pair(&p, "rays without data", group_digits(v->stats.num_incomplete, digits));
-    view_panel_end(v, VIEW_PANEL_PAGE, p.cairo, v->width_px - (int)((width + MARGIN) * p.s), (int)(MARGIN * p.s));
+    view_panel_end(v, VIEW_PANEL_PAGE, p.cairo, v->width_px - (int)((width + MARGIN) * p.s), view_hud_top(v));
 }
 
 /* ---- help, prompt, messages ---- */
@@ -435,12 +442,12 @@ bool view_hud_update(viewer *v, bool all)
     bool full = v->page != VIEW_PAGE_NONE && v->engine && room;
     bool wide = v->width_px >= 310 * v->scale && v->height_px >= 300 * v->scale;
     full = full && !v->help_shown;
+    draw_or_hide(v, VIEW_PANEL_ERROR, *v->reload.error && room && !v->help_shown, draw_error); /* others stand below */
     draw_or_hide(v, VIEW_PANEL_STATUS, full, draw_status);
     draw_or_hide(v, VIEW_PANEL_CROSS, full, draw_cross);
     draw_or_hide(v, VIEW_PANEL_PAGE, full && has_graph && wide,
                  v->page == VIEW_PAGE_CACHE ? draw_cache_page : draw_frame_page);
     draw_or_hide(v, VIEW_PANEL_SLIDERS, v->sliders.shown && room && !v->help_shown, view_sliders_draw);
-    draw_or_hide(v, VIEW_PANEL_ERROR, *v->reload.error && room && !v->help_shown, draw_error);
     draw_or_hide(v, VIEW_PANEL_PROMPT, v->prompt_shown && room, draw_prompt);
     draw_or_hide(v, VIEW_PANEL_HELP, v->help_shown && room, draw_help);
     draw_or_hide(v, VIEW_PANEL_TOAST, *v->toast && room, draw_toast);

@@ -187,10 +187,10 @@ static void write_statistics(viewer *v)
         snprintf(file, sizeof file, "%s", v->settings.stats);
     else
         snprintf(file, sizeof file, "%s/karst-statistics.json", v->settings.folder);
-    if (view_statistics_write(v, file, &error))
-        view_toast(v, "statistics: %s", file);
-    else
+    if (!view_statistics_write(v, file, &error))
         view_complain(v, "%s", error.message);
+    else if (!v->settings.stats) /* who named the file knows it */
+        view_toast(v, "statistics: %s", file);
 }
 
 static void toggle_replay(viewer *v)

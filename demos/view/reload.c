@@ -138,6 +138,8 @@ static void start(viewer *v)
     }
     r->compilation = c;
     r->running = true;
+    r->num_frames = 0;
+    r->longest_ms = 0;
     r->started_s = v->now_s;
     v->hud_dirty = true;
 }
@@ -201,6 +203,7 @@ static bool finish(viewer *v, karst_error *error)
     bool good = true;
     pthread_join(r->thread, NULL);
     r->running = false;
+    r->last_s = v->now_s - r->started_s;
     r->compilation = NULL;
     v->hud_dirty = true;
     if (c->prepared) {

@@ -152,9 +152,7 @@ void view_sliders_draw(viewer *v)
     if (all->first_row > all->num_sliders - rows)
         all->first_row = all->num_sliders - rows;
     double width = fmin(WIDTH, v->width_px / s - 2 * MARGIN), height = HEAD + rows * ROW + PAD;
-    /* Below the message about a mistake, if there is one. */
-    const view_panel *message = &v->overlay.panels[VIEW_PANEL_ERROR];
-    int top = *v->reload.error && message->shown ? message->y + message->height + (int)(MARGIN * s) : (int)(MARGIN * s);
+    int top = view_hud_top(v);
     cairo_t *cairo = view_panel_begin(v, VIEW_PANEL_SLIDERS, (int)ceil(width * s), (int)ceil(height * s));
     if (!cairo)
         return;

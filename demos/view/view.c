@@ -227,6 +227,10 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
             v->num_moving++;
             v->num_late += (double)frame_ns > 1e9 / v->settings.fps;
         }
+        if (v->reload.running || reloaded) {
+            v->reload.num_frames++;
+            v->reload.longest_ms = fmax(v->reload.longest_ms, (double)frame_ns / 1e6);
+        }
         keep_history(v, (double)frame_ns / 1e6);
         view_resolution_learn(v, moving, frame_ns);
     } else if (visible && (v->damaged || view_hud_update(v, false))) {

@@ -270,7 +270,10 @@ typedef struct {
     _Atomic bool done;
     struct view_compilation *compilation;
     unsigned num_reloads, num_errors;
-    char error[4096]; /* what is wrong with the file now; "": nothing */
+    double last_s;       /* what the last one took */
+    uint64_t num_frames; /* drawn while compiling, the last time */
+    double longest_ms;   /* of those, and of the one that changed over */
+    char error[4096];    /* what is wrong with the file now; "": nothing */
 } view_reload;
 void view_reload_begin(viewer *v);
 /* Looks whether the file changed, or a compilation ended; true: the picture changes. Errors: the engine's. */
@@ -331,6 +334,8 @@ typedef enum { VIEW_PAGE_NONE, VIEW_PAGE_STATUS, VIEW_PAGE_FRAME, VIEW_PAGE_CACH
 extern const char *const view_page_names[];
 /* Draws panels that changed, at most some times a second unless `all`; true: something did. */
 bool view_hud_update(viewer *v, bool all);
+/* Where panels begin that stand at the top: below the message about a mistake, if there is one. */
+int view_hud_top(const viewer *v);
 
 #define VIEW_HISTORY 240
 typedef struct {
