@@ -15,12 +15,14 @@
 #include "core/context.h"
 #include "producers/language/data.h"
 
-/* Above this many nodes compilers take too long: see LANGUAGE, "code or tape". */
+/* Above this many nodes compilers take too long: the program then runs the world's tape (tape_world.clh). */
 #define KARST_EMIT_MAX_OPS 4000u
 /* Octaves are 140 bytes each of a brick's working memory. */
 #define KARST_EMIT_MAX_OCTAVES 2048u
 /* Octaves of a brick that are tensor products; others cost ten times as much. */
 #define KARST_EMIT_MAX_TENSORS 48u
+/* Octaves of Worley's noise whose cells a brick hashes once; others cost several times as much. */
+#define KARST_EMIT_MAX_TABLES 8u
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */
@@ -28,6 +30,7 @@ typedef struct {
     uint32_t num_point_ops;  /* nodes of world_point */
     uint32_t num_colour_ops; /* of world_colour; 0 if there is none */
     uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */
+    bool is_tape;            /* `source` is the tape's interpreter: no ops are counted but those of colours */
 } karst_emitted;
 
 /* What stands at the head of programs of worlds with no noise but gradient noise: others take time to compile
@@ -35,11 +38,11 @@ typedef struct {
 #define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
 bool karst_emit_is_gradient_noise_alone(const karst_graph *graph);
 
-/* Writes the program of a world. Errors: KARST_BAD_WORLD, "too large", if the graph has more than KARST_EMIT_MAX_OPS
+/* Writes the program of a world. Errors: KARST_BAD_WORLD, "too large", if its colour has more than KARST_EMIT_MAX_OPS
  * nodes to execute. Free with karst_emitted_finish. */
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);
 /* Writes world_point and world_surface (raycast/refine.h) of a world that has a gradient (derive.h): malloc'ed text.
- * Errors: as above. */
+ * Errors: as above, of density and gradient. */
 bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error);
 void karst_emitted_finish(karst_emitted *emitted);
 

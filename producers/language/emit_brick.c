@@ -91,7 +91,10 @@ static void declare_axes(karst_emit *emit)
         if (node->needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
             karst_text_add(text, "    emit_octave n%u[%u];\n", e, num_octaves(emit, e));
         if (node->is_tensor)
-            karst_text_add(text, "#if LANES == 16\n    noise_tensor t%u[%u];\n#endif\n", e, num_octaves(emit, e));
+            karst_text_add(text, "#ifdef EMIT_HOISTED\n    noise_tensor t%u[%u];\n#endif\n", e, num_octaves(emit, e));
+        if (node->is_table)
+            karst_text_add(text, "#ifdef EMIT_HOISTED\n    noise_worley_brick w%u[%u];\n#endif\n", e,
+                           num_octaves(emit, e));
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
                            : node->axes & X        ? "[EMIT_ROW_VECTORS]"
@@ -120,9 +123,15 @@ static void prepare(karst_emit *emit)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].is_tensor)
             karst_text_add(text,
-                           "#if LANES == 16\n    for (int k = 0; k < %u; k++)\n"
+                           "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++)\n"
                            "        emit_tensor_prepare(&axes->t%u[k], &axes->n%u[k], %d);\n#endif\n",
                            num_octaves(emit, e), e, e, shape_of(emit, e) == KARST_NOISE_SUM);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_table)
+            karst_text_add(text,
+                           "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++)\n"
+                           "        emit_worley_prepare(&axes->w%u[k], &axes->n%u[k]);\n#endif\n",
+                           num_octaves(emit, e), e, e);
     block(emit, 0);
     block(emit, X);
     block(emit, Y);
@@ -138,7 +147,7 @@ static void plane(karst_emit *emit)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].is_tensor)
             karst_text_add(&emit->text,
-                           "#if LANES == 16\n    for (int k = 0; k < %u; k++)\n"
+                           "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++)\n"
                            "        if (axes->n%u[k].weight.weight != 0.0f)\n"
                            "            noise_tensor_plane(&axes->t%u[k], iz);\n#endif\n",
                            num_octaves(emit, e), e, e);
@@ -188,6 +197,20 @@ static void mark_tensors(karst_emit *emit)
     }
 }
 
+/* The same for tables of Worley's noise: 32 KiB an octave. */
+static void mark_tables(karst_emit *emit)
+{
+    uint32_t room = KARST_EMIT_MAX_TABLES;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        bool is_first = !emit->nodes[e].partner || emit->nodes[e].partner > e;
+        if (!emit->nodes[e].needs || !is_first || !karst_emit_is_worley(emit, e) ||
+            !karst_emit_has_bricks_axes(emit, e) || num_octaves(emit, e) > room)
+            continue;
+        emit->nodes[e].is_table = 1;
+        room -= num_octaves(emit, e);
+    }
+}
+
 /* Marks what blocks hand on; returns how many values of xy that is. */
 static uint32_t mark_kept(karst_emit *emit, karst_expr root)
 {
@@ -227,6 +250,7 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
         if (emit->nodes[e].needs)
             emitted->num_ops[emit->nodes[e].axes]++;
     mark_tensors(emit);
+    mark_tables(emit);
     declare_axes(emit);
     prepare(emit);
     plane(emit);

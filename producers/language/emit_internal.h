@@ -18,10 +18,12 @@ typedef struct {
 
 /* What a node is to the code. */
 typedef struct {
-    uint8_t axes;      /* that it depends on */
-    uint8_t needs;     /* KARST_PART_*: what some block computes */
-    uint8_t keeps;     /* what the brick form hands from one block to others */
-    uint8_t is_tensor; /* a noise that 16 lanes evaluate as a tensor product over the brick */
+    uint8_t axes;       /* that it depends on */
+    uint8_t needs;      /* KARST_PART_*: what some block computes */
+    uint8_t keeps;      /* what the brick form hands from one block to others */
+    uint8_t is_tensor;  /* a noise that 16 lanes evaluate as a tensor product over the brick */
+    uint8_t is_table;   /* Worley's noise whose cells 16 lanes hash once for the brick */
+    karst_expr partner; /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
 /* A node's value is v12, or, for nodes of kind WIDE, the pair h12 and l12. AFFINE and SHIFTED have both, where wanted.
@@ -71,7 +73,18 @@ const char *karst_emit_type(const karst_emit *emit, karst_expr e);
 /* ---- emit_noise.c ---- */
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
 /* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
+bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
+/* The beginning of a loop over octaves, up to its `weight`. */
+void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
+/* `q`: where the octave's arguments lie, in each lane. */
+void karst_emit_place(karst_emit *emit, karst_expr e);
+
+/* ---- emit_worley.c ---- */
+/* F1 or F2, not a derivative. */
+bool karst_emit_is_worley(const karst_emit *emit, karst_expr e);
+void karst_emit_mark_pairs(karst_emit *emit);
+void karst_emit_worley_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);

@@ -33,9 +33,13 @@ static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
 
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e)
 {
+    return noise_of(emit, e)->base == KARST_NOISE_GRADIENT && !noise_of(emit, e)->derivative &&
+           karst_emit_has_bricks_axes(emit, e);
+}
+
+bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e)
+{
     const karst_expr_node *n = &emit->graph->nodes[e];
-    if (noise_of(emit, e)->base != KARST_NOISE_GRADIENT || noise_of(emit, e)->derivative)
-        return false;
     for (int i = 0; i < 3; i++) {
         uint8_t axes = emit->graph->nodes[n->arg[i]].depends & KARST_AXES;
         if (moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
@@ -73,15 +77,20 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
                        i, i, karst_emit_operand(emit, by).text);
 }
 
+void karst_emit_place(karst_emit *emit, karst_expr e)
+{
+    karst_text_add(&emit->text, "        noise_position q;\n");
+    for (int i = 0; i < 3; i++)
+        coordinate(emit, e, i);
+}
+
 /* Adds an octave at places of its own in each lane. */
 static void octave_line(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
     const char *base = base_names[noise->base], *shape = shape_names[noise->shape];
     karst_text *text = &emit->text;
-    karst_text_add(text, "        noise_position q;\n");
-    for (int i = 0; i < 3; i++)
-        coordinate(emit, e, i);
+    karst_emit_place(emit, e);
     if (noise->derivative)
         karst_text_add(text, "        const vfloat slope = octave_slope_%s(&q, weight.seed, %d);\n", base,
                        noise->derivative - 1);
@@ -113,12 +122,10 @@ static void tensor_line(karst_emit *emit, karst_expr e)
                        e, shape_names[noise->shape], e, noise->base, noise->shape, e);
 }
 
-void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
+void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)
 {
-    const karst_noise *noise = noise_of(emit, e);
     karst_text *text = &emit->text;
-    karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
-    karst_text_add(text, "    for (int k = 0; k < %u; k++) {\n", noise->num_octaves);
+    karst_text_add(text, "    for (int k = 0; k < %u; k++) {\n", noise_of(emit, e)->num_octaves);
     if (emit->block.is_point)
         karst_text_add(text,
                        "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u) + k;\n"
@@ -129,6 +136,18 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
                        "        const K_PRIVATE emit_octave *octave = &axes->n%u[k];\n"
                        "        const octave_weight weight = octave->weight;\n",
                        e);
+}
+
+void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_noise *noise = noise_of(emit, e);
+    karst_text *text = &emit->text;
+    if (karst_emit_is_worley(emit, e)) {
+        karst_emit_worley_lines(emit, e);
+        return;
+    }
+    karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
+    karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
     if (!noise->derivative)
         karst_text_add(text, "            v%u = octave_faded_%s(octave_mean(%u, %u), &weight, v%u);\n", e,
@@ -137,7 +156,7 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
                          "        }\n");
     bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point && !emit->block.is_sample;
     if (is_tensor) {
-        karst_text_add(text, "#if LANES == 16\n");
+        karst_text_add(text, "#ifdef EMIT_HOISTED\n");
         tensor_line(emit, e);
         karst_text_add(text, "#else\n");
     }

@@ -69,6 +69,7 @@ uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_r
             emit->nodes[inputs[i].e].needs |= inputs[i].part;
         count++;
     }
+    karst_emit_mark_pairs(emit);
     return count;
 }
 
@@ -103,10 +104,14 @@ bool karst_emit_is_gradient_noise_alone(const karst_graph *graph)
     return true;
 }
 
+static const char *only_gradient(const karst_emit *emit)
+{
+    return karst_emit_is_gradient_noise_alone(emit->graph) ? KARST_EMIT_ONLY_GRADIENT : "";
+}
+
 static void preamble(karst_emit *emit)
 {
-    karst_text_add(&emit->text, "%s#include \"producers/language/emit.clh\"\n\n",
-                   karst_emit_is_gradient_noise_alone(emit->graph) ? KARST_EMIT_ONLY_GRADIENT : "");
+    karst_text_add(&emit->text, "%s#include \"producers/language/emit.clh\"\n\n", only_gradient(emit));
 }
 
 static bool take_text(karst_emit *emit, char **to, karst_error *error)
@@ -120,6 +125,23 @@ static bool take_text(karst_emit *emit, char **to, karst_error *error)
     return good;
 }
 
+/* The density's text: its own, or, if that were too large, the interpreter of its tape. */
+static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error *error)
+{
+    karst_error why = {0};
+    if (check(emit, &emit->layout->world.density, 1, "density", &why)) {
+        preamble(emit);
+        karst_emit_points(emit, emitted);
+        karst_emit_bricks(emit, emitted);
+    } else if (why.status == KARST_BAD_WORLD) {
+        emitted->is_tape = true;
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape_world.clh\"\n", only_gradient(emit));
+    } else {
+        return karst_fail(error, why.status, "%s", why.message);
+    }
+    return take_text(emit, &emitted->source, error);
+}
+
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
 {
     karst_emit emit = {.layout = layout, .graph = layout->world.graph};
@@ -127,14 +149,8 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
     *emitted = (karst_emitted){0};
     bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
-    done = done && check(&emit, &layout->world.density, 1, "density", error) &&
-           (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error));
-    if (done) {
-        preamble(&emit);
-        karst_emit_points(&emit, emitted);
-        karst_emit_bricks(&emit, emitted);
-        done = take_text(&emit, &emitted->source, error);
-    }
+    done = done && (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error)) &&
+           write_density(&emit, emitted, error);
     if (done && layout->world.has_colour) {
         preamble(&emit);
         karst_emit_colours(&emit, emitted);

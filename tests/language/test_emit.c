@@ -407,6 +407,12 @@ static void test_pasted_worlds(void **state)
     check_folder("tests/language/pasted");
 }
 
+static void test_noises(void **state)
+{
+    (void)state;
+    check_folder("tests/language/noises");
+}
+
 /* ---- the mean that octaves fade to ---- */
 
 static void test_means_of_noise(void **state)
@@ -439,10 +445,9 @@ static void test_means_of_noise(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_means_of_noise),
-        cmocka_unit_test(test_random_graphs),
-        cmocka_unit_test(test_shipped_worlds),
-        cmocka_unit_test(test_pasted_worlds),
+        cmocka_unit_test(test_means_of_noise), cmocka_unit_test(test_random_graphs),
+        cmocka_unit_test(test_shipped_worlds), cmocka_unit_test(test_pasted_worlds),
+        cmocka_unit_test(test_noises),
     };
     return cmocka_run_group_tests(tests, open_devices, close_devices);
 }
