@@ -251,7 +251,7 @@ fi
 
 # ---- the table ----
 echo
-echo "Karst $($karst --version | head -n 1 | cut -d ' ' -f 2) on $name, display $display, after $(($(date +%s) - began)) s"
+echo "Karst $($karst --version 2> /dev/null | sed -n 1p | cut -d ' ' -f 2) on $name, display $display, after $(($(date +%s) - began)) s"
 cat "$out/ceilings" 2> /dev/null
 if [ -s "$rows" ]; then
     printf '%-8s %-10s %8s %7s %8s %8s %8s %8s %8s %9s %8s %6s\n' world size frame xfloor cast shade collect flight p99 \

@@ -46,12 +46,12 @@ line()
     [ $# -lt 5 ] || verdict=$(awk -v v="$2" -v m="$4" -v op="$5" 'BEGIN {
         ok = op == "at-most" ? v + 0 <= m + 0 : v + 0 >= m + 0
         printf "  mark: %s %s%s", op == "at-most" ? "at most" : "at least", m, ok ? "" : "  NOT MET" }')
-    printf '    %-58s %9s %-14s%s\n' "$1" "$(awk -v v="$2" 'BEGIN { printf v >= 100 ? "%.0f" : v >= 1 ? "%.2f" : "%.3f", v }')" \
+    printf '    %-58s %9s %-14s%s\n' "$1" "$(awk -v v="$2" 'BEGIN { printf((v >= 100 ? "%.0f" : v >= 1 ? "%.2f" : "%.3f"), v) }')" \
         "$3" "$verdict"
 }
 few="--runs 2 --rounds 9"
 
-echo "Karst's standard benchmark: $("$karst" --version | head -n 1), one voxel a pixel, medians"
+echo "Karst's standard benchmark: $("$karst" --version 2> /dev/null | sed -n 1p), one voxel a pixel, medians"
 
 if wants settled; then
     echo; echo "Settled frames, every ray recast"
