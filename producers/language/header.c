@@ -5,6 +5,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "karst/position.h"
+
+/* As far as a camera may be (karst_engine_set_camera). */
+#define MAX_CAMERA_VOXEL ((int64_t)1 << 61)
+#define COORDINATE_BYTES 160
+
 /* Errors leave by longjmp, so the tree is released before: what is wrong is noted here first. */
 typedef struct {
     karst_source *source;
@@ -87,23 +93,27 @@ static void read_colour(reader *r, json_t *value, const char *key, double rgb[3]
         rgb[i] = number_of(r, json_array_get(value, i), key, 0, 1000);
 }
 
-static bool is_decimal(const char *text)
+/* Exact decimals of any length, in a form whose length is bounded. */
+static const char *coordinate_of(reader *r, json_t *value)
 {
-    text += *text == '-' || *text == '+';
-    size_t whole = strspn(text, "0123456789"), part = 0;
-    text += whole;
-    if (*text == '.')
-        text += 1 + (part = strspn(text + 1, "0123456789"));
-    if (!whole && !part)
-        return false;
-    if (*text == 'e' || *text == 'E') {
-        text += 1 + (text[1] == '-' || text[1] == '+');
-        size_t digits = strspn(text, "0123456789");
-        text += digits;
-        if (!digits)
-            return false;
-    }
-    return !*text;
+    const char *text = json_is_string(value) ? text_of(r, value, "position")
+                       : json_is_integer(value)
+                           ? karst_format(r->source->arena, "%lld", (long long)json_integer_value(value))
+                       : json_is_real(value) ? karst_format(r->source->arena, "%.17g", json_real_value(value))
+                                             : "";
+    int voxel_log2_m = r->header->voxel_log2_m;
+    int64_t voxel;
+    uint32_t fraction;
+    karst_error why = {0};
+    if (!karst_coordinate_parse(text, voxel_log2_m, &voxel, &fraction, &why))
+        fail(r, "position", "write [\"0\", \"320\", \"0\"]",
+             karst_format(r->source->arena, "\"position\" is three decimals, in metres: %s", why.message));
+    if (voxel > MAX_CAMERA_VOXEL || voxel < -MAX_CAMERA_VOXEL)
+        fail(r, "position", "come nearer, or make the voxel larger",
+             "this \"position\" lies beyond 2^61 voxels from the origin");
+    char *exact = karst_arena_alloc(r->source->arena, COORDINATE_BYTES);
+    karst_coordinate_format(voxel, fraction, voxel_log2_m, exact, COORDINATE_BYTES);
+    return exact;
 }
 
 static void read_camera(reader *r, json_t *camera)
@@ -114,17 +124,8 @@ static void read_camera(reader *r, json_t *camera)
     warn_unknown(r, camera, "the camera", "position yaw pitch fov");
     if (position && (!json_is_array(position) || json_array_size(position) != 3))
         fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
-    for (size_t i = 0; position && i < 3; i++) {
-        json_t *axis = json_array_get(position, i);
-        const char *text = json_is_string(axis) ? text_of(r, axis, "position")
-                           : json_is_integer(axis)
-                               ? karst_format(r->source->arena, "%lld", (long long)json_integer_value(axis))
-                           : json_is_real(axis) ? karst_format(r->source->arena, "%.17g", json_real_value(axis))
-                                                : "";
-        if (!is_decimal(text))
-            fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
-        h->camera_position[i] = text;
-    }
+    for (size_t i = 0; position && i < 3; i++)
+        h->camera_position[i] = coordinate_of(r, json_array_get(position, i));
     if ((v = json_object_get(camera, "yaw")))
         h->camera_yaw_deg = number_of(r, v, "yaw", -36000, 36000);
     if ((v = json_object_get(camera, "pitch")))
@@ -245,7 +246,7 @@ static void read_root(reader *r)
         h->lipschitz = number_of(r, v, "lipschitz", 0, DBL_MAX);
     }
     if ((v = json_object_get(r->root, "view")))
-        h->view_distance_m = number_of(r, v, "view", 0, DBL_MAX);
+        h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))
         read_camera(r, v);
     read_light(r);

@@ -39,9 +39,11 @@ static karst_ast_function *find_entry(karst_lower_state *s, const char *name)
     for (karst_ast_function *f = s->parser->functions; f; f = f->next) {
         if (f->is_prelude || strcmp(karst_lower_name(s, f->name), name))
             continue;
-        if (f->body)
-            return f;
-        found = f;
+        if (f->body && found && found->body)
+            karst_source_error(s->source, f->where, "rename one of them", "there are two functions '%s' with a body",
+                               name);
+        if (f->body || !found)
+            found = f;
     }
     return found;
 }

@@ -39,7 +39,7 @@ typedef struct {
     uint32_t result, returned, broken, continued;
     bool in_loop,
         may_leave; /* may_leave: a return, break or continue was executed under the present branch or before */
-    size_t first_variable;
+    size_t first_variable, first_in_block;
 } karst_frame;
 
 typedef struct {

@@ -55,17 +55,28 @@ void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *fir
 
 static void lower_block(karst_lower_state *s, const karst_ast_statement *first)
 {
-    size_t num_variables = s->num_variables;
+    size_t num_variables = s->num_variables, outer = s->frame.first_in_block;
     uint32_t top = s->top;
+    s->frame.first_in_block = num_variables;
     karst_lower_statements(s, first);
+    s->frame.first_in_block = outer;
     s->num_variables = num_variables;
     s->top = top;
+}
+
+static void check_name_is_free(karst_lower_state *s, const karst_ast_variable *v)
+{
+    for (size_t i = s->frame.first_in_block; i < s->num_variables; i++)
+        if (s->variables[i].name == v->name)
+            karst_source_error(s->source, v->where, "rename one of them, or assign without a type",
+                               "there is a variable '%s' here already", karst_lower_name(s, v->name));
 }
 
 static void lower_declaration(karst_lower_state *s, const karst_ast_statement *st)
 {
     for (const karst_ast_variable *v = st->variables; v; v = v->next) {
         karst_lower_enter(s, v->where);
+        check_name_is_free(s, v);
         uint32_t count = 0;
         for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
             count++;
@@ -214,6 +225,7 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
     size_t num_variables = s->num_variables;
     uint32_t top = s->top;
     karst_frame outer = s->frame;
+    s->frame.first_in_block = num_variables;
     if (st->first)
         lower_statement(s, st->first);
     s->frame.broken = karst_slot_index(s, karst_slots_push(s, 2, st->where));
@@ -254,6 +266,7 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
     s->frame.broken = outer.broken;
     s->frame.continued = outer.continued;
     s->frame.in_loop = outer.in_loop;
+    s->frame.first_in_block = outer.first_in_block;
     s->num_variables = num_variables;
     s->top = top;
 }

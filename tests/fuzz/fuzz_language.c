@@ -1,21 +1,18 @@
-/* clang-format off */
-/* Fuzzes the front end of the world language: any bytes must give a world or a diagnostic, soon; a world must evaluate.
- *
- *   F=producers/language
- *   clang -g -O1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -std=c11 -D_GNU_SOURCE \
- *     -ffp-contract=off -I. -Icore/include tests/fuzz/fuzz_language.c build/release/embedded_kernels.c core/error.c \
- *     $F/affine.c $F/arena.c $F/canonical.c $F/data.c $F/functions.c $F/graph.c $F/header.c $F/kinds.c $F/language.c \
- *     $F/lexer.c $F/lower*.c $F/macro.c $F/number.c $F/oracle*.c $F/parse*.c $F/ranges.c $F/source.c $F/types.c \
- *     $F/uniform.c $F/widen.c -ljansson -lm -o build/fuzz_language
- *   build/fuzz_language -timeout=5 -rss_limit_mb=1500 -max_len=20000 -max_total_time=60 CORPUS tests/language/pasted
- */
-/* clang-format on */
+/* Fuzzes the world language: any bytes must give a world or a diagnostic, soon. A world must evaluate, the same by tape
+ * and oracle, within its bounds; it must have a report, a gradient and a program, or say why not. `make fuzz` builds
+ * and runs it. */
+#include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "producers/language/check.h"
+#include "producers/language/derive.h"
+#include "producers/language/emit.h"
 #include "producers/language/language.h"
 #include "producers/language/oracle.h"
+#include "producers/language/tape.clh"
+#include "producers/language/tape.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -27,26 +24,117 @@ static void require(bool holds, const char *what)
     abort();
 }
 
-static void evaluate(const karst_program_graph *program)
+static const karst_position places[] = {{{0, 0, 0}, {0, 0, 0}},
+                                        {{1000, -7, 3}, {1, 0x80000000u, 77}},
+                                        {{INT64_C(1) << 60, -(INT64_C(1) << 61), 5}, {9, 8, 7}}};
+#define NUM_PLACES (sizeof places / sizeof *places)
+
+static bool same_float(float a, float b) { return k_as_uint(a) == k_as_uint(b) || (isnan(a) && isnan(b)); }
+
+static affine_position affine_at(const karst_position *p)
+{
+    affine_position at;
+    for (int axis = 0; axis < 3; axis++) {
+        at.voxel[axis] = p->voxel[axis];
+        at.fraction[axis] = p->fraction[axis];
+    }
+    return at;
+}
+
+/* The tape gives the oracle's bits, and its bounds hold them. */
+static void compare_tape(const karst_world_layout *layout, const karst_tape *tape, const uint64_t *data,
+                         karst_oracle *oracle)
+{
+    int *slots = calloc((size_t)tape->num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+    if (!slots)
+        return; /* memory */
+    const tape_program program = {.code = tape->code,
+                                  .num_instructions = tape->num_instructions,
+                                  .constants = tape->constants,
+                                  .data = data,
+                                  .values = (const uint *)(data + layout->values_word),
+                                  .num_values = layout->num_values,
+                                  .slots = slots};
+    for (size_t i = 0; i < NUM_PLACES; i++) {
+        affine_position at = affine_at(&places[i]);
+        float value = karst_oracle_density(oracle, &places[i], (int)i - 1).device;
+        tape_values(&program, &at, NULL, (int)i - 1);
+        require(same_float(value, k_as_float((uint)tape_load(&program, tape->output[0]))), "the tape differs");
+        op_box box = {.centre = at, .radius = {0.75f, 100.0f, 0.0f}, .level = (int)i - 1};
+        if (!tape_bounds(&program, &box, NULL)) {
+            op_bound bound = tape_load_bound(&program, tape->output[0]);
+            require(value >= bound.v.lo && value <= bound.v.hi, "a density outside its bounds");
+        }
+    }
+    free(slots);
+}
+
+static void run_tape(const karst_program_graph *program, const karst_world_layout *layout,
+                     const karst_number *parameters, karst_oracle *oracle)
+{
+    karst_tape tape = {0};
+    karst_error error = {0};
+    uint64_t *data = calloc(layout->num_words, sizeof *data);
+    if (data && karst_world_data_fill(layout, parameters, program->header.seed, program->header.voxel_log2_m, data) &&
+        karst_tape_build(layout, &program->world.density, 1, &tape, &error))
+        compare_tape(layout, &tape, data, oracle);
+    karst_tape_finish(&tape);
+    free(data);
+}
+
+static void run_gradient(const karst_program_graph *program, const karst_number *parameters, karst_oracle *plain)
+{
+    karst_error error = {0};
+    const char *fault = NULL;
+    karst_gradient_world *derived = karst_derive(&program->world, &error);
+    require(derived || error.message[0], "no gradient, and no word of why");
+    if (!derived)
+        return;
+    require(karst_graph_check(&derived->graph, &fault), fault);
+    karst_oracle *oracle =
+        karst_oracle_create(&derived->world, parameters, program->header.seed, program->header.voxel_log2_m, NULL);
+    for (size_t i = 0; oracle && i < NUM_PLACES; i++) {
+        karst_oracle_value gradient[3];
+        float value = karst_oracle_gradient(oracle, &places[i], (int)i - 1, gradient).device;
+        require(same_float(value, karst_oracle_density(plain, &places[i], (int)i - 1).device),
+                "with a gradient the density differs");
+    }
+    karst_oracle_destroy(oracle);
+    karst_gradient_world_destroy(derived);
+}
+
+static void drop(void *user, const char *line)
+{
+    (void)user;
+    (void)line;
+}
+
+static void use(karst_program_graph *program)
 {
     karst_number parameters[KARST_HEADER_MAX_PARAMETERS + 16];
     for (uint32_t i = 0; i < program->num_parameters; i++)
         parameters[i] = program->parameters[i].value;
     karst_oracle *oracle =
         karst_oracle_create(&program->world, parameters, program->header.seed, program->header.voxel_log2_m, NULL);
-    if (!oracle)
+    karst_world_layout layout;
+    if (!oracle || !karst_world_layout_init(&layout, &program->world)) {
+        karst_oracle_destroy(oracle);
         return; /* memory */
-    const karst_position places[] = {{{0, 0, 0}, {0, 0, 0}},
-                                     {{1000, -7, 3}, {1, 0x80000000u, 77}},
-                                     {{INT64_C(1) << 60, -(INT64_C(1) << 61), 5}, {9, 8, 7}}};
+    }
     const float up[3] = {0, 1, 0};
     karst_oracle_value rgb[3];
-    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
-        karst_oracle_density(oracle, &places[i], (int)i - 1);
-        if (program->has_colour)
-            karst_oracle_colour(oracle, &places[i], up, -1, rgb);
-    }
+    for (size_t i = 0; program->has_colour && i < NUM_PLACES; i++)
+        karst_oracle_colour(oracle, &places[i], up, -1, rgb);
+    run_tape(program, &layout, parameters, oracle);
+    run_gradient(program, parameters, oracle);
     karst_oracle_destroy(oracle);
+
+    karst_error error = {0};
+    karst_emitted emitted = {0};
+    bool is_written = karst_emit_world(&layout, &emitted, &error);
+    require(is_written || error.message[0], "no program, and no word of why");
+    karst_emitted_finish(&emitted);
+    require(karst_language_check(program, drop, NULL, &error) || error.status == KARST_FAILED, "no report");
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -61,7 +149,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         require(karst_graph_check(&program->resolved, &fault), fault);
         for (uint32_t e = 1; e < program->resolved.num_nodes; e++)
             require(program->resolved.nodes[e].op != KARST_OP_POSITION, "a position was left");
-        evaluate(program);
+        use(program);
     } else {
         require(error.status == KARST_BAD_WORLD && error.message[0], "no error");
     }

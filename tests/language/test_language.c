@@ -373,7 +373,7 @@ static void test_header(void **s)
     assert_int_equal(h->voxel_log2_m, -3);
     assert_true(h->has_extent && h->extent_m == 1e6 && h->has_lipschitz && h->lipschitz == 2 &&
                 h->view_distance_m == 9000);
-    assert_string_equal(h->camera_position[0], "1e15");
+    assert_string_equal(h->camera_position[0], "1000000000000000");
     assert_string_equal(h->camera_position[1], "-2");
     assert_string_equal(h->camera_position[2], "0.5");
     assert_true(h->camera_yaw_deg == 30 && h->camera_pitch_deg == -12 && h->camera_fov_deg == 50);

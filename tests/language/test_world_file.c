@@ -58,18 +58,25 @@ static karst_world_file *compile(const char *text, karst_error *error)
     return karst_world_file_compile("test.karst", text, strlen(text), NULL, 0, NULL, error);
 }
 
+#define LARGE(first) "    float d = " first ";\n    for (int i = 0; i < 3000; i++) d = sin(d + p.x * float(i));\n"
+
+/* What is too large for code runs on its tape; a colour has none, and is told where it is made. */
 static void test_too_large(void **state)
 {
     karst_error error = {0};
     (void)state;
-    assert_null(compile("float density(vec3 p) {\n"
-                        "    float d = 0.0;\n"
-                        "    for (int i = 0; i < 3000; i++) d = sin(d + p.x * float(i));\n"
-                        "    return d;\n"
-                        "}\n",
+    karst_world_file *file = compile("float density(vec3 p) {\n" LARGE("0.0") "    return d;\n}\n", &error);
+    if (!file)
+        fail_msg("%s", error.message);
+    assert_true(file->code.is_tape);
+    assert_non_null(strstr(file->code.source, "tape_world.clh"));
+    karst_world_file_destroy(file);
+    assert_null(compile("float density(vec3 p) { return -p.y; }\n"
+                        "vec3 colour(vec3 p, vec3 n) {\n" LARGE("n.x") "    return vec3(d);\n}\n",
                         &error));
     assert_int_equal(error.status, KARST_BAD_WORLD);
-    assert_non_null(strstr(error.message, "too large"));
+    assert_non_null(strstr(error.message, ":4:"));
+    assert_non_null(strstr(error.message, "colour is too large"));
 }
 
 /* Nothing of a user's text reaches the generated code. */
