@@ -25,6 +25,7 @@ typedef struct {
     karst_buffer *tile_stamp, *brick_stamp, *brick_fallback; /* uint each */
     karst_buffer *want_brick, *want_children, *want_chunk;   /* uint each */
     uint32_t num_tiles, num_bricks;                          /* slots, slot 0 (never used) included */
+    /* Behind the num_bricks slots lie KARST_CACHE_ROOT_BRICKS more, for the root nodes' bricks alone. */
 } karst_cache_buffers;
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
@@ -33,6 +34,9 @@ typedef struct {
 
 /* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
 #define KARST_CACHE_MAX_WORK 8192u
+
+/* Root nodes' bricks have slots of their own: they are never recycled, so that there is always something to show. */
+#define KARST_CACHE_ROOT_BRICKS 8u
 
 /* num_tiles and num_bricks count usable slots and slot 0; at least 2 tiles and 9 bricks. max_segment_bytes 0: the
  * device's largest allocation. Errors: KARST_FAILED, KARST_USAGE (more than KARST_MAX_BRICK_SEGMENTS segments or
@@ -75,6 +79,11 @@ typedef struct {
     uint32_t num_used_tiles, num_used_bricks; /* stamped with serial */
 } karst_work;
 
+/* The work of loading the root nodes that have neither brick nor proof, such as when the root was placed anew: answer
+ * and publish it before the next cast, and no ray ever meets a region without data. work->num_loads is 0 when there is
+ * nothing to do, which is told at once. Ends an open round. */
+bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error);
+
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
  * (unlinked from its parent or owner, checked by generation both ways). Without wants it launches next to nothing. Time
@@ -88,7 +97,7 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);
 
-/* Slots that hold something. */
+/* Slots that hold something, the root bricks' own left out. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);
 
 /* Debug pass on the host: every link, attachment and generation valid and mutual; usage lists are permutations; no slot

@@ -48,7 +48,7 @@ static bool take_snapshot(snapshot *s)
     const karst_cache *cache = s->cache;
     const karst_cache_buffers *b = &cache->buffers;
     s->num_tiles = b->num_tiles;
-    s->num_bricks = b->num_bricks;
+    s->num_bricks = b->num_bricks + KARST_CACHE_ROOT_BRICKS;
     s->tile_slots = calloc(s->num_tiles, 1);
     s->brick_slots = calloc(s->num_bricks, 1);
     s->seen = calloc(s->num_tiles > s->num_bricks ? s->num_tiles : s->num_bricks, 1);
@@ -70,22 +70,36 @@ static void release_snapshot(snapshot *s)
         free(copies[i]);
 }
 
-/* Marks the slots that hold nothing; none may be marked twice. */
-static bool mark_slots(const snapshot *s, const char *what, uint8_t *marks, uint32_t num_slots,
-                       const karst_slots *free_slots, const uint32_t *granted, uint32_t num_granted)
+/* Marks a slot that holds nothing; none may be marked twice. */
+static bool mark_slot(const snapshot *s, const char *what, uint8_t *marks, uint32_t slot, uint32_t first,
+                      uint32_t last, bool is_free)
 {
-    if (free_slots->num > free_slots->capacity)
-        return fault(s, "%u %s slots are free, but there are only %u", free_slots->num, what, free_slots->capacity);
-    for (uint32_t i = 0; i < free_slots->num + num_granted; i++) {
-        bool is_free = i < free_slots->num;
-        uint32_t slot = is_free ? karst_slots_at(free_slots, i) : granted[i - free_slots->num];
-        if (slot < free_slots->first_slot || slot >= num_slots)
-            return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot,
-                         is_free ? "free" : "granted", free_slots->first_slot, num_slots - 1);
-        if (marks[slot] != SLOT_HELD)
-            return fault(s, "%s slot %u is listed twice as free or granted", what, slot);
-        marks[slot] = is_free ? SLOT_FREE : SLOT_GRANTED;
-    }
+    if (slot < first || slot > last)
+        return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot,
+                     is_free ? "free" : "granted", first, last);
+    if (marks[slot] != SLOT_HELD)
+        return fault(s, "%s slot %u is listed twice as free or granted", what, slot);
+    marks[slot] = is_free ? SLOT_FREE : SLOT_GRANTED;
+    return true;
+}
+
+static bool mark_free(const snapshot *s, const char *what, uint8_t *marks, const karst_slots *slots)
+{
+    if (slots->num > slots->capacity)
+        return fault(s, "%u %s slots are free, but there are only %u", slots->num, what, slots->capacity);
+    uint32_t first = slots->first_slot, last = first + slots->capacity - 1;
+    for (uint32_t i = 0; i < slots->num; i++)
+        if (!mark_slot(s, what, marks, karst_slots_at(slots, i), first, last, true))
+            return false;
+    return true;
+}
+
+static bool mark_granted(const snapshot *s, const char *what, uint8_t *marks, uint32_t first, uint32_t num_slots,
+                         const uint32_t *granted, uint32_t num_granted)
+{
+    for (uint32_t i = 0; i < num_granted; i++)
+        if (!mark_slot(s, what, marks, granted[i], first, num_slots - 1, false))
+            return false;
     return true;
 }
 
@@ -197,6 +211,8 @@ static bool check_brick(const snapshot *s, uint32_t brick)
     uint32_t tile = owner / KARST_TILE_NODES;
     if (tile == 0 || tile >= s->num_tiles || !s->tiles[tile].in_use)
         return fault(s, "brick %u belongs to node %u, whose tile is not in use", brick, owner);
+    if (brick >= s->cache->buffers.num_bricks && tile != KARST_ROOT_TILE)
+        return fault(s, "brick %u, one of the root's, belongs to node %u (tile %u)", brick, owner, tile);
     if (s->nodes[owner].brick != brick)
         return fault(s, "brick %u belongs to node %u, which names brick %u", brick, owner, s->nodes[owner].brick);
     return true; /* generations: check_node */
@@ -238,10 +254,12 @@ static bool check_list(const snapshot *s, const karst_lru *lru, const char *what
 static bool check_all(const snapshot *s)
 {
     const karst_cache *cache = s->cache;
-    if (!mark_slots(s, "tile", s->tile_slots, s->num_tiles, &cache->tile_slots, cache->granted_tiles,
-                    cache->num_granted_tiles) ||
-        !mark_slots(s, "brick", s->brick_slots, s->num_bricks, &cache->brick_slots, cache->granted_bricks,
-                    cache->num_granted_bricks))
+    if (!mark_free(s, "tile", s->tile_slots, &cache->tile_slots) ||
+        !mark_granted(s, "tile", s->tile_slots, KARST_ROOT_TILE + 1, s->num_tiles, cache->granted_tiles,
+                      cache->num_granted_tiles) ||
+        !mark_free(s, "brick", s->brick_slots, &cache->brick_slots) ||
+        !mark_free(s, "brick", s->brick_slots, &cache->root_slots) ||
+        !mark_granted(s, "brick", s->brick_slots, 1, s->num_bricks, cache->granted_bricks, cache->num_granted_bricks))
         return false;
     for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
         if (!check_tile_slot(s, tile))

@@ -51,13 +51,42 @@ static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, k
     return karst_cache_send(buffer, 0, values, num * sizeof(*values), error);
 }
 
+static karst_work empty_work(const karst_cache *cache)
+{
+    return (karst_work){.load_nodes = cache->load_nodes,
+                        .load_slots = cache->load_slots,
+                        .load_results = cache->load_results,
+                        .subdivide_nodes = cache->subdivide_nodes,
+                        .subdivide_tiles = cache->subdivide_tiles};
+}
+
+bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error)
+{
+    const uint32_t first_node = KARST_ROOT_TILE * KARST_TILE_NODES;
+    karst_node nodes[KARST_TILE_NODES];
+    *work = empty_work(cache);
+    if (!cache->has_root || cache->roots_loaded)
+        return true;
+    karst_cache_abandon(cache);
+    cache->serial = serial;
+    if (!karst_buffer_read(cache->buffers.nodes, first_node * sizeof(*nodes), nodes, sizeof(nodes), error))
+        return false;
+    for (uint32_t i = 0; i < KARST_TILE_NODES; i++) {
+        uint32_t state = KARST_NODE_STATE(nodes[i].link);
+        if ((state == KARST_STATE_UNKNOWN || state == KARST_STATE_LOST) &&
+            karst_slots_take(&cache->root_slots, &cache->granted_bricks[work->num_loads], 1))
+            cache->root_nodes[work->num_loads++] = first_node + i;
+    }
+    cache->num_granted_bricks = work->num_loads;
+    cache->roots_loaded = true;
+    return upload(cache->load_nodes, cache->root_nodes, work->num_loads, error) &&
+           upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
+           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
+}
+
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
 {
-    *work = (karst_work){.load_nodes = cache->load_nodes,
-                         .load_slots = cache->load_slots,
-                         .load_results = cache->load_results,
-                         .subdivide_nodes = cache->subdivide_nodes,
-                         .subdivide_tiles = cache->subdivide_tiles};
+    *work = empty_work(cache);
     if (params->serial == 0)
         return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
     karst_cache_abandon(cache);

@@ -35,14 +35,14 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
     if (most == 0)
         return karst_fail(error, KARST_USAGE, "segments of %zu bytes for bricks of %zu: use larger ones", limit,
                           BRICK_BYTES);
-    size_t num_segments = ((size_t)b->num_bricks + most - 1) / most;
+    size_t num_slots = (size_t)b->num_bricks + KARST_CACHE_ROOT_BRICKS, num_segments = (num_slots + most - 1) / most;
     if (num_segments > KARST_MAX_BRICK_SEGMENTS)
         return karst_fail(error, KARST_USAGE,
                           "%u bricks take %zu segments of %zu bytes, but %d is the limit: use a smaller pool%s",
                           b->num_bricks, num_segments, most * BRICK_BYTES, KARST_MAX_BRICK_SEGMENTS,
                           max_segment_bytes ? " or larger segments" : "");
     b->num_segments = (uint32_t)num_segments;
-    b->bricks_per_segment = (uint32_t)((b->num_bricks + num_segments - 1) / num_segments);
+    b->bricks_per_segment = (uint32_t)((num_slots + num_segments - 1) / num_segments);
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++) {
         if (i >= b->num_segments)
             b->bricks[i] = b->bricks[0];
@@ -61,7 +61,8 @@ static karst_buffer *create_uints(karst_cache *cache, const char *name, size_t n
 static bool create_buffers(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
     karst_cache_buffers *b = &cache->buffers;
-    size_t num_tiles = b->num_tiles, num_bricks = b->num_bricks, num_nodes = num_tiles * KARST_TILE_NODES;
+    size_t num_tiles = b->num_tiles, num_nodes = num_tiles * KARST_TILE_NODES;
+    size_t num_bricks = (size_t)b->num_bricks + KARST_CACHE_ROOT_BRICKS;
     /* Whole request chunks, so that passes over them need no bounds. */
     size_t num_chunks = (num_nodes + KARST_REQUEST_CHUNK - 1) / KARST_REQUEST_CHUNK,
            padded = num_chunks * KARST_REQUEST_CHUNK;
@@ -101,6 +102,7 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
     return (cache->program = karst_program_build(context, "cache/pools.cl", options, NULL, 0, error)) &&
            karst_slots_init(&cache->tile_slots, KARST_ROOT_TILE + 1, b->num_tiles, error) &&
            karst_slots_init(&cache->brick_slots, 1, b->num_bricks, error) &&
+           karst_slots_init(&cache->root_slots, b->num_bricks, b->num_bricks + KARST_CACHE_ROOT_BRICKS, error) &&
            karst_lru_init(&cache->tiles, context, cache->program, KARST_LRU_TILES, b, error) &&
            karst_lru_init(&cache->bricks, context, cache->program, KARST_LRU_BRICKS, b, error) &&
            karst_wants_init(&cache->wants, context, cache->program, b, error) &&
@@ -141,6 +143,7 @@ void karst_cache_destroy(karst_cache *cache)
     karst_cache_buffers *b = &cache->buffers;
     karst_slots_finish(&cache->tile_slots);
     karst_slots_finish(&cache->brick_slots);
+    karst_slots_finish(&cache->root_slots);
     karst_lru_finish(&cache->tiles);
     karst_lru_finish(&cache->bricks);
     karst_wants_finish(&cache->wants);
@@ -164,10 +167,18 @@ void karst_cache_destroy(karst_cache *cache)
 
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache) { return &cache->buffers; }
 
+void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t num)
+{
+    while (num--) {
+        bool is_root = slots[num] >= cache->buffers.num_bricks;
+        karst_slots_give(is_root ? &cache->root_slots : &cache->brick_slots, &slots[num], 1);
+    }
+}
+
 void karst_cache_abandon(karst_cache *cache)
 {
     karst_slots_give(&cache->tile_slots, cache->granted_tiles, cache->num_granted_tiles);
-    karst_slots_give(&cache->brick_slots, cache->granted_bricks, cache->num_granted_bricks);
+    karst_cache_give_bricks(cache, cache->granted_bricks, cache->num_granted_bricks);
     cache->num_granted_tiles = cache->num_granted_bricks = 0;
 }
 
@@ -192,6 +203,7 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error)
         return false;
     karst_slots_reset(&cache->tile_slots);
     karst_slots_reset(&cache->brick_slots);
+    karst_slots_reset(&cache->root_slots);
     karst_churn_forget(&cache->churn);
     cache->num_granted_tiles = cache->num_granted_bricks = 0;
     if (!cache->has_root)
@@ -225,7 +237,7 @@ static bool reattach(karst_cache *cache, karst_node old, uint32_t node, karst_er
     if (old.brick == KARST_NONE)
         return true;
     if (node == KARST_NO_NODE)
-        karst_slots_give(&cache->brick_slots, &old.brick, 1);
+        karst_cache_give_bricks(cache, &old.brick, 1);
     return karst_buffer_write(b->brick_owner,
                               old.brick * sizeof(karst_brick_owner) + offsetof(karst_brick_owner, owner), &node,
                               sizeof(node), error);
@@ -267,6 +279,7 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
     info.parent = KARST_NO_NODE;
     info.in_use = 1;
     cache->has_root = true;
+    cache->roots_loaded = false;
     /* Wants on root nodes mean those that stood there before. */
     size_t at = first_node * sizeof(uint32_t), size = KARST_TILE_NODES * sizeof(uint32_t);
     return karst_buffer_write(b->nodes, first_node * sizeof(karst_node), new_nodes, sizeof(new_nodes), error) &&

@@ -16,7 +16,7 @@ struct karst_cache {
     karst_cache_buffers buffers;
     /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it
      * holds). */
-    karst_slots tile_slots, brick_slots;
+    karst_slots tile_slots, brick_slots, root_slots;
     karst_lru tiles, bricks;
     karst_wants wants;
     karst_evict evict;
@@ -27,12 +27,15 @@ struct karst_cache {
     uint32_t serial;
     uint32_t num_granted_bricks, num_granted_tiles;
     uint32_t *granted_bricks, *granted_tiles;
+    uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
     uint64_t *identities;
-    bool has_root;
+    bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */
     int root_level;
     int64_t root_corner[3];
 };
 
+/* Gives brick slots back to where they belong. */
+void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t num);
 /* Gives slots that were granted but never published back: there is no open round afterwards. */
 void karst_cache_abandon(karst_cache *cache);
 

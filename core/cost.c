@@ -48,14 +48,23 @@ static void learn_kind(karst_cost_kind *kind, uint32_t num, uint64_t ns)
 
 void karst_cost_learn(karst_cost *cost, const karst_cost_round *round)
 {
-    learn_kind(&cost->bricks, round->num_bricks, round->brick_ns);
-    learn_kind(&cost->tiles, round->num_tiles, round->tile_ns);
+    if (!cost->fixed) {
+        learn_kind(&cost->bricks, round->num_bricks, round->brick_ns);
+        learn_kind(&cost->tiles, round->num_tiles, round->tile_ns);
+    }
     uint32_t num = round->num_tiles < UINT32_MAX / 2 ? round->num_tiles : UINT32_MAX / 2;
     uint32_t wanted = num + num / 4 + TILES_AT_LEAST;
     /* Demand comes in bursts: it is forgotten slowly. */
     uint32_t kept = cost->tiles_expected - cost->tiles_expected / 4;
     cost->tiles_expected = wanted > kept ? wanted : kept;
 }
+
+double karst_cost_expected_ns(const karst_cost *cost, uint32_t num_bricks, uint32_t num_tiles)
+{
+    return num_bricks * cost->bricks.expected_ns + num_tiles * cost->tiles.expected_ns;
+}
+
+bool karst_cost_is_known(const karst_cost *cost) { return cost->bricks.expected_ns > 0 && cost->tiles.expected_ns > 0; }
 
 /* How many at one_ns each go into time_ns, from 1 to most. */
 static uint32_t fit(double time_ns, double one_ns, uint32_t most)

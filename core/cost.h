@@ -3,6 +3,7 @@
 #ifndef KARST_CORE_COST_H
 #define KARST_CORE_COST_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define KARST_COST_WINDOW 8
@@ -20,6 +21,7 @@ typedef struct {
 
 typedef struct {
     karst_cost_kind bricks, tiles;
+    bool fixed;              /* nothing is learned any more (tests) */
     uint32_t tiles_expected; /* how many the next round may want, for sharing the time between both */
 } karst_cost;
 
@@ -40,6 +42,10 @@ void karst_cost_learn(karst_cost *cost, const karst_cost_round *round);
  * the last rounds wanted of them, with room to grow, up to a third of the time; bricks the rest. Before anything was
  * measured: FIRST of each. */
 #define KARST_COST_FIRST 16u
+/* What so many are expected to take; 0 for a kind that was never measured. */
+double karst_cost_expected_ns(const karst_cost *cost, uint32_t num_bricks, uint32_t num_tiles);
+/* Both kinds were measured. */
+bool karst_cost_is_known(const karst_cost *cost);
 karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint32_t most);
 
 #endif

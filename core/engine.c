@@ -73,58 +73,6 @@ static bool place_root(karst_engine *engine, karst_error *error)
     return karst_cache_place_root(engine->cache, corner, top_level, error);
 }
 
-/* Collect, produce, publish. */
-static bool answer_requests(karst_engine *engine, karst_work *work, karst_error *error)
-{
-    karst_stats *stats = &engine->stats;
-    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
-    karst_collect_params params = {.serial = engine->serial,
-                                   .frame = engine->frame,
-                                   .camera = engine->camera.position,
-                                   .max_tiles = engine->budget_bricks,
-                                   .max_bricks = engine->budget_bricks,
-                                   .may_drop_fallback = true};
-    if (engine->budget_ns > 0) {
-        karst_cost_limits limits = karst_cost_plan(&engine->cost, engine->budget_ns, engine->budget_bricks);
-        params.max_tiles = limits.max_tiles;
-        params.max_bricks = limits.max_bricks;
-    }
-    if (!karst_cache_collect(engine->cache, &params, work, error))
-        return false;
-    if (!karst_producer_answer(engine->producer, buffers, work, error))
-        return false;
-    if (engine->views && !karst_views_note(engine->views, work, engine->frame + 1, error))
-        return false;
-    uint32_t num_linked = 0, num_constant = 0;
-    if ((work->num_loads || work->num_subdivides) &&
-        !karst_cache_publish(engine->cache, work, &num_linked, &num_constant, error))
-        return false;
-
-    stats->num_requests = work->num_requests;
-    stats->num_produced = work->num_loads + work->num_subdivides;
-    stats->num_evicted = work->num_evicted_tiles + work->num_evicted_bricks;
-    stats->num_reproduced = work->num_reproduced;
-    stats->num_deferred = work->num_deferred_budget + work->num_starved_bricks + work->num_starved_tiles;
-    stats->num_tiles_produced = work->num_subdivides;
-    stats->num_bricks_produced = work->num_loads;
-    stats->num_bricks_constant = num_constant;
-    stats->tiles.num_used = work->num_used_tiles;
-    stats->bricks.num_used = work->num_used_bricks;
-    return true;
-}
-
-static void learn_cost(karst_engine *engine)
-{
-    const karst_stats *stats = &engine->stats;
-    karst_cost_round round = {
-        .num_bricks = (uint32_t)stats->num_bricks_produced,
-        .num_tiles = (uint32_t)stats->num_tiles_produced,
-        .brick_ns = stats->time_ns[KARST_STAGE_EVALUATE] + stats->time_ns[KARST_STAGE_FINALISE],
-        .tile_ns = stats->time_ns[KARST_STAGE_SUBDIVIDE],
-    };
-    karst_cost_learn(&engine->cost, &round);
-}
-
 /* The next rung of detail, from what this round could and could not do. */
 static bool step_ladder(karst_engine *engine, const karst_work *work)
 {
@@ -198,9 +146,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->detail_asked_px = engine->detail_px;
     stats->detail_given_px = engine->detail_px * karst_ladder_factor(&engine->ladder);
 
-    if (!place_root(engine, error) || !karst_engine_draw(engine, error) ||
+    karst_engine_note_motion(engine);
+
+    if (!place_root(engine, error) || !karst_engine_load_root(engine, error) || !karst_engine_draw(engine, error) ||
         !karst_buffer_read(engine->counters, 0, counters, sizeof counters, error) ||
-        !answer_requests(engine, &work, error) || !fill_pool_stats(engine, error))
+        !karst_engine_answer(engine, &work, error) || !fill_pool_stats(engine, error))
         return false;
     stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
     stats->num_hits = counters[0];
@@ -215,7 +165,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;
-    learn_cost(engine);
+    karst_engine_learn_cost(engine);
     stats->time_ns_frame = karst_clock_ns() - start_ns;
     karst_context_memory(engine->context, stats);
     return !engine->count_changed_pixels || karst_engine_count_changed_pixels(engine, error);

@@ -8,4 +8,8 @@
  * Only for an engine that has drawn nothing yet: stamps of another age would lie in its pools. */
 void karst_engine_start_counting_at(karst_engine *engine, uint32_t serial, uint32_t frame);
 
+/* From now on bricks and tiles count as taking so long, whatever they take: what a budget in ms buys is then the same
+ * on every machine. */
+void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns);
+
 #endif

@@ -42,6 +42,19 @@ typedef struct {
     uint32_t max_loads; /* of a round */
 } karst_engine_wishes;
 
+/* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
+typedef struct {
+    uint32_t num_bricks, num_tiles;
+    uint64_t brick_cpu_ns, tile_cpu_ns;
+} karst_engine_made;
+
+/* How the camera moves, by frame. */
+typedef struct {
+    bool has_camera, steady;
+    karst_camera camera; /* of the last frame */
+    double step_m[3], yaw_deg, pitch_deg;
+} karst_engine_motion;
+
 struct karst_engine {
     const karst_log *log;
     karst_engine_world shown;
@@ -54,7 +67,7 @@ struct karst_engine {
     karst_producer *producer;
     karst_caster *caster;
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *shadow_hits, *depth, *counters;
+    karst_buffer *hits, *shadow_rays, *shadow_hits, *depth, *counters, *scout_hits;
 
     int width_px, height_px;
     size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */
@@ -64,8 +77,10 @@ struct karst_engine {
     uint32_t budget_bricks;
     double budget_ns; /* 0: bricks only */
     karst_cost cost;
+    karst_engine_made made;
 
     karst_camera camera;
+    karst_engine_motion motion;
     bool view_changed;
     int64_t root_corner[3];
     int top_level;
@@ -117,6 +132,21 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
 void karst_engine_free_picture(karst_engine *engine);
 /* Fills stats.num_changed_pixels; only with count_changed_pixels. */
 bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error);
+
+/* engine_produce.c. Loads the root nodes' bricks if they are missing; answers what the picture's rays asked for (`work`
+ * is that first round), then what scouts ask, within the frame's budget; learns from what the frame took, which must
+ * have been collected. */
+bool karst_engine_load_root(karst_engine *engine, karst_error *error);
+bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error);
+void karst_engine_learn_cost(karst_engine *engine);
+
+/* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. */
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error);
+size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
+/* Once a frame, before it is drawn. */
+void karst_engine_note_motion(karst_engine *engine);
+/* The camera some frames ahead; false: it stands, jumps, or goes this way and that. */
+bool karst_engine_look_ahead(const karst_engine *engine, karst_camera *ahead);
 
 /* engine_draw.c. Casts and shades into the display. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error);

@@ -24,7 +24,9 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
     engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
-    if (!engine->surface || !engine->hits || !engine->depth)
+    engine->scout_hits =
+        karst_buffer_create_blank(engine->context, "hits", karst_engine_scout_bytes(num_pixels), error);
+    if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits)
         return false;
     if (engine->shadows) {
         engine->shadow_rays =
@@ -50,12 +52,13 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_surface_destroy(engine->surface);
     karst_buffer_destroy(engine->hits);
     karst_buffer_destroy(engine->depth);
+    karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->shadow_hits);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->shadow_rays = engine->shadow_hits = NULL;
+    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = engine->shadow_hits = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
 

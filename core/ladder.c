@@ -5,6 +5,8 @@
 /* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than
  * the final ones, so some starvation passes by itself. */
 #define MAX_STARVED_FRAMES 24
+/* Frames that it may do so without fewer wants starving than ever before: by then stand-ins push one another out. */
+#define MAX_FRAMES_NO_BETTER 8
 /* Slots' worth of production that a rung may take for a view. What fits takes less than three: itself, its stand-ins
  * and the way there. With a small budget what does not fit need never starve: each round's few find slots among what
  * the next rounds will miss. */
@@ -18,6 +20,8 @@ void karst_ladder_view_changed(karst_ladder *ladder)
 {
     ladder->failed = -1;
     ladder->frames_on_rung = 0;
+    ladder->frames_since_better = 0;
+    ladder->least_starved = 0;
     ladder->num_produced = 0;
     ladder->moved = true;
 }
@@ -27,6 +31,8 @@ static bool move_to(karst_ladder *ladder, int rung)
     ladder->rung = rung;
     ladder->frames_on_rung = 0;
     ladder->frames_since_starved = 0;
+    ladder->frames_since_better = 0;
+    ladder->least_starved = 0;
     ladder->num_produced = 0;
     return true;
 }
@@ -51,7 +57,13 @@ bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round)
     bool thrashes = ladder->num_produced > MAX_POOLS_PRODUCED * round->num_total;
     if (round->num_starved > 0 || thrashes) {
         ladder->frames_since_starved = 0;
-        bool stuck = round->num_produced == 0 || ladder->frames_on_rung > MAX_STARVED_FRAMES || thrashes;
+        ladder->frames_since_better++;
+        if (ladder->least_starved == 0 || round->num_starved < ladder->least_starved) {
+            ladder->least_starved = round->num_starved;
+            ladder->frames_since_better = 0;
+        }
+        bool stuck = round->num_produced == 0 || ladder->frames_on_rung > MAX_STARVED_FRAMES ||
+                     ladder->frames_since_better > MAX_FRAMES_NO_BETTER || thrashes;
         if (!stuck)
             return false;
         if (ladder->rung > ladder->failed)

@@ -17,6 +17,8 @@ typedef struct {
     int failed; /* coarsest rung known to fail for this view; -1: none */
     uint32_t frames_on_rung;
     uint32_t frames_since_starved;
+    uint64_t least_starved; /* wants that found no slot, in the best frame on this rung; 0: none starved yet */
+    uint32_t frames_since_better;
     uint64_t num_produced; /* on this rung, with this view */
     bool moved; /* the view changed since the last step */
 } karst_ladder;

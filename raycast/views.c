@@ -25,7 +25,8 @@ karst_views *karst_views_create(karst_context *context, const karst_cache_buffer
     snprintf(options, sizeof(options), "-DSEGMENTS=%u", cache->num_segments);
     views->context = context;
     views->cache = *cache;
-    views->born = karst_buffer_create(context, "born", cache->num_bricks * sizeof(uint32_t), NULL, error);
+    views->born = karst_buffer_create(
+        context, "born", (cache->num_bricks + KARST_CACHE_ROOT_BRICKS) * sizeof(uint32_t), NULL, error);
     views->program = views->born ? karst_program_build(context, "raycast/views.cl", options, NULL, 0, error) : NULL;
     if (views->program) {
         views->paint = karst_program_kernel(views->program, "views_paint", error);

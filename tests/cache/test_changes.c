@@ -232,6 +232,76 @@ static void test_a_root_shift_keeps_what_both_windows_share(void **state)
     rig_close(&rig);
 }
 
+/* Loads what the root lacks; returns how many loads that took. */
+static uint32_t load_root(cache_rig *rig)
+{
+    rig_expect(karst_cache_root_work(rig->cache, rig->serial, &rig->work, NULL), "karst_cache_root_work", NULL);
+    uint32_t num = rig->work.num_loads;
+    rig_expect(karst_buffer_read(rig->work.load_nodes, 0, rig->load_nodes, num * sizeof(uint32_t), NULL) &&
+                   karst_buffer_read(rig->work.load_slots, 0, rig->load_slots, num * sizeof(uint32_t), NULL),
+               "read", NULL);
+    rig_produce(rig);
+    rig_publish(rig);
+    return num;
+}
+
+static uint32_t air_at_low_x(int level, const int64_t node[3], bool for_load)
+{
+    (void)level;
+    return for_load ? (node[0] < 0 ? KARST_STATE_CLEAR_AIR : KARST_STATE_BRICK) : KARST_STATE_LOST;
+}
+
+/* However tight the pool, and whatever is recycled: the root's bricks stay as long as their nodes do. */
+static void test_root_bricks_are_never_recycled(void **state)
+{
+    (void)state;
+    enum { BRICKS = 9 };
+    cache_rig rig;
+    rig_open(&rig, context, 32, BRICKS, 0, 6);
+    rig_cast(&rig);
+    assert_int_equal(load_root(&rig), 8);
+    assert_int_equal(load_root(&rig), 0);
+    uint32_t brick[8];
+    for (uint32_t i = 0; i < 8; i++) {
+        brick[i] = rig.nodes[ROOT_NODE(i)].brick;
+        assert_true(brick[i] >= BRICKS);
+        assert_true(rig_brick_identity(&rig, brick[i]) == rig_node_identity(&rig, ROOT_NODE(i)));
+    }
+    /* All eight others are used up again and again, while rays use the root's as stand-ins or not at all. */
+    for (int round = 0; round < 6; round++) {
+        uint32_t tile = rig_grow(&rig, ROOT_NODE((uint32_t)round));
+        rig_cast(&rig);
+        rig_use_stand_in(&rig, brick[round]);
+        for (uint32_t i = 0; i < 8; i++)
+            rig_want_brick(&rig, tile * KARST_TILE_NODES + i);
+        rig_round(&rig);
+        assert_int_equal(rig.work.num_loads, 8);
+        assert_int_equal(rig.work.num_evicted_bricks, round ? 8 : 0);
+    }
+    for (uint32_t i = 0; i < 8; i++)
+        assert_int_equal(rig.nodes[ROOT_NODE(i)].brick, brick[i]);
+    /* Half a shift: half of them leave, and the new nodes get their slots. What needs no brick gives its slot back. */
+    rig.content = air_at_low_x;
+    rig_place_root(&rig, (const int64_t[3]){-2, -1, -1}, 6);
+    rig_cast(&rig);
+    assert_int_equal(load_root(&rig), 4);
+    for (uint32_t i = 0; i < 8; i++)
+        if (i & 1)
+            assert_int_equal(rig.nodes[ROOT_NODE(i)].brick, brick[i & 6]);
+        else
+            assert_int_equal(rig_state(&rig, ROOT_NODE(i)), KARST_STATE_CLEAR_AIR);
+    assert_int_equal(rig.cache->root_slots.num, 4);
+    /* Another level: all eight anew. So after all was forgotten. */
+    rig_place_root(&rig, (const int64_t[3]){-1, -1, -1}, 7);
+    rig_cast(&rig);
+    assert_int_equal(load_root(&rig), 8);
+    assert_true(karst_cache_clear(rig.cache, NULL));
+    rig_read(&rig);
+    assert_int_equal(load_root(&rig), 8);
+    rig_check(&rig);
+    rig_close(&rig);
+}
+
 static void test_roots_beyond_64_bits_are_refused(void **state)
 {
     (void)state;
@@ -282,16 +352,16 @@ static void test_serials_and_generations_wrap(void **state)
 static void test_tiny_segments(void **state)
 {
     (void)state;
-    size_t three = 3 * KARST_BRICK_STRIDE * sizeof(int16_t);
+    size_t four = 4 * KARST_BRICK_STRIDE * sizeof(int16_t);
     karst_error error = {0};
-    assert_null(karst_cache_create(context, 16, 25, three + 100, &error));
+    assert_null(karst_cache_create(context, 16, 25, four + 100, &error));
     assert_int_equal(error.status, KARST_USAGE);
     assert_non_null(strstr(error.message, "segments"));
     assert_null(karst_cache_create(context, 16, 9, 100, NULL));
     cache_rig rig;
-    rig_open(&rig, context, 16, 22, three + 100, 5);
+    rig_open(&rig, context, 16, 22, four + 100, 5); /* and eight for the root */
     assert_int_equal(rig.pools->num_segments, 8);
-    assert_int_equal(rig.pools->bricks_per_segment, 3);
+    assert_int_equal(rig.pools->bricks_per_segment, 4);
     for (uint32_t i = 0; i < 8; i++)
         for (uint32_t j = 0; j < i; j++)
             assert_ptr_not_equal(rig.pools->bricks[i], rig.pools->bricks[j]);
@@ -309,7 +379,7 @@ static void test_tiny_segments(void **state)
         assert_true(rig_brick_identity(&rig, brick) == rig_node_identity(&rig, rig.owners[brick].owner));
     rig_close(&rig);
     /* Fewer than eight: the rest repeat the first. */
-    rig_open(&rig, context, 16, 9, 5 * KARST_BRICK_STRIDE * sizeof(int16_t), 5);
+    rig_open(&rig, context, 16, 9, 9 * KARST_BRICK_STRIDE * sizeof(int16_t), 5);
     assert_int_equal(rig.pools->num_segments, 2);
     for (uint32_t i = 2; i < KARST_MAX_BRICK_SEGMENTS; i++)
         assert_ptr_equal(rig.pools->bricks[i], rig.pools->bricks[0]);
@@ -513,6 +583,7 @@ int main(void)
         cmocka_unit_test(test_a_root_shift_keeps_what_both_windows_share),
         cmocka_unit_test(test_roots_beyond_64_bits_are_refused),
         cmocka_unit_test(test_serials_and_generations_wrap),
+        cmocka_unit_test(test_root_bricks_are_never_recycled),
         cmocka_unit_test(test_tiny_segments),
         cmocka_unit_test(test_churn_is_counted_for_100_frames),
         cmocka_unit_test(test_clear_forgets_everything),

@@ -145,7 +145,8 @@ static void test_nodes(void **state)
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_LOST, 0u), brick, "has state 4, but brick");
     spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_AIR, lower), 0, "is constant (state 1), but has children");
     spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_SOLID, lower), 0, "is constant (state 2), but has children");
-    spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), 12, "which is no slot");
+    spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), 12 + KARST_CACHE_ROOT_BRICKS,
+               "which is no slot");
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), free_brick(), "which is free");
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), a_held_brick(brick), "which belongs to node");
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), brick, "which belongs to node"); /* two nodes, one brick */

@@ -7,6 +7,7 @@
 #include <stdio.h>
 
 #include "core/cost.h"
+#include "core/engine_internal.h"
 
 #define BUDGET_NS 3e6
 #define NUM_FRAMES 80
@@ -75,6 +76,44 @@ static void test_the_model_keeps_to_the_budget_of_a_flight(void **state)
             fail_msg("device %zu: %d frames over the budget, %g of it used in %d frames that had more to do", i,
                      num_over, full_ns / num_full / BUDGET_NS, num_full);
     }
+}
+
+/* A flight that wants more than the budget gives, on a device with made-up prices: the plan comes out in each frame,
+ * with all its rounds together. */
+static void test_production_keeps_to_the_budget(void **state)
+{
+    (void)state;
+    const double brick_ns = 40e3, tile_ns = 9e3;
+    karst_engine_config config = flight_config("hills");
+    config.detail_px = 0.5;
+    config.budget_ms = BUDGET_NS / 1e6;
+    karst_engine *engine = flight_engine(&config);
+    karst_engine_pretend_cost(engine, brick_ns, tile_ns);
+    karst_camera camera = flight_camera(engine, "0,520,0,30,-35");
+    uint64_t num_deferred = 0;
+    double least_ns = INFINITY, most_ns = 0;
+    for (int frame = 0; frame < 60; frame++) {
+        karst_stats stats;
+        camera.position =
+            karst_position_add_m(camera.position, (double[3]){60, 0, 45}, karst_engine_voxel_log2_m(engine));
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+        num_deferred += stats.num_deferred;
+        double ns = (double)stats.num_bricks_produced * brick_ns + (double)stats.num_tiles_produced * tile_ns;
+        most_ns = fmax(most_ns, ns);
+        if (stats.num_deferred && frame >= 10)
+            least_ns = fmin(least_ns, ns);
+        /* What is not there yet stands in coarser: never a hole. */
+        assert_int_equal(stats.num_incomplete, 0);
+    }
+    print_message("of a budget of %.2f ms frames used %.2f to %.2f ms\n", BUDGET_NS / 1e6, least_ns / 1e6,
+                  most_ns / 1e6);
+    assert_true(num_deferred > 1000);
+    assert_true(most_ns <= BUDGET_NS);
+    /* Tiles get room for more than last time: what they do not take is not used. */
+    assert_true(least_ns > 0.8 * BUDGET_NS);
+    karst_engine_destroy(engine);
 }
 
 /* Nothing fits into a microsecond: a frame makes next to nothing, once it is known what things cost; but never is
@@ -180,6 +219,7 @@ static void test_budgets_out_of_range(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_production_keeps_to_the_budget),
         cmocka_unit_test(test_budgets_out_of_range),
         cmocka_unit_test(test_a_budget_changes_no_settled_picture),
         cmocka_unit_test(test_the_smallest_budgets_settle),

@@ -1,0 +1,165 @@
+/* Answering what rays asked for: rounds of collect, produce and publish, within a frame's budget. */
+#include <time.h>
+
+#include "core/engine_parts.h"
+
+/* Rounds of a frame beyond the picture's own. Each gets at least one level further down. */
+#define MAX_SCOUTS 6
+/* A scout is not worth its cast for less. */
+#define LEAST_BRICKS 8u
+
+/* What is left of a frame's budget. */
+typedef struct {
+    uint32_t bricks, tiles;
+    double ns; /* only with a budget in ms */
+} allowance;
+
+/* CPU time of all threads over the cores: what production costs a CPU device however busy it is with other things. */
+static uint64_t cpu_share_ns(const karst_engine *engine)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    uint64_t ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+    return ns / (uint64_t)(engine->context->compute_units > 0 ? engine->context->compute_units : 1);
+}
+
+/* Answers and publishes. On CPUs tiles and bricks are waited for in turn, to tell their CPU time apart. */
+static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_constant, karst_error *error)
+{
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    karst_engine_made *made = &engine->made;
+    *num_constant = 0;
+    if (work->num_loads + work->num_subdivides == 0)
+        return true;
+    if (!engine->context->is_cpu) {
+        if (!karst_producer_answer(engine->producer, buffers, work, error))
+            return false;
+    } else {
+        karst_work tiles = *work, bricks = *work;
+        tiles.num_loads = bricks.num_subdivides = 0;
+        if (!karst_finish(engine->context, error))
+            return false;
+        uint64_t start_ns = cpu_share_ns(engine);
+        if (!karst_producer_answer(engine->producer, buffers, &tiles, error) || !karst_finish(engine->context, error))
+            return false;
+        uint64_t between_ns = cpu_share_ns(engine);
+        if (!karst_producer_answer(engine->producer, buffers, &bricks, error) || !karst_finish(engine->context, error))
+            return false;
+        made->tile_cpu_ns += between_ns - start_ns;
+        made->brick_cpu_ns += cpu_share_ns(engine) - between_ns;
+    }
+    made->num_bricks += work->num_loads;
+    made->num_tiles += work->num_subdivides;
+    return (!engine->views || karst_views_note(engine->views, work, engine->frame + 1, error)) &&
+           karst_cache_publish(engine->cache, work, NULL, num_constant, error);
+}
+
+static void count_made(karst_engine *engine, const karst_work *work, uint32_t num_constant)
+{
+    karst_stats *stats = &engine->stats;
+    stats->num_produced += work->num_loads + work->num_subdivides;
+    stats->num_evicted += work->num_evicted_tiles + work->num_evicted_bricks;
+    stats->num_reproduced += work->num_reproduced;
+    stats->num_tiles_produced += work->num_subdivides;
+    stats->num_bricks_produced += work->num_loads;
+    stats->num_bricks_constant += num_constant;
+}
+
+/* One round for the wants of the frame's serial. */
+static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
+                         karst_error *error)
+{
+    karst_collect_params params = {.serial = engine->serial,
+                                   .frame = engine->frame,
+                                   .camera = *from,
+                                   .max_tiles = left->tiles,
+                                   .max_bricks = left->bricks,
+                                   .may_drop_fallback = true};
+    if (engine->budget_ns > 0) {
+        karst_cost_limits limits =
+            karst_cost_plan(&engine->cost, left->ns, left->bricks < left->tiles ? left->bricks : left->tiles);
+        params.max_tiles = limits.max_tiles;
+        params.max_bricks = limits.max_bricks;
+    }
+    uint32_t num_constant;
+    if (!karst_cache_collect(engine->cache, &params, work, error) || !produce(engine, work, &num_constant, error))
+        return false;
+    left->bricks -= work->num_loads;
+    left->tiles -= work->num_subdivides;
+    left->ns -= karst_cost_expected_ns(&engine->cost, work->num_loads, work->num_subdivides);
+    count_made(engine, work, num_constant);
+    return true;
+}
+
+/* Is there room for another round, after one that did all that was asked of it? */
+static bool may_go_on(const karst_engine *engine, const karst_work *work, const allowance *left)
+{
+    if (work->num_deferred_budget || work->num_starved_bricks || work->num_starved_tiles)
+        return false;
+    if (left->bricks < LEAST_BRICKS || left->tiles < LEAST_BRICKS)
+        return false;
+    return engine->budget_ns == 0 || (karst_cost_is_known(&engine->cost) &&
+                                      left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS));
+}
+
+bool karst_engine_load_root(karst_engine *engine, karst_error *error)
+{
+    karst_work work;
+    uint32_t num_constant;
+    if (!karst_cache_root_work(engine->cache, engine->serial, &work, error) ||
+        !produce(engine, &work, &num_constant, error))
+        return false;
+    count_made(engine, &work, num_constant);
+    return true;
+}
+
+bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error)
+{
+    karst_stats *stats = &engine->stats;
+    allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
+    left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
+    if (!answer_round(engine, &engine->camera.position, &left, work, error))
+        return false;
+    stats->num_requests = work->num_requests;
+    stats->num_deferred = work->num_deferred_budget + work->num_starved_bricks + work->num_starved_tiles;
+    stats->tiles.num_used = work->num_used_tiles;
+    stats->bricks.num_used = work->num_used_bricks;
+
+    /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. */
+    karst_work more = *work;
+    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
+        if (!karst_engine_scout(engine, &engine->camera, error) ||
+            !answer_round(engine, &engine->camera.position, &left, &more, error))
+            return false;
+    /* The rest is for what the next frames will see. */
+    karst_camera ahead;
+    if (engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead))
+        return karst_engine_scout(engine, &ahead, error) &&
+               answer_round(engine, &ahead.position, &left, &more, error);
+    return true;
+}
+
+void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)
+{
+    engine->cost.fixed = true;
+    engine->cost.bricks.expected_ns = brick_ns;
+    engine->cost.tiles.expected_ns = tile_ns;
+}
+
+void karst_engine_learn_cost(karst_engine *engine)
+{
+    karst_stats *stats = &engine->stats;
+    karst_engine_made *made = &engine->made;
+    uint64_t brick_ns = stats->time_ns[KARST_STAGE_EVALUATE] + stats->time_ns[KARST_STAGE_FINALISE];
+    uint64_t tile_ns = stats->time_ns[KARST_STAGE_SUBDIVIDE];
+    /* Of the two clocks the lesser: the device's leaves out the compiling of kernels, the CPU's what others ran. */
+    if (engine->context->is_cpu) {
+        brick_ns = brick_ns < made->brick_cpu_ns ? brick_ns : made->brick_cpu_ns;
+        tile_ns = tile_ns < made->tile_cpu_ns ? tile_ns : made->tile_cpu_ns;
+    }
+    stats->time_ns_production = brick_ns + tile_ns;
+    karst_cost_round round = {
+        .num_bricks = made->num_bricks, .num_tiles = made->num_tiles, .brick_ns = brick_ns, .tile_ns = tile_ns};
+    karst_cost_learn(&engine->cost, &round);
+    *made = (karst_engine_made){0};
+}
