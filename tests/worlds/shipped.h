@@ -26,14 +26,48 @@ typedef struct {
     karst_world_file *file;
     karst_oracle *oracle;
     karst_camera camera;
-    uint64_t random; /* state: each world has its own sequence, so that one test alone gives what all give */
+    int64_t surface[3]; /* a voxel at the surface that the camera looks at */
+    uint64_t random;    /* state: each world has its own sequence, so that one test alone gives what all give */
 } shipped_world;
 
-static uint32_t shipped_random(shipped_world *world)
+static inline uint32_t shipped_random(shipped_world *world)
 {
     world->random = world->random * 6364136223846793005u + 1442695040888963407u;
     uint64_t mixed = world->random ^ world->random >> 29;
     return (uint32_t)(mixed * 0xbf58476d1ce4e5b9u >> 32);
+}
+
+/* Along the camera's line of sight, or a little below it. */
+static void shipped_find_surface(shipped_world *world)
+{
+    enum { STEPS = 4096 };
+    const karst_world_info *info = &world->file->info;
+    for (int tilt = 0; tilt < 8; tilt++) {
+        karst_camera camera = world->camera;
+        double right[3], up[3], forward[3], offset_m[3], last_m = 0;
+        camera.pitch_deg -= 4 * tilt;
+        karst_camera_axes(&camera, right, up, forward);
+        for (int step = 1; step <= STEPS; step++) {
+            double distance_m = 2 * info->view_distance_m * step / STEPS;
+            for (int axis = 0; axis < 3; axis++)
+                offset_m[axis] = forward[axis] * distance_m;
+            karst_position at = karst_position_add_m(camera.position, offset_m, info->voxel_log2_m);
+            if (!(karst_oracle_density(world->oracle, &at, 0).precise > 0)) {
+                last_m = distance_m;
+                continue;
+            }
+            for (int i = 0; i < 60; i++) {
+                double middle_m = (last_m + distance_m) / 2;
+                for (int axis = 0; axis < 3; axis++)
+                    offset_m[axis] = forward[axis] * middle_m;
+                at = karst_position_add_m(camera.position, offset_m, info->voxel_log2_m);
+                *(karst_oracle_density(world->oracle, &at, 0).precise > 0 ? &distance_m : &last_m) = middle_m;
+            }
+            memcpy(world->surface, at.voxel, sizeof at.voxel);
+            return;
+        }
+    }
+    fail_msg("%s: the camera sees nothing", world->name);
 }
 
 static void shipped_open(shipped_world *world, const char *name)
@@ -56,6 +90,7 @@ static void shipped_open(shipped_world *world, const char *name)
     world->camera.fov_deg = 60;
     pool_expect(karst_camera_parse(world->file->info.camera, world->file->info.voxel_log2_m, &world->camera, &error),
                 name, &error);
+    shipped_find_surface(world);
 }
 
 static void shipped_close(shipped_world *world)

@@ -34,7 +34,7 @@ static karst_load *make_loads(shipped_world *world, uint32_t count)
         int level = levels[n % NUM_LEVELS];
         int64_t voxel[3];
         for (int axis = 0; axis < 3; axis++)
-            voxel[axis] = world->camera.position.voxel[axis] + far_away[n / NUM_LEVELS % NUM_FAR][axis] +
+            voxel[axis] = world->surface[axis] + far_away[n / NUM_LEVELS % NUM_FAR][axis] +
                           (int64_t)(shipped_random(world) % 16384) - 8192;
         shipped_to_surface(world, voxel, (int64_t)1 << 15);
         loads[n] = (karst_load){.level = level, .state = KARST_STATE_UNKNOWN};
@@ -192,8 +192,8 @@ static void compare_points(shipped_world *world)
     for (uint32_t n = 0; n < NUM_POINTS; n++) {
         int64_t at[3];
         for (int axis = 0; axis < 3; axis++)
-            at[axis] = world->camera.position.voxel[axis] + far_away[n % NUM_FAR][axis] +
-                       (int64_t)(shipped_random(world) % 65536) - 32768;
+            at[axis] =
+                world->surface[axis] + far_away[n % NUM_FAR][axis] + (int64_t)(shipped_random(world) % 65536) - 32768;
         if (n % 2)
             shipped_to_surface(world, at, (int64_t)1 << 15);
         for (uint32_t axis = 0; axis < 3; axis++) {
