@@ -136,6 +136,11 @@ $(SHARED): $(OBJECTS) $(OBJ)/objects $(OBJ)/exports
 $(OUT)/libkarst.so: $(SHARED)
 	$(Q)ln -sf $(<F) $@
 
+# What the command says of itself, as a manual page.
+$(OUT)/karst.1: demos/desktop/manual.sh $(COMMAND)
+	$(say) MAN $@
+	$(Q)sh demos/desktop/manual.sh $(COMMAND) > $@.tmp && mv $@.tmp $@
+
 $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(COMMAND_LIBS) $(KLIBS) -o $@
@@ -216,7 +221,13 @@ Cflags: -I$${includedir}
 endef
 export KARST_PC
 
-install: all
+# Where the desktop and the shells look: FILE:FOLDER/NAME.
+DESKTOP := $(OUT)/karst.1:man/man1/karst.1 demos/desktop/karst.desktop:applications/karst.desktop \
+    demos/desktop/karst.png:icons/hicolor/256x256/apps/karst.png \
+    demos/desktop/karst.bash:bash-completion/completions/karst demos/desktop/_karst:zsh/site-functions/_karst
+desktop_target = $(DESTDIR)$(PREFIX)/share/$(lastword $(subst :, ,$(1)))
+
+install: all $(OUT)/karst.1
 	$(say) INSTALL $(DESTDIR)$(PREFIX)
 	$(Q)install -d $(DESTDIR)$(PREFIX)/bin $(includedir) $(libdir)/pkgconfig
 	$(Q)install -m 755 $(COMMAND) $(DESTDIR)$(PREFIX)/bin/karst
@@ -228,13 +239,14 @@ ifneq ($(WORLDS),)
 	$(Q)install -d $(sharedir)/worlds && install -m 644 $(WORLDS) $(sharedir)/worlds
 endif
 	$(Q)install -d $(sharedir)/paths && install -m 644 $(PATHS) $(sharedir)/paths
+	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
 
 uninstall:
 	$(say) REMOVE $(DESTDIR)$(PREFIX)
 	$(Q)rm -f $(DESTDIR)$(PREFIX)/bin/karst $(libdir)/libkarst.a $(libdir)/libkarst.so $(libdir)/libkarst.so.$(SOVERSION) \
 	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) \
 	    $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%) \
-	    $(PATHS:demos/paths/%=$(sharedir)/paths/%)
+	    $(PATHS:demos/paths/%=$(sharedir)/paths/%) $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
 	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir)/paths $(sharedir) 2>/dev/null || true
 
 check-install: all

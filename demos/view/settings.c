@@ -59,7 +59,7 @@ static option_table make_table(view_settings *o, command_talk *talk)
          NULL},
         {"lanes", 0, COMMAND_INTEGER, "N",
          "rays and samples a work-item handles, 1 or 16 (default: what suits the device)", &o->lanes, 1, 16, NULL},
-        {"keys", 0, COMMAND_FLAG, NULL, "print the keys, and leave", &o->keys, 0, 0, NULL},
+        {"keys", 0, COMMAND_TEXT, "HOW", "print the keys as text or for a manual, and leave", &o->keys, 0, 0, NULL},
         {"quiet", 'q', COMMAND_FLAG, NULL, "say nothing but warnings and errors", &talk->quiet, 0, 0, NULL},
         {"verbose", 'v', COMMAND_FLAG, NULL, "say what the library does", &talk->verbose, 0, 0, NULL},
     };

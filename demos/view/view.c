@@ -273,6 +273,7 @@ static void close_viewer(viewer *v)
         v->capture.recording = false;
         view_record_save(v);
     }
+    v->capture.num_keyframes = 0;
     if (v->engine && v->window && !v->lost)
         view_memory_write(v);
     view_replay_stop(v);
@@ -326,7 +327,10 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
     if (good && v->settings.help) {
         view_settings_print_help();
     } else if (good && v->settings.keys) {
-        view_keys_print(stdout);
+        if (strcmp(v->settings.keys, "manual") == 0)
+            view_keys_print_manual(stdout);
+        else
+            view_keys_print(stdout);
     } else if (good) {
         command_catch_interrupts();
         v->log = command_log(talk);

@@ -31,12 +31,12 @@ typedef struct viewer viewer;
 /* ---- settings.c ---- */
 
 typedef struct {
-    const char *camera, *device, *replay, *stats, *folder, *view, *mode;
+    const char *camera, *device, *replay, *stats, *folder, *view, *mode, *keys;
     command_parameters parameters;
     int size_px[2];
     bool has_size;
     uint64_t seed, budget_bricks, lanes;
-    bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help, keys;
+    bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
     double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
 } view_settings;
 

@@ -50,6 +50,50 @@ detail=$(unset KARST_DATA_DIR; "$root/usr/bin/karst" render asteroid --path orbi
 [ $? -eq 0 ] && [ -s "$scratch/orbit.png" ]
 result "and flies a path that was installed with it"
 
+# ---- what the desktop and the shells look for ----
+share="$root/usr/share"
+detail=$(find "$share" | sed "s|$root||")
+[ -s "$share/man/man1/karst.1" ] && [ -s "$share/applications/karst.desktop" ] &&
+    [ -s "$share/icons/hicolor/256x256/apps/karst.png" ] && [ -s "$share/bash-completion/completions/karst" ] &&
+    [ -s "$share/zsh/site-functions/_karst" ]
+result "manual, desktop file, icon and completions are there"
+missing=
+for word in $("$root/usr/bin/karst" --help | sed -n 's/^  karst \([a-z]*\)  .*/\1/p'); do
+    grep -qi "^\.SH KARST $word" "$share/man/man1/karst.1" || missing="$missing $word"
+    for option in $("$root/usr/bin/karst" help "$word" | grep -oE -e '^ +(-[a-z], )? *--[a-z-]+' | grep -oE -e '--[a-z-]+'); do
+        grep -q -e "$(echo "$option" | sed 's/-/\\\\-/g')" "$share/man/man1/karst.1" || missing="$missing $option"
+    done
+done
+detail="missing:$missing"
+[ -z "$missing" ]
+result "the manual has every command and option"
+detail=$("$root/usr/bin/karst" view --keys text | sed -n 's/^    \([^ ].*\)  *.*/\1/p' | head -n 3)
+"$root/usr/bin/karst" view --keys text | grep -q 'W A S D' && grep -q '"W A S D"' "$share/man/man1/karst.1"
+result "and the keys"
+if command -v man > /dev/null 2>&1; then
+    detail=$(LC_ALL=C.UTF-8 MANROFFSEQ='' MANWIDTH=100 man --warnings -l "$share/man/man1/karst.1" 2>&1 > /dev/null)
+    [ -z "$detail" ]
+    result "it is well formed"
+fi
+grep -q '^Exec=karst view' "$share/applications/karst.desktop" && grep -q '^Icon=karst$' "$share/applications/karst.desktop"
+result "the desktop file starts the viewer"
+head -c 8 "$share/icons/hicolor/256x256/apps/karst.png" | od -An -c | grep -q 'P   N   G'
+result "the icon is a PNG"
+# complete WORDS...: what bash would offer for the last of them.
+complete()
+{
+    PATH="$root/usr/bin:$PATH" KARST_DATA_DIR= bash -c '
+        . "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _karst; printf "%s\n" "${COMPREPLY[@]}"' \
+        bash "$share/bash-completion/completions/karst" "$@" 2>&1
+}
+detail=$(complete karst re; complete karst render --no-sh; complete karst view alp; complete karst view hills --mode w)
+[ "$(echo $detail)" = "render --no-shadows alps walk" ]
+result "bash completes commands, options, worlds and values"
+if command -v zsh > /dev/null 2>&1; then
+    detail=$(zsh -n "$share/zsh/site-functions/_karst" 2>&1)
+    result "zsh reads its completion"
+fi
+
 # ---- gone without a trace ----
 detail=$($make -s uninstall DESTDIR="$root" PREFIX=/usr 2>&1)
 result "make uninstall"
