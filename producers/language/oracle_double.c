@@ -38,6 +38,8 @@ static place place_in(const affine_position *at, const karst_lattice *form)
 
 static place moved(place p, double by)
 {
+    if (isnan(by))
+        by = 0x1p30;
     double t = p.fraction + (by > 0x1p30 ? 0x1p30 : by < -0x1p30 ? -0x1p30 : by), whole = floor(t);
     return (place){p.cell + (uint)(int)whole, t - whole};
 }
@@ -191,7 +193,7 @@ static double noise_double(const karst_oracle *o, karst_expr e)
             uint8_t op = node_of(o, by)->op;
             double offset =
                 op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
-            p[i] = moved(place_in(&o->at, &octave->lattice[i]), isnan(offset) ? 0x1p30 : offset * scale);
+            p[i] = moved(place_in(&o->at, &octave->lattice[i]), offset * scale);
         }
         sum +=
             amplitude * octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
