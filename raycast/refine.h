@@ -2,8 +2,8 @@
  *
  * A brick's surface errs by what interpolation and 16 bits make of the density. At each hit the density itself is
  * evaluated, band-limited to the hit's level, with its gradient: two steps along the ray (Newton's, then the secant's)
- * find its zero. A step that leads farther than two voxels, or not nearer to zero, is not taken: such a hit (a graze, a
- * jump, a surface that only the brick has) stays as it was. */
+ * find its zero. Where they do not (grazes, folds) the nearest change of sign within four voxels is bracketed and
+ * narrowed. A hit that has none (a surface that only the brick has) stays as it was. */
 #ifndef KARST_RAYCAST_REFINE_H
 #define KARST_RAYCAST_REFINE_H
 
