@@ -147,16 +147,6 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
     return &producer->base;
 }
 
-karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed,
-                                              uint32_t max_loads, karst_error *error)
-{
-    char source[256], options[128];
-    snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
-    karst_world_options(world, seed, options, sizeof options);
-    karst_density_program program = {.name = world->name, .source = source, .options = options, .max_loads = max_loads};
-    return karst_density_producer_create_program(context, &program, error);
-}
-
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats)
 {
     density_producer *density = (density_producer *)producer;

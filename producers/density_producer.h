@@ -1,5 +1,4 @@
-/* The producer of a density program. karst_density_producer_create (producers/producer.h) makes one of a shipped world.
- */
+/* The producer of a density program. */
 #ifndef KARST_PRODUCERS_DENSITY_PRODUCER_H
 #define KARST_PRODUCERS_DENSITY_PRODUCER_H
 
@@ -19,15 +18,14 @@ typedef struct {
     uint32_t max_loads; /* the most loads in one round's work */
 } karst_density_program;
 
+/* Its kernels are built with the program's options; staging memory holds max_loads bricks, or a chunk of them. Errors:
+ * KARST_FAILED. */
 karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
                                                       karst_error *error);
 
 /* Replaces a program's data by other of the same size, for work that is answered from now on; the caller drops what was
  * made of the old. */
 bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error);
-
-/* The build options of a shipped world. 128 bytes always suffice. */
-int karst_world_options(const karst_world_info *world, uint32_t seed, char *text, size_t size_bytes);
 
 /* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. */
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats);

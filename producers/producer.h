@@ -49,13 +49,12 @@ struct karst_producer {
 bool karst_producer_answer(karst_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
                            karst_error *error);
 
-/* A world that Karst ships: a density program (see producers/density.clh) and how to look at it. */
+/* How to look at a world. */
 typedef struct {
     const char *name;
     const char *description;
-    const char *source_path; /* embedded kernel source, such as "producers/worlds/hills.clh" */
-    int voxel_log2_m;        /* level-0 voxel = 2^this metres */
-    uint32_t seed;           /* becomes -DWORLD_SEED */
+    int voxel_log2_m; /* level-0 voxel = 2^this metres */
+    uint32_t seed;    /* becomes -DWORLD_SEED */
     double view_distance_m;
     const char *camera; /* "X,Y,Z,YAW,PITCH,FOV" */
     double sun_azimuth_deg, sun_elevation_deg;
@@ -63,13 +62,6 @@ typedef struct {
     double haze_distance_m; /* at which haze hides 1 - 1/e of the surface */
 } karst_world_info;
 
-const karst_world_info *karst_world_find(const char *name); /* NULL: unknown */
-const karst_world_info *karst_world_at(size_t index);       /* NULL: past the end */
-
-/* The producer of a density program, its kernels built with -DWORLD_SEED. `max_loads` is the most loads that a round's
- * work may bring; staging memory holds that many, or a chunk of them. Errors: KARST_FAILED. */
-karst_producer *karst_density_producer_create(karst_context *context, const karst_world_info *world, uint32_t seed,
-                                              uint32_t max_loads, karst_error *error);
 void karst_producer_destroy(karst_producer *producer); /* NULL is fine */
 /* Samples that were not finite and became air, since creation. Waits for the queue if anything was produced since the
  * last call. */

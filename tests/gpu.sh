@@ -154,7 +154,7 @@ fi
 passed=0 failed=0 failures=
 if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
     # The most telling first: should time run out, the rest is left out.
-    tests="core/test_dialect noise/test_lanes producers/test_hills language/test_emit language/test_tape producers/test_asteroid
+    tests="core/test_dialect noise/test_lanes worlds/test_same_bits worlds/test_golden language/test_emit language/test_tape
         producers/test_finalise producers/test_producer cache/test_lists cache/test_changes raycast/test_cast
         raycast/test_cast_exact raycast/test_shade engine/test_engine core/test_program core/test_profile core/test_context
         core/test_display producers/test_thin cache/test_model cache/test_scenarios raycast/test_cast_requests"

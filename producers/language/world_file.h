@@ -16,7 +16,7 @@ typedef struct {
     karst_emitted code;
     karst_tape tape; /* of the density, for its bounds */
     size_t data_bytes;
-    karst_world_info info; /* source_path is NULL; strings live in the file */
+    karst_world_info info; /* its strings live in the file */
     char camera[640];
 } karst_world_file;
 
@@ -36,7 +36,7 @@ void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_e
 #define KARST_WORLD_FILE_OPTIONS_BYTES 256
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
-/* Its producer. `max_loads`: as for karst_density_producer_create. Errors: KARST_FAILED. */
+/* Its producer. `max_loads`: of a round. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);
 /* The same in another shape than the device's own, or with more options of the build. */

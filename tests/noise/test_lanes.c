@@ -1,5 +1,5 @@
-/* The same bits from 16 lanes, from 1 lane and from host C: noise at any point, densities of a world between voxels,
- * and its bounds; and the tensor form. (Whole bricks: tests/producers.) */
+/* The same bits from 16 lanes, from 1 lane and from host C: noise at any point, and the tensor form. (Worlds, their
+ * bricks and bounds: tests/worlds.) */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -12,24 +12,24 @@
 
 #include "core/context.h"
 
+#include "noise/fbm.clh"
 #include "noise/simplex.clh"
+#include "noise/tensor.clh"
 #include "noise/slope.clh"
 #include "noise/value.clh"
 #include "noise/worley.clh"
-#include "producers/worlds/hills.clh"
 #include "tests/noise/random.h"
 
 #define NUM_POINTS (1 << 20)
-#define NUM_NODES (1 << 14)
-#define NUM_BOUNDS 5 /* lo, hi, three slopes */
 
 /* What the kernels do, for LANES items from `first`, on arrays that both sides have: places as x, y, z of all items. */
 static const char probes[] =
+    "#include \"noise/fbm.clh\"\n"
     "#include \"noise/simplex.clh\"\n"
+    "#include \"noise/tensor.clh\"\n"
     "#include \"noise/slope.clh\"\n"
     "#include \"noise/value.clh\"\n"
     "#include \"noise/worley.clh\"\n"
-    "#include \"producers/worlds/hills.clh\"\n"
     "#include \"probes.clh\"\n"
     "#if LANES == 16\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
@@ -66,20 +66,6 @@ static const char probes[] =
     "    uint first = (uint)get_global_id(0) * LANES;\n"
     "    if (first < count)\n"
     "        families_probe(voxel, fraction, count, first, out);\n"
-    "}\n"
-    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
-    "void probe_points(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
-    "{\n"
-    "    uint first = (uint)get_global_id(0) * LANES;\n"
-    "    if (first < count)\n"
-    "        point_probe(voxel, fraction, count, first, out);\n"
-    "}\n"
-    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
-    "void probe_bounds(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, K_GLOBAL float *out)\n"
-    "{\n"
-    "    uint first = (uint)get_global_id(0) * LANES;\n"
-    "    if (first < count)\n"
-    "        bounds_probe(voxel, level, count, first, out);\n"
     "}\n";
 
 /* Device and host compile the same text. */
@@ -143,27 +129,6 @@ K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fr
     }
     }
     v_store_float(result, out + first);
-}
-K_INLINE void point_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
-                          K_GLOBAL float *out)
-{
-    world_point_at at;
-    for (uint a = 0; a < 3; a++) {
-        at.voxel[a] = LOAD_LONG(voxel + a * count + first);
-        at.fraction[a] = LOAD_UINT(fraction + a * count + first);
-    }
-    v_store_float(world_point(&at, (int)(first >> 4) % 13 - 1), out + first);
-}
-K_INLINE void bounds_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *level, uint count, uint first,
-                           K_GLOBAL float *out)
-{
-    world_bound bound;
-    world_bounds(LOAD_LONG(voxel + first), LOAD_LONG(voxel + count + first), LOAD_LONG(voxel + 2 * count + first),
-                 v_uint_to_int(LOAD_UINT(level + first)), &bound);
-    v_store_float(bound.lo, out + first);
-    v_store_float(bound.hi, out + count + first);
-    for (uint a = 0; a < 3; a++)
-        v_store_float(bound.slope[a], out + (2 + a) * count + first);
 })
 /* clang-format on */
 
@@ -248,7 +213,7 @@ static void test_points(void **state)
     static const struct {
         const char *kernel;
         probe host;
-    } cases[] = {{"probe_noise", noise_probe}, {"probe_points", point_probe}, {"probe_families", families_probe}};
+    } cases[] = {{"probe_noise", noise_probe}, {"probe_families", families_probe}};
     uint32_t *fractions = malloc(3 * NUM_POINTS * sizeof *fractions);
     float *wanted = malloc(NUM_POINTS * sizeof *wanted);
     assert_true(fractions && wanted);
@@ -268,32 +233,6 @@ static void test_points(void **state)
     free(voxels);
     free(wanted);
     free(fractions);
-}
-
-static void test_bounds(void **state)
-{
-    (void)state;
-    uint32_t *levels = malloc(NUM_NODES * sizeof *levels), *fractions = malloc(3 * NUM_NODES * sizeof *fractions);
-    float *wanted = malloc(NUM_BOUNDS * NUM_NODES * sizeof *wanted);
-    assert_true(levels && fractions && wanted);
-    int64_t *voxels = random_voxels(NUM_NODES, fractions);
-    for (uint i = 0; i < NUM_NODES; i++) {
-        levels[i] = (uint32_t)random_below(14);
-        for (size_t a = 0; a < 3; a++)
-            voxels[a * NUM_NODES + i] &= -(INT64_C(16) << levels[i]);
-    }
-    for (uint i = 0; i < NUM_NODES; i++)
-        bounds_probe(voxels, levels, NUM_NODES, i, wanted);
-    for (int lanes = 1; lanes <= 16; lanes += 15) {
-        float *got = device_results(lanes, "probe_bounds", voxels, 3 * NUM_NODES, levels, NUM_NODES, NUM_NODES,
-                                    NUM_BOUNDS * NUM_NODES);
-        assert_same_bits(got, wanted, NUM_BOUNDS * NUM_NODES, lanes == 1 ? "bounds, 1 lane" : "bounds, 16 lanes");
-        free(got);
-    }
-    free(voxels);
-    free(wanted);
-    free(fractions);
-    free(levels);
 }
 
 /* Rows of a brick by tensor against single points, for all octaves and frequencies that a tensor may see. */
@@ -344,7 +283,6 @@ static void test_tensor(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_bounds),
-                                       cmocka_unit_test(test_tensor)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_tensor)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

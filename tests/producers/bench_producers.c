@@ -3,7 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "producers/density_producer.h"
+#include "karst/data.h"
+#include "producers/language/world_file.h"
 #include "tests/support/pool.h"
 
 #define CAPACITY 4096
@@ -60,22 +61,27 @@ static void answer(karst_producer *producer, pool *p, const node_list *list, boo
     }
 }
 
-static void bench_world(const karst_world_info *world, const char *device, int lanes, karst_shape shape, uint32_t most)
+static void bench_world(const char *name, const char *device, int lanes, karst_shape shape, uint32_t most)
 {
     karst_error error = {0};
+    char path[4096], options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    karst_density_program program;
     karst_context *context = karst_context_create(device, lanes, NULL, &error);
     pool_expect(context, "context", &error);
-    char source[256], options[128];
-    snprintf(source, sizeof source, "#include \"%s\"\n", world->source_path);
-    karst_world_options(world, world->seed, options, sizeof options);
-    karst_density_program program = {
-        .name = world->name, .source = source, .options = options, .shape = shape, .max_loads = CAPACITY};
+    pool_expect(karst_data_find("worlds", name, ".karst", path, sizeof path, &error), name, &error);
+    karst_world_file *file = karst_world_file_open(path, NULL, 0, NULL, &error);
+    pool_expect(file, name, &error);
+    void *data = karst_world_file_data(file, file->info.seed, &error);
+    pool_expect(data, name, &error);
+    karst_world_file_program(file, data, options, &program);
+    program.shape = shape;
+    program.max_loads = CAPACITY;
     karst_producer *producer = karst_density_producer_create_program(context, &program, &error);
-    pool_expect(producer, "producer", &error);
+    pool_expect(producer, name, &error);
     pool p;
     pool_open(&p, context, CAPACITY, 1);
 
-    printf("%s, %d lanes, %s\n", world->name, lanes, shape == KARST_SHAPE_GROUPS ? "groups" : "rows");
+    printf("%s, %d lanes, %s\n", name, lanes, shape == KARST_SHAPE_GROUPS ? "groups" : "rows");
     printf("  level   tiles  open %%  us/tile    loads  constant %%  clear %%  us/load: evaluate  finalise   "
            "Msamples/s\n");
     node_list list = {0};
@@ -112,17 +118,20 @@ static void bench_world(const karst_world_info *world, const char *device, int l
     pool_close(&p);
     karst_producer_destroy(producer);
     karst_context_destroy(context);
+    free(data);
+    karst_world_file_destroy(file);
 }
 
 int main(int argc, char **argv)
 {
     const char *device = getenv("KARST_DEVICE");
     bool all = argc > 1 && !strcmp(argv[1], "--shapes");
-    for (size_t i = 0; karst_world_at(i); i++) {
-        bench_world(karst_world_at(i), device, 16, KARST_SHAPE_ROWS, 256);
+    static const char *const names[] = {"hills", "asteroid"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        bench_world(names[i], device, 16, KARST_SHAPE_ROWS, 256);
         if (all) {
-            bench_world(karst_world_at(i), device, 1, KARST_SHAPE_ROWS, 32);
-            bench_world(karst_world_at(i), device, 1, KARST_SHAPE_GROUPS, 32);
+            bench_world(names[i], device, 1, KARST_SHAPE_ROWS, 32);
+            bench_world(names[i], device, 1, KARST_SHAPE_GROUPS, 32);
         }
     }
     return 0;

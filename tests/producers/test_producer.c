@@ -1,4 +1,4 @@
-/* The density producer as the engine uses it: localisation, states, chunks, scrubbing, errors; the table of worlds;
+/* The density producer as the engine uses it: localisation, states, chunks, scrubbing, errors;
  * channels. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -217,25 +217,6 @@ static void test_bad_program(void **state)
     karst_context_destroy(context);
 }
 
-static void test_worlds(void **state)
-{
-    (void)state;
-    size_t count = 0;
-    for (const karst_world_info *world; (world = karst_world_at(count)); count++) {
-        karst_camera camera = {0};
-        karst_error error = {0};
-        assert_ptr_equal(karst_world_find(world->name), world);
-        assert_true(karst_camera_parse(world->camera, world->voxel_log2_m, &camera, &error));
-        assert_true(world->voxel_log2_m >= KARST_VOXEL_LOG2_MIN && world->voxel_log2_m <= KARST_VOXEL_LOG2_MAX);
-        assert_true(world->view_distance_m > 0 && world->haze_distance_m > 0);
-        assert_true(strlen(world->description) > 10);
-    }
-    assert_int_equal(count, 2);
-    assert_null(karst_world_find("hill"));
-    assert_null(karst_world_find(NULL));
-    assert_null(karst_world_at(SIZE_MAX));
-}
-
 static void test_channels(void **state)
 {
     (void)state;
@@ -273,7 +254,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_subdivide),   cmocka_unit_test(test_loads),  cmocka_unit_test(test_not_finite),
-        cmocka_unit_test(test_bad_program), cmocka_unit_test(test_worlds), cmocka_unit_test(test_channels),
+        cmocka_unit_test(test_bad_program), cmocka_unit_test(test_channels),
     };
     return cmocka_run_group_tests_name("producer", tests, NULL, NULL);
 }

@@ -215,12 +215,64 @@ static void compare_points(shipped_world *world)
     }
 }
 
+/* ---- bounds: the same verdicts ---- */
+
+enum { NUM_TILES = 256 };
+
+static void subdivide(const shipped_world *world, int lanes, const pool_node *parents, karst_node *nodes,
+                      karst_tile_info *infos)
+{
+    karst_error error = {0};
+    pool p;
+    karst_context *context = shipped_context(lanes);
+    karst_producer *producer =
+        karst_world_file_producer(context, world->file, world->file->info.seed, NUM_TILES, &error);
+    pool_expect(producer, world->name, &error);
+    pool_open(&p, context, NUM_TILES, 1);
+    pool_ask(&p, parents, NUM_TILES);
+    p.work.num_loads = 0;
+    pool_expect(karst_producer_answer(producer, &p.cache, &p.work, &error), world->name, &error);
+    pool_read_tiles(&p, nodes, infos);
+    pool_close(&p);
+    karst_producer_destroy(producer);
+    karst_context_destroy(context);
+}
+
+static void compare_bounds(shipped_world *world)
+{
+    static karst_node nodes[2][NUM_TILES * KARST_TILE_NODES];
+    static karst_tile_info infos[2][NUM_TILES];
+    pool_node parents[NUM_TILES];
+    uint32_t num_constant = 0;
+    for (uint32_t n = 0; n < NUM_TILES; n++) {
+        int level = 1 + (int)(n % 11);
+        int64_t voxel[3];
+        for (int axis = 0; axis < 3; axis++)
+            voxel[axis] =
+                world->surface[axis] + far_away[n % NUM_FAR][axis] + (int64_t)(shipped_random(world) % 16384) - 8192;
+        shipped_to_surface(world, voxel, (int64_t)1 << 15);
+        parents[n].level = level;
+        for (int axis = 0; axis < 3; axis++)
+            parents[n].at[axis] = voxel[axis] >> (level + KARST_BRICK_CELLS_LOG2);
+    }
+    subdivide(world, 16, parents, nodes[0], infos[0]);
+    subdivide(world, 1, parents, nodes[1], infos[1]);
+    for (uint32_t i = 0; i < NUM_TILES * KARST_TILE_NODES; i++) {
+        uint32_t state = KARST_NODE_STATE(nodes[0][i].link);
+        num_constant += state == KARST_STATE_AIR || state == KARST_STATE_SOLID;
+    }
+    assert_memory_equal(nodes[0], nodes[1], sizeof nodes[0]);
+    assert_memory_equal(infos[0], infos[1], sizeof infos[0]);
+    assert_true(num_constant > NUM_TILES / 4 && num_constant < NUM_TILES * KARST_TILE_NODES);
+}
+
 static void test_same_bits(void **state)
 {
     shipped_world world;
     shipped_open(&world, *state);
     compare_bricks(&world);
     compare_points(&world);
+    compare_bounds(&world);
     shipped_close(&world);
 }
 
