@@ -49,10 +49,17 @@ void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer 
     subdivider->data = data ? data->mem : NULL;
 }
 
-static size_t items_for(const karst_subdivider *subdivider, size_t num_boxes)
+/* Boxes that a work-item bounds. On CPUs many, so that lanes that are done early have others to turn to; fewer where
+ * that would leave cores idle. */
+#define MOST_BATCH 128u
+static uint32_t batch_for(const karst_subdivider *subdivider, uint32_t num_boxes)
 {
-    size_t lanes = (size_t)subdivider->context->lanes;
-    return (num_boxes + lanes - 1) / lanes;
+    const karst_context *context = subdivider->context;
+    uint32_t lanes = (uint32_t)context->lanes;
+    if (lanes == 1)
+        return 1;
+    uint32_t items = 8 * (uint32_t)context->compute_units, batch = (num_boxes / items + lanes - 1) / lanes * lanes;
+    return batch < lanes ? lanes : batch > MOST_BATCH ? MOST_BATCH : batch;
 }
 
 /* What a launch has no use for is NULL. */
@@ -61,24 +68,25 @@ static const cl_mem nothing = NULL;
 bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                            karst_error *error)
 {
-    uint32_t first = 0, count = work->num_subdivides * KARST_TILE_NODES, is_loads = 0;
+    uint32_t first = 0, count = work->num_subdivides * KARST_TILE_NODES, is_loads = 0,
+             batch = batch_for(subdivider, count);
     return count == 0 || (KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->subdivide_nodes),
                                           KARST_BUFFER_ARG(work->subdivide_tiles), KARST_VALUE_ARG(first),
-                                          KARST_VALUE_ARG(count), KARST_VALUE_ARG(is_loads),
+                                          KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch), KARST_VALUE_ARG(is_loads),
                                           KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
                                           KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(subdivider->data)) &&
                           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_SUBDIVIDE,
-                                       items_for(subdivider, count), subdivider->group_size, error));
+                                       (count + batch - 1) / batch, subdivider->group_size, error));
 }
 
 bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                        uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error)
 {
-    uint32_t is_loads = 1;
+    uint32_t is_loads = 1, batch = (uint32_t)subdivider->context->lanes; /* all take the same time */
     return KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(nothing),
-                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(is_loads),
-                           KARST_VALUE_ARG(nothing), KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
-                           KARST_VALUE_ARG(subdivider->data)) &&
-           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, items_for(subdivider, count),
+                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch),
+                           KARST_VALUE_ARG(is_loads), KARST_VALUE_ARG(nothing), KARST_BUFFER_ARG(cache->tile_info),
+                           KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(subdivider->data)) &&
+           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, (count + batch - 1) / batch,
                         subdivider->group_size, error);
 }
