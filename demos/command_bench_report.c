@@ -32,10 +32,16 @@ static json_t *describe_spread(double *values, size_t num)
                      num ? values[num - 1] : 0);
 }
 
+#define WHOLE_FRAME KARST_NUM_STAGES
+#define PRODUCTION (KARST_NUM_STAGES + 1) /* as a budget in ms counts it */
+
 /* Time of a frame, or of one of its stages. */
 static double frame_ms(const bench_frame *frame, int stage)
 {
-    return (double)(stage == KARST_NUM_STAGES ? frame->frame_ns : frame->stage_ns[stage]) * 1e-6;
+    uint64_t ns = stage == WHOLE_FRAME  ? frame->frame_ns
+                  : stage == PRODUCTION ? frame->production_ns
+                                        : frame->stage_ns[stage];
+    return (double)ns * 1e-6;
 }
 
 static size_t take_times(const bench *b, bench_phase phase, int run, int stage, double *times_ms)
@@ -106,13 +112,14 @@ static json_t *describe_at_level(const bench *b, bench_phase phase, double *scra
 
 static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch)
 {
-    size_t num = take_times(b, phase, -1, KARST_NUM_STAGES, scratch);
+    size_t num = take_times(b, phase, -1, WHOLE_FRAME, scratch);
     if (num == 0)
         return json_null();
     json_t *phase_json = json_pack("{s:I}", "frames", (json_int_t)num), *times = json_object();
-    json_object_set_new(times, "frame", describe_stage(b, phase, KARST_NUM_STAGES, scratch));
+    json_object_set_new(times, "frame", describe_stage(b, phase, WHOLE_FRAME, scratch));
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
         json_object_set_new(times, karst_stage_name(stage), describe_stage(b, phase, stage, scratch));
+    json_object_set_new(times, "production", describe_stage(b, phase, PRODUCTION, scratch));
     json_object_set_new(phase_json, "time_ms", times);
     json_object_set_new(phase_json, "churn_per_frame", describe_churn(b, phase));
     json_object_set_new(phase_json, "at_level", describe_at_level(b, phase, scratch));
@@ -167,16 +174,16 @@ static void add_ratios(const bench *b, json_t *root, double *scratch)
     json_t *ratios = json_object();
     medians_of_ceilings(b, offsetof(karst_ceilings, floor_ns), floor_ns, scratch);
     for (unsigned run = 0; run < b->runs_done; run++)
-        values[run] = settled_ms[run] = median_of(b, BENCH_SETTLED, (int)run, KARST_NUM_STAGES, scratch);
+        values[run] = settled_ms[run] = median_of(b, BENCH_SETTLED, (int)run, WHOLE_FRAME, scratch);
     divide(values, floor_ns, b->runs_done, 1e6);
     json_object_set_new(ratios, "settled_frame_per_floor", describe_spread(values, b->runs_done));
     for (unsigned run = 0; b->path && run < b->runs_done; run++)
-        values[run] = median_of(b, BENCH_FLIGHT, (int)run, KARST_NUM_STAGES, scratch);
+        values[run] = median_of(b, BENCH_FLIGHT, (int)run, WHOLE_FRAME, scratch);
     if (b->path) {
         divide(values, settled_ms, b->runs_done, 1);
         json_object_set_new(ratios, "flight_frame_per_settled_frame", describe_spread(values, b->runs_done));
         for (unsigned run = 0; run < b->runs_done; run++)
-            values[run] = quantile(scratch, take_times(b, BENCH_FLIGHT, (int)run, KARST_NUM_STAGES, scratch), 0.99);
+            values[run] = quantile(scratch, take_times(b, BENCH_FLIGHT, (int)run, WHOLE_FRAME, scratch), 0.99);
         divide(values, settled_ms, b->runs_done, 1);
         json_object_set_new(ratios, "flight_p99_per_settled_frame", describe_spread(values, b->runs_done));
     }
@@ -328,7 +335,7 @@ char *bench_csv(const bench *b)
     FILE *file = open_memstream(&text, &size);
     if (!file)
         return NULL;
-    fputs("phase,run,frame,time_s,frame_ms", file);
+    fputs("phase,run,frame,time_s,frame_ms,production_ms", file);
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
         fprintf(file, ",%s_ms", karst_stage_name(stage));
     fputs(",requests,produced,evicted,reproduced,deferred,tiles_produced,bricks_produced,pixels,hits,provisional,"
@@ -337,7 +344,7 @@ char *bench_csv(const bench *b)
     for (size_t i = 0; i < b->num_frames; i++) {
         const bench_frame *f = &b->frames[i];
         fprintf(file, "%s,%u,%zu,%.6f", phase_names[f->phase], f->run, f->index, f->time_s);
-        fprintf(file, ",%.6f", frame_ms(f, KARST_NUM_STAGES));
+        fprintf(file, ",%.6f,%.6f", frame_ms(f, WHOLE_FRAME), frame_ms(f, PRODUCTION));
         for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
             fprintf(file, ",%.6f", frame_ms(f, stage));
         const uint64_t counts[] = {f->num_requests, f->num_produced,    f->num_evicted,    f->num_reproduced,

@@ -56,7 +56,7 @@ awk -f "$flatten" still.json > flat
 wanted="karst_bench version world camera device display cores width_px height_px shadows path runs rounds \
 detail.asked_px detail.given_px memory_total_bytes memory_bytes.bricks memory_bytes.nodes cache.used_bytes \
 cache.hit_bricks start.process.opened_ms start.process.hole_free_ms start.process.complete_ms settling.at_level.p1"
-for stage in frame cast shade collect subdivide evaluate finalise display; do
+for stage in frame production cast shade collect subdivide evaluate finalise display; do
     for figure in median p95 p99 max jank runs.median runs.min runs.max; do
         wanted="$wanted settled.time_ms.$stage.$figure settling.time_ms.$stage.$figure"
     done
