@@ -15,6 +15,9 @@ karst_ast_statement *karst_parse_block(karst_parser *p)
 {
     karst_ast_statement *block = make(p, KARST_AST_BLOCK, karst_parser_peek(p)->where), **link = &block->first;
     karst_parser_expect(p, '{', "to open the block");
+    karst_ast_struct *structs = p->structs;
+    const karst_ast_struct *outer_structs = p->outer_structs;
+    p->outer_structs = structs;
     while (!karst_parser_accept(p, '}')) {
         if (karst_parser_peek(p)->kind == KARST_TOKEN_END)
             karst_source_error(p->source, block->where, "close it with }", "this block never ends");
@@ -22,6 +25,8 @@ karst_ast_statement *karst_parse_block(karst_parser *p)
         if (*link)
             link = &(*link)->next;
     }
+    p->structs = structs;
+    p->outer_structs = outer_structs;
     return block;
 }
 
@@ -65,6 +70,17 @@ static bool at_declaration(const karst_parser *p)
            karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE &&
            karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME &&
            karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_NONE;
+}
+
+/* A struct for the rest of its block, and perhaps variables of it; NULL: there are none. */
+static karst_ast_statement *parse_local_struct(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_DECLARE, karst_parser_peek(p)->where);
+    karst_parse_struct(p);
+    if (karst_token_is(karst_parser_peek(p), ';'))
+        return NULL;
+    s->variables = karst_parse_variables(p, (karst_ast_type){.structure = p->structs}, false);
+    return s;
 }
 
 static karst_ast_statement *parse_declaration(karst_parser *p)
@@ -166,8 +182,8 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
         karst_source_error(p->source, t->where, "return a negative density: that is air",
                            "there is no 'discard': a density has no pixel to drop");
     case KARST_KEYWORD_STRUCT:
-        karst_source_error(p->source, t->where, "move it to the top of the file",
-                           "a struct is declared outside functions");
+        s = parse_local_struct(p);
+        break;
     case KARST_KEYWORD_ELSE:
         karst_source_error(p->source, t->where, NULL, "there is no 'if' before this 'else'");
     default:

@@ -192,13 +192,16 @@ static void count_declaration(karst_parser *p, uint32_t *count, uint32_t most, c
         karst_source_error(p->source, where, NULL, "there are more than %u %s", most, what);
 }
 
-static void parse_struct(karst_parser *p)
+void karst_parse_struct(karst_parser *p)
 {
     karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
     p->at++;
     s->where = karst_parser_peek(p)->where;
     s->name = karst_parser_name(p, "the name of the struct");
-    if (find_struct(p, s->name))
+    const karst_ast_struct *same = p->structs;
+    while (same != p->outer_structs && same->name != s->name)
+        same = same->next;
+    if (same != p->outer_structs)
         karst_source_error(p->source, s->where, "rename one of them", "there are two structs called '%s'",
                            karst_name_text(p->names, s->name));
     karst_parser_expect(p, '{', "behind the struct's name");
@@ -359,7 +362,7 @@ static void parse_item(karst_parser *p)
     }
     karst_ast_type type;
     if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT) {
-        parse_struct(p);
+        karst_parse_struct(p);
         if (karst_parser_accept(p, ';'))
             return;
         type = (karst_ast_type){.structure = p->structs};

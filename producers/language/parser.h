@@ -48,7 +48,8 @@ typedef struct {
     bool is_prelude;
     karst_ast_function *functions, *last_function;
     karst_ast_variable *globals, *last_global;
-    karst_ast_struct *structs;
+    karst_ast_struct *structs;             /* the latest first, those of open blocks among them */
+    const karst_ast_struct *outer_structs; /* the first that was there before the innermost open block */
     uint32_t num_functions, num_globals, num_structs;
 } karst_parser;
 
@@ -72,6 +73,7 @@ void karst_parser_enter(karst_parser *p); /* one level deeper, bounded */
 static inline void karst_parser_leave(karst_parser *p) { p->depth--; }
 bool karst_parser_at_type(const karst_parser *p);
 karst_ast_type karst_parse_type(karst_parser *p);
+void karst_parse_struct(karst_parser *p); /* becomes p->structs */
 void karst_parse_array_size(karst_parser *p, karst_ast_type *type);
 karst_ast_expr *karst_parse_expression(karst_parser *p); /* with commas */
 karst_ast_expr *karst_parse_assignment(karst_parser *p); /* without */

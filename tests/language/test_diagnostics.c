@@ -483,6 +483,65 @@ static const struct {
      "      return height - p.y;\n"
      "             ^\n"
      "  it is a function: write height(...)"},
+    {"variable_twice",
+     "float density(vec3 p) {\n"
+     "    float a = p.x;\n"
+     "    float a = p.y;\n"
+     "    return a;\n"
+     "}\n",
+     "world.karst:3:11: error: there is a variable 'a' here already\n"
+     "      float a = p.y;\n"
+     "            ^\n"
+     "  rename one of them, or assign without a type"},
+    {"density_twice",
+     "float density(vec3 p) { return p.x; }\n"
+     "float density(vec3 p) { return p.y; }\n",
+     "world.karst:2:7: error: there are two functions 'density' with a body\n"
+     "  float density(vec3 p) { return p.y; }\n"
+     "        ^\n"
+     "  rename one of them"},
+    {"struct_beyond_its_block",
+     "float density(vec3 p) {\n"
+     "    { struct Marble { float r; }; }\n"
+     "    Marble b;\n"
+     "    return b.r;\n"
+     "}\n",
+     "world.karst:3:5: error: there is no type 'Marble'\n"
+     "      Marble b;\n"
+     "      ^"},
+    {"struct_twice_in_a_block",
+     "float density(vec3 p) {\n"
+     "    struct S { float r; };\n"
+     "    struct S { float q; };\n"
+     "    return 0.0;\n"
+     "}\n",
+     "world.karst:3:12: error: there are two structs called 'S'\n"
+     "      struct S { float q; };\n"
+     "             ^\n"
+     "  rename one of them"},
+    {"arrays_of_arrays",
+     "float density(vec3 p) {\n"
+     "    float a[2][3];\n"
+     "    return a[0][0];\n"
+     "}\n",
+     "world.karst:2:12: error: there are no arrays of arrays\n"
+     "      float a[2][3];\n"
+     "             ^\n"
+     "  use one array and compute the index"},
+    {"camera_beyond",
+     "/*{ \"camera\": { \"position\": [\"1e99\", \"0\", \"0\"] } }*/\n"
+     "float density(vec3 p) { return -p.y; }\n",
+     "world.karst:1:17: error: \"position\" is three decimals, in metres: \"1e99\" lies beyond the world's edge: with "
+     "voxels of 2^-4 m it reaches 2.882e+17 m\n"
+     "  /*{ \"camera\": { \"position\": [\"1e99\", \"0\", \"0\"] } }*/\n"
+     "                  ^\n"
+     "  write [\"0\", \"320\", \"0\"]"},
+    {"view_too_far",
+     "/*{ \"view\": 1e99 }*/\n"
+     "float density(vec3 p) { return -p.y; }\n",
+     "world.karst:1:5: error: \"view\" is a number from 1 to 4.5036e+15\n"
+     "  /*{ \"view\": 1e99 }*/\n"
+     "      ^"},
 };
 
 static void test_words(void **s)

@@ -301,6 +301,14 @@ static const struct {
      "1\n#endif\n#else\n#endif\n",
      "return R + Q + S;", 13},
     {"a call without brackets", "#define h(x) 100.0\nfloat k(float h) { return h; }\n", "return k(5.0);", 5},
+    {"a struct in a function",
+     "float f() { struct S { float a; vec2 b; }; S s = S(1.0, vec2(2.0, 3.0)); return s.a + s.b.y; }\n",
+     "struct S { float c; } s = S(5.0), t; t.c = f(); { struct S { int i; }; S u = S(2); s.c += float(u.i); } return "
+     "s.c + t.c;",
+     11},
+    {"a variable behind its struct", "struct T { float a; } t = T(4.0);\n", "return t.a;", 4},
+    {"a name once more in an inner block", "float f(float a) { float a = 2.0; return a; }\n",
+     "float i = 1.0; for (int i = 0; i < 2; i++) { float i = 3.0; } { float i = 9.0; } return i + f(5.0);", 3},
     {"known macros", "#if KARST == 1 && __VERSION__ >= 300\n#define R 1.0\n#endif\n", "return R;", 1},
 };
 
