@@ -74,10 +74,7 @@ _Static_assert((int)KARST_VIEW_LEVEL == KARST_PAINT_LEVEL && (int)KARST_VIEW_STE
                    (int)KARST_VIEW_NORMAL == KARST_PAINT_NORMAL,
                "views are painted by their own numbers");
 
-const char *karst_view_name(karst_view view)
-{
-    return (unsigned)view < KARST_NUM_VIEWS ? view_names[view] : "unknown";
-}
+const char *karst_view_name(karst_view view) { return (unsigned)view < KARST_NUM_VIEWS ? view_names[view] : "unknown"; }
 
 bool karst_view_parse(const char *name, karst_view *view, karst_error *error)
 {
@@ -124,8 +121,7 @@ bool karst_engine_read_normals(karst_engine *engine, float *normals, size_t num_
     if (num_values != 3 * num_pixels)
         return karst_fail(error, KARST_USAGE, "normals of %dx%d are %zu values, not %zu", engine->width_px,
                           engine->height_px, 3 * num_pixels, num_values);
-    karst_buffer *buffer =
-        karst_buffer_create_blank(engine->context, "normals", num_values * sizeof *normals, error);
+    karst_buffer *buffer = karst_buffer_create_blank(engine->context, "normals", num_values * sizeof *normals, error);
     karst_pinhole pinhole;
     karst_pinhole_init(&pinhole, &engine->drawn, engine->width_px, engine->height_px, engine->view_distance_voxels);
     bool done = buffer && need_views(engine, error) &&

@@ -2,9 +2,9 @@
 #include "raycast/surface.clh"
 #include "raycast/views_shared.h"
 
-#define LINE_CELLS 0.75f    /* half the width of a brick's border, where cells are about as wide as pixels */
-#define FADE_FRAMES 240.0f  /* in which a brick's brightness falls to a third */
-#define BUSY_STEPS 240.0f   /* that are bright */
+#define LINE_CELLS 0.75f   /* half the width of a brick's border, where cells are about as wide as pixels */
+#define FADE_FRAMES 240.0f /* in which a brick's brightness falls to a third */
+#define BUSY_STEPS 240.0f  /* that are bright */
 
 typedef struct {
     vfloat r, g, b;
@@ -60,26 +60,27 @@ RAY_INLINE vfloat rough_log2(vfloat x) { return (v_to_float(v_as_int(x)) - 10653
 RAY_INLINE vint to_byte(vfloat value) { return v_to_int(lane_unit(value) * 255.0f + 0.5f); }
 
 #if LANES == 16
-#define EACH_PAINTED_LANE(DO) DO(s0) DO(s1) DO(s2) DO(s3) DO(s4) DO(s5) DO(s6) DO(s7) DO(s8) DO(s9) DO(sa) DO(sb) DO(sc) DO(sd) DO(se) DO(sf)
-#define STORE_PIXEL(l)     \
-    if (valid.l)           \
+#define EACH_PAINTED_LANE(DO) \
+    DO(s0) DO(s1) DO(s2) DO(s3) DO(s4) DO(s5) DO(s6) DO(s7) DO(s8) DO(s9) DO(sa) DO(sb) DO(sc) DO(sd) DO(se) DO(sf)
+#define STORE_PIXEL(l) \
+    if (valid.l)       \
         pixels[at.l] = (uint)bytes.l;
-#define STORE_NORMAL(l)                          \
-    if (valid.l) {                               \
-        normals[(size_t)at.l * 3] = nx.l;        \
-        normals[(size_t)at.l * 3 + 1] = ny.l;    \
-        normals[(size_t)at.l * 3 + 2] = nz.l;    \
+#define STORE_NORMAL(l)                       \
+    if (valid.l) {                            \
+        normals[(size_t)at.l * 3] = nx.l;     \
+        normals[(size_t)at.l * 3 + 1] = ny.l; \
+        normals[(size_t)at.l * 3 + 2] = nz.l; \
     }
 #else
 #define EACH_PAINTED_LANE(DO) DO(s)
 #define STORE_PIXEL(l) \
     if (valid)         \
         pixels[at] = (uint)bytes;
-#define STORE_NORMAL(l)                     \
-    if (valid) {                            \
-        normals[(size_t)at * 3] = nx;       \
-        normals[(size_t)at * 3 + 1] = ny;   \
-        normals[(size_t)at * 3 + 2] = nz;   \
+#define STORE_NORMAL(l)                   \
+    if (valid) {                          \
+        normals[(size_t)at * 3] = nx;     \
+        normals[(size_t)at * 3 + 1] = ny; \
+        normals[(size_t)at * 3 + 2] = nz; \
     }
 #endif
 
@@ -110,8 +111,8 @@ __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOB
         vint refined = v_ne(s.word & (int)KARST_HIT_REFINED, (vint)(0)), edge = (vint)(0);
         for (int axis = 0; axis < 3; axis++) {
             /* Refined hits keep no place in the cell: its middle. */
-            vfloat part = v_select(refined, (vfloat)(0.5f),
-                                   v_gather_float((K_GLOBAL const float *)hits, record + 4 + axis));
+            vfloat part =
+                v_select(refined, (vfloat)(0.5f), v_gather_float((K_GLOBAL const float *)hits, record + 4 + axis));
             vfloat c = v_to_float(cell >> 8 * axis & 255) + part;
             edge |= v_lt(lane_min(c, KARST_BRICK_CELLS - c), (vfloat)(LINE_CELLS));
         }
@@ -139,8 +140,7 @@ __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOB
         colour = mix_paint(grey, scale_paint(plain(1.0f, 0.40f, 0.32f), form),
                            v_select(standing_in, (vfloat)(1.0f), (vfloat)(0.0f)));
     } else if (what == KARST_PAINT_DEPTH) {
-        vfloat share = rough_log2(1.0f + lane_max(s.t, (vfloat)(0.0f))) /
-                       rough_log2((vfloat)(1.0f + pinhole.t_max));
+        vfloat share = rough_log2(1.0f + lane_max(s.t, (vfloat)(0.0f))) / rough_log2((vfloat)(1.0f + pinhole.t_max));
         vfloat bright = lane_unit(1.0f - share);
         colour.r = colour.g = colour.b = k_fma(bright * bright, (vfloat)(0.9f), (vfloat)(0.1f));
     } else {

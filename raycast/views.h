@@ -14,8 +14,8 @@ void karst_views_destroy(karst_views *views); /* NULL is fine */
 
 /* The loads of a round's work will be seen from `frame` on. */
 bool karst_views_note(karst_views *views, const karst_work *work, uint32_t frame, karst_error *error);
-/* Paints `paint` (KARST_PAINT_*) into pixels as karst_shade_pixels lays them out; KARST_PAINT_BRICKS paints over what is
- * there. `frame` is the one that the hits are of. */
+/* Paints `paint` (KARST_PAINT_*) into pixels as karst_shade_pixels lays them out; KARST_PAINT_BRICKS paints over what
+ * is there. `frame` is the one that the hits are of. */
 bool karst_views_paint(karst_views *views, int paint, const karst_pinhole *pinhole, uint32_t frame, karst_buffer *hits,
                        cl_mem pixels, karst_error *error);
 /* The hits' normals, three floats a pixel in rows from the top; zeros for misses. */

@@ -189,6 +189,18 @@ static void wait_for_events(viewer *v, bool busy)
         glfwWaitEventsTimeout(v->reload.running ? COMPILING_S : view_gamepad_present() ? GAMEPAD_S : IDLE_S);
 }
 
+/* How long after the last motion the picture is whole again. */
+static void note_rest(viewer *v, bool moving)
+{
+    double since_s = glfwGetTime() - v->moved_at_s;
+    bool was_full = v->is_full;
+    v->is_full = !moving && v->resolution.share == VIEW_FULL_SHARE;
+    if (v->is_full && !was_full)
+        v->full_after_s = since_s;
+    if (v->settled)
+        v->settled_after_s = since_s;
+}
+
 static bool turn(viewer *v, bool *busy, karst_error *error)
 {
     double before_s = v->now_s;
@@ -227,6 +239,7 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
             v->num_moving++;
             v->num_late += (double)frame_ns > 1e9 / v->settings.fps;
         }
+        note_rest(v, moving);
         if (v->reload.running || reloaded) {
             v->reload.num_frames++;
             v->reload.longest_ms = fmax(v->reload.longest_ms, (double)frame_ns / 1e6);

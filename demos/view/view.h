@@ -376,6 +376,8 @@ struct viewer {
     karst_view view;
     uint64_t num_frames, num_shown;
     bool settled;
+    double full_after_s, settled_after_s; /* from the last motion to all pixels, and to a settled picture */
+    bool is_full;
     double now_s, moved_at_s, first_frame_s, flying_speed_m_s;
     uint64_t started_ns, num_moving, num_late; /* frames while moving; those that missed the target */
 

@@ -32,15 +32,10 @@ static void on_key(GLFWwindow *window, int key, int scancode, int action, int mo
 
 static void on_char(GLFWwindow *window, unsigned codepoint) { view_char_event(viewer_of(window), codepoint); }
 
+/* Where the cursor was when the button changed is what was last heard of it, not where it is by now. */
 static void on_button(GLFWwindow *window, int button, int action, int mods)
 {
-    viewer *v = viewer_of(window);
-    double x, y;
-    glfwGetCursorPos(window, &x, &y);
-    to_pixels(v, &x, &y);
-    v->cursor_x_px = x;
-    v->cursor_y_px = y;
-    view_button_event(v, button, action == GLFW_PRESS, mods);
+    view_button_event(viewer_of(window), button, action == GLFW_PRESS, mods);
 }
 
 static void on_cursor(GLFWwindow *window, double x, double y)

@@ -1,0 +1,90 @@
+/* What the viewer takes: start, rest, flight, the way back to full detail, a colour edit. Figures, no judgement. With
+ * KARST naming the command; 800x600, the world hills. */
+#include "tests/window/session.h"
+
+#define SIZE " --size 800x600 --stats stats.json"
+#define REST_S 5.0
+
+static double cpu_s(pid_t process)
+{
+    char path[64], line[1024];
+    unsigned long user = 0, system_time = 0;
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)process);
+    FILE *file = fopen(path, "r");
+    if (file && fgets(line, sizeof line, file))
+        sscanf(strrchr(line, ')') + 2, "%*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &system_time);
+    if (file)
+        fclose(file);
+    return (double)(user + system_time) / (double)sysconf(_SC_CLK_TCK);
+}
+
+static void open_hills(const char *arguments)
+{
+    char all[512];
+    snprintf(all, sizeof all, "%s" SIZE, arguments);
+    launch(all);
+    act("mousemove 400 300");
+    UNTIL(yes("settled"));
+}
+
+static void load_end(void)
+{
+    wait_for_end();
+    json_decref(s.stats);
+    s.stats = json_load_file(in_folder("stats.json"), 0, NULL);
+    assert_non_null(s.stats);
+}
+
+static void measure(void **state)
+{
+    (void)state;
+    open_hills("hills"); /* whatever has to be compiled is, by now */
+    close_viewer();
+    open_hills("hills");
+    printf("start to the first picture            %8.2f s\n", number("first_frame_s"));
+    double before_s = cpu_s(s.viewer);
+    nap(REST_S);
+    printf("settled, of one core                  %8.1f %%\n", 100 * (cpu_s(s.viewer) - before_s) / REST_S);
+    act("keydown w");
+    nap(3);
+    act("keyup w");
+    UNTIL(yes("settled"));
+    printf("from a stop to all pixels             %8.2f s\n", number("full_after_s"));
+    printf("from a stop to full detail            %8.2f s\n", number("settled_after_s"));
+    close_viewer();
+
+    launch("hills --replay low-flight" SIZE);
+    load_end();
+    const json_t *times = json_object_get(json_object_get(s.stats, "time_ms"), "frame");
+    printf("low flight, 30 fps: frames in 33 ms   %8.1f %% of %.0f\n",
+           100 * (1 - number("frames_late") / number("frames_moving")), number("frames_moving"));
+    printf("   frame, median / p95 / p99          %8.1f %.1f %.1f ms\n",
+           json_number_value(json_object_get(times, "median")), json_number_value(json_object_get(times, "p95")),
+           json_number_value(json_object_get(times, "p99")));
+    static const char *const stages[] = {"cast", "shade", "collect", "subdivide", "evaluate", "finalise", "display"};
+    for (int i = 0; i < 7; i++) {
+        const json_t *stage = json_object_get(json_object_get(s.stats, "time_ms"), stages[i]);
+        printf("   %-9s median / p95              %8.1f %.1f ms\n", stages[i],
+               json_number_value(json_object_get(stage, "median")), json_number_value(json_object_get(stage, "p95")));
+    }
+
+    char command[2 * PATH_MAX + 64];
+    snprintf(command, sizeof command, "cp '%s/worlds/hills.karst' '%s'", getenv("KARST_DATA_DIR"),
+             in_folder("mine.karst"));
+    assert_int_equal(system(command), 0);
+    open_hills("mine.karst");
+    snprintf(command, sizeof command, "sed -i 's/vec3 grass = .*/vec3 grass = vec3(0.6, 0.1, 0.0%d);/' '%s'",
+             (int)(getpid() % 10), in_folder("mine.karst"));
+    assert_int_equal(system(command), 0);
+    UNTIL(number("reloads") == 1);
+    printf("a colour edit, new to the compiler    %8.2f s\n", number("reload_s"));
+    UNTIL(yes("settled"));
+    close_viewer();
+}
+
+int main(void)
+{
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(measure)};
+    return cmocka_run_group_tests(tests, open_session, close_session);
+}

@@ -1,0 +1,305 @@
+/* What changes while one looks: the world file, its parameters, the window; and what one leaves with. */
+#include "tests/window/session.h"
+
+#include <math.h>
+
+/* A plain in one colour, with a parameter that its density uses. */
+static const char world[] =
+    "/*{ \"voxel\": 0.25,\n"
+    "    \"params\": { \"height\": { \"value\": 4, \"min\": 0, \"max\": 20, \"unit\": \"m\", \"label\": \"Height\" } "
+    "},\n"
+    "    \"camera\": { \"position\": [\"0\", \"60\", \"0\"], \"yaw\": 0, \"pitch\": -30, \"fov\": 60 } }*/\n"
+    "float density(vec3 p) { return height * sin(p.x * 0.05) - p.y; }\n"
+    "vec3 colour(vec3 p, vec3 n) { return vec3(%s); }\n";
+
+static void write_world(const char *colour)
+{
+    char all[2048];
+    snprintf(all, sizeof all, world, colour);
+    write_file("plain.karst", all);
+}
+
+#define OPTIONS "plain.karst --size 320x240 --view-distance 600 --speed 20"
+
+static int open_world(void **state)
+{
+    open_session(state);
+    write_world("0.8, 0.05, 0.05");
+    open_viewer(OPTIONS);
+    return 0;
+}
+
+static int close_world(void **state)
+{
+    if (s.viewer > 0)
+        close_viewer();
+    return close_session(state);
+}
+
+static void test_a_colour_edit_makes_no_brick(void **state)
+{
+    (void)state;
+    shot red = take_shot();
+    json_int_t before = produced();
+    assert_true(mean_below(&red, 0) > 2 * mean_below(&red, 2));
+    write_world("0.05, 0.05, 0.8");
+    UNTIL(number("reloads") == 1 && yes("settled"));
+    shot blue = take_shot();
+    assert_true(mean_below(&blue, 2) > 1.5 * mean_below(&blue, 0));
+    assert_int_equal(produced(), before);
+    free(red.rgba);
+    free(blue.rgba);
+}
+
+static void test_the_picture_moves_while_a_world_is_compiled(void **state)
+{
+    (void)state;
+    assert_true(act("keydown d"));
+    write_world("0.05, 0.8, 0.07");
+    UNTIL(number("reloads") == 2);
+    assert_true(act("keyup d"));
+    UNTIL(yes("settled"));
+    assert_true(number("frames_while_compiling") > 1);
+    assert_true(where().x > 0.1); /* and the camera stayed with whoever moved it */
+    key("Home");
+}
+
+static void test_a_mistake_keeps_the_picture(void **state)
+{
+    (void)state;
+    UNTIL(yes("settled") && where().x == 0 && !*text("message"));
+    shot before = take_shot();
+    double reloads = number("reloads");
+    write_world("0.05, 0.8, 0.07) + wrong(1.0");
+    UNTIL(number("reload_errors") == 1);
+    assert_non_null(strstr(text("error"), "plain.karst:5:"));
+    assert_non_null(strstr(text("error"), "error: "));
+    assert_non_null(strstr(text("error"), "wrong(1.0"));
+    assert_non_null(strstr(text("error"), "^"));
+    assert_true(number("reloads") == reloads);
+    assert_non_null(json_object_get(viewer_value("panels"), "error"));
+    assert_non_null(strstr(read_file("said"), "plain.karst:5:"));
+    nap(0.3);
+    shot after = take_shot();
+    assert_true(fabs(mean_below(&before, 1) - mean_below(&after, 1)) < 3);
+    write_world("0.05, 0.8, 0.07");
+    UNTIL(number("reloads") == reloads + 1 && !*text("error"));
+    assert_null(json_object_get(viewer_value("panels"), "error"));
+    free(before.rgba);
+    free(after.rgba);
+}
+
+/* The place of a share of the first slider's track. */
+static int slider_x(double share)
+{
+    const json_t *panel = json_object_get(viewer_value("panels"), "sliders");
+    int left = (int)json_integer_value(json_array_get(panel, 0)),
+        width = (int)json_integer_value(json_array_get(panel, 2));
+    return left + 10 + (int)((width - 20) * share);
+}
+
+static int slider_y(void)
+{
+    const json_t *panel = json_object_get(viewer_value("panels"), "sliders");
+    return (int)json_integer_value(json_array_get(panel, 1)) + 30 + 25;
+}
+
+static void test_sliders(void **state)
+{
+    (void)state;
+    key("p");
+    UNTIL(yes("sliders") && json_object_get(viewer_value("panels"), "sliders"));
+    assert_true(parameter("height") == 4);
+    json_int_t before = produced();
+    assert_true(act("mousemove %d %d mousedown 1", slider_x(0.2), slider_y()));
+    nap(0.1);
+    assert_true(act("mousemove %d %d", slider_x(0.6), slider_y()));
+    nap(0.1);
+    assert_true(act("mousemove %d %d mouseup 1", slider_x(0.75), slider_y()));
+    UNTIL(fabs(parameter("height") - 15) < 0.5 && yes("settled"));
+    assert_true(produced() > before); /* the density uses it */
+    double dragged = parameter("height");
+    key("Right");
+    UNTIL(fabs(parameter("height") - dragged - 0.2) < 1e-9);
+    key("shift+Left");
+    UNTIL(fabs(parameter("height") - dragged + 1.8) < 1e-9);
+    key("BackSpace");
+    UNTIL(parameter("height") == 4);
+    /* Out to the left of its track: its least. */
+    assert_true(act("mousemove %d %d mousedown 1 mousemove 1 %d mouseup 1", slider_x(0.1), slider_y(), slider_y()));
+    UNTIL(parameter("height") == 0);
+    key("Right");
+    key("F2");
+    UNTIL(strstr(text("message"), "saved"));
+    assert_non_null(strstr(read_file("plain.karst"), "\"height\": { \"value\": 0.2, \"min\": 0, \"max\": 20,"));
+    assert_non_null(strstr(read_file("plain.karst"), "colour(vec3 p, vec3 n) { return vec3(0.05, 0.8, 0.07); }"));
+    /* What was saved is read, and is what one returns to. */
+    key("Right");
+    key("BackSpace");
+    UNTIL(fabs(parameter("height") - 0.2) < 1e-12 && yes("settled"));
+    assert_true(act("mousemove 160 120"));
+    key("p");
+    UNTIL(!yes("sliders"));
+}
+
+static void resize(int width, int height)
+{
+    /* Without a window manager, the window takes any size. */
+    assert_true(act("search --onlyvisible --class karst windowsize %d %d", width, height));
+    s.width = width < 1280 ? width : 1280;
+    s.height = height < 1024 ? height : 1024;
+    UNTIL(json_integer_value(json_array_get(viewer_value("window"), 0)) == width &&
+          json_integer_value(json_array_get(viewer_value("window"), 1)) == height && number("share_of_side") == 1);
+}
+
+static void test_any_size(void **state)
+{
+    (void)state;
+    static const int sizes[][2] = {{1, 1}, {16, 10}, {1280, 1024}, {37, 301}, {320, 240}};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        resize(sizes[i][0], sizes[i][1]);
+    UNTIL(yes("settled"));
+}
+
+static void test_minimised_and_back(void **state)
+{
+    (void)state;
+    assert_true(act("search --class karst windowunmap"));
+    nap(0.5);
+    assert_true(act("search --class karst windowmap"));
+    assert_true(act("mousemove 161 121"));
+    UNTIL(yes("settled"));
+}
+
+static void test_full_screen(void **state)
+{
+    (void)state;
+    key("F11");
+    UNTIL(yes("fullscreen"));
+    key("F11");
+    UNTIL(!yes("fullscreen"));
+    resize(320, 240);
+    UNTIL(yes("settled"));
+}
+
+static long file_size(const char *name)
+{
+    struct stat info;
+    return stat(in_folder(name), &info) == 0 ? (long)info.st_size : -1;
+}
+
+static void test_pictures(void **state)
+{
+    (void)state;
+    int width, height;
+    key("F12");
+    UNTIL(number("pictures") == 1);
+    assert_string_equal(text("last_picture"), "./karst-plain-001.png");
+    uint8_t *rgba = karst_image_read_png(in_folder("karst-plain-001.png"), &width, &height, NULL);
+    assert_non_null(rgba);
+    assert_int_equal(width, 320);
+    assert_int_equal(height, 240);
+    free(rgba);
+    key("shift+F12");
+    UNTIL(number("pictures") == 2);
+    assert_string_equal(text("last_picture"), "./karst-plain-001.exr");
+    assert_true(file_size("karst-plain-001.exr") > 1000);
+}
+
+static void test_a_path_is_recorded_and_flown(void **state)
+{
+    (void)state;
+    key("Home");
+    UNTIL(where().x == 0);
+    key("F6");
+    UNTIL(yes("recording"));
+    assert_true(act("keydown d"));
+    nap(0.6);
+    assert_true(act("keyup d"));
+    UNTIL(yes("settled"));
+    double end = where().x;
+    assert_true(end > 0.05);
+    key("F6");
+    UNTIL(!yes("recording"));
+    assert_true(file_size("karst-plain-001.json") > 100);
+    key("Home");
+    UNTIL(where().x == 0);
+    key("F7");
+    UNTIL(yes("replaying") || fabs(where().x - end) < 1e-6);
+    UNTIL(!yes("replaying") && fabs(where().x - end) < 1e-6);
+}
+
+static void test_a_video(void **state)
+{
+    (void)state;
+    if (system("command -v ffmpeg > /dev/null 2>&1") != 0) {
+        print_message("no ffmpeg here\n");
+        skip();
+    }
+    key("F8");
+    UNTIL(yes("video"));
+    nap(0.5);
+    key("F8");
+    UNTIL(!yes("video"));
+    assert_true(file_size("karst-plain-001.mp4") > 500);
+}
+
+/* The same numbers each time. */
+static unsigned next_random(void)
+{
+    static unsigned seed = 12345;
+    seed = seed * 1664525u + 1013904223u;
+    return seed >> 8;
+}
+
+static void test_two_hundred_random_events(void **state)
+{
+    (void)state;
+    static const char *const keys[] = {
+        "w",      "a",           "s",     "d",       "q",     "e",         "m",
+        "h",      "p",           "v",     "shift+v", "Tab",   "Home",      "c",
+        "l",      "bracketleft", "1",     "ctrl+2",  "g",     "5",         "comma",
+        "Return", "Up",          "Down",  "Left",    "Right", "BackSpace", "shift+BackSpace",
+        "F1",     "F5",          "F6",    "F7",      "F9",    "F12",       "question",
+        "plus",   "minus",       "shift", "ctrl",
+    };
+    for (int i = 0; i < 200; i++) {
+        unsigned what = next_random() % 10, x = next_random() % 320, y = next_random() % 240;
+        if (what < 6)
+            act("key %s", keys[next_random() % (sizeof keys / sizeof *keys)]);
+        else if (what < 8)
+            act("mousemove %u %u click %u", x, y, next_random() % 5 + 1);
+        else if (what == 8)
+            act("mousemove %u %u mousedown 1 mousemove %u %u mouseup 1", x, y, next_random() % 320,
+                next_random() % 240);
+        else /* keys go to what is under the pointer */
+            act("search --onlyvisible --class karst windowsize %u %u mousemove 1 1", next_random() % 400 + 4,
+                next_random() % 300 + 4);
+    }
+    /* A prompt swallows F3; more would leave. */
+    act("search --onlyvisible --class karst windowsize 320 240 mousemove 160 120 key Escape");
+    nap(0.2);
+    int status;
+    if (has_ended(&status)) /* which two Escapes may do: in order, if so */
+        assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    else
+        assert_true(ask());
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_colour_edit_makes_no_brick),
+        cmocka_unit_test(test_the_picture_moves_while_a_world_is_compiled),
+        cmocka_unit_test(test_a_mistake_keeps_the_picture),
+        cmocka_unit_test(test_sliders),
+        cmocka_unit_test(test_any_size),
+        cmocka_unit_test(test_minimised_and_back),
+        cmocka_unit_test(test_full_screen),
+        cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_a_path_is_recorded_and_flown),
+        cmocka_unit_test(test_a_video),
+        cmocka_unit_test(test_two_hundred_random_events),
+    };
+    return cmocka_run_group_tests(tests, open_world, close_world);
+}
