@@ -17,6 +17,7 @@ struct karst_ranger {
     karst_expr *order; /* the nodes that the density needs and that a position decides */
     uint32_t num_nodes;
     uint8_t *is_float;       /* per node: a float decides what is piecewise constant further on */
+    uint8_t *is_double;      /* per node: the oracle's double is wanted, for a noise that has no jet here */
     karst_node_range *nodes; /* per node of the graph */
     double direction[3], half;
     int level;
@@ -41,9 +42,11 @@ static bool find_order(karst_ranger *r)
         if (!reached[e])
             continue;
         r->is_float[e] |= n->kind == KARST_KIND_STEPS;
+        r->is_double[e] |= n->op == KARST_OP_NOISE && r->graph->noises[n->extra].base != KARST_NOISE_GRADIENT;
         for (int k = 0; k < 4; k++) {
             reached[n->arg[k]] = 1;
             r->is_float[n->arg[k]] |= r->is_float[e];
+            r->is_double[n->arg[k]] |= r->is_double[e];
         }
     }
     for (karst_expr e = 1; e < count; e++)
@@ -66,8 +69,9 @@ karst_ranger *karst_ranger_create(const karst_program_graph *program, const kars
     r->oracle = karst_oracle_create(&program->world, parameters, seed, program->header.voxel_log2_m, error);
     r->order = calloc(r->graph->num_nodes, sizeof *r->order);
     r->is_float = calloc(r->graph->num_nodes, 1);
+    r->is_double = calloc(r->graph->num_nodes, 1);
     r->nodes = calloc(r->graph->num_nodes, sizeof *r->nodes);
-    if (!r->oracle || !r->order || !r->is_float || !r->nodes || !find_order(r)) {
+    if (!r->oracle || !r->order || !r->is_float || !r->is_double || !r->nodes || !find_order(r)) {
         karst_fail(error, KARST_FAILED, "out of memory");
         karst_ranger_destroy(r);
         return NULL;
@@ -85,6 +89,7 @@ void karst_ranger_destroy(karst_ranger *ranger)
     karst_oracle_destroy(ranger->oracle);
     free(ranger->order);
     free(ranger->is_float);
+    free(ranger->is_double);
     free(ranger->nodes);
     free(ranger);
 }
@@ -331,6 +336,36 @@ static karst_node_range shaped(uint8_t shape, karst_node_range n, double weight,
     return n;
 }
 
+/* Other noises, by the oracle's value at the middle and how steep they are at most: |dn/dx_i| of value noise and
+ * simplex noise, |grad n| = 1 of distances to points. */
+static karst_node_range steep_range(const karst_ranger *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    const karst_noise *noise = &r->graph->noises[n->extra];
+    const karst_octave *octave = karst_oracle_record(r->oracle, e);
+    bool is_distance = noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2;
+    double most = is_distance                           ? 1
+                  : noise->base == KARST_NOISE_SIMPLEX ? (double)NOISE_SIMPLEX_SUP_SLOPE
+                                                        : (double)NOISE_VALUE_SUP_SLOPE;
+    double slope = 0, slack = 0, amplitude = 1, scale = 1, value = r->oracle->slots[e].d;
+    for (int k = 0; k < noise->num_octaves; k++, octave++) {
+        double weight = (double)octave_weight_at(octave, r->level).weight * fabs(amplitude) *
+                        fabs((double)octave_fold(noise->shape));
+        octave_pass pass;
+        if (weight != 0 && !pass_octave(r, n, octave, scale, &pass))
+            return (karst_node_range){interval_whole(), interval_whole(), interval_whole()};
+        for (int i = 0; i < 3 && weight != 0; i++) {
+            slope += weight * most * interval_most(pass.rate[i]);
+            slack += weight * most * (pass.unsure + 0x1p-31); /* the oracle's places have 32 bits */
+        }
+        amplitude *= r->oracle->slots[noise->gain].d;
+        scale *= r->oracle->slots[noise->lacunarity].d;
+    }
+    if (isnan(value) || isnan(slope))
+        return (karst_node_range){interval_whole(), interval_whole(), interval_whole()};
+    return moving(r, interval_widen(interval_thin(value), slack + 0x1p-44), interval_of(-slope, slope));
+}
+
 static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
 {
     const karst_expr_node *n = &r->graph->nodes[e];
@@ -339,8 +374,10 @@ static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
     const karst_node_range unknown = {interval_whole(), interval_whole(), interval_whole()};
     karst_node_range sum = {{0, 0}, {0, 0}, {0, 0}};
     double amplitude = 1, scale = 1;
-    if (noise->base != KARST_NOISE_GRADIENT || noise->derivative)
+    if (noise->derivative)
         return unknown;
+    if (noise->base != KARST_NOISE_GRADIENT)
+        return steep_range(r, e);
     for (int k = 0; k < noise->num_octaves; k++, octave++) {
         double weight = (double)octave_weight_at(octave, r->level).weight;
         octave_pass pass;
@@ -426,8 +463,11 @@ static karst_piece range_here(karst_ranger *r)
 {
     for (uint32_t i = 0; i < r->num_nodes; i++) {
         karst_expr e = r->order[i];
-        if (r->is_float[e])
+        /* What is piecewise constant is a float in doubles, too. */
+        if (r->is_float[e] || (r->is_double[e] && r->graph->nodes[e].kind == KARST_KIND_STEPS))
             karst_oracle_step_float(r->oracle, e);
+        if (r->is_double[e])
+            karst_oracle_step_double(r->oracle, e);
         karst_node_range n = node_range(r, e);
         /* The whole line has no mean value form. */
         if (isfinite(n.slope.lo) && isfinite(n.slope.hi) && isfinite(n.middle.lo) && isfinite(n.middle.hi))

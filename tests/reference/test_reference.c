@@ -363,6 +363,9 @@ static void test_noise_worlds(void **state)
     check_dense("caves", "float a = noise(p / 30.0, 1), b = noise(p / 30.0, 2);"
                          "return min(40.0 - abs(p.y), 20.0 * (a * a + b * b) - 1.0) + 0.3 * noise(p / 2.0, 4);",
                 0.02, 1e-6, 60);
+    check_dense("other noises",
+                "return 20.0 * worley(p / 40.0).x - 6.0 * simplex(p / 30.0) + 9.0 * valuenoise(p / 25.0) - 0.3 * p.y;",
+                0.02, 1e-6, 60);
     check_dense("functions", "return 10.0 * exp(-p.y / 30.0) * (0.4 + cos(p.x / 9.0) * cos(p.z / 7.0))"
                              " - sqrt(abs(p.y)) + atan(p.x, 30.0) - log(1.0 + p.z * p.z / 100.0);",
                 0.02, 1e-6, 60);
@@ -380,6 +383,7 @@ static void test_pieces_hold_points(void **state)
         "return floor(length(p) / 3.0) - p.y + (noise(p / 9.0) > 0.2 ? 1.0 : float(int(p.x * p.y) % 5));",
         "return mod(p.x + 3.0 * sin(p.z), 5.0) * fract(p.y / 7.0) - abs(p.z) / (1.0 + p.x * p.x);",
         "return min(length(p) - 30.0, max(p.x, 3.0 - p.y)) * smoothstep(-50.0, 50.0, p.z) + exp2(p.x / 50.0);",
+        "return 9.0 * valuenoise(p / 8.0) + worley(p / 5.0).y * p.x - simplex(p / 11.0 + vec3(sin(p.z), 0.0, 0.0)) - p.y;",
         "float a = turbulence(p / 20.0, 3, 0.5, 2.0, 3); return a * a > 0.1 ? a : floor(p.x / 3.0) - a * p.y;",
         "return sqrt(abs(p.x)) - log(abs(p.y) + 0.1) * atan(p.z, p.x) + cos(length(p) / 3.0);",
     };
