@@ -474,7 +474,8 @@ static karst_piece range_here(karst_ranger *r)
             n.value = interval_meet(n.value, moving(r, n.middle, n.slope).value);
         r->nodes[e] = n;
     }
-    return (karst_piece){r->nodes[r->density].value, r->nodes[r->density].slope};
+    const karst_node_range *n = &r->nodes[r->density];
+    return (karst_piece){n->value, n->slope, n->middle};
 }
 
 karst_piece karst_ranger_piece(karst_ranger *r, const karst_position *anchor, const double direction[3], double from,

@@ -103,10 +103,10 @@ interval karst_range_of_op(karst_op op, interval a, interval b, interval c, inte
         r = interval_negate(a);
         break;
     case KARST_OP_MIN:
-        r = interval_of(fmin(a.lo, b.lo), fmin(a.hi, b.hi));
+        r = interval_of(b.lo < a.lo ? b.lo : a.lo, b.hi < a.hi ? b.hi : a.hi);
         break;
     case KARST_OP_MAX:
-        r = interval_of(fmax(a.lo, b.lo), fmax(a.hi, b.hi));
+        r = interval_of(b.lo > a.lo ? b.lo : a.lo, b.hi > a.hi ? b.hi : a.hi);
         break;
     case KARST_OP_ABS:
         r = interval_abs(a);

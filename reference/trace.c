@@ -89,7 +89,16 @@ static bool search_level(search *s, double from, double to)
             t = end;
             continue;
         }
-        step = 0.5 * (end - t);
+        /* A part of it may be proven all the same: as far as the slopes allow on both sides of the middle. */
+        double middle = t + 0.5 * (end - t), depth = -piece.middle.hi, ahead = 0;
+        if (depth > 0 && isfinite(piece.slope.lo) && -piece.slope.lo * (middle - t) <= depth * (1 - 1e-9))
+            ahead = fmin(depth / piece.slope.hi * (1 - 1e-9), end - middle);
+        if (ahead > 0) {
+            step = 1.25 * (middle + ahead - t);
+            t = middle + ahead;
+        } else {
+            step = 0.5 * (end - t);
+        }
     }
     return false;
 }
