@@ -59,6 +59,8 @@ static void fly_frame(karst_engine *engine, const karst_camera *camera, log_book
     assert_true(book->memory_bytes > 0 && memory_bytes(&stats) == book->memory_bytes);
     assert_true(stats.num_resident_bricks <= stats.bricks.num_total &&
                 stats.num_resident_tiles <= stats.tiles.num_total);
+    /* However fast, however tight the pools: something is shown everywhere. */
+    assert_int_equal(stats.num_incomplete, 0);
     book->num_produced += stats.num_produced;
     book->num_evicted += stats.num_evicted;
     book->num_reproduced += stats.num_reproduced;

@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <unistd.h>
 
 /* A view to a planet's horizon sees nearby what a short view sees: the same surface at the same depth, though the walk
  * begins at nodes thousands of times as wide. Places on both sides of coarse nodes' faces. */
@@ -70,6 +71,46 @@ static void test_cameras_far_from_the_origin(void **state)
     }
 }
 
+/* Everything repeats after 64 m, so 10^6 m away, and any power of ten beyond, it looks the same in every byte. Views are
+ * short enough for levels whose bricks repeat too. */
+static void test_a_world_that_repeats_looks_the_same_anywhere(void **state)
+{
+    (void)state;
+    static const char text[] = "/*{ \"voxel\": 0.0625 }*/\n"
+                               "float density(vec3 p) {\n"
+                               "    vec3 a = 6.283185307 * fract(p / 64.0);\n"
+                               "    float web = dot(sin(a), cos(a.yzx));\n"
+                               "    return 10.0 * web - 4.0 + 0.5 * sin(16.0 * a.x) * sin(16.0 * a.y) * sin(16.0 * a.z);\n"
+                               "}\n";
+    char file[] = "/tmp/karst-repeats-XXXXXX.karst";
+    int fd = mkstemps(file, 6);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, sizeof text - 1), sizeof text - 1);
+    close(fd);
+    static flight_picture home, away;
+    karst_engine_config config = flight_config(file);
+    config.view_distance_m = 250;
+    karst_engine *engine = flight_engine(&config);
+    unlink(file);
+    karst_camera camera = flight_camera(engine, "3.25,-20.5,5.125,30,-10");
+    flight_settle(engine, &camera, &home);
+    assert_true(home.stats.num_hits > FLIGHT_PIXELS / 2);
+    const double distances_m[] = {1e6, 1e9, 1e12, 1e15};
+    for (size_t i = 0; i < sizeof distances_m / sizeof *distances_m; i++)
+        for (int sign = -1; sign <= 1; sign += 2) {
+            double way_m[3] = {sign * distances_m[i], -sign * distances_m[i], distances_m[i]};
+            karst_camera there = camera;
+            there.position = karst_position_add_m(camera.position, way_m, karst_engine_voxel_log2_m(engine));
+            flight_settle(engine, &there, &away);
+            assert_same_picture(&home, &away);
+        }
+    /* That this says something: a metre beside, it looks different. */
+    camera.position = karst_position_add_m(camera.position, (double[3]){1, 0, 0}, karst_engine_voxel_log2_m(engine));
+    flight_settle(engine, &camera, &away);
+    assert_true(memcmp(home.rgba, away.rgba, sizeof home.rgba) != 0);
+    karst_engine_destroy(engine);
+}
+
 /* Pixels that show sky though all of their neighbours show ground nearby. */
 static int count_pinholes(const float *depth_m)
 {
@@ -122,6 +163,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_dive_has_no_holes),
+        cmocka_unit_test(test_a_world_that_repeats_looks_the_same_anywhere),
         cmocka_unit_test(test_view_distance_changes_nothing_nearby),
         cmocka_unit_test(test_cameras_far_from_the_origin),
     };
