@@ -27,6 +27,12 @@ bool command_record_add(command_record *record, const karst_stats *stats, karst_
     record->num_reproduced += stats->num_reproduced;
     record->num_deferred += stats->num_deferred;
     record->last = *stats;
+    uint64_t now_ns = command_clock_ns() - record->start_ns;
+    if (!record->complete_ns) {
+        /* A hole later on, such as by looking elsewhere, takes it back. */
+        record->hole_free_ns = stats->num_incomplete ? 0 : record->hole_free_ns ? record->hole_free_ns : now_ns;
+        record->complete_ns = stats->settled ? now_ns : 0;
+    }
     return true;
 }
 
@@ -151,6 +157,12 @@ char *command_record_json(command_record *record)
                         record->settled && !record->live ? json_integer((json_int_t)record->frames_to_settle)
                                                          : json_null());
     json_object_set_new(root, "elapsed_ms", json_real((double)record->elapsed_ns / 1e6));
+    if (record->start_ns)
+        json_object_set_new(
+            root, "start_ms",
+            json_pack("{s:o, s:o}", "hole_free",
+                      record->hole_free_ns ? json_real((double)record->hole_free_ns / 1e6) : json_null(), "complete",
+                      record->complete_ns ? json_real((double)record->complete_ns / 1e6) : json_null()));
     json_object_set_new(root, "time_ms", describe_all_times(record));
     json_object_set_new(root, "cache",
                         json_pack("{s:o, s:o}", "tiles", describe_pool(&last->tiles, last->num_resident_tiles),

@@ -245,6 +245,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
 {
     render_options o = {.display = "auto", .size_px = {1280, 720}, .pool_mib = 512, .max_frames = 1000, .detail_px = 1};
     karst_display_kind display_kind;
+    uint64_t start_ns = command_clock_ns();
     if (!parse_options(argc, argv, talk, &o, error))
         return false;
     if (o.help)
@@ -257,6 +258,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     command_record record = {
         .world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1], .live = o.flight.live};
     record.path = o.flight.file;
+    record.start_ns = o.flight.live ? 0 : start_ns; /* whose first view is not counted */
     karst_engine *engine = NULL;
     bool done = false;
 

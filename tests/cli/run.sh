@@ -308,6 +308,9 @@ awk '{ v[$1] = $3 } END {
     if (v["pixels.incomplete"] != 0 || v["detail.given_px"] < 2) bad = 1
     exit bad }' flat
 result "the statistics agree with one another"
+detail=$(grep start_ms flat)
+awk '{ v[$1] = $3 } END { exit !(v["start_ms.hole_free"] > 0 && v["start_ms.complete"] > v["start_ms.hole_free"]) }' flat
+result "the start's two moments come one after the other"
 detail=$(grep memory_bytes flat)
 [ "$(grep -c '^memory_bytes\.' flat)" -ge 5 ]
 result "memory is told by buffer"
