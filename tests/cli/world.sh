@@ -85,6 +85,21 @@ for world in "$KARST_DATA_DIR"/worlds/*.karst; do
 done
 result "check: every shipped world, by name"
 
+# ---- hostile files: more of them are in tests/language/hostile_texts.h ----
+printf 'float density(vec3 p) {\n    for (;;) p.x += 1.0;\n    return p.x;\n}\n' > endless.karst
+printf '#define A p.x+p.x\n#define B A+A+A+A+A+A+A+A\n' > bomb.karst
+for i in 1 2 3 4 5 6 7 8 9; do printf '#define B%d B%s+B%s+B%s+B%s\n' $i $((i - 1)) $((i - 1)) $((i - 1)) $((i - 1)); done |
+    sed 's/B0/B/g' >> bomb.karst
+printf 'float density(vec3 p) { return B9; }\n' >> bomb.karst
+printf 'float density(vec3 p) { return \0p.y; }\n' > nul.karst
+: > empty.karst
+for file in endless:2:5 bomb:12:32 nul:1:32 empty:1:1; do
+    complains 4 "${file%%:*}.karst:${file#*:}: " "hostile: ${file%%:*}" check "${file%%:*}.karst"
+    complains 4 "${file%%:*}.karst:${file#*:}: " "hostile: ${file%%:*}, rendered" render "${file%%:*}.karst" --display none
+    [ ! -e out.png ]
+    result "hostile: ${file%%:*}: no picture"
+done
+
 # ---- sample ----
 run sample --help
 prints "sample --help: options, worlds, examples" "--at" "--box" "--footprint" "--json" "alps" "karst sample hills --at" \
