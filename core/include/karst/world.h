@@ -102,7 +102,7 @@ void karst_sampler_destroy(karst_sampler *sampler); /* NULL is fine */
 
 /* The density: positive in solid, negative in air. Not finite where the world's own arithmetic overflows. */
 karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position *at, double footprint_m);
-/* Only the `precise` half of the same, in a third of the time or so. */
+/* Only the `precise` half of the same, in half the time or so. */
 double karst_sampler_precise_density(karst_sampler *sampler, const karst_position *at, double footprint_m);
 
 /* The density's exact gradient per metre: it points into the solid. Where the density has a kink it is that of one
