@@ -106,6 +106,11 @@ enum {
 #define TAPE_PAIR 0x20000000u     /* | any: what the float leaves is there, too (wide.clh) */
 #define TAPE_INDEX 0x1fffffffu
 
+/* A step of a shortened tape: index of an instruction, and, if it is decided, number of the argument that it gives,
+ * from 1 on. */
+#define TAPE_STEP_INDEX 0x0fffffffu
+#define TAPE_STEP_SIDE 28
+
 #define TAPE_IS_STEPS 1u  /* piecewise constant: arguments that are one number make it one number */
 #define TAPE_IS_WIDE 2u   /* computed in pairs */
 #define TAPE_DERIVATIVE 4 /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
