@@ -1,4 +1,5 @@
 /* The double half. */
+#include "producers/language/ops.clh"
 #include "producers/language/oracle_internal.h"
 
 #include <math.h>
@@ -121,7 +122,7 @@ static double simplex_noise(const place p[3], uint seed, int along)
 
 static double worley_noise(const place p[3], uint seed, int which, int along)
 {
-    enum { REACH = NOISE_WORLEY_REACH + 1, SIDE = 2 * REACH + 1 };
+    enum { REACH = NOISE_WORLEY_REACH, SIDE = 2 * REACH + 1 };
     double nearest[2] = {INFINITY, INFINITY}, away[2] = {0, 0};
     for (int n = 0; n < SIDE * SIDE * SIDE; n++) {
         const int step[3] = {n % SIDE - REACH, n / SIDE % SIDE - REACH, n / (SIDE * SIDE) - REACH};
@@ -243,6 +244,8 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
 {
     double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
     switch (n->op) {
+    case KARST_OP_FOOTPRINT:
+        return (double)op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
         return (double)o->normal[n->extra];
     case KARST_OP_ADD:
