@@ -59,7 +59,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
+TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/accuracy.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -153,7 +153,7 @@ $(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 
 # libFuzzer brings main.
 FUZZER := $(OBJ)/tests/fuzz/fuzz_language
@@ -188,15 +188,28 @@ fuzz:
 	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language
 	$(Q)mkdir -p $(FUZZ_CORPUS) && cp demos/worlds/*.karst tests/language/pasted/*.karst $(FUZZ_CORPUS) && \
 	    $(HOSTILE) write $(FUZZ_CORPUS)
-	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2000 \
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2000 \
 	    -max_len=20000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
 
 # The pictures that the pages under docs/ and the README show.
-docs-images: $(COMMAND)
+docs-images: $(COMMAND) docs-view
 	$(Q)mkdir -p docs/images/worlds
+	$(Q)$(COMMAND) render demos/desktop/icon.karst -q -o demos/desktop/karst.png --size 256x256 --detail 0.5
 	$(Q)$(COMMAND) render hills -q -o docs/images/hills.png --size 960x540
 	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
 	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 || exit; done
+
+# The tables and plots of docs/ACCURACY.md: minutes for each world; on a quiet machine.
+ACCURACY_WORLDS := hills alps asteroid planet islands
+docs-accuracy: $(COMMAND)
+	$(Q)mkdir -p docs/accuracy
+	$(Q)for world in $(ACCURACY_WORLDS); do \
+	    $(COMMAND) accuracy $$world -q --size $(if $(SIZE),$(SIZE),320x240) --plot docs/accuracy/$$world.svg --csv docs/accuracy/$$world.csv > docs/accuracy/$$world.txt || exit; done
+
+# The viewer's picture and clip, taken in a window (Xvfb, xdotool, ImageMagick, ffmpeg).
+docs-view: $(COMMAND)
+	$(Q)mkdir -p docs/images
+	$(Q)sh demos/desktop/pictures.sh $(COMMAND) docs/images
 
 lint:
 	$(Q)CC='$(CC)' sh tests/lint/run.sh .
@@ -264,6 +277,7 @@ help:
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
 	@echo 'make fuzz            fuzz the world language with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
+	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
 	@echo 'make clean           remove $(BUILD)'
@@ -271,7 +285,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench fuzz docs-images lint install uninstall check-install clean help FORCE
+.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \
