@@ -17,6 +17,8 @@
 
 /* Above this many nodes compilers take too long: the program then runs the world's tape (tape_world.clh). */
 #define KARST_EMIT_MAX_OPS 4000u
+/* A call of noise is worth so many others: its text is short, what it calls is not. */
+#define KARST_EMIT_NOISE_OPS 40u
 /* Octaves are 140 bytes each of a brick's working memory. */
 #define KARST_EMIT_MAX_OCTAVES 2048u
 /* Octaves of a brick that are tensor products; others cost ten times as much. */

@@ -76,20 +76,21 @@ uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_r
 /* What stands in the way of generated code. */
 static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, const char *what, karst_error *error)
 {
-    uint32_t count = karst_emit_mark(emit, roots, num_roots);
-    if (count > KARST_EMIT_MAX_OPS)
-        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u operations; at most %u can be compiled", what,
-                          count, KARST_EMIT_MAX_OPS);
-    uint32_t num_octaves = 0;
+    uint32_t count = karst_emit_mark(emit, roots, num_roots), num_octaves = 0;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         const karst_expr_node *n = &emit->graph->nodes[e];
         if (!emit->nodes[e].needs)
             continue;
         if (n->op == KARST_OP_POSITION)
             return karst_fail(error, KARST_FAILED, "%s was not resolved", what);
-        if (n->op == KARST_OP_NOISE)
+        if (n->op == KARST_OP_NOISE) {
             num_octaves += emit->graph->noises[n->extra].num_octaves;
+            count += KARST_EMIT_NOISE_OPS - 1;
+        }
     }
+    if (count > KARST_EMIT_MAX_OPS)
+        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u operations; at most %u can be compiled", what,
+                          count, KARST_EMIT_MAX_OPS);
     if (num_octaves > KARST_EMIT_MAX_OCTAVES)
         return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u octaves of noise; at most %u can be compiled",
                           what, num_octaves, KARST_EMIT_MAX_OCTAVES);
