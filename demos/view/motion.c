@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#define REST 0.02       /* of the speed: slower is standing */
 #define REACTION_S 0.07 /* in which a speed comes 63 % of the way */
 #define ARROW_DEG_PER_S 60.0
 #define PAD_DEG_PER_S 120.0
@@ -190,7 +191,7 @@ static bool fly(viewer *v, const wishes *w, double dt_s)
         /* Up is the world's: one wants to rise, whichever way one looks. */
         double direction = w->right * right[axis] + w->forward * forward[axis] + (axis == 1 ? w->up : 0);
         wish_m_s[axis] = direction * speed_m_s;
-        drifting = drifting || fabs(m->velocity_m_s[axis]) > 1e-3 * m->speed_m_s;
+        drifting = drifting || fabs(m->velocity_m_s[axis]) > REST * m->speed_m_s;
     }
     if (!wished && !drifting) {
         memset(m->velocity_m_s, 0, sizeof m->velocity_m_s);

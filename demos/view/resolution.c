@@ -9,7 +9,7 @@
 #define SMOOTHING 0.3
 /* Time for making content, of a frame: the rest is for drawing. Standing, one waits for content alone. */
 #define MOVING_BUDGET 0.25
-#define STILL_BUDGET_MS 60.0
+#define STILL_BUDGET_MS 120.0
 
 static int side_px(int full_px, int share)
 {
