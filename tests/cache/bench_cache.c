@@ -143,6 +143,8 @@ int main(void)
     rig_cast(&rig);
     use(100);
     rig_collect(&rig, 0, 0, false);
+    measure("100 wants side by side, pools full, half in use", 100, 1, 50, 1);
+    measure("100 wants all over the pool, full, half in use", 100, 997, 50, 1);
     measure("1000 wants side by side, pools full, half in use", NUM_WANTS, 1, 50, 1);
     measure("1000 wants all over the pool, full, half in use", NUM_WANTS, 997, 50, 1);
     measure("1000 wants side by side, full, 97 % in use", NUM_WANTS, 1, 97, 1);
