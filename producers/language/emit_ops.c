@@ -292,6 +292,9 @@ void karst_emit_lines(karst_emit *emit, karst_expr e)
         affine_lines(emit, e);
     } else if (karst_emit_is_wide(emit, e)) {
         wide_lines(emit, e);
+    } else if (n->op == KARST_OP_FOOTPRINT) {
+        karst_text_add(&emit->text, "    const vfloat v%u = (vfloat)(op_footprint(level, %d));\n", e,
+                       (int)n->extra - KARST_FOOTPRINT_BIAS);
     } else if (n->op == KARST_OP_NORMAL) {
         karst_text_add(&emit->text, "    const vfloat v%u = n%c;\n", e, "xyz"[n->extra]);
     } else {

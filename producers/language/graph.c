@@ -51,6 +51,7 @@ static uint8_t own_dependence(const karst_graph *graph, karst_op op, uint32_t ex
     case KARST_OP_POSITION:
         return (uint8_t)(KARST_DEPENDS_X << extra);
     case KARST_OP_NORMAL:
+    case KARST_OP_FOOTPRINT:
         return KARST_DEPENDS_NORMAL;
     case KARST_OP_AFFINE: {
         uint8_t depends = graph->nodes[graph->affines[extra].offset].depends;
@@ -195,6 +196,12 @@ karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a
     return karst_graph_raw(graph, KARST_OP_NOISE, KARST_TYPE_FLOAT, i, a, b, c, 0);
 }
 
+karst_expr karst_graph_footprint(karst_graph *graph, int voxel_log2_m)
+{
+    return karst_graph_raw(graph, KARST_OP_FOOTPRINT, KARST_TYPE_FLOAT, (uint32_t)(voxel_log2_m + KARST_FOOTPRINT_BIAS),
+                           0, 0, 0, 0);
+}
+
 const karst_number *karst_graph_constant(const karst_graph *graph, karst_expr e)
 {
     return graph->nodes[e].op == KARST_OP_CONSTANT ? &graph->constants[graph->nodes[e].extra] : NULL;
@@ -210,6 +217,7 @@ static const struct {
     [KARST_OP_PARAMETER] = {"parameter", 0, 0},
     [KARST_OP_POSITION] = {"position", 0, 0},
     [KARST_OP_NORMAL] = {"normal", 0, 0},
+    [KARST_OP_FOOTPRINT] = {"footprint", 0, 0},
     [KARST_OP_AFFINE] = {"affine", 0, 0},
     [KARST_OP_ADD] = {"add", 2, 2},
     [KARST_OP_SUBTRACT] = {"subtract", 2, 2},

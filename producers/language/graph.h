@@ -19,6 +19,8 @@
 #include "producers/language/arena.h"
 #include "producers/language/number.h"
 
+#define KARST_FOOTPRINT_BIAS 64
+
 /* Index of a node; KARST_NO_EXPR where there is none. Arguments have smaller indices than their users. */
 typedef uint32_t karst_expr;
 #define KARST_NO_EXPR 0u
@@ -33,6 +35,8 @@ typedef enum {
     KARST_OP_PARAMETER, /* header parameter number `extra`, float, uniform */
     KARST_OP_POSITION,  /* p along axis `extra`, metres; only before kinds.c */
     KARST_OP_NORMAL,    /* n along axis `extra`: an input of colour */
+    KARST_OP_FOOTPRINT, /* metres: the voxel of the level asked for, 0 for all detail; an input of colour. A voxel of
+                         * level 0 is 2^(extra - KARST_FOOTPRINT_BIAS) metres wide */
     KARST_OP_AFFINE,    /* affines[extra]; only after kinds.c */
     /* float arithmetic */
     KARST_OP_ADD,
@@ -177,6 +181,7 @@ karst_expr karst_graph_int(karst_graph *graph, int32_t value);
 karst_expr karst_graph_bool(karst_graph *graph, bool value);
 karst_expr karst_graph_leaf(karst_graph *graph, karst_op op, uint32_t extra); /* PARAMETER, POSITION, NORMAL; float */
 karst_expr karst_graph_affine(karst_graph *graph, karst_affine affine);
+karst_expr karst_graph_footprint(karst_graph *graph, int voxel_log2_m);
 karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a, karst_expr b, karst_expr c);
 
 /* ---- canonical construction (canonical.c): what everybody else calls ---- */

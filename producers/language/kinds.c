@@ -1,4 +1,5 @@
 #include "producers/language/kinds.h"
+#include "producers/language/soften.h"
 
 #include <math.h>
 
@@ -375,6 +376,8 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     }
     for (size_t i = 0; i < num_roots; i++)
         roots[i] = r.value[roots[i]];
+    if (num_roots > 1) /* colours */
+        karst_soften(&built, settings->voxel_log2_m, roots + 1, num_roots - 1);
     karst_graph_extract(&built, resolved, roots, num_roots);
     karst_kinds_set(resolved, 1);
     karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);

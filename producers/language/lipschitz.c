@@ -88,6 +88,7 @@ static double smooth_steepness(const analysis *a, karst_expr e)
     double sx = steepness_of(a, x), sy = steepness_of(a, y), sz = steepness_of(a, z);
     switch (n->op) {
     case KARST_OP_NORMAL:
+    case KARST_OP_FOOTPRINT:
         return 0; /* of the position: the surface's affair */
     case KARST_OP_AFFINE:
         return affine_steepness(a, &a->graph->affines[n->extra]);

@@ -1,4 +1,5 @@
 /* The double half. */
+#include "producers/language/ops.clh"
 #include "producers/language/oracle_internal.h"
 
 #include <math.h>
@@ -243,6 +244,8 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
 {
     double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
     switch (n->op) {
+    case KARST_OP_FOOTPRINT:
+        return (double)op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
         return (double)o->normal[n->extra];
     case KARST_OP_ADD:

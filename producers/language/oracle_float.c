@@ -183,6 +183,8 @@ static vfloat plain_float(const karst_oracle *o, const karst_expr_node *n)
     vint i = o->slots[n->arg[0]].i;
     uint8_t from = node_of(o, n->arg[0])->type;
     switch (n->op) {
+    case KARST_OP_FOOTPRINT:
+        return op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
         return o->normal[n->extra];
     case KARST_OP_ADD:

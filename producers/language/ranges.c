@@ -130,6 +130,8 @@ static karst_range range_of_node(const karst_graph *graph, karst_expr e, const k
                    : (karst_range){graph->constants[n->extra].value, graph->constants[n->extra].value};
     case KARST_OP_PARAMETER:
         return (karst_range){settings->parameter_min[n->extra], settings->parameter_max[n->extra]};
+    case KARST_OP_FOOTPRINT:
+        return (karst_range){0, (double)INFINITY};
     case KARST_OP_NORMAL:
     case KARST_OP_SIN:
     case KARST_OP_COS:
