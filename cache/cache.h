@@ -69,7 +69,8 @@ typedef struct {
     uint32_t num_loads, num_subdivides;
     karst_buffer *load_nodes, *load_slots; /* uint: node index, brick slot */
     karst_buffer
-        *load_results; /* uint: the producer writes KARST_STATE_AIR, _SOLID, _CLEAR_AIR, _CLEAR_SOLID or _BRICK */
+        *load_results; /* uint: the producer writes KARST_STATE_AIR, _SOLID, _CLEAR_AIR, _CLEAR_SOLID or _BRICK; of a
+                          node that was known to be clear it keeps the brick, and adds KARST_LOAD_KEPT */
     karst_buffer *subdivide_nodes, *subdivide_tiles; /* uint: node index, tile slot */
     uint32_t num_requests;                           /* all wants of this serial */
     uint32_t num_deferred_budget;                    /* left out: over the budget */
@@ -92,7 +93,7 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
 
 /* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
  * the node constant (its slot stays free; children it had are orphaned), a clear one leaves the children and needs no
- * slot either; a subdivided node gets its tile. Slots that were not used are the next to be handed out.
+ * slot either, unless it was kept; a subdivided node gets its tile. Slots that were not used are the next to be handed out.
  * *num_bricks_constant counts air and solid only; either count may be NULL. Only call it between casts. */
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);

@@ -111,7 +111,8 @@ static bool check_node(const snapshot *s, uint32_t node)
     const karst_tile_info *info = &s->tiles[tile];
     if (state > KARST_STATE_CLEAR_SOLID || (link & 0x10000000u))
         return fault(s, "node %u (tile %u) has link %08x, which is no state", node, tile, link);
-    if ((state == KARST_STATE_BRICK) != (brick != KARST_NONE))
+    bool clear = state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID;
+    if (!(clear || (state == KARST_STATE_BRICK) == (brick != KARST_NONE)))
         return fault(s, "node %u (tile %u) has state %u, but brick %u", node, tile, state, brick);
     if ((state == KARST_STATE_AIR || state == KARST_STATE_SOLID) && child != KARST_NONE)
         return fault(s, "node %u (tile %u) is constant (state %u), but has children in tile %u", node, tile, state,

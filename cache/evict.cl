@@ -17,7 +17,7 @@ static void detach_tile(uint tile, __global karst_node *nodes, __global karst_ti
     tile_info[tile].parent = KARST_NO_NODE;
 }
 
-/* Detaches a brick from its node, which has lost it, if both say that they belong together. */
+/* Detaches a brick from its node, which has lost it (or stays clear), if both say that they belong together. */
 static void detach_brick(uint brick, __global karst_node *nodes, __global const karst_tile_info *tile_info,
                          __global karst_brick_owner *brick_owner)
 {
@@ -27,7 +27,8 @@ static void detach_brick(uint brick, __global karst_node *nodes, __global const 
     if (tile_info[node / KARST_TILE_NODES].in_use &&
         tile_info[node / KARST_TILE_NODES].generation == brick_owner[brick].owner_generation &&
         nodes[node].brick == brick) {
-        nodes[node].link = KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(nodes[node].link));
+        if (KARST_NODE_STATE(nodes[node].link) == KARST_STATE_BRICK)
+            nodes[node].link = KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(nodes[node].link));
         nodes[node].brick = KARST_NONE;
     }
     brick_owner[brick].owner = KARST_NO_NODE;

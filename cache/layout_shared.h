@@ -33,7 +33,8 @@
 #define KARST_STATE_BRICK 3u /* not constant, its brick is in memory */
 #define KARST_STATE_LOST 4u  /* not constant, without a brick: not loaded yet, or recycled; it may have children */
 /* Not constant, but evaluated: at this level all samples are on one side, so the interpolant has no zero and needs no
- * brick. Finer levels may have a surface: such a node may have children. */
+ * brick. Finer levels may have a surface: such a node may have children. It may get a brick all the same, if rays want
+ * one: where levels blend into one another, how far from zero it is matters. */
 #define KARST_STATE_CLEAR_AIR 5u
 #define KARST_STATE_CLEAR_SOLID 6u
 
@@ -43,6 +44,9 @@ typedef struct {
     uint brick; /* brick slot (0: none) */
 } karst_node;
 K_ASSERT_SIZE(karst_node, 8);
+
+/* Added to a clear state in what a load came to: its brick was written, too. */
+#define KARST_LOAD_KEPT 8u
 
 #define KARST_NODE_STATE(link) ((link) >> 29)
 #define KARST_NODE_CHILDREN(link) ((link)&0x0fffffffu)
@@ -60,6 +64,7 @@ typedef struct {
     uint pad[5];
 } karst_tile_info;
 K_ASSERT_SIZE(karst_tile_info, 64);
+#define KARST_TILE_PARENT_WORD 7 /* where `parent` stands among its 32-bit words */
 
 /* What a ray reads for each brick: 16 bytes. Value of a sample = scale * (float)q, q a signed 16-bit integer that has
  * the sign of the density (0 counts as air; a positive density is at least 1, a negative one at most -1).

@@ -76,9 +76,10 @@ bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *n
     cache->num_granted_bricks = 0;
     for (uint32_t i = 0; i < num_bricks; i++) {
         uint32_t result = i < num_loads ? flags[i] : KARST_STATE_UNKNOWN;
-        num_linked += result == KARST_STATE_BRICK;
+        bool linked = result == KARST_STATE_BRICK || (result & KARST_LOAD_KEPT);
+        num_linked += linked;
         num_constant += result == KARST_STATE_AIR || result == KARST_STATE_SOLID;
-        if (result != KARST_STATE_BRICK)
+        if (!linked)
             keep_unused(cache->granted_bricks, &cache->num_granted_bricks, i);
     }
     if (!karst_buffer_read(publish->used, 0, flags, num_subdivides * sizeof(*flags), error))

@@ -12,8 +12,8 @@ __kernel void karst_publish_loads(__global const uint *load_nodes, __global cons
         return;
     uint node = load_nodes[item], slot = load_slots[item], result = load_results[item];
     uint children = KARST_NODE_CHILDREN(nodes[node].link);
-    if (result == KARST_STATE_BRICK) {
-        nodes[node].link = KARST_NODE_LINK(KARST_STATE_BRICK, children);
+    if (result == KARST_STATE_BRICK || (result & KARST_LOAD_KEPT)) {
+        nodes[node].link = KARST_NODE_LINK(result & ~KARST_LOAD_KEPT, children);
         nodes[node].brick = slot;
         brick_owner[slot].owner = node;
         brick_owner[slot].owner_generation = tile_info[node / KARST_TILE_NODES].generation;

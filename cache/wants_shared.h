@@ -55,7 +55,7 @@ K_INLINE uint karst_want_valid(uint wants, karst_node node, int level)
     uint state = KARST_NODE_STATE(node.link);
     if (state == KARST_STATE_AIR || state == KARST_STATE_SOLID)
         return 0u;
-    if (state == KARST_STATE_BRICK || state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID)
+    if (state == KARST_STATE_BRICK || node.brick != KARST_NONE)
         wants &= ~KARST_WANT_BRICK;
     if (KARST_NODE_CHILDREN(node.link) != KARST_NONE || level <= 0)
         wants &= ~KARST_WANT_CHILDREN;

@@ -64,6 +64,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
+    engine->blend = !config->no_blend;
     engine->count_changed_pixels = config->count_changed_pixels;
     engine->budget_ns = config->budget_ms * 1e6;
     karst_ladder_init(&engine->ladder);

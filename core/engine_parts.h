@@ -71,7 +71,7 @@ struct karst_engine {
 
     int width_px, height_px;
     size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */
-    bool shadows, refine, count_changed_pixels, reported_non_finite;
+    bool shadows, blend, refine, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
     double view_distance_m; /* as configured; 0: what the world says */
     uint32_t budget_bricks;

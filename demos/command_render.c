@@ -13,7 +13,7 @@ typedef struct {
     uint64_t seed, budget_bricks, max_frames, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_flight flight;
-    bool has_seed, no_shadows, refine, help;
+    bool has_seed, no_shadows, no_blend, refine, help;
 } render_options;
 
 typedef struct {
@@ -75,6 +75,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
+        {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &o->no_blend, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
         {"budget-bricks", 0, COMMAND_INTEGER, "N", "bricks to produce in a frame at most (default: 4096)",
@@ -237,6 +238,7 @@ static karst_engine_config make_config(const render_options *o, karst_display *d
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
     config.refine = o->refine;
+    config.no_blend = o->no_blend;
     config.lanes = (int)o->lanes;
     return config;
 }

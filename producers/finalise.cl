@@ -257,18 +257,19 @@ FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
     scrub.first = group_min(survey.first_scrubbed, cells + 4);
     uint state =
         karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count, at->load->doubt);
+    bool kept = at->load->keep && (state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID);
     if (LOCAL_ID == 0) {
-        *at->result = state;
+        *at->result = kept ? state | KARST_LOAD_KEPT : state;
         *at->scrub = scrub;
     }
-    if (state != KARST_STATE_BRICK)
+    if (state != KARST_STATE_BRICK && !kept)
         return;
 
     surface_survey surface;
     survey_surface(at->samples, &surface);
     float reach = group_max_float(surface.reach, cells + 5);
     uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
-    float range = karst_brick_range(largest, reach);
+    float range = karst_brick_range(largest, kept ? largest : reach);
     encode_samples(at->samples, range, at->q);
     GROUP_BARRIER();
     float slope_squared = group_max_float(survey_slope(at->q), cells + 8);

@@ -12,7 +12,7 @@ typedef struct {
                   */
     float doubt; /* by how much the density may differ between a point of the node, at any footprint from 0 to its
                     parent's voxel, and the sample nearest to it. Not finite: not known */
-    uint pad;
+    uint keep;   /* 1: the node is known to be clear, and its brick is wanted all the same */
 } karst_load;
 K_ASSERT_SIZE(karst_load, 40);
 

@@ -85,8 +85,9 @@ bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *
     uint32_t is_loads = 1, batch = (uint32_t)subdivider->context->lanes; /* all take the same time */
     return KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(nothing),
                            KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch),
-                           KARST_VALUE_ARG(is_loads), KARST_VALUE_ARG(nothing), KARST_BUFFER_ARG(cache->tile_info),
-                           KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(subdivider->data)) &&
+                           KARST_VALUE_ARG(is_loads), KARST_BUFFER_ARG(cache->nodes),
+                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
+                           KARST_VALUE_ARG(subdivider->data)) &&
            karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, (count + batch - 1) / batch,
                         subdivider->group_size, error);
 }

@@ -47,14 +47,17 @@ K_INLINE int box_place(K_GLOBAL const uint *list, uint box, uint is_loads, K_GLO
 }
 
 /* Writes what bounds (lo, hi, slopes, slack) say of a box. */
-K_INLINE void write_load(WORLD_TAKES(const float bounds[6], const long corner[3], int level, K_GLOBAL karst_load *load))
+/* `known`: the node as it is. */
+K_INLINE void write_load(WORLD_TAKES(const float bounds[6], const long corner[3], int level, karst_node known,
+                                     K_GLOBAL karst_load *load))
 {
+    uint state = KARST_NODE_STATE(known.link);
     float slack = world_slack(WORLD_DATA(data, level)) + bounds[5];
     karst_load l = {{corner[0], corner[1], corner[2]},
                     level,
                     karst_state_from_bounds(bounds[0], bounds[1]),
                     karst_load_doubt(bounds[2], bounds[3], bounds[4], slack, level),
-                    0};
+                    state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID};
     *load = l;
 }
 
@@ -117,7 +120,7 @@ BOUNDS_ENTRY void bound_nodes(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL co
         for (int k = 0; k < 6; k++)
             of_box[k] = values[k][i];
         if (is_loads)
-            write_load(WORLD_DATA(data, of_box, at, levels[i], loads + begin + i));
+            write_load(WORLD_DATA(data, of_box, at, levels[i], nodes[list[begin + i]], loads + begin + i));
         else
             write_child(of_box, list, slots, begin + i, nodes, tile_info);
     }

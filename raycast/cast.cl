@@ -62,7 +62,8 @@ RAY_INLINE packet_hits cast_packet(const pools *pool, K_GLOBAL const karst_cast_
     rays.inverse.z = 1.0f / rays.direction.z;
     rays.t_min = lane_max(t_min, zero);
     rays.lod_shift = width * view->detail;
-    rays.lod_scale = 1.0f / lane_max(cone * view->detail, (vfloat)(1.0e-20f));
+    rays.lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
+    rays.lod_scale = 1.0f / rays.lod_slope;
     rays.fresh = (vint)(0);
 
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */

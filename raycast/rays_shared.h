@@ -69,7 +69,8 @@ typedef struct {
     uint serial;      /* this cast's stamp */
     float detail; /* voxels are asked to be at most `detail` footprints wide: level l holds where footprint*detail >=
                      2^l */
-    uint pad;
+    float blend;  /* the last share of each level, counted in footprints, in which it turns into the next; 0: none. At
+                     most 0.5 */
 } karst_cast_view;
 
 #endif

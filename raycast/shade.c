@@ -67,11 +67,13 @@ void karst_shader_destroy(karst_shader *shader)
     free(shader);
 }
 
-/* In the order of BRICK_PARAMETERS (raycast/segments.clh). */
-#define BRICK_ARGUMENTS(c)                                                                                 \
-    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]),     \
-        KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), \
-        KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment)
+/* In the order of SURFACE_PARAMETERS (raycast/shade.cl). */
+#define SURFACE_ARGUMENTS(c, view)                                                                                 \
+    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]),             \
+        KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]),         \
+        KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment), \
+        KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).tile_info),            \
+        KARST_VALUE_ARG((view)->detail), KARST_VALUE_ARG((view)->blend)
 
 static bool launch(karst_shader *shader, cl_kernel kernel, const karst_pinhole *pinhole, karst_error *error)
 {
@@ -96,8 +98,8 @@ bool karst_shade_make_shadow_rays(karst_shader *shader, const karst_cast_view *v
     if (!shader->shadow_rays)
         return karst_fail(error, KARST_FAILED, "the shader was made without shadows");
     return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(rays, sizeof(karst_ray), pinhole, error) &&
-           KARST_ARGUMENTS(shader->shadow_rays, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole),
-                           KARST_VALUE_ARG(*light), KARST_VALUE_ARG(view->detail), KARST_BUFFER_ARG(hits),
+           KARST_ARGUMENTS(shader->shadow_rays, error, SURFACE_ARGUMENTS(shader->cache, view),
+                           KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
                            KARST_BUFFER_ARG(rays)) &&
            launch(shader, shader->shadow_rays, pinhole, error);
 }
@@ -106,12 +108,11 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_hits, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error)
 {
-    (void)view; /* all that is shaded is relative to its anchor */
     cl_int has_shadows = shadow_hits != NULL;
     const karst_buffer *second = shadow_hits ? shadow_hits : hits;
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
            check_size(second, sizeof(karst_hit), pinhole, error) && check_size(depth, sizeof(float), pinhole, error) &&
-           KARST_ARGUMENTS(shader->pixels, error, BRICK_ARGUMENTS(shader->cache), KARST_VALUE_ARG(*pinhole),
+           KARST_ARGUMENTS(shader->pixels, error, SURFACE_ARGUMENTS(shader->cache, view), KARST_VALUE_ARG(*pinhole),
                            KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(second),
                            KARST_VALUE_ARG(has_shadows), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
                            KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor),

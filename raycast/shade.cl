@@ -14,7 +14,8 @@
 #define SHADOW_OFFSET 1.5f
 
 #ifdef SHADE_WORLD_COLOUR
-/* The world's colour at the hits, level by level: at most a few in one packet. */
+/* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
+ * are. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor, const surface_hits *s,
                                const vector3 *direction, vint hit)
 {
@@ -22,15 +23,19 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
     colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     vfloat t = v_select(hit, s->t, (vfloat)(0.0f));
     exact_places(&place, anchor, direction, t);
-    for (vint left = hit; v_any(left);) {
-        int level = (int)v_min_across(v_select(left, v_to_float(s->level), (vfloat)(1000.0f)));
-        vint mine = left & v_eq(s->level, (vint)(level));
+    vint own = hit, next = hit & v_gt(s->weight, (vfloat)(0.0f));
+    while (v_any(own | next)) {
+        vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
+        int level = (int)v_min_across(left);
+        vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
         vfloat red, green, blue;
         world_colour(data, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
-        albedo.r = v_select(mine, lane_unit(red), albedo.r);
-        albedo.g = v_select(mine, lane_unit(green), albedo.g);
-        albedo.b = v_select(mine, lane_unit(blue), albedo.b);
-        left &= ~mine;
+        vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
+        albedo.r = k_fma(share, lane_unit(red), albedo.r);
+        albedo.g = k_fma(share, lane_unit(green), albedo.g);
+        albedo.b = k_fma(share, lane_unit(blue), albedo.b);
+        own &= ~from_own;
+        next &= ~from_next;
     }
     return albedo;
 }
@@ -92,20 +97,29 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
     }
 #endif
 
-__kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light, float detail,
+/* What surfaces are read with: the pools, the view's detail and blend. */
+#define SURFACE_PARAMETERS                                                                           \
+    BRICK_PARAMETERS, K_GLOBAL const karst_node *nodes, K_GLOBAL const karst_brick_info *brick_info, \
+        K_GLOBAL const karst_tile_info *tile_info, float detail, float blend
+#define SURFACE_FIELDS                                                          \
+    {                                                                           \
+        BRICK_FIELDS, nodes, brick_info, tile_info, pinhole.cone *detail, blend \
+    }
+
+__kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
                                        K_GLOBAL const karst_hit *hits, K_GLOBAL karst_ray *rays)
 {
-    const brick_pool bricks = BRICK_FIELDS;
+    const surface_source source = SURFACE_FIELDS;
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    surface_hits s = load_surface(hits, &bricks, place, &direction);
+    surface_hits s = load_surface(hits, &source, place, &direction);
     vint sunny = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & v_gt(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
     vfloat voxel = v_as_float((s.level + 127) << 23);
-    vfloat offset = voxel * SHADOW_OFFSET;
+    vfloat offset = voxel * k_fma(s.weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
     vector3 origin;
     origin.x = k_fma(direction.x, s.t, s.normal.x * offset);
     origin.y = k_fma(direction.y, s.t, s.normal.y * offset);
@@ -118,12 +132,12 @@ __kernel K_WIDE void shade_shadow_rays(BRICK_PARAMETERS, karst_pinhole pinhole, 
     STORE_RAYS()
 }
 
-__kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst_light light,
+__kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
                                   int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                                   K_GLOBAL uint *counters, karst_shade_anchor anchor, K_GLOBAL const ulong *data)
 {
-    const brick_pool bricks = BRICK_FIELDS;
+    const surface_source source = SURFACE_FIELDS;
     __local uint counts[3];
     if (get_local_id(0) == 0)
         counts[0] = counts[1] = counts[2] = 0;
@@ -134,7 +148,7 @@ __kernel K_WIDE void shade_pixels(BRICK_PARAMETERS, karst_pinhole pinhole, karst
     if (v_any(valid)) {
         vector3 direction = pinhole_direction(&pinhole, x, y);
         vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-        surface_hits s = load_surface(hits, &bricks, place, &direction);
+        surface_hits s = load_surface(hits, &source, place, &direction);
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light.sun_direction);
         colour c = sky_colour(&light, &direction, to_sun);

@@ -87,14 +87,14 @@ RAY_INLINE vint to_byte(vfloat value) { return v_to_int(lane_unit(value) * 255.0
 __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
                                  K_GLOBAL const uint *born, uint frame, int what, K_GLOBAL uint *pixels)
 {
-    const brick_pool bricks = BRICK_FIELDS;
+    surface_source source = {BRICK_FIELDS, 0, 0, 0, 0.0f, 0.0f}; /* of the level that was hit, without blending */
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    surface_hits s = load_surface(hits, &bricks, place, &direction);
+    surface_hits s = load_surface(hits, &source, place, &direction);
     vint at = v_select(valid, y * pinhole.width_px + x, (vint)(0));
     vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS));
     vint record = place * (int)(sizeof(karst_hit) / sizeof(int));
@@ -158,14 +158,14 @@ __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOB
 __kernel K_WIDE void views_normals(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
                                    K_GLOBAL float *normals)
 {
-    const brick_pool bricks = BRICK_FIELDS;
+    surface_source source = {BRICK_FIELDS, 0, 0, 0, 0.0f, 0.0f}; /* of the level that was hit, without blending */
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    surface_hits s = load_surface(hits, &bricks, place, &direction);
+    surface_hits s = load_surface(hits, &source, place, &direction);
     vint at = v_select(valid, y * pinhole.width_px + x, (vint)(0));
     vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS));
     const vfloat zero = (vfloat)(0.0f);

@@ -138,8 +138,9 @@ static void test_nodes(void **state)
     (void)state;
     uint32_t node = lower * 8 + 2, lost = lower * 8 + 3;
     spoil_node(lost, KARST_NODE_LINK(7u, 0u), 0, "is no state");
-    spoil_node(node, KARST_NODE_LINK(KARST_STATE_CLEAR_AIR, 0u), brick, "has state 5, but brick");
-    spoil_node(node, KARST_NODE_LINK(KARST_STATE_CLEAR_SOLID, 0u), brick, "has state 6, but brick");
+    spoil_node(node, KARST_NODE_LINK(KARST_STATE_AIR, 0u), brick, "has state 1, but brick");
+    spoil_node(node, KARST_NODE_LINK(KARST_STATE_SOLID, 0u), brick, "has state 2, but brick");
+    spoil_node(node, KARST_NODE_LINK(KARST_STATE_CLEAR_AIR, 0u), a_held_brick(brick), "which belongs to node");
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_LOST, 0x10000000u), 0, "is no state");
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), 0, "has state 3, but brick 0");
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_LOST, 0u), brick, "has state 4, but brick");

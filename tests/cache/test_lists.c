@@ -268,7 +268,7 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
             asked = true;
             bool valid = info->in_use && node_state != KARST_STATE_AIR && node_state != KARST_STATE_SOLID &&
                          (kind ? info->level > 0 && !KARST_NODE_CHILDREN(rig.nodes[node].link)
-                               : node_state == KARST_STATE_UNKNOWN || node_state == KARST_STATE_LOST);
+                               : node_state != KARST_STATE_BRICK);
             if (!valid)
                 continue;
             int64_t at[3];

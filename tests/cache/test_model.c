@@ -179,8 +179,9 @@ static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may
         for (uint32_t i = 0; i < num_listed && num < need; i++) {
             uint32_t brick = list[i].slot, node = m->owners[brick].owner;
             karst_churn_evicted(&m->churn, identity_of(m, node, false), frame);
-            m->nodes[node] =
-                (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(m->nodes[node].link)), 0};
+            uint32_t state = KARST_NODE_STATE(m->nodes[node].link);
+            state = state == KARST_STATE_BRICK ? KARST_STATE_LOST : state; /* what is clear stays clear */
+            m->nodes[node] = (karst_node){KARST_NODE_LINK(state, KARST_NODE_CHILDREN(m->nodes[node].link)), 0};
             m->owners[brick].owner = KARST_NO_NODE;
             granted[num++] = brick;
             m->work.num_evicted_bricks++;
@@ -214,7 +215,7 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
             rig->want_chunk[node / KARST_REQUEST_CHUNK] != m->serial)
             continue;
         wish w = {class_of(m, node, rig->camera.voxel), node};
-        if (rig->want_brick[node] == m->serial && (state == KARST_STATE_UNKNOWN || state == KARST_STATE_LOST))
+        if (rig->want_brick[node] == m->serial && state != KARST_STATE_BRICK && !m->nodes[node].brick)
             m->loads[num_loads++] = w;
         if (rig->want_children[node] == m->serial && !KARST_NODE_CHILDREN(m->nodes[node].link) &&
             m->tiles[node / 8].level > 0)
@@ -253,14 +254,15 @@ static void model_publish(model *m, rig_content content)
         const karst_tile_info *t = &m->tiles[node / 8];
         int64_t at[3] = {t->corner[0] + (node & 1), t->corner[1] + (node >> 1 & 1), t->corner[2] + (node >> 2 & 1)};
         uint32_t result = content(t->level, at, true);
-        if (result == KARST_STATE_BRICK) {
-            m->nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_BRICK, KARST_NODE_CHILDREN(link)), slot};
+        bool clear = result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID;
+        if (result == KARST_STATE_BRICK || (clear && KARST_NODE_STATE(link) == result)) {
+            m->nodes[node] = (karst_node){KARST_NODE_LINK(result, KARST_NODE_CHILDREN(link)), slot};
             m->owners[slot] = (karst_brick_owner){node, t->generation};
             m->brick_stamp[slot] = m->serial;
             continue;
         }
         m->load_slots[kept++] = slot;
-        if (result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID)
+        if (clear)
             m->nodes[node].link = KARST_NODE_LINK(result, KARST_NODE_CHILDREN(link));
         if (result != KARST_STATE_AIR && result != KARST_STATE_SOLID)
             continue;

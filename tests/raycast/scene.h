@@ -65,6 +65,7 @@ SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tile
         b->bricks[i] = i < num_segments
                            ? scene_buffer(context, "bricks", (size_t)b->bricks_per_segment * KARST_BRICK_STRIDE * 2)
                            : b->bricks[0];
+    b->tile_info = scene_buffer(context, "tile_info", max_tiles * sizeof(karst_tile_info));
     b->brick_info = scene_buffer(context, "brick_info", max_bricks * sizeof(karst_brick_info));
     b->tile_stamp = scene_buffer(context, "stamps", max_tiles * 4);
     b->brick_stamp = scene_buffer(context, "stamps", max_bricks * 4);
@@ -81,6 +82,7 @@ SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tile
     for (int a = 0; a < 3; a++)
         s.root_corner[a] = s.tiles[KARST_ROOT_TILE].corner[a] = -1;
     s.tiles[KARST_ROOT_TILE].level = top_level;
+    s.tiles[KARST_ROOT_TILE].parent = KARST_NO_NODE;
     return s;
 }
 
@@ -91,6 +93,7 @@ SCENE_UNUSED static void scene_destroy(scene *s)
     for (uint32_t i = 0; i < b->num_segments; i++)
         karst_buffer_destroy(b->bricks[i]);
     karst_buffer_destroy(b->brick_info);
+    karst_buffer_destroy(b->tile_info);
     karst_buffer_destroy(b->tile_stamp);
     karst_buffer_destroy(b->brick_stamp);
     karst_buffer_destroy(b->brick_fallback);
@@ -110,6 +113,7 @@ SCENE_UNUSED static void scene_upload(scene *s)
     karst_cache_buffers *b = &s->buffers;
     scene_check(karst_buffer_write(b->nodes, 0, s->nodes, (size_t)s->num_tiles * 8 * sizeof(karst_node), &error),
                 &error);
+    scene_check(karst_buffer_write(b->tile_info, 0, s->tiles, s->num_tiles * sizeof(karst_tile_info), &error), &error);
     scene_check(karst_buffer_write(b->brick_info, 0, s->brick_info, s->num_bricks * sizeof(karst_brick_info), &error),
                 &error);
     for (uint32_t i = 0; i * b->bricks_per_segment < s->num_bricks; i++) {

@@ -206,15 +206,17 @@ static void write_some(karst_buffer *buffer, size_t offset_bytes, const void *va
     rig_expect(karst_buffer_write(buffer, offset_bytes, values, size_bytes, &error), "write", &error);
 }
 
-/* Writes a load's brick, to its last byte, or says that it has none. */
+/* Writes a load's brick, to its last byte, or says that it has none; of a node known to be clear it is kept. */
 static void produce_load(cache_rig *rig, uint32_t i)
 {
     uint32_t node = rig->load_nodes[i], brick = rig->load_slots[i], tile = node / KARST_TILE_NODES;
     int64_t at[3];
     rig_node_at(rig, node, at);
-    uint32_t result = rig->content(rig->tiles[tile].level, at, true);
+    uint32_t result = rig->content(rig->tiles[tile].level, at, true), known = rig_state(rig, node);
+    if (known == KARST_STATE_CLEAR_AIR || known == KARST_STATE_CLEAR_SOLID)
+        result |= KARST_LOAD_KEPT;
     write_some(rig->work.load_results, i * sizeof(result), &result, sizeof(result));
-    if (result != KARST_STATE_BRICK)
+    if (result != KARST_STATE_BRICK && !(result & KARST_LOAD_KEPT))
         return;
     uint64_t samples[KARST_BRICK_STRIDE * sizeof(int16_t) / sizeof(uint64_t)];
     for (size_t j = 0; j < sizeof(samples) / sizeof(samples[0]); j++)
