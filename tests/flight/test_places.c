@@ -71,8 +71,8 @@ static void test_cameras_far_from_the_origin(void **state)
     }
 }
 
-/* Everything repeats after 64 m, so 10^6 m away, and any power of ten beyond, it looks the same in every byte. Views are
- * short enough for levels whose bricks repeat too. */
+/* Everything repeats after 64 m, so 10^6 m away, and any power of ten beyond, it looks the same in every byte. Views
+ * are short enough for levels whose bricks repeat too. */
 static void test_a_world_that_repeats_looks_the_same_anywhere(void **state)
 {
     (void)state;
@@ -80,7 +80,8 @@ static void test_a_world_that_repeats_looks_the_same_anywhere(void **state)
                                "float density(vec3 p) {\n"
                                "    vec3 a = 6.283185307 * fract(p / 64.0);\n"
                                "    float web = dot(sin(a), cos(a.yzx));\n"
-                               "    return 10.0 * web - 4.0 + 0.5 * sin(16.0 * a.x) * sin(16.0 * a.y) * sin(16.0 * a.z);\n"
+                               "    vec3 bumps = sin(16.0 * a);\n"
+                               "    return 10.0 * web - 4.0 + 0.5 * bumps.x * bumps.y * bumps.z;\n"
                                "}\n";
     char file[] = "/tmp/karst-repeats-XXXXXX.karst";
     int fd = mkstemps(file, 6);
