@@ -69,7 +69,7 @@ void karst_emit_worley_lines(karst_emit *emit, karst_expr e)
                        "#ifdef EMIT_HOISTED\n"
                        "        emit_worley_row(&axes->w%u[k], iy, iz, %d, distance);\n"
                        "#else\n",
-                       e, both || is_f2);
+                       e, both ? 2 : is_f2);
     karst_emit_place(emit, e);
     if (both)
         karst_text_add(text, "        octave_noise_f1_f2(&q, weight.seed, distance);\n");
