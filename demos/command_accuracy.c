@@ -16,7 +16,8 @@ typedef struct {
 static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst accuracy WORLD [OPTIONS]\n"
-         "Draws a view at many quality settings, and compares each pixel with a reference that meets the world's density\n"
+         "Draws a view at many quality settings, and compares each pixel with a reference that meets the world's "
+         "density\n"
          "itself, on the host in double, by intervals: what each setting costs, and how wrong it is.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
@@ -26,7 +27,8 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst accuracy hills\n"
          "  karst accuracy alps --plot alps.svg --csv alps.csv\n"
          "  karst accuracy hills --quick --json - | jq '.settings[] | select(.default) | .depth_footprints'\n"
-         "\ndepth: distance along the ray to where the reference meets the density at the ray's own footprint, one pixel\n"
+         "\ndepth: distance along the ray to where the reference meets the density at the ray's own footprint, one "
+         "pixel\n"
          "wide; in footprints. missed, false: pixels where only the reference, only the engine hits.\n"
          "rms, PSNR, SSIM: a small picture against one of 16 rays a pixel of the full density.\n"
          "d, p: on the front of depth error, of picture error, over time (cast, refine and shade).\n"
@@ -40,8 +42,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, accuracy *a
         {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
          "metres, exact at any distance, and degrees (default: the world's)", &a->camera, 0, 0, NULL},
         {"quick", 0, COMMAND_FLAG, NULL, "only the default settings, refined and not", &out->quick, 0, 0, NULL},
-        {"frames", 0, COMMAND_INTEGER, "N", "settled frames to time each setting by (default: 9)", &a->num_frames, 1, 100,
-         NULL},
+        {"frames", 0, COMMAND_INTEGER, "N", "settled frames to time each setting by (default: 9)", &a->num_frames, 1,
+         100, NULL},
         {"json", 0, COMMAND_TEXT, "FILE", "the report; - is stdout, instead of the table", &out->json, 0, 0, NULL},
         {"csv", 0, COMMAND_TEXT, "FILE", "a line for each setting; - is stdout, likewise", &out->csv, 0, 0, NULL},
         {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: error over time", &out->plot, 0, 0, NULL},
@@ -92,14 +94,14 @@ static bool find_camera(accuracy *a, karst_error *error)
 {
     if (!a->camera)
         return true;
-    karst_world_config config = {.world = a->world_file,
-                                 .parameters = a->parameters.values,
-                                 .num_parameters = a->parameters.num_values};
+    karst_world_config config = {
+        .world = a->world_file, .parameters = a->parameters.values, .num_parameters = a->parameters.num_values};
     karst_world *world = karst_world_open(&config, error);
     if (!world)
         return false;
     a->camera_used = (karst_camera){.fov_deg = 60};
-    a->has_camera = karst_camera_parse(a->camera, karst_world_get_metadata(world)->voxel_log2_m, &a->camera_used, error);
+    a->has_camera =
+        karst_camera_parse(a->camera, karst_world_get_metadata(world)->voxel_log2_m, &a->camera_used, error);
     karst_world_close(world);
     return a->has_camera;
 }
@@ -131,7 +133,8 @@ static void print_table(const accuracy *a)
     for (size_t i = 0; i < a->num_settings; i++) {
         const accuracy_setting *s = &a->settings[i];
         const accuracy_result *r = &a->results[i];
-        printf("%-9s %8.2f %6.2f %6.2f %6.2f %6.2f %7llu %6.1f %15.5f %7.3f %8.2f %7llu %5llu %15.3f %5.2f %7.2f %5.1f %6.4f "
+        printf("%-9s %8.2f %6.2f %6.2f %6.2f %6.2f %7llu %6.1f %15.5f %7.3f %8.2f %7llu %5llu %15.3f %5.2f %7.2f %5.1f "
+               "%6.4f "
                "%s%s%s\n",
                s->family, s->detail_px, r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
                (unsigned long long)r->num_bricks, r->brick_mib, r->depth_median, r->depth_p99, r->depth_max,

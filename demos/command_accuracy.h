@@ -19,7 +19,8 @@ typedef struct {
 
 /* What it costs, and how wrong it is. */
 typedef struct {
-    double cast_ms, refine_ms, shade_ms, frame_ms; /* medians over settled frames without shadows: device, and wall clock */
+    double cast_ms, refine_ms, shade_ms,
+        frame_ms;        /* medians over settled frames without shadows: device, and wall clock */
     uint64_t num_bricks; /* that the picture needs */
     double brick_mib;
     double given_px; /* pixels per voxel: more than asked for if the pools are too small */

@@ -136,8 +136,7 @@ static bool compare_geometry(const accuracy *a, const float *depth_m, const floa
         }
         r->num_missed += expected;
         r->num_false += found;
-        if (expected != found &&
-            !is_silhouette(a, (int)(i % (size_t)a->size_px[0]), (int)(i / (size_t)a->size_px[0])))
+        if (expected != found && !is_silhouette(a, (int)(i % (size_t)a->size_px[0]), (int)(i / (size_t)a->size_px[0])))
             r->num_elsewhere++;
     }
     qsort(depths, num_depths, sizeof *depths, by_value);
@@ -235,9 +234,9 @@ static bool time_frames(const accuracy *a, karst_engine *engine, accuracy_result
     r->shade_ms = percentile(times_ms[SHADE], (size_t)a->num_frames, 0.5);
     r->frame_ms = percentile(times_ms[FRAME], (size_t)a->num_frames, 0.5);
     r->num_bricks = stats.bricks.num_used;
-    r->brick_mib = stats.bricks.num_total
-                       ? (double)stats.bricks.size_bytes / (double)stats.bricks.num_total * (double)r->num_bricks / 1048576
-                       : 0;
+    r->brick_mib = stats.bricks.num_total ? (double)stats.bricks.size_bytes / (double)stats.bricks.num_total *
+                                                (double)r->num_bricks / 1048576
+                                          : 0;
     r->given_px = stats.detail_given_px;
     return true;
 }
@@ -249,15 +248,14 @@ static bool measure_engine(accuracy *a, karst_engine *engine, accuracy_result *r
     float *depth_m = malloc(num_pixels * sizeof *depth_m), *normals = malloc(num_pixels * 3 * sizeof *normals);
     uint8_t *rgba = malloc(small_bytes);
     karst_stats stats;
-    bool done =
-        depth_m && normals && rgba
-            ? settle(engine, error) && time_frames(a, engine, r, error) &&
-                  karst_engine_read_depth(engine, depth_m, num_pixels, error) &&
-                  karst_engine_read_normals(engine, normals, num_pixels * 3, error) &&
-                  compare_geometry(a, depth_m, normals, r, error) &&
-                  karst_engine_set_size(engine, a->picture_px[0], a->picture_px[1], error) && settle(engine, error) &&
-                  karst_engine_read_pixels(engine, rgba, small_bytes, error)
-            : karst_fail(error, KARST_FAILED, "out of memory");
+    bool done = depth_m && normals && rgba
+                    ? settle(engine, error) && time_frames(a, engine, r, error) &&
+                          karst_engine_read_depth(engine, depth_m, num_pixels, error) &&
+                          karst_engine_read_normals(engine, normals, num_pixels * 3, error) &&
+                          compare_geometry(a, depth_m, normals, r, error) &&
+                          karst_engine_set_size(engine, a->picture_px[0], a->picture_px[1], error) &&
+                          settle(engine, error) && karst_engine_read_pixels(engine, rgba, small_bytes, error)
+                    : karst_fail(error, KARST_FAILED, "out of memory");
     if (done) {
         compare_pictures(a, rgba, r);
         karst_engine_stats(engine, &stats);

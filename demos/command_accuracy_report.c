@@ -38,21 +38,22 @@ char *accuracy_json(const accuracy *a)
         const accuracy_result *r = &a->results[i];
         json_array_append_new(
             settings,
-            json_pack("{s:s, s:f, s:b, s:b, s:{s:f, s:f, s:f, s:f, s:f}, s:I, s:f, s:f, s:{s:I, s:f, s:f, s:f}, s:I, s:I, "
-                      "s:I, s:{s:f, s:f}, s:{s:f, s:f, s:f}, s:b, s:b}",
-                      "family", s->family, "detail_px", s->detail_px, "refine", s->refine, "default", s->is_default,
-                      "time_ms", "cast", r->cast_ms, "refine", r->refine_ms, "shade", r->shade_ms, "device",
-                      device_ms(r), "frame", r->frame_ms, "num_bricks", (json_int_t)r->num_bricks, "brick_mib",
-                      r->brick_mib, "detail_given_px", r->given_px, "depth_footprints", "num", (json_int_t)r->num_compared,
-                      "median", r->depth_median, "p99", r->depth_p99, "max", r->depth_max, "num_missed",
-                      (json_int_t)r->num_missed, "num_false", (json_int_t)r->num_false, "num_off_silhouettes",
-                      (json_int_t)r->num_elsewhere, "normal_deg", "median", r->normal_median_deg, "p99",
-                      r->normal_p99_deg, "picture", "rmse", r->rmse, "psnr_db", r->psnr_db, "ssim", r->ssim,
-                      "depth_front", r->on_depth_front, "picture_front", r->on_picture_front));
+            json_pack(
+                "{s:s, s:f, s:b, s:b, s:{s:f, s:f, s:f, s:f, s:f}, s:I, s:f, s:f, s:{s:I, s:f, s:f, s:f}, s:I, s:I, "
+                "s:I, s:{s:f, s:f}, s:{s:f, s:f, s:f}, s:b, s:b}",
+                "family", s->family, "detail_px", s->detail_px, "refine", s->refine, "default", s->is_default,
+                "time_ms", "cast", r->cast_ms, "refine", r->refine_ms, "shade", r->shade_ms, "device", device_ms(r),
+                "frame", r->frame_ms, "num_bricks", (json_int_t)r->num_bricks, "brick_mib", r->brick_mib,
+                "detail_given_px", r->given_px, "depth_footprints", "num", (json_int_t)r->num_compared, "median",
+                r->depth_median, "p99", r->depth_p99, "max", r->depth_max, "num_missed", (json_int_t)r->num_missed,
+                "num_false", (json_int_t)r->num_false, "num_off_silhouettes", (json_int_t)r->num_elsewhere,
+                "normal_deg", "median", r->normal_median_deg, "p99", r->normal_p99_deg, "picture", "rmse", r->rmse,
+                "psnr_db", r->psnr_db, "ssim", r->ssim, "depth_front", r->on_depth_front, "picture_front",
+                r->on_picture_front));
     }
-    json_t *root = json_pack("{s:s, s:s, s:s, s:[i, i], s:[i, i], s:i, s:f, s:f, s:I, s:o}", "world", a->world, "camera",
-                             a->camera_text, "device", a->device_name, "size_px", a->size_px[0], a->size_px[1],
-                             "picture_px", a->picture_px[0], a->picture_px[1], "picture_rays_px",
+    json_t *root = json_pack("{s:s, s:s, s:s, s:[i, i], s:[i, i], s:i, s:f, s:f, s:I, s:o}", "world", a->world,
+                             "camera", a->camera_text, "device", a->device_name, "size_px", a->size_px[0],
+                             a->size_px[1], "picture_px", a->picture_px[0], a->picture_px[1], "picture_rays_px",
                              ACCURACY_RAYS_PX * ACCURACY_RAYS_PX, "reference_s", a->reference_s, "picture_s",
                              a->picture_s, "num_unresolved", (json_int_t)a->num_unresolved, "settings", settings);
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
@@ -77,18 +78,22 @@ char *accuracy_csv(const accuracy *a)
     FILE *file = open_memstream(&text, &size_bytes);
     if (!file)
         return NULL;
-    fputs("family,detail_px,refine,default,cast_ms,refine_ms,shade_ms,frame_ms,num_bricks,brick_mib,depth_median,depth_p99,"
+    fputs("family,detail_px,refine,default,cast_ms,refine_ms,shade_ms,frame_ms,num_bricks,brick_mib,depth_median,depth_"
+          "p99,"
           "depth_max,num_missed,num_false,num_off_silhouettes,normal_median_deg,normal_p99_deg,rmse,psnr_db,ssim,"
-          "depth_front,picture_front\n", file);
+          "depth_front,picture_front\n",
+          file);
     for (size_t i = 0; i < a->num_settings; i++) {
         const accuracy_setting *s = &a->settings[i];
         const accuracy_result *r = &a->results[i];
-        fprintf(file, "%s,%g,%d,%d,%.4f,%.4f,%.4f,%.4f,%llu,%.3f,%.6g,%.6g,%.6g,%llu,%llu,%llu,%.5g,%.5g,%.5g,%.5g,%.6g,%d,%d\n",
-                s->family, s->detail_px, s->refine, s->is_default, r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
-                (unsigned long long)r->num_bricks, r->brick_mib, r->depth_median, r->depth_p99, r->depth_max,
-                (unsigned long long)r->num_missed, (unsigned long long)r->num_false,
-                (unsigned long long)r->num_elsewhere, r->normal_median_deg, r->normal_p99_deg, r->rmse, r->psnr_db,
-                r->ssim, r->on_depth_front, r->on_picture_front);
+        fprintf(
+            file,
+            "%s,%g,%d,%d,%.4f,%.4f,%.4f,%.4f,%llu,%.3f,%.6g,%.6g,%.6g,%llu,%llu,%llu,%.5g,%.5g,%.5g,%.5g,%.6g,%d,%d\n",
+            s->family, s->detail_px, s->refine, s->is_default, r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
+            (unsigned long long)r->num_bricks, r->brick_mib, r->depth_median, r->depth_p99, r->depth_max,
+            (unsigned long long)r->num_missed, (unsigned long long)r->num_false, (unsigned long long)r->num_elsewhere,
+            r->normal_median_deg, r->normal_p99_deg, r->rmse, r->psnr_db, r->ssim, r->on_depth_front,
+            r->on_picture_front);
     }
     if (fclose(file) != 0) {
         free(text);
@@ -144,24 +149,35 @@ char *accuracy_plot(const accuracy *a, karst_error *error)
     }
     size_t num_curves = make_curves(a, curves);
     for (size_t c = 0; c < num_curves; c++) {
-        depth[c] = (plot_series){.name = curves[c].name, .kind = PLOT_LINE_AND_POINTS, .num = curves[c].num,
-                                 .x = curves[c].x, .y = curves[c].depth};
+        depth[c] = (plot_series){.name = curves[c].name,
+                                 .kind = PLOT_LINE_AND_POINTS,
+                                 .num = curves[c].num,
+                                 .x = curves[c].x,
+                                 .y = curves[c].depth};
         rmse[c] = depth[c];
         rmse[c].y = curves[c].rmse;
     }
     snprintf(title, sizeof title, "%s: error over time", a->world);
-    snprintf(subtitle, sizeof subtitle, "%d x %d on %s; picture error at %d x %d against %d rays a pixel of the full density",
-             a->size_px[0], a->size_px[1], a->device_name, a->picture_px[0], a->picture_px[1],
-             ACCURACY_RAYS_PX * ACCURACY_RAYS_PX);
+    snprintf(subtitle, sizeof subtitle,
+             "%d x %d on %s; picture error at %d x %d against %d rays a pixel of the full density", a->size_px[0],
+             a->size_px[1], a->device_name, a->picture_px[0], a->picture_px[1], ACCURACY_RAYS_PX * ACCURACY_RAYS_PX);
     const plot_axis time = {"cast, refine and shade, ms", true, 0, 0};
     const plot_panel panels[] = {
-        {.title = "depth", .x = time, .y = {"median error, footprints", true, 0, 0}, .series = depth,
-         .num_series = num_curves, .height = 1},
-        {.title = "picture", .x = time, .y = {"rms error, 8-bit steps", true, 0, 0}, .series = rmse,
-         .num_series = num_curves, .height = 1},
+        {.title = "depth",
+         .x = time,
+         .y = {"median error, footprints", true, 0, 0},
+         .series = depth,
+         .num_series = num_curves,
+         .height = 1},
+        {.title = "picture",
+         .x = time,
+         .y = {"rms error, 8-bit steps", true, 0, 0},
+         .series = rmse,
+         .num_series = num_curves,
+         .height = 1},
     };
-    const plot_page page = {.title = title, .subtitle = subtitle, .width_pt = 720, .height_pt = 720, .panels = panels,
-                            .num_panels = 2};
+    const plot_page page = {
+        .title = title, .subtitle = subtitle, .width_pt = 720, .height_pt = 720, .panels = panels, .num_panels = 2};
     char *svg = plot_svg(&page, error);
     free(curves);
     return svg;

@@ -22,8 +22,8 @@ typedef struct {
 
 RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
 
-/* For lanes of `m`, whose density is d0 at t: the change of sign that lies nearest, backward from solid and forward from
- * air, bracketed and narrowed. */
+/* For lanes of `m`, whose density is d0 at t: the change of sign that lies nearest, backward from solid and forward
+ * from air, bracketed and narrowed. */
 RAY_INLINE refined refine_by_search(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor,
                                     const vector3 *direction, vfloat t, vfloat d0, int level, vint m)
 {
@@ -82,8 +82,7 @@ RAY_INLINE refined refine_level(K_GLOBAL const ulong *data, const karst_shade_an
     exact_places(&place, anchor, direction, t);
     vfloat d0 = world_surface(data, &place, level, r.gradient);
     /* Into solid the density rises. */
-    vfloat slope =
-        k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
+    vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
     vfloat step = -d0 / slope * voxels_per_m;
     r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(reach));
     r.t = t;
@@ -133,14 +132,14 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
 #define OF_LANE(v, l) (v)
 #define EACH_LANE(F) F(s0)
 #endif
-#define STORE_REFINED_(l)                               \
-    if (OF_LANE(found, l)) {                            \
+#define STORE_REFINED_(l)                                \
+    if (OF_LANE(found, l)) {                             \
         K_GLOBAL karst_hit *hit = hits + OF_LANE(at, l); \
-        hit->t = OF_LANE(t, l);                         \
-        hit->kind = (uint)OF_LANE(word, l);             \
-        hit->position[0] = OF_LANE(normal.x, l);        \
-        hit->position[1] = OF_LANE(normal.y, l);        \
-        hit->position[2] = OF_LANE(normal.z, l);        \
+        hit->t = OF_LANE(t, l);                          \
+        hit->kind = (uint)OF_LANE(word, l);              \
+        hit->position[0] = OF_LANE(normal.x, l);         \
+        hit->position[1] = OF_LANE(normal.y, l);         \
+        hit->position[2] = OF_LANE(normal.z, l);         \
     }
 
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,

@@ -35,8 +35,7 @@ void karst_noise_jet_at(const karst_jet_place place[3], uint32_t seed, karst_noi
                              (double)noise_times_z(hash, 1.0f)};
         double ramp = g[0] * offset[0] + g[1] * offset[1] + g[2] * offset[2];
         double weight = w[0][0] * w[1][0] * w[2][0];
-        const double first[3] = {w[0][1] * w[1][0] * w[2][0], w[0][0] * w[1][1] * w[2][0],
-                                 w[0][0] * w[1][0] * w[2][1]};
+        const double first[3] = {w[0][1] * w[1][0] * w[2][0], w[0][0] * w[1][1] * w[2][0], w[0][0] * w[1][0] * w[2][1]};
         jet->value += weight * ramp;
         for (int i = 0; i < 3; i++) {
             jet->gradient[i] += first[i] * ramp + weight * g[i];

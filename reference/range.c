@@ -198,8 +198,7 @@ static karst_node_range place_range(const karst_ranger *r, karst_expr e)
     interval b = n->op == KARST_OP_MOD ? r->nodes[n->arg[1]].value : interval_thin(1);
     exact_place at = turns ? exact_lattice(r, record) : exact_cells(r, record);
     double rate = turns ? lattice_rate(r, record) : cells_rate(r, record);
-    in_cell = moving(r, interval_widen(interval_thin(at.fraction), PLACE_ERROR),
-                     interval_out(rate, rate));
+    in_cell = moving(r, interval_widen(interval_thin(at.fraction), PLACE_ERROR), interval_out(rate, rate));
     if (n->op == KARST_OP_MOD && interval_is_zero(b)) {
         karst_node_range none = {{0, 0}, {0, 0}, {0, 0}};
         return none;
@@ -252,8 +251,7 @@ static bool pass_octave(const karst_ranger *r, const karst_expr_node *n, const k
         pass->rate[i] = interval_out(rate, rate);
         const karst_expr_node *argument = &r->graph->nodes[n->arg[i]];
         if (argument->op != KARST_OP_AFFINE) {
-            const karst_node_range *offset =
-                &r->nodes[argument->op == KARST_OP_SHIFTED ? argument->arg[1] : n->arg[i]];
+            const karst_node_range *offset = &r->nodes[argument->op == KARST_OP_SHIFTED ? argument->arg[1] : n->arg[i]];
             by = 0.5 * (offset->middle.lo + offset->middle.hi) * scale;
             pass->unsure += fabs(scale) * (offset->middle.hi - offset->middle.lo);
             pass->rate[i] = interval_add(pass->rate[i], interval_scale(offset->slope, scale));
@@ -344,9 +342,9 @@ static karst_node_range steep_range(const karst_ranger *r, karst_expr e)
     const karst_noise *noise = &r->graph->noises[n->extra];
     const karst_octave *octave = karst_oracle_record(r->oracle, e);
     bool is_distance = noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2;
-    double most = is_distance                           ? 1
+    double most = is_distance                          ? 1
                   : noise->base == KARST_NOISE_SIMPLEX ? (double)NOISE_SIMPLEX_SUP_SLOPE
-                                                        : (double)NOISE_VALUE_SUP_SLOPE;
+                                                       : (double)NOISE_VALUE_SUP_SLOPE;
     double slope = 0, slack = 0, amplitude = 1, scale = 1, value = r->oracle->slots[e].d;
     for (int k = 0; k < noise->num_octaves; k++, octave++) {
         double weight = (double)octave_weight_at(octave, r->level).weight * fabs(amplitude) *

@@ -29,8 +29,8 @@ double karst_ranger_density(karst_ranger *ranger, const karst_position *anchor, 
                             int level);
 
 typedef struct {
-    interval value; /* of the density, over the piece */
-    interval slope; /* of its derivative by t, per level-0 voxel; the whole line where it may jump */
+    interval value;  /* of the density, over the piece */
+    interval slope;  /* of its derivative by t, per level-0 voxel; the whole line where it may jump */
     interval middle; /* of the density at the middle of the piece */
 } karst_piece;
 

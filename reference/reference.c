@@ -26,7 +26,7 @@ typedef struct {
     karst_camera camera;
     karst_pinhole pinhole;
     double voxel_m;
-    karst_reference_ray ray; /* all but the direction */
+    karst_reference_ray ray;   /* all but the direction */
     karst_reference_hit *hits; /* or */
     uint8_t *rgba;             /* of a picture of num_columns x num_rows, rays_px^2 rays a pixel */
     int rays_px, num_columns, num_rows;

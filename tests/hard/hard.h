@@ -23,9 +23,9 @@
 
 typedef struct {
     const char *name;
-    const char *scene;  /* expression of the density, with p */
-    const char *header; /* further entries of the world's header, each ended by a comma */
-    const char *camera; /* as --camera takes it */
+    const char *scene;       /* expression of the density, with p */
+    const char *header;      /* further entries of the world's header, each ended by a comma */
+    const char *camera;      /* as --camera takes it */
     int width_px, height_px; /* 0: 48 x 36 */
     double view_m;           /* 0: 2000 */
     double voxel_m;          /* 0: 0.0625 */
@@ -52,7 +52,8 @@ static inline void hard_write_world(const hard_case *c)
     FILE *file = fopen(hard_path, "w");
     assert_non_null(file);
     fprintf(file, "/*{ %s \"voxel\": %.17g, \"view\": %.17g }*/\nfloat density(vec3 p) { %s }\n",
-            c->header ? c->header : "", c->voxel_m > 0 ? c->voxel_m : 0.0625, c->view_m > 0 ? c->view_m : 2000.0, c->scene);
+            c->header ? c->header : "", c->voxel_m > 0 ? c->voxel_m : 0.0625, c->view_m > 0 ? c->view_m : 2000.0,
+            c->scene);
     assert_int_equal(fclose(file), 0);
 }
 
@@ -73,8 +74,7 @@ static inline bool hard_is_silhouette(const hard_case *c, int x, int y)
             near = fmin(near, hit->t_m);
             far = fmax(far, hit->t_m);
         }
-    return isinf(far) != isinf(near) ||
-           (isfinite(far) && far - near > 16 * hard_expected[y * width + x].footprint_m);
+    return isinf(far) != isinf(near) || (isfinite(far) && far - near > 16 * hard_expected[y * width + x].footprint_m);
 }
 
 static inline void hard_compare(const hard_case *c, int lanes, hard_result *result)
@@ -102,9 +102,9 @@ static inline void hard_compare(const hard_case *c, int lanes, hard_result *resu
             continue;
         }
         if (!result->num_elsewhere++)
-            print_message("  %s, %d lanes: pixel %d, %d: %.9g m, the reference has %.9g m (kind %d, footprint %.3g m)\n",
-                          c->name, lanes, i % width, i / width, (double)hard_depth_m[i], hit->t_m, (int)hit->kind,
-                          hit->footprint_m);
+            print_message(
+                "  %s, %d lanes: pixel %d, %d: %.9g m, the reference has %.9g m (kind %d, footprint %.3g m)\n", c->name,
+                lanes, i % width, i / width, (double)hard_depth_m[i], hit->t_m, (int)hit->kind, hit->footprint_m);
     }
 }
 

@@ -34,8 +34,7 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
         for (int i = 0; i < 3; i++)
             offset_m[i] = (aimed[i] ? spacing * (n * (i + 1) - 40) : 0.37 * n) - distance * forward[i];
         camera.position = karst_position_add_m(camera.position, offset_m, -4);
-        const karst_reference_config reference = {.world = hard_path, .camera = &camera, .width_px = 9,
-                                                  .height_px = 9};
+        const karst_reference_config reference = {.world = hard_path, .camera = &camera, .width_px = 9, .height_px = 9};
         if (!karst_reference_trace(&reference, hard_expected, NULL, NULL, NULL, &error))
             fail_msg("%s: %s", name, error.message);
         const karst_reference_hit *middle = &hard_expected[40];
@@ -45,8 +44,12 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
         assert_int_equal(middle->kind, KARST_REFERENCE_SURFACE);
         for (int k = 0; k < 2; k++) {
             bool settled;
-            const karst_engine_config config = {.world = hard_path, .display = KARST_DISPLAY_NONE, .width_px = 9,
-                                                .height_px = 9, .pool_bytes = (uint64_t)64 << 20, .no_shadows = true,
+            const karst_engine_config config = {.world = hard_path,
+                                                .display = KARST_DISPLAY_NONE,
+                                                .width_px = 9,
+                                                .height_px = 9,
+                                                .pool_bytes = (uint64_t)64 << 20,
+                                                .no_shadows = true,
                                                 .lanes = k ? 16 : 1};
             if (!engine[k])
                 engine[k] = karst_engine_create(&config, &error);
@@ -82,21 +85,40 @@ static void test_thin(void **state)
 {
     (void)state;
     const hard_case cases[] = {
-        {.name = "a plate 1 voxel thin", .scene = "return 0.5 - abs(p.z - 40.3);", .camera = "0,0,0,0,0",
+        {.name = "a plate 1 voxel thin",
+         .scene = "return 0.5 - abs(p.z - 40.3);",
+         .camera = "0,0,0,0,0",
          .least_hits = 1728},
-        {.name = "a plate 0.1 voxels thin", .scene = "return 0.05 - abs(p.z - 40.3);", .camera = "0,0,0,0,0",
+        {.name = "a plate 0.1 voxels thin",
+         .scene = "return 0.05 - abs(p.z - 40.3);",
+         .camera = "0,0,0,0,0",
          .limit = "what is thinner than a voxel at the level of its distance may fall between samples: plates of 0.1 "
                   "voxels are seen from nearby"},
-        {.name = "a plate 0.01 voxels thin", .scene = "return 0.005 - abs(p.z - 40.3);", .camera = "0,0,0,0,0",
+        {.name = "a plate 0.01 voxels thin",
+         .scene = "return 0.005 - abs(p.z - 40.3);",
+         .camera = "0,0,0,0,0",
          .limit = "as plates of 0.1 voxels"},
-        {.name = "a plate 0.1 m thin, from nearby", .scene = "return 0.05 - abs(p.z - 3.3);", .camera = "0,0,0,0,0",
-         .view_m = 3.6, .least_hits = 500},
-        {.name = "a gap of two voxels", .scene = "return abs(p.x - 0.3) - 2.0 - max(40.0 - p.z, 0.0) * 1e3;",
-         .camera = "0,0,20,0,0", .view_m = 60, .least_hits = 1000, .num_silhouette = 200},
-        {.name = "two surfaces in one cell", .scene = "return min(p.z - 40.2, max(p.z - 40.2, 40.7 - p.z + 0.01 * p.x));",
-         .camera = "0,0,0,0,0", .least_hits = 1000, .num_silhouette = 300},
-        {.name = "a needle 1.5 voxels wide", .scene = "return 0.75 - length(p.xz - vec2(0.7, 40.0));",
-         .camera = "0,0,0,0,0", .least_hits = 30, .num_silhouette = 100},
+        {.name = "a plate 0.1 m thin, from nearby",
+         .scene = "return 0.05 - abs(p.z - 3.3);",
+         .camera = "0,0,0,0,0",
+         .view_m = 3.6,
+         .least_hits = 500},
+        {.name = "a gap of two voxels",
+         .scene = "return abs(p.x - 0.3) - 2.0 - max(40.0 - p.z, 0.0) * 1e3;",
+         .camera = "0,0,20,0,0",
+         .view_m = 60,
+         .least_hits = 1000,
+         .num_silhouette = 200},
+        {.name = "two surfaces in one cell",
+         .scene = "return min(p.z - 40.2, max(p.z - 40.2, 40.7 - p.z + 0.01 * p.x));",
+         .camera = "0,0,0,0,0",
+         .least_hits = 1000,
+         .num_silhouette = 300},
+        {.name = "a needle 1.5 voxels wide",
+         .scene = "return 0.75 - length(p.xz - vec2(0.7, 40.0));",
+         .camera = "0,0,0,0,0",
+         .least_hits = 30,
+         .num_silhouette = 100},
     };
     RUN(cases);
 }
@@ -105,15 +127,32 @@ static void test_values(void **state)
 {
     (void)state;
     const hard_case cases[] = {
-        {.name = "scaled by 1e20", .scene = "return 1e20 * (3.0 * sin(p.x / 40.0) * cos(p.z / 50.0) - p.y);",
-         .camera = "0,12,0,20,-20", .view_m = 400, .least_hits = 700, .num_silhouette = 8},
-        {.name = "scaled by 1e-20", .scene = "return 1e-20 * (3.0 * sin(p.x / 40.0) * cos(p.z / 50.0) - p.y);",
-         .camera = "0,12,0,20,-20", .view_m = 400, .least_hits = 700, .num_silhouette = 8},
+        {.name = "scaled by 1e20",
+         .scene = "return 1e20 * (3.0 * sin(p.x / 40.0) * cos(p.z / 50.0) - p.y);",
+         .camera = "0,12,0,20,-20",
+         .view_m = 400,
+         .least_hits = 700,
+         .num_silhouette = 8},
+        {.name = "scaled by 1e-20",
+         .scene = "return 1e-20 * (3.0 * sin(p.x / 40.0) * cos(p.z / 50.0) - p.y);",
+         .camera = "0,12,0,20,-20",
+         .view_m = 400,
+         .least_hits = 700,
+         .num_silhouette = 8},
         /* Zero gradient, and zero itself, on all of the surface: zero is air. */
-        {.name = "plateau of zeros", .scene = "return max(-p.y - 1.0, 0.0) - max(p.y, 0.0);", .camera = "0,12,0,20,-30",
-         .view_m = 300, .within = 12, .least_hits = 700, .num_silhouette = 120},
-        {.name = "cube of a distance", .scene = "float d = 0.1 * p.y; return -d * d * d;", .camera = "0,12,0,20,-30",
-         .view_m = 300, .least_hits = 700, .num_silhouette = 8},
+        {.name = "plateau of zeros",
+         .scene = "return max(-p.y - 1.0, 0.0) - max(p.y, 0.0);",
+         .camera = "0,12,0,20,-30",
+         .view_m = 300,
+         .within = 12,
+         .least_hits = 700,
+         .num_silhouette = 120},
+        {.name = "cube of a distance",
+         .scene = "float d = 0.1 * p.y; return -d * d * d;",
+         .camera = "0,12,0,20,-30",
+         .view_m = 300,
+         .least_hits = 700,
+         .num_silhouette = 8},
     };
     RUN(cases);
 }
@@ -123,21 +162,44 @@ static void test_jumps(void **state)
     (void)state;
     const hard_case cases[] = {
         /* A jump between two samples is put somewhere between them. */
-        {.name = "a step", .scene = "return p.y < 0.3 ? 1.0 : -1.0;", .camera = "0,12,0,20,-30", .view_m = 200,
-         .within = 12, .least_hits = 700, .num_silhouette = 100},
-        {.name = "terraces", .scene = "return 4.0 * floor(p.x / 16.0) - p.y;", .camera = "8,40,0,0,-40", .view_m = 150,
-         .within = 4, .least_hits = 900, .num_silhouette = 250},
-        {.name = "noise far above Nyquist", .scene = "return noise(p * 64.0) - p.y;", .camera = "0,12,0,20,-30",
-         .view_m = 300, .least_hits = 700, .num_silhouette = 20},
-        {.name = "NaN in parts", .scene = "return (p.x > 20.0 ? sqrt(-1.0) / 0.0 * 0.0 : 0.0) - p.y;",
-         .camera = "0,12,0,0,-30", .view_m = 200,
+        {.name = "a step",
+         .scene = "return p.y < 0.3 ? 1.0 : -1.0;",
+         .camera = "0,12,0,20,-30",
+         .view_m = 200,
+         .within = 12,
+         .least_hits = 700,
+         .num_silhouette = 100},
+        {.name = "terraces",
+         .scene = "return 4.0 * floor(p.x / 16.0) - p.y;",
+         .camera = "8,40,0,0,-40",
+         .view_m = 150,
+         .within = 4,
+         .least_hits = 900,
+         .num_silhouette = 250},
+        {.name = "noise far above Nyquist",
+         .scene = "return noise(p * 64.0) - p.y;",
+         .camera = "0,12,0,20,-30",
+         .view_m = 300,
+         .least_hits = 700,
+         .num_silhouette = 20},
+        {.name = "NaN in parts",
+         .scene = "return (p.x > 20.0 ? sqrt(-1.0) / 0.0 * 0.0 : 0.0) - p.y;",
+         .camera = "0,12,0,0,-30",
+         .view_m = 200,
          .limit = "where a density is not finite there is air, and a warning counts it; edges of it are as wide as a "
                   "voxel"},
-        {.name = "infinity in parts", .scene = "return 1.0 / max(p.y, 0.0) - 1.0 / 0.5;", .camera = "0,12,0,20,-30",
+        {.name = "infinity in parts",
+         .scene = "return 1.0 / max(p.y, 0.0) - 1.0 / 0.5;",
+         .camera = "0,12,0,20,-30",
          .view_m = 200,
          .limit = "samples that are infinite count as air"},
-        {.name = "a level that ends in the middle", .scene = "return noise(p / 3.0) - p.y;", .camera = "0,12,0,20,-30",
-         .view_m = 400, .within = 3, .least_hits = 700, .num_silhouette = 60},
+        {.name = "a level that ends in the middle",
+         .scene = "return noise(p / 3.0) - p.y;",
+         .camera = "0,12,0,20,-30",
+         .view_m = 400,
+         .within = 3,
+         .least_hits = 700,
+         .num_silhouette = 60},
     };
     RUN(cases);
 }

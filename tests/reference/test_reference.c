@@ -38,8 +38,8 @@ static void open_text(world *w, const char *text)
     for (uint32_t i = 0; i < program->num_parameters; i++)
         w->values[i] = program->parameters[i].value;
     w->ranger = karst_ranger_create(program, w->values, program->header.seed, &error);
-    w->oracle = karst_oracle_create(&program->world, w->values, program->header.seed, program->header.voxel_log2_m,
-                                    &error);
+    w->oracle =
+        karst_oracle_create(&program->world, w->values, program->header.seed, program->header.voxel_log2_m, &error);
     assert_non_null(w->ranger);
     assert_non_null(w->oracle);
 }
@@ -356,18 +356,22 @@ static void test_noise_worlds(void **state)
 {
     (void)state;
     check_dense("fbm", "return 50.0 * fbm(p / 64.0, 5) - p.y * 0.3;", 0.02, 1e-6, 80);
-    check_dense("warped", "vec3 q = p + 20.0 * vec3(noise(p / 40.0, 1), noise(p / 50.0, 2), noise(p / 60.0, 3));"
-                          "return 30.0 * fbm(q / 50.0, 4) - p.y * 0.2;", 0.02, 1e-6, 60);
+    check_dense("warped",
+                "vec3 q = p + 20.0 * vec3(noise(p / 40.0, 1), noise(p / 50.0, 2), noise(p / 60.0, 3));"
+                "return 30.0 * fbm(q / 50.0, 4) - p.y * 0.2;",
+                0.02, 1e-6, 60);
     check_dense("ridged and sines", "return 30.0 * ridged(p / 80.0, 4, 0.5, 2.0, 1) - p.y + 8.0 * sin(p.x / 3.0);",
                 0.02, 1e-6, 60);
-    check_dense("caves", "float a = noise(p / 30.0, 1), b = noise(p / 30.0, 2);"
-                         "return min(40.0 - abs(p.y), 20.0 * (a * a + b * b) - 1.0) + 0.3 * noise(p / 2.0, 4);",
+    check_dense("caves",
+                "float a = noise(p / 30.0, 1), b = noise(p / 30.0, 2);"
+                "return min(40.0 - abs(p.y), 20.0 * (a * a + b * b) - 1.0) + 0.3 * noise(p / 2.0, 4);",
                 0.02, 1e-6, 60);
     check_dense("other noises",
                 "return 20.0 * worley(p / 40.0).x - 6.0 * simplex(p / 30.0) + 9.0 * valuenoise(p / 25.0) - 0.3 * p.y;",
                 0.02, 1e-6, 60);
-    check_dense("functions", "return 10.0 * exp(-p.y / 30.0) * (0.4 + cos(p.x / 9.0) * cos(p.z / 7.0))"
-                             " - sqrt(abs(p.y)) + atan(p.x, 30.0) - log(1.0 + p.z * p.z / 100.0);",
+    check_dense("functions",
+                "return 10.0 * exp(-p.y / 30.0) * (0.4 + cos(p.x / 9.0) * cos(p.z / 7.0))"
+                " - sqrt(abs(p.y)) + atan(p.x, 30.0) - log(1.0 + p.z * p.z / 100.0);",
                 0.02, 1e-6, 60);
 }
 
@@ -383,7 +387,8 @@ static void test_pieces_hold_points(void **state)
         "return floor(length(p) / 3.0) - p.y + (noise(p / 9.0) > 0.2 ? 1.0 : float(int(p.x * p.y) % 5));",
         "return mod(p.x + 3.0 * sin(p.z), 5.0) * fract(p.y / 7.0) - abs(p.z) / (1.0 + p.x * p.x);",
         "return min(length(p) - 30.0, max(p.x, 3.0 - p.y)) * smoothstep(-50.0, 50.0, p.z) + exp2(p.x / 50.0);",
-        "return 9.0 * valuenoise(p / 8.0) + worley(p / 5.0).y * p.x - simplex(p / 11.0 + vec3(sin(p.z), 0.0, 0.0)) - p.y;",
+        "return 9.0 * valuenoise(p / 8.0) + worley(p / 5.0).y * p.x - simplex(p / 11.0 + vec3(sin(p.z), 0.0, 0.0)) - "
+        "p.y;",
         "float a = turbulence(p / 20.0, 3, 0.5, 2.0, 3); return a * a > 0.1 ? a : floor(p.x / 3.0) - a * p.y;",
         "return sqrt(abs(p.x)) - log(abs(p.y) + 0.1) * atan(p.z, p.x) + cos(length(p) / 3.0);",
     };
@@ -442,8 +447,9 @@ static void test_gradients(void **state)
             const double axis[3] = {i == 0, i == 1, i == 2}, h = 1e-3;
             low = karst_reference_place(&low, axis, -h);
             high = karst_reference_place(&high, axis, h);
-            double central = (karst_oracle_density(w.oracle, &high, -1).precise -
-                              karst_oracle_density(w.oracle, &low, -1).precise) / (2 * h);
+            double central =
+                (karst_oracle_density(w.oracle, &high, -1).precise - karst_oracle_density(w.oracle, &low, -1).precise) /
+                (2 * h);
             if (fabs(central - gradient[i]) > 1e-5 * (1 + fabs(central)))
                 fail_msg("axis %d: gradient %.12g, differences give %.12g", i, gradient[i], central);
         }
@@ -554,16 +560,11 @@ int main(void)
     if (file >= 0)
         close(file);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_closed_forms),
-        cmocka_unit_test(test_far_out),
-        cmocka_unit_test(test_thin_things),
-        cmocka_unit_test(test_jumps),
-        cmocka_unit_test(test_noise_worlds),
-        cmocka_unit_test(test_pieces_hold_points),
-        cmocka_unit_test(test_gradients),
-        cmocka_unit_test(test_levels),
-        cmocka_unit_test(test_refusals),
-        cmocka_unit_test(test_gives_up),
+        cmocka_unit_test(test_closed_forms), cmocka_unit_test(test_far_out),
+        cmocka_unit_test(test_thin_things),  cmocka_unit_test(test_jumps),
+        cmocka_unit_test(test_noise_worlds), cmocka_unit_test(test_pieces_hold_points),
+        cmocka_unit_test(test_gradients),    cmocka_unit_test(test_levels),
+        cmocka_unit_test(test_refusals),     cmocka_unit_test(test_gives_up),
     };
     return cmocka_run_group_tests_name("reference", tests, NULL, NULL);
 }

@@ -91,9 +91,9 @@ static void test_refined_hits(void **state)
     for (int lanes = 1; lanes <= 16; lanes += 15) {
         draw(world, 1, true, lanes);
         compare();
-        print_message("hills, %d lanes: depth %.4f and %.2g footprints (refined), p90 %.2g; normals %.2f and %.2f degrees\n",
-                      lanes, plain, share(depth_errors, 0.5), share(depth_errors, 0.9), plain_deg,
-                      share(normal_errors_deg, 0.5));
+        print_message(
+            "hills, %d lanes: depth %.4f and %.2g footprints (refined), p90 %.2g; normals %.2f and %.2f degrees\n",
+            lanes, plain, share(depth_errors, 0.5), share(depth_errors, 0.9), plain_deg, share(normal_errors_deg, 0.5));
         assert_true(share(depth_errors, 0.5) <= 0.001);
         assert_true(share(depth_errors, 0.9) <= 0.05);
         assert_true(share(normal_errors_deg, 0.5) <= 0.7 && share(normal_errors_deg, 0.5) < plain_deg / 4);
