@@ -81,7 +81,7 @@ for tool in make "${CC:-cc}" "${AR:-ar}" awk timeout; do
     command -v "$tool" > /dev/null || { lack "no $tool: cannot build"; exit 1; }
 done
 has_header() { echo "#include <$1>" | "${CC:-cc}" -E -x c - > /dev/null 2>&1; }
-for header in CL/cl.h EGL/egl.h GL/glcorearb.h GL/osmesa.h png.h jansson.h cairo.h; do
+for header in CL/cl.h EGL/egl.h GL/glcorearb.h GL/osmesa.h png.h jansson.h cairo.h OpenEXR/openexr.h GLFW/glfw3.h; do
     has_header $header || has_header "cairo/$header" || lack "no header $header: a package is missing (README.md names them)"
 done
 has_header cmocka.h || { lack "no header cmocka.h: no tests"; KARST_GPU_TESTS=no; }
