@@ -102,13 +102,16 @@ static void settled_leaves_use_only(void **state)
     }
 }
 
+/* A brick on the way down is wanted even where a stand-in is near. */
+#define EVERY_LEVEL "-DSTAND_IN_LEVELS=1"
+
 static void missing_children_are_wanted(void **state)
 {
     (void)state;
     for (int k = 0; k < 2; k++) {
         scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
         scene_build(&s, 0);
-        karst_caster *caster = open_caster(&s, "");
+        karst_caster *caster = open_caster(&s, EVERY_LEVEL);
         /* The node of level 2 loses its children: its brick stands in. */
         uint32_t node = node_under(&s, 2);
         s.nodes[node].link = KARST_NODE_LINK(KARST_STATE_BRICK, 0);
@@ -142,6 +145,14 @@ static void missing_children_are_wanted(void **state)
         assert_int_equal(stamp_of(s.buffers.want_brick, node), 7);
         assert_int_equal(stamp_of(s.buffers.want_children, node), 7);
         assert_int_equal(stamp_of(s.buffers.brick_fallback, s.nodes[parent].brick), 7);
+        karst_caster_destroy(caster);
+        /* The parent's brick stands in well enough for a brick that will soon have no use not to be wanted. */
+        caster = open_caster(&s, "");
+        hit = cast_down(&s, caster, 0, 8);
+        assert_int_equal(hit.kind, KARST_HIT_PROVISIONAL | 3 << 8);
+        n = count_all(&s, 8);
+        assert_int_equal(n.want_children, 1);
+        assert_int_equal(n.want_brick, 0);
         karst_caster_destroy(caster);
         scene_destroy(&s);
     }
@@ -183,7 +194,7 @@ static void unknown_is_incomplete(void **state)
     for (int k = 0; k < 2; k++) {
         scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
         scene_upload(&s);
-        karst_caster *caster = open_caster(&s, "");
+        karst_caster *caster = open_caster(&s, EVERY_LEVEL);
         karst_hit hit = cast_down(&s, caster, 0, 5);
         assert_int_equal(hit.kind, KARST_HIT_MISS | KARST_HIT_INCOMPLETE);
         assert_true(hit.t == 100);
@@ -221,7 +232,7 @@ static void hidden_things_are_not_wanted(void **state)
         assert_int_equal(s.tiles[node / 8].level, 1);
         s.nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
         scene_upload(&s);
-        karst_caster *caster = open_caster(&s, "");
+        karst_caster *caster = open_caster(&s, EVERY_LEVEL);
         karst_cast_view view = scene_view(&s, outside, 1);
         const double zero[3] = {0}, d[3] = {0, -1, 0};
         karst_ray rays[2] = {make_ray(zero, d, 300), make_ray(zero, d, 0)};
