@@ -5,7 +5,13 @@ set -eu
 karst=$1 folder=$2
 scratch=$(mktemp -d)
 viewer= server=
-trap 'kill $viewer $server 2> /dev/null || true; rm -rf "$scratch"' EXIT
+end()
+{
+    kill $viewer 2> /dev/null && wait $viewer || true
+    kill $server 2> /dev/null || true
+    rm -rf "$scratch"
+}
+trap end EXIT
 export XDG_STATE_HOME="$scratch" XDG_CONFIG_HOME="$scratch"
 
 Xvfb -displayfd 3 -screen 0 1280x1024x24 -nolisten tcp -noreset 3> "$scratch/display" 2> /dev/null &
@@ -34,15 +40,15 @@ wait_for()
 viewer=$!
 xdotool mousemove 480 300
 wait_for settled true
-xdotool key p key Tab
-wait_for page '"frame"'
+xdotool key p key Tab key Tab
+wait_for page '"cache"'
 wait_for settled true
 sleep 1
 import -window root -crop 960x600+0+0 +repage "$scratch/view.png"
 convert "$scratch/view.png" -strip "$folder/view.png"
 
 # The clip: a turn and some steps, smaller.
-xdotool key Tab key Tab key Tab key p
+xdotool key Tab key Tab key p
 xdotool search --onlyvisible --class karst windowsize 480 300
 xdotool mousemove 240 150
 wait_for settled true
