@@ -52,7 +52,7 @@ xdotool key Tab key Tab key p
 xdotool search --onlyvisible --class karst windowsize 480 300
 xdotool mousemove 240 150
 wait_for settled true
-ffmpeg -v error -y -f x11grab -framerate 12 -video_size 480x300 -i "$DISPLAY" -t 5 "$scratch/clip.mkv" &
+ffmpeg -v error -y -f x11grab -draw_mouse 0 -framerate 12 -video_size 480x300 -i "$DISPLAY" -t 5 "$scratch/clip.mkv" &
 clip=$!
 sleep 0.5
 xdotool keydown w

@@ -303,6 +303,8 @@ static void test_resolution_key(void **state)
 
 int main(void)
 {
+    if (is_left_out())
+        return 0;
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_keys_move),
         cmocka_unit_test(test_a_tap_is_not_lost),
