@@ -85,7 +85,7 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
                                    .max_tiles = left->tiles,
                                    .max_bricks = left->bricks,
                                    .may_drop_fallback = true};
-    if (engine->budget_ns > 0 && engine->motion.steady)
+    if (engine->budget_ns > 0 && engine->motion.travels)
         params.lasting_class = finest_class(engine);
     if (engine->budget_ns > 0) {
         karst_cost_limits limits =
