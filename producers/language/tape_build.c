@@ -57,6 +57,34 @@ static int part_of(const builder *b, karst_expr argument, bool as_pair)
                                                                                                   : PART_VALUE;
 }
 
+static bool is_number(const builder *b, karst_expr e, float value)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    return n->op == KARST_OP_CONSTANT && n->type == KARST_TYPE_FLOAT &&
+           karst_number_to_float(*karst_graph_constant(b->graph, e)) == value;
+}
+
+/* The t of a product t * t * (3 - 2 * t), as smoothstep has it and noises written by hand; KARST_NO_EXPR for others.
+ * Its factors apart say far less than the curve: it rises from 0 to 1. */
+static karst_expr faded_by(const builder *b, karst_expr e)
+{
+    const karst_expr_node *nodes = b->graph->nodes, *n = &nodes[e];
+    if (n->op != KARST_OP_MULTIPLY || n->type != KARST_TYPE_FLOAT || is_wide(b, e))
+        return KARST_NO_EXPR;
+    for (int k = 0; k < 2; k++) {
+        const karst_expr_node *square = &nodes[n->arg[k]], *line = &nodes[n->arg[1 - k]];
+        karst_expr t = square->arg[0];
+        if (square->op != KARST_OP_MULTIPLY || square->arg[1] != t || line->op != KARST_OP_FMA || is_pair(b, t) ||
+            is_wide(b, n->arg[k]) || is_wide(b, n->arg[1 - k]) || b->layout->is_known[t] ||
+            !is_number(b, line->arg[2], 3))
+            continue;
+        if ((line->arg[0] == t && is_number(b, line->arg[1], -2)) ||
+            (line->arg[1] == t && is_number(b, line->arg[0], -2)))
+            return t;
+    }
+    return KARST_NO_EXPR;
+}
+
 static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
 {
     for (uint32_t i = 0; i < num_roots; i++) {
@@ -75,6 +103,10 @@ static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
                 if (b->last_use[argument][read] < e)
                     b->last_use[argument][read] = e;
             }
+            karst_expr t = faded_by(b, e);
+            b->needed[t][PART_VALUE] = 1;
+            if (b->last_use[t][PART_VALUE] < e)
+                b->last_use[t][PART_VALUE] = e;
         }
     }
 }
@@ -203,6 +235,11 @@ static void release_arguments(builder *b, karst_expr e, int part)
             b->last_use[argument][read] = 0; /* once, if it is read twice */
         }
     }
+    karst_expr t = faded_by(b, e);
+    if (t && b->last_use[t][PART_VALUE] == e) {
+        b->free_slots[b->num_free++] = b->slot[t][PART_VALUE];
+        b->last_use[t][PART_VALUE] = 0;
+    }
 }
 
 static void add_instruction(builder *b, karst_expr e, int part)
@@ -216,6 +253,11 @@ static void add_instruction(builder *b, karst_expr e, int part)
     for (int k = 0; k < 4; k++) {
         i->arg[k] = operand_of(b, read_by(b, e, k), as_pair);
         i->count += n->arg[k] != 0;
+    }
+    karst_expr t = faded_by(b, e);
+    if (t) {
+        i->arg[2] = operand_of(b, t, false);
+        i->flags |= TAPE_IS_FADE;
     }
     /* a choice's type is its values' */
     i->argument_type = b->graph->nodes[n->arg[0]].type;

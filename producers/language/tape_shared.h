@@ -113,6 +113,7 @@ enum {
 
 #define TAPE_IS_STEPS 1u  /* piecewise constant: arguments that are one number make it one number */
 #define TAPE_IS_WIDE 2u   /* computed in pairs */
+#define TAPE_IS_FADE 4u   /* a product t * t * (3 - 2 * t); argument c is t, for bounds */
 #define TAPE_DERIVATIVE 4 /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
 
 typedef struct {

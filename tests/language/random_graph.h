@@ -194,6 +194,19 @@ static inline karst_expr random_bits_as_float(random_graph *r)
     return karst_expr_bits(g, KARST_TYPE_FLOAT, a);
 }
 
+/* t * t * (3 - 2 * t), mostly of a t from 0 to 1. */
+static inline karst_expr random_fade(random_graph *r, karst_expr a)
+{
+    karst_graph *g = &r->graph;
+    karst_expr t = random_chance(4) ? a
+                   : random_chance(2)
+                       ? karst_expr_1(g, KARST_OP_FRACT, a)
+                       : karst_expr_2(g, KARST_OP_MIN, karst_expr_2(g, KARST_OP_MAX, a, karst_graph_float(g, 0)),
+                                      karst_graph_float(g, 1));
+    karst_expr line = karst_expr_3(g, KARST_OP_FMA, t, karst_graph_float(g, -2), karst_graph_float(g, 3));
+    return karst_expr_2(g, KARST_OP_MULTIPLY, karst_expr_2(g, KARST_OP_MULTIPLY, t, t), line);
+}
+
 static inline karst_expr random_float_node(random_graph *r)
 {
     static const karst_op one[] = {KARST_OP_NEGATE, KARST_OP_ABS,  KARST_OP_FLOOR, KARST_OP_CEIL, KARST_OP_RINT,
@@ -216,6 +229,10 @@ static inline karst_expr random_float_node(random_graph *r)
     case 6:
         return karst_expr_2(g, two[random_below(sizeof two / sizeof *two)], a, b);
     case 7:
+        if (random_chance(2))
+            c = random_fade(r, c);
+        if (random_chance(4))
+            return c;
         return random_chance(2) ? karst_expr_3(g, KARST_OP_FMA, a, b, c) : karst_expr_3(g, KARST_OP_MIX, a, b, c);
     case 8: {
         karst_expr v[4] = {a, b, c, pool_pick(r, KARST_TYPE_FLOAT)};

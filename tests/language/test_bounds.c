@@ -12,22 +12,24 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                              \
-    X(JUMP)                                                                                                          \
-    X(ADD)                                                                                                           \
-    X(NEGATE)                                                                                                        \
-    X(MULTIPLY)                                                                                                      \
-    X(SQUARE)                                                                                                        \
-    X(SCALE)                                                                                                         \
-    X(DIVIDE)                                                                                                        \
-    X(DIVIDE_BY_ZERO)                                                                                                \
-    X(DECIDE)                                                                                                        \
-    X(MIN) X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) \
-        X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD)       \
-            X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY)       \
-                X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP)    \
-                    X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE) X(DOUBT_EITHER) X(DOUBT_LATTICE)   \
-                        X(DOUBT_FADE) X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE)
+#define BOUNDS_RULES(X)                                                                                           \
+    X(JUMP)                                                                                                       \
+    X(ADD)                                                                                                        \
+    X(NEGATE)                                                                                                     \
+    X(MULTIPLY)                                                                                                   \
+    X(SQUARE)                                                                                                     \
+    X(SCALE)                                                                                                      \
+    X(DIVIDE)                                                                                                     \
+    X(DIVIDE_BY_ZERO)                                                                                             \
+    X(DECIDE)                                                                                                     \
+    X(MIN)                                                                                                        \
+    X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH)     \
+        X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD)    \
+            X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY)    \
+                X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) \
+                    X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE)          \
+                        X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS)   \
+                            X(TOO_FINE)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
