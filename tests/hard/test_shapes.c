@@ -26,7 +26,7 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
     double worst = 0;
     int num_places = 0;
     hard_write_world(&c);
-    for (int n = 0; n < 60; n++) {
+    for (int n = 0; n < 24; n++) {
         /* from in front, a little above and beside */
         karst_camera camera = {.yaw_deg = 17.3 + 0.5 * n, .pitch_deg = -11.7 + 0.3 * n, .fov_deg = 14};
         double right[3], up[3], forward[3], offset_m[3];
@@ -67,7 +67,7 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
     karst_engine_destroy(engine[0]);
     karst_engine_destroy(engine[1]);
     print_message("%s: hit from %d places, at most %.3f footprints off\n", name, num_places, worst);
-    assert_true(num_places > 40);
+    assert_true(num_places > 16);
     unlink(hard_path);
 }
 
