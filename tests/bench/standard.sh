@@ -20,7 +20,7 @@ float density(vec3 p)
     return 300.0 * fbm(q / 1024.0, 8) - p.y;
 }
 END
-parts=${PARTS:-settled flight size pool distance lanes production start collect}
+parts=${PARTS:-settled flight size pool distance lanes production bounds start collect}
 wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
 
 # bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
@@ -174,6 +174,11 @@ if wants start; then
     unset KARST_CACHE_DIR POCL_CACHE_DIR
 fi
 
+# Speed beside a scalar build, bounds beside naive ones, and starts of all shipped worlds.
+if wants bounds && [ -x "$programs/bench/bench_standard_production" ]; then
+    "$programs/bench/bench_standard_production"
+    "$programs/bench/bench_standard_start"
+fi
 if wants collect && [ -x "$programs/cache/bench_cache" ]; then
     echo; echo "Collect and publish, ms (marks: under 0.5)"
     "$programs/cache/bench_cache" | sed 's/^/    /'
