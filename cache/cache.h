@@ -58,9 +58,6 @@ typedef struct {
     uint32_t frame;        /* for age and churn.reproduced */
     karst_position camera; /* priority: projected error (2^level over the distance to the node's box), coarse first,
                               ties by node index */
-    /* 0, or the class (karst_want_class) of the largest error that is asked for: within each factor of 2 of the error,
-     * counted from there, the smallest is served first. For cameras in motion: see karst_want_lasting. */
-    uint32_t lasting_class;
     uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
     bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, oldest first */
 } karst_collect_params;

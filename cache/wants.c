@@ -161,14 +161,10 @@ static bool find_active(karst_wants *wants, uint32_t serial, uint32_t *num_activ
     return karst_cache_send(wants->active, 0, wants->host_active, num * sizeof(*wants->host_active), error);
 }
 
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t lasting_class,
-                        uint32_t max_loads, uint32_t max_subdivides, karst_error *error)
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+                        uint32_t max_subdivides, karst_error *error)
 {
-    karst_wants_view view = {{camera[0], camera[1], camera[2]},
-                             serial,
-                             wants->pools->num_tiles * KARST_TILE_NODES,
-                             lasting_class,
-                             0};
+    karst_wants_view view = {{camera[0], camera[1], camera[2]}, serial, wants->pools->num_tiles * KARST_TILE_NODES};
     max_loads = max_loads < KARST_CACHE_MAX_WORK ? max_loads : KARST_CACHE_MAX_WORK;
     max_subdivides = max_subdivides < KARST_CACHE_MAX_WORK ? max_subdivides : KARST_CACHE_MAX_WORK;
     wants->loads->num = wants->loads->num_all = 0;

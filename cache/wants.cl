@@ -92,10 +92,9 @@ static uint class_of(uint node, karst_wants_view view, __global const karst_tile
 {
     uint tile = node / KARST_TILE_NODES;
     int level = tile_info[tile].level, shift = level + KARST_BRICK_CELLS_LOG2;
-    uint c = karst_want_class(level, karst_want_gap(tile_info[tile].corner[0] + (node & 1), view.camera[0], shift),
+    return karst_want_class(level, karst_want_gap(tile_info[tile].corner[0] + (node & 1), view.camera[0], shift),
                             karst_want_gap(tile_info[tile].corner[1] + (node >> 1 & 1), view.camera[1], shift),
                             karst_want_gap(tile_info[tile].corner[2] + (node >> 2 & 1), view.camera[2], shift));
-    return view.lasting_class ? karst_want_lasting(c, view.lasting_class) : c;
 }
 
 /* The wants of active chunks [first, first + num): those of chunk i go to wants[offsets[i]...]. */

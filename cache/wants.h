@@ -48,8 +48,8 @@ bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles
                         karst_error *error);
 /* Reads the wants of a serial and chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK
  * of either) into wants->loads and wants->subdivides. */
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3],
-                        uint32_t lasting_class, uint32_t max_loads, uint32_t max_subdivides, karst_error *error);
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+                        uint32_t max_subdivides, karst_error *error);
 /* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads
  * first. */
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,

@@ -21,10 +21,8 @@ typedef struct {
     long camera[3]; /* level-0 voxel */
     uint serial;
     uint num_nodes;
-    uint lasting_class; /* 0, or see karst_want_lasting */
-    uint pad;
 } karst_wants_view;
-K_ASSERT_SIZE(karst_wants_view, 40);
+K_ASSERT_SIZE(karst_wants_view, 32);
 
 /* Level-0 voxels between the camera and a node's extent on one axis, exact; 0: inside. `shift` is log2 of the node's
  * width, at most 63: unsigned, since the gap may be longer than an int64 holds. */
@@ -49,15 +47,6 @@ K_INLINE uint karst_want_class(int level, ulong gap_x, ulong gap_y, ulong gap_z)
     float squared = k_max(x * x + y * y + z * z, 0.0625f);
     return (k_as_uint(squared) >> 20) +
            16u * (uint)(59 - level); /* level at most 59: 2040 + 944 < KARST_WANT_CLASSES */
-}
-
-/* The order for a camera that moves on and a budget that does not follow: within each factor of 2 of the projected
- * error, counted from class `first`, the smallest error first. What has just come within reach of a level stays at it
- * for longest; largest error first would serve what is about to be replaced by the next level. */
-K_INLINE uint karst_want_lasting(uint c, uint first)
-{
-    uint phase = first & 15u, turned = ((c + 16u - phase) ^ 15u) + phase;
-    return turned > 16u ? turned - 16u : 0u;
 }
 
 /* Which of a node's wants count: for what it does not have and could have. */

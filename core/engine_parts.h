@@ -50,7 +50,7 @@ typedef struct {
 
 /* How the camera moves, by frame. */
 typedef struct {
-    bool has_camera, steady, travels; /* travels: steadily, and not only turning */
+    bool has_camera, steady;
     karst_camera camera; /* of the last frame */
     double step_m[3], yaw_deg, pitch_deg;
 } karst_engine_motion;

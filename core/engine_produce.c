@@ -1,8 +1,6 @@
 /* Answering what rays asked for: rounds of collect, produce and publish, within a frame's budget. */
-#include <math.h>
 #include <time.h>
 
-#include "cache/wants_shared.h"
 #include "core/engine_parts.h"
 
 /* Rounds of a frame beyond the picture's own. Each gets at least one level further down. */
@@ -67,14 +65,6 @@ static void count_made(karst_engine *engine, const karst_work *work, uint32_t nu
     stats->num_bricks_constant += num_constant;
 }
 
-/* The class of a node that is as near as its level is shown: nearer, its children are. */
-static uint32_t finest_class(const karst_engine *engine)
-{
-    double cone = 2 * tan(engine->camera.fov_deg * (M_PI / 360)) / engine->height_px;
-    double near_voxels = 1 / (cone * engine->detail_px * karst_ladder_factor(&engine->ladder));
-    return karst_want_class(0, (ulong)near_voxels, 0, 0);
-}
-
 /* One round for the wants of the frame's serial. */
 static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
                          karst_error *error)
@@ -85,8 +75,6 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
                                    .max_tiles = left->tiles,
                                    .max_bricks = left->bricks,
                                    .may_drop_fallback = true};
-    if (engine->budget_ns > 0 && engine->motion.travels)
-        params.lasting_class = finest_class(engine);
     if (engine->budget_ns > 0) {
         karst_cost_limits limits =
             karst_cost_plan(&engine->cost, left->ns, left->bricks < left->tiles ? left->bricks : left->tiles);

@@ -64,7 +64,6 @@ void karst_engine_note_motion(karst_engine *engine)
     motion->steady = moves && is_steady(step_m, length(before.step_m), length(change_m)) &&
                      is_steady(motion->yaw_deg, before.yaw_deg, fabs(motion->yaw_deg - before.yaw_deg)) &&
                      is_steady(motion->pitch_deg, before.pitch_deg, fabs(motion->pitch_deg - before.pitch_deg));
-    motion->travels = motion->steady && step_m > 0;
 }
 
 bool karst_engine_look_ahead(const karst_engine *engine, karst_camera *ahead)

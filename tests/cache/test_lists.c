@@ -289,7 +289,7 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
     assert_int_equal(counted_tiles, used_tiles);
     assert_int_equal(counted_bricks, used_bricks);
     assert_int_equal(any, asked);
-    assert_true(karst_wants_choose(wants, rig.serial, rig.camera.voxel, 0, limit, limit, NULL));
+    assert_true(karst_wants_choose(wants, rig.serial, rig.camera.voxel, limit, limit, NULL));
     for (int kind = 0; kind < 2; kind++) {
         const karst_wants_choice *choice = kind ? wants->subdivides : wants->loads;
         qsort(keys[kind], num[kind], sizeof(uint64_t), compare_uint64);
@@ -362,12 +362,6 @@ static void test_classes(void **state)
                     KARST_WANT_CLASSES);
         assert_int_equal(karst_want_class(level, 0, 0, 0), karst_want_class(level, 1, 0, 0));
     }
-    /* Turned round within each 16, from any class on; the sixteens keep their order. */
-    for (uint32_t first = 1; first < 40; first++)
-        for (uint32_t c = 64; c < 256; c++) {
-            uint32_t last = c + 15 - (c - first) % 16;
-            assert_int_equal(karst_want_lasting(c, first), last - (c - first) % 16);
-        }
     assert_true(karst_want_class(3, 3, 4, 12) == karst_want_class(3, 12, 3, 4));
     assert_true(karst_want_class(3, 30, 40, 120) == karst_want_class(3, 130, 0, 0));
 }
