@@ -60,6 +60,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &b->parameters, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &b->pool_mib, 0,
          16777216, NULL},
         {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle in at most (default: 1000)", &b->max_frames, 1,

@@ -168,9 +168,11 @@ static void test_nothing_pops(void **state)
 /* ---- the field, on the host ---- */
 
 /* The value of the node's own samples at p (in its density's units), or +-1 if it is constant. */
-static double field_at(const scene *s, const double p[3], int level, double *slope)
+static double field_at(scene *s, const double p[3], int level, double *slope)
 {
     uint32_t node = scene_find(s, p, level);
+    if (KARST_NODE_STATE(s->nodes[node].link) == KARST_STATE_LOST) /* rays just miss it */
+        assert_true(scene_load(s, node));
     uint32_t state = KARST_NODE_STATE(s->nodes[node].link);
     *slope = 1;
     if (state == KARST_STATE_AIR || state == KARST_STATE_SOLID)
@@ -202,7 +204,7 @@ static double field_at(const scene *s, const double p[3], int level, double *slo
 }
 
 /* What a ray should see at t: level and weight from t alone. */
-static double blended_at(const scene *s, const double anchor[3], const karst_ray *ray, double t, double *slope)
+static double blended_at(scene *s, const double anchor[3], const karst_ray *ray, double t, double *slope)
 {
     double p[3], footprint = ray->width + ray->cone * t, other;
     int level = footprint < 1 ? 0 : (int)floor(log2(footprint));
