@@ -135,8 +135,9 @@ typedef struct {
     bool live;        /* one frame for each picture */
     const char *path; /* NULL: a single view */
     uint64_t elapsed_ns;
-    uint64_t start_ns;                  /* when the command began, on command_clock_ns; 0: not known */
-    uint64_t hole_free_ns, complete_ns; /* from then to the first picture without a hole, and to the first settled one */
+    uint64_t start_ns; /* when the command began, on command_clock_ns; 0: not known */
+    uint64_t hole_free_ns,
+        complete_ns; /* from then to the first picture without a hole, and to the first settled one */
     size_t num_frames, max_frames;
     uint64_t *times_ns; /* of each frame: KARST_NUM_STAGES stages, then the frame */
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;

@@ -37,8 +37,8 @@ void karst_prepared_world_destroy(karst_prepared_world *world); /* NULL is fine 
 
 /* Shows a prepared world from the next frame on, and takes it over, also when it fails (then the old one stays).
  * Called from the engine's own thread. The camera stays where it is, in metres. If the density is the same (the text
- * changed in colours, names, sun or comments only), all that was made stays: no brick is made again. *kept, which may be
- * NULL, says so. Errors: KARST_USAGE (view distance of the configuration against the voxels of this world),
+ * changed in colours, names, sun or comments only), all that was made stays: no brick is made again. *kept, which may
+ * be NULL, says so. Errors: KARST_USAGE (view distance of the configuration against the voxels of this world),
  * KARST_FAILED. */
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error);
 

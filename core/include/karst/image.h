@@ -23,10 +23,11 @@ bool karst_image_write_png(const char *path, const uint8_t *rgba, int width_px, 
  * Thread-safe. */
 uint8_t *karst_image_read_png(const char *path, int *width_px, int *height_px, karst_error *error);
 
-/* Writes an OpenEXR file of 32-bit floats, whole or not at all: channels R, G, B (the picture's colours, made linear from
- * sRGB: what the eye sees, not the light that there was), and if given Z (`depth_m`: metres along each ray, infinite
- * where nothing is) and N.X, N.Y, N.Z (`normals`: three floats a pixel, world axes, zeros where nothing is). Top row
- * first. Errors: KARST_USAGE (a side outside 1 to KARST_IMAGE_MAX_PX), KARST_FAILED; both name the path. Thread-safe. */
+/* Writes an OpenEXR file of 32-bit floats, whole or not at all: channels R, G, B (the picture's colours, made linear
+ * from sRGB: what the eye sees, not the light that there was), and if given Z (`depth_m`: metres along each ray,
+ * infinite where nothing is) and N.X, N.Y, N.Z (`normals`: three floats a pixel, world axes, zeros where nothing is).
+ * Top row first. Errors: KARST_USAGE (a side outside 1 to KARST_IMAGE_MAX_PX), KARST_FAILED; both name the path.
+ * Thread-safe. */
 bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *depth_m, const float *normals,
                            int width_px, int height_px, karst_error *error);
 
