@@ -54,6 +54,7 @@ static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_
            karst_cache_publish(engine->cache, work, NULL, num_constant, error);
 }
 
+/* Requests are those of the picture's own rays, and what scouts asked for and got. */
 static void count_made(karst_engine *engine, const karst_work *work, uint32_t num_constant)
 {
     karst_stats *stats = &engine->stats;
@@ -110,6 +111,7 @@ bool karst_engine_load_root(karst_engine *engine, karst_error *error)
         !produce(engine, &work, &num_constant, error))
         return false;
     count_made(engine, &work, num_constant);
+    engine->stats.num_requests += work.num_loads;
     return true;
 }
 
@@ -120,22 +122,26 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
     if (!answer_round(engine, &engine->camera.position, &left, work, error))
         return false;
-    stats->num_requests = work->num_requests;
+    stats->num_requests += work->num_requests;
     stats->num_deferred = work->num_deferred_budget + work->num_starved_bricks + work->num_starved_tiles;
     stats->tiles.num_used = work->num_used_tiles;
     stats->bricks.num_used = work->num_used_bricks;
 
     /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. */
     karst_work more = *work;
-    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
+    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++) {
         if (!karst_engine_scout(engine, &engine->camera, error) ||
             !answer_round(engine, &engine->camera.position, &left, &more, error))
             return false;
+        stats->num_requests += more.num_loads + more.num_subdivides;
+    }
     /* The rest is for what the next frames will see. */
     karst_camera ahead;
-    if (engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead))
-        return karst_engine_scout(engine, &ahead, error) &&
-               answer_round(engine, &ahead.position, &left, &more, error);
+    if (engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead)) {
+        if (!karst_engine_scout(engine, &ahead, error) || !answer_round(engine, &ahead.position, &left, &more, error))
+            return false;
+        stats->num_requests += more.num_loads + more.num_subdivides;
+    }
     return true;
 }
 

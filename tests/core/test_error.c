@@ -113,8 +113,8 @@ static void test_a_log_takes_long_lines_and_may_be_missing(void **state)
 static void test_stages_have_the_names_of_the_statistics(void **state)
 {
     (void)state;
-    static const char *const names[KARST_NUM_STAGES] = {"cast",     "shade",    "collect", "subdivide",
-                                                        "evaluate", "finalise", "display"};
+    static const char *const names[KARST_NUM_STAGES] = {"cast",      "refine",   "shade",    "collect",
+                                                        "subdivide", "evaluate", "finalise", "display"};
     for (int i = 0; i < KARST_NUM_STAGES; i++)
         assert_string_equal(karst_stage_name((karst_stage)i), names[i]);
     assert_string_equal(karst_stage_name(KARST_NUM_STAGES), "unknown");
