@@ -31,7 +31,7 @@ static void rescale_position(karst_position *position, int from_log2_m, int to_l
 {
     int finer = from_log2_m - to_log2_m; /* voxels become 2^finer times as many */
     for (int axis = 0; axis < 3; axis++) {
-        __int128 fixed = ((__int128)position->voxel[axis] << 32) | position->fraction[axis];
+        __int128 fixed = (__int128)position->voxel[axis] * ((__int128)1 << 32) + position->fraction[axis];
         __int128 limit = (__int128)KARST_ENGINE_MAX_VOXEL << 32;
         for (int i = 0; i < finer && fixed < limit && fixed > -limit; i++)
             fixed *= 2;
