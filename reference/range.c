@@ -142,11 +142,12 @@ static exact_place exact_period(const karst_ranger *r, const karst_period *form)
 {
     const affine_position *at = &r->oracle->at;
     __extension__ typedef __int128 wide_int;
-    wide_int place = ((wide_int)at->voxel[form->axis] << 32) + at->fraction[form->axis];
-    place -= ((wide_int)form->offset_voxel << 32) + form->offset_fraction;
+    const wide_int one = (wide_int)1 << 32;
+    wide_int place = (wide_int)at->voxel[form->axis] * one + at->fraction[form->axis];
+    place -= (wide_int)form->offset_voxel * one + form->offset_fraction;
     if (form->negative)
         place = -place;
-    wide_int period = (wide_int)form->period << 32, rest = place % period, whole = place / period;
+    wide_int period = (wide_int)form->period * one, rest = place % period, whole = place / period;
     if (rest < 0) {
         rest += period;
         whole--;
