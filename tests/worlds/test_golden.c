@@ -16,7 +16,7 @@ static void choose_nodes(shipped_world *world, pool_node nodes[NUM_LOADS])
         int64_t voxel[3];
         for (int axis = 0; axis < 3; axis++)
             voxel[axis] = world->surface[axis];
-        voxel[0] += (int64_t)(i % 3 - 1) << (level + KARST_BRICK_CELLS_LOG2);
+        voxel[0] += (i % 3 - 1) * ((int64_t)1 << (level + KARST_BRICK_CELLS_LOG2));
         voxel[2] += i >= 3 ? 1000000000000000 : 0;
         shipped_to_surface(world, voxel, (int64_t)1 << (level + 8));
         nodes[n].level = level;
