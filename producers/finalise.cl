@@ -314,7 +314,7 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
 #endif
 
     if (total) {
-        if (brick == 0 && LOCAL_ID == 0)
+        if ((brick | (uint)LOCAL_ID) == 0u)
             tally(loads, scrubs, count, total);
         return;
     }
