@@ -279,6 +279,20 @@ HELPER place where(void)
     return p;
 }
 
+/* Settled twice at the same place: a busy machine may say "settled" of a frame before the last key. */
+HELPER void until_at_rest(void)
+{
+    char last[400] = "";
+    for (int tries = 0; tries < 100; tries++) {
+        UNTIL(yes("settled"));
+        if (strcmp(last, text("camera")) == 0)
+            return;
+        snprintf(last, sizeof last, "%s", text("camera"));
+        nap(0.4);
+    }
+    fail_msg("never at rest: %s", last);
+}
+
 /* Opens a viewer, and waits until its picture has settled. */
 HELPER void open_viewer(const char *arguments)
 {

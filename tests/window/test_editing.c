@@ -216,14 +216,8 @@ static void test_a_path_is_recorded_and_flown(void **state)
     assert_true(act("keydown d"));
     nap(0.6);
     assert_true(act("keyup d"));
-    /* At rest: twice at the same place, since a busy machine may say "settled" of a frame before the key. */
-    double end = NAN;
-    for (int tries = 0; tries < 60 && where().x != end; tries++) {
-        UNTIL(yes("settled"));
-        end = where().x;
-        nap(0.5);
-        UNTIL(yes("settled"));
-    }
+    until_at_rest();
+    double end = where().x;
     assert_true(end > 0.05);
     key("F6");
     UNTIL(!yes("recording"));

@@ -29,7 +29,7 @@ static void hold(const char *name, double seconds)
     assert_true(act("keydown %s", name));
     nap(seconds);
     assert_true(act("keyup %s", name));
-    UNTIL(yes("settled"));
+    until_at_rest();
 }
 
 static void go_home(void)
