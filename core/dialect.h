@@ -23,8 +23,8 @@
 
 #define k_fma(a, b, c) fma(a, b, c)
 #define k_sqrt(x) sqrt(x)
-/* PoCL's floor and rint of vectors are ten instructions; the compiler's own are one. The same bits. (oclgrind knows only
- * the former: KARST_PLAIN_FLOOR.) */
+/* PoCL's floor and rint of vectors are ten instructions; the compiler's own are one. The same bits. oclgrind knows only
+ * the former: KARST_PLAIN_FLOOR. */
 #if defined(__has_builtin) && !defined(KARST_PLAIN_FLOOR)
 #if __has_builtin(__builtin_elementwise_floor) && __has_builtin(__builtin_elementwise_roundeven)
 #define k_floor(x) __builtin_elementwise_floor(x)
