@@ -17,9 +17,10 @@ typedef struct karst_cache karst_cache;
 typedef struct {
     karst_buffer *nodes;     /* karst_node[num_tiles * 8] */
     karst_buffer *tile_info; /* karst_tile_info[num_tiles] */
-    karst_buffer
-        *bricks[KARST_MAX_BRICK_SEGMENTS]; /* short[bricks_per_segment * KARST_BRICK_STRIDE] each; unused repeat [0] */
+    karst_buffer *bricks[KARST_MAX_BRICK_SEGMENTS]; /* karst_brick_sample[bricks_per_segment * KARST_BRICK_STRIDE] each;
+                                                     * unused repeat [0] */
     uint32_t num_segments, bricks_per_segment;
+    int brick_bits; /* of a sample: 8, 32, or 16, for which 0 stands, too */
     karst_buffer *brick_info;                                /* karst_brick_info[num_bricks] */
     karst_buffer *brick_owner;                               /* karst_brick_owner[num_bricks] */
     karst_buffer *tile_stamp, *brick_stamp, *brick_fallback; /* uint each */
@@ -30,7 +31,11 @@ typedef struct {
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
 #define KARST_CACHE_TILE_BYTES 216
-#define KARST_CACHE_BRICK_BYTES (KARST_BRICK_STRIDE * 2 + 48)
+#define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_STRIDE * (bits) / 8 + 48))
+#define KARST_CACHE_BRICK_BYTES KARST_CACHE_BRICK_BYTES_OF(16)
+
+/* What kernels that read or write bricks are built with: "" for 16 bits. */
+const char *karst_cache_brick_option(const karst_cache_buffers *buffers);
 
 /* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
 #define KARST_CACHE_MAX_WORK 8192u
@@ -43,6 +48,9 @@ typedef struct {
  * KARST_MAX_TILES). */
 karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
                                 size_t max_segment_bytes, karst_error *error);
+/* With bricks of 8, 16 or 32 bits a sample (0: 16). */
+karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
+                                   size_t max_segment_bytes, int brick_bits, karst_error *error);
 void karst_cache_destroy(karst_cache *cache);
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache);
 

@@ -11,6 +11,7 @@
 #ifndef KARST_CACHE_LAYOUT_SHARED_H
 #define KARST_CACHE_LAYOUT_SHARED_H
 
+#include "cache/sample_shared.h"
 #include "core/dialect.h"
 
 #define KARST_BRICK_CELLS 16 /* cells on a side of a brick */
@@ -18,7 +19,7 @@
 #define KARST_BRICK_SIDE (KARST_BRICK_CELLS + 1) /* samples on a side */
 #define KARST_BRICK_SAMPLES \
     (KARST_BRICK_SIDE * KARST_BRICK_SIDE * KARST_BRICK_SIDE) /* 4913, x fastest, then y, then z */
-#define KARST_BRICK_STRIDE 4928 /* 16-bit samples from one slot to the next: a multiple of 64 bytes */
+#define KARST_BRICK_STRIDE 4928 /* samples from one slot to the next: a multiple of 64 bytes */
 #define KARST_BLOCK_CELLS 4     /* cells on a side of a block of the block mask: 4^3 blocks, 64 bits */
 
 #define KARST_TILE_NODES 8
@@ -66,8 +67,9 @@ typedef struct {
 K_ASSERT_SIZE(karst_tile_info, 64);
 #define KARST_TILE_PARENT_WORD 7 /* where `parent` stands among its 32-bit words */
 
-/* What a ray reads for each brick: 16 bytes. Value of a sample = scale * (float)q, q a signed 16-bit integer that has
- * the sign of the density (0 counts as air; a positive density is at least 1, a negative one at most -1).
+/* What a ray reads for each brick: 16 bytes. Value of a sample = scale * (float)q, q a karst_brick_sample
+ * (sample_shared.h) that has the sign of the density (0 counts as air; of 16 bits a positive density is at least 1, a
+ * negative one at most -1).
  * safe_cells * |q interpolated| is a distance in cells within which the interpolant has no zero. */
 typedef struct {
     float scale;

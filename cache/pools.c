@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define BRICK_BYTES ((size_t)KARST_BRICK_STRIDE * sizeof(int16_t))
 /* Kernels address samples inside a segment by int32 byte offsets. */
 #define MAX_SEGMENT_BYTES ((size_t)1 << 31)
 #define MAX_LEVEL 59 /* a node's width, 2^(level + 4) voxels, is at most 2^63 */
@@ -28,18 +27,19 @@ bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *dat
 static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
     karst_cache_buffers *b = &cache->buffers;
+    size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
     size_t limit = smaller(cache->context->max_allocation_bytes, MAX_SEGMENT_BYTES);
     if (max_segment_bytes)
         limit = smaller(limit, max_segment_bytes);
-    size_t most = limit / BRICK_BYTES;
+    size_t most = limit / brick_bytes;
     if (most == 0)
         return karst_fail(error, KARST_USAGE, "segments of %zu bytes for bricks of %zu: use larger ones", limit,
-                          BRICK_BYTES);
+                          brick_bytes);
     size_t num_slots = (size_t)b->num_bricks + KARST_CACHE_ROOT_BRICKS, num_segments = (num_slots + most - 1) / most;
     if (num_segments > KARST_MAX_BRICK_SEGMENTS)
         return karst_fail(error, KARST_USAGE,
                           "%u bricks take %zu segments of %zu bytes, but %d is the limit: use a smaller pool%s",
-                          b->num_bricks, num_segments, most * BRICK_BYTES, KARST_MAX_BRICK_SEGMENTS,
+                          b->num_bricks, num_segments, most * brick_bytes, KARST_MAX_BRICK_SEGMENTS,
                           max_segment_bytes ? " or larger segments" : "");
     b->num_segments = (uint32_t)num_segments;
     b->bricks_per_segment = (uint32_t)((num_slots + num_segments - 1) / num_segments);
@@ -47,7 +47,7 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
         if (i >= b->num_segments)
             b->bricks[i] = b->bricks[0];
         else if (!(b->bricks[i] =
-                       karst_buffer_create_blank(cache->context, "bricks", b->bricks_per_segment * BRICK_BYTES, error)))
+                       karst_buffer_create_blank(cache->context, "bricks", b->bricks_per_segment * brick_bytes, error)))
             return false;
     }
     return true;
@@ -111,9 +111,26 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
            karst_churn_init(&cache->churn, error);
 }
 
+const char *karst_cache_brick_option(const karst_cache_buffers *buffers)
+{
+    return buffers->brick_bits == 8    ? " -DKARST_BRICK_BITS=8"
+           : buffers->brick_bits == 32 ? " -DKARST_BRICK_BITS=32"
+                                       : "";
+}
+
 karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
                                 size_t max_segment_bytes, karst_error *error)
 {
+    return karst_cache_create_of(context, num_tiles, num_bricks, max_segment_bytes, 16, error);
+}
+
+karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
+                                   size_t max_segment_bytes, int brick_bits, karst_error *error)
+{
+    if (brick_bits != 0 && brick_bits != 8 && brick_bits != 16 && brick_bits != 32) {
+        karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", brick_bits);
+        return NULL;
+    }
     if (num_tiles < 2 || num_bricks < 9 || num_tiles > KARST_MAX_TILES) {
         karst_fail(error, KARST_USAGE, "a cache of %u tiles and %u bricks: at least 2 and 9, and at most %u tiles",
                    num_tiles, num_bricks, KARST_MAX_TILES);
@@ -127,6 +144,7 @@ karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint
     cache->context = context;
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;
+    cache->buffers.brick_bits = brick_bits ? brick_bits : 16;
     if (!create_buffers(cache, max_segment_bytes, error) || !create_rooms(cache, error) ||
         !karst_cache_clear(cache, error)) {
         karst_cache_destroy(cache);

@@ -22,7 +22,8 @@
 /* Slots of both pools from the configuration. */
 static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error)
 {
-    uint64_t set_bytes = KARST_CACHE_BRICK_BYTES + (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
+    uint64_t set_bytes = KARST_CACHE_BRICK_BYTES_OF(config->brick_bits ? (uint32_t)config->brick_bits : 16u) +
+                         (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
     uint64_t pool_bytes = config->pool_bytes ? config->pool_bytes : DEFAULT_POOL_BYTES;
     uint64_t bricks = config->num_bricks ? config->num_bricks : pool_bytes / set_bytes;
     uint64_t tiles = config->num_tiles ? config->num_tiles : bricks * TILES_PER_BRICK;
@@ -82,6 +83,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
+    if (config->brick_bits != 0 && config->brick_bits != 8 && config->brick_bits != 16 && config->brick_bits != 32) {
+        karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", config->brick_bits);
+        goto failed;
+    }
     if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
         karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
         goto failed;
@@ -113,7 +118,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
     if (!engine->context)
         goto failed;
-    engine->cache = karst_cache_create(engine->context, num_tiles, num_bricks, config->max_segment_bytes, error);
+    engine->cache = karst_cache_create_of(engine->context, num_tiles, num_bricks, config->max_segment_bytes,
+                                          config->brick_bits, error);
     if (!engine->cache || !karst_engine_allocate_picture(engine, error))
         goto failed;
     const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks};

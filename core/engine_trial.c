@@ -17,15 +17,16 @@ static bool trial_buffer(trial *t, karst_buffer **buffer, size_t size_bytes, kar
     return *buffer != NULL;
 }
 
-static bool trial_open(trial *t, karst_context *of, karst_error *error)
+static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error *error)
 {
     karst_cache_buffers *cache = &t->cache;
     *t = (trial){.context = karst_context_fork(of, error)};
     *cache = (karst_cache_buffers){
-        .num_tiles = TRIAL_TILES, .num_bricks = TRIAL_BRICKS, .num_segments = 1, .bricks_per_segment = TRIAL_BRICKS};
+        .num_tiles = TRIAL_TILES, .num_bricks = TRIAL_BRICKS, .num_segments = 1, .bricks_per_segment = TRIAL_BRICKS,
+        .brick_bits = brick_bits};
     if (!t->context || !trial_buffer(t, &cache->nodes, TRIAL_TILES * KARST_TILE_NODES * sizeof(karst_node), error) ||
         !trial_buffer(t, &cache->tile_info, TRIAL_TILES * sizeof(karst_tile_info), error) ||
-        !trial_buffer(t, &cache->bricks[0], (size_t)TRIAL_BRICKS * KARST_BRICK_STRIDE * 2, error) ||
+        !trial_buffer(t, &cache->bricks[0], (size_t)TRIAL_BRICKS * KARST_BRICK_STRIDE * sizeof(float), error) ||
         !trial_buffer(t, &cache->brick_info, TRIAL_BRICKS * sizeof(karst_brick_info), error) ||
         !trial_buffer(t, &cache->brick_owner, TRIAL_BRICKS * sizeof(karst_brick_owner), error) ||
         !trial_buffer(t, &t->work.load_nodes, sizeof(uint32_t), error) ||
@@ -104,7 +105,7 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *open
     trial t;
     const karst_engine_wishes wishes = {engine->shadows, engine->refine, 1};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
-    bool done = trial_open(&t, engine->context, error) &&
+    bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&
                 trial_run(&t, &world, engine->shadows, error);
     if (t.context)

@@ -108,7 +108,9 @@ void karst_engine_world_close(karst_engine_world *world)
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
-    world->producer = karst_world_file_producer(context, world->file, world->seed, wishes->max_loads, error);
+    const karst_world_build build = {.shape = KARST_SHAPE_AUTO, .finalise_options = karst_cache_brick_option(buffers)};
+    world->producer =
+        karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
     /* After the producer, whose data a world's colours read. */
     if (!world->producer)
         return false;

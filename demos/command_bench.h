@@ -50,7 +50,7 @@ typedef struct {
     const char *camera, *device;
     karst_display_kind display_kind;
     int size_px[2];
-    uint64_t num_runs, num_rounds, seed, lanes, max_frames, num_pictures;
+    uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     bool has_seed, no_shadows, no_blend;
     command_parameters parameters;

@@ -11,7 +11,7 @@ typedef struct {
     const char *source;           /* what "world.clh" is (producers/density.clh); borrowed during creation */
     const char *bounds_source;    /* NULL, or what it is instead where only bounds are wanted */
     const char *options;          /* build options for it, such as "-DWORLD_SEED=7u"; "" for none */
-    const char *finalise_options; /* NULL, or more options for finalise (tests) */
+    const char *finalise_options; /* NULL, or more options for finalise */
     const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
     size_t data_bytes; /* a multiple of 8 */
     karst_shape shape;

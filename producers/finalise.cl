@@ -1,4 +1,4 @@
-/* Finalise: samples in staging memory become a constant or clear node or a 16-bit brick. KARST_GROUP work-items share a
+/* Finalise: samples in staging memory become a constant or clear node or a brick. KARST_GROUP work-items share a
  * brick (1: the CPU shape); whatever the shape, results are maxima, counts and bit masks, which do not depend on the
  * order. */
 #include "core/lanes.clh"
@@ -19,12 +19,24 @@
 #define FINALISE_CALL K_INLINE K_WIDE /* barriers stand in entries */
 #endif
 
-#if LANES == 16
+#if LANES == 1
+#define LOAD_Q(p) ((float)*(p))
+#define STORE_Q(q, p) (*(p) = (karst_brick_sample)(q))
+#elif KARST_BRICK_BITS == 32
+#define LOAD_Q(p) vload16(0, p)
+#define STORE_Q(q, p) vstore16(q, 0, p)
+#else
 #define LOAD_Q(p) convert_float16(vload16(0, p))
+#if KARST_BRICK_BITS == 16
 #define STORE_Q(q, p) vstore16(convert_short16(q), 0, p)
 #else
-#define LOAD_Q(p) ((float)*(p))
-#define STORE_Q(q, p) (*(p) = (short)(q))
+#define STORE_Q(q, p) vstore16(convert_char16(q), 0, p)
+#endif
+#endif
+#if KARST_BRICK_BITS == 32
+#define ROUND_Q(q) (q)
+#else
+#define ROUND_Q(q) k_rint(q)
 #endif
 
 /* A value of each work-item becomes one of the group. The group's cells start at 0 and each is used once. */
@@ -171,15 +183,20 @@ K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_surve
 
 /* Samples to q: nearest, clamped, and never on the other side of zero. The padding at the end becomes whatever the
  * staging's holds. */
-K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, K_GLOBAL short *slot)
+K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, K_GLOBAL karst_brick_sample *slot)
 {
-    vfloat per_unit = (vfloat)(KARST_MAX_Q / range), most = (vfloat)(range);
-    vfloat none = (vfloat)(0.0f), one = (vfloat)(1.0f);
+#if KARST_BRICK_BITS == 32
+    const float q_per_unit = 1.0f / karst_brick_scale(range, KARST_BRICK_BITS), most_q = range * q_per_unit;
+#else
+    const float most_q = karst_max_q(KARST_BRICK_BITS), q_per_unit = most_q / range;
+#endif
+    vfloat per_unit = (vfloat)(q_per_unit), most = (vfloat)(range);
+    vfloat none = (vfloat)(0.0f), least = (vfloat)(karst_least_q(KARST_BRICK_BITS));
 
     for (int first = LOCAL_ID * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
         vfloat d = v_load_float(samples + first);
         vfloat size = v_min(k_fabs(d), most);
-        vfloat q = v_min(v_max(k_rint(size * per_unit), one), (vfloat)(KARST_MAX_Q));
+        vfloat q = v_min(v_max(ROUND_Q(size * per_unit), least), (vfloat)(most_q));
         STORE_Q(v_select(v_gt(d, none), q, v_select(v_lt(d, none), -q, none)), slot + first);
     }
 }
@@ -188,13 +205,13 @@ K_INLINE K_WIDE void encode_samples(K_GLOBAL const float *samples, float range, 
  *
  * In a cell, each component of the trilinear interpolant's gradient is a weighted mean of the differences along the
  * four edges of that axis; so the largest of the four bounds it, and the three together bound the gradient's length. */
-K_INLINE K_WIDE float survey_slope(K_GLOBAL const short *slot)
+K_INLINE K_WIDE float survey_slope(K_GLOBAL const karst_brick_sample *slot)
 {
     vfloat steepest = (vfloat)(0.0f);
 
     for (int column = LOCAL_ID * LANES; column < NUM_COLUMNS; column += KARST_GROUP * LANES) {
         int x = column % KARST_BRICK_CELLS, z = column / KARST_BRICK_CELLS;
-        K_GLOBAL const short *q = slot + z * PLANE + x;
+        K_GLOBAL const karst_brick_sample *q = slot + z * PLANE + x;
         vfloat q00 = LOAD_Q(q), q10 = LOAD_Q(q + 1), q01 = LOAD_Q(q + PLANE), q11 = LOAD_Q(q + PLANE + 1);
         vfloat dx = v_max(k_fabs(q10 - q00), k_fabs(q11 - q01)), dz = v_max(k_fabs(q01 - q00), k_fabs(q11 - q10));
         for (int y = 0; y < KARST_BRICK_CELLS; y++) {
@@ -211,19 +228,21 @@ K_INLINE K_WIDE float survey_slope(K_GLOBAL const short *slot)
     return v_max_across(steepest);
 }
 
-K_INLINE K_GLOBAL short *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL short *b0, K_GLOBAL short *b1,
-                                 K_GLOBAL short *b2, K_GLOBAL short *b3, K_GLOBAL short *b4, K_GLOBAL short *b5,
-                                 K_GLOBAL short *b6, K_GLOBAL short *b7)
+K_INLINE K_GLOBAL karst_brick_sample *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL karst_brick_sample *b0,
+                                        K_GLOBAL karst_brick_sample *b1, K_GLOBAL karst_brick_sample *b2,
+                                        K_GLOBAL karst_brick_sample *b3, K_GLOBAL karst_brick_sample *b4,
+                                        K_GLOBAL karst_brick_sample *b5, K_GLOBAL karst_brick_sample *b6,
+                                        K_GLOBAL karst_brick_sample *b7)
 {
     uint segment = slot / bricks_per_segment;
-    K_GLOBAL short *base = segment == 0   ? b0
-                           : segment == 1 ? b1
-                           : segment == 2 ? b2
-                           : segment == 3 ? b3
-                           : segment == 4 ? b4
-                           : segment == 5 ? b5
-                           : segment == 6 ? b6
-                                          : b7;
+    K_GLOBAL karst_brick_sample *base = segment == 0   ? b0
+                                  : segment == 1 ? b1
+                                  : segment == 2 ? b2
+                                  : segment == 3 ? b3
+                                  : segment == 4 ? b4
+                                  : segment == 5 ? b5
+                                  : segment == 6 ? b6
+                                                 : b7;
     return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_STRIDE;
 }
 
@@ -234,7 +253,7 @@ typedef struct {
     K_GLOBAL uint *result;
     K_GLOBAL karst_scrub *scrub;
     K_GLOBAL karst_brick_info *info;
-    K_GLOBAL short *q;
+    K_GLOBAL karst_brick_sample *q;
 } brick_places;
 
 #if KARST_GROUP == 1
@@ -269,12 +288,13 @@ FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
     survey_surface(at->samples, &surface);
     float reach = group_max_float(surface.reach, cells + 5);
     uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
-    float range = karst_brick_range(largest, kept ? largest : reach);
+    float range = karst_brick_range(largest, kept ? largest : reach, KARST_BRICK_BITS);
     encode_samples(at->samples, range, at->q);
     GROUP_BARRIER();
     float slope_squared = group_max_float(survey_slope(at->q), cells + 8);
     if (LOCAL_ID == 0) {
-        karst_brick_info info = {range / KARST_MAX_Q, karst_safe_cells(slope_squared), {blocks0, blocks1}};
+        karst_brick_info info = {
+            karst_brick_scale(range, KARST_BRICK_BITS), karst_safe_cells(slope_squared), {blocks0, blocks1}};
         *at->info = info;
     }
 }
@@ -304,9 +324,10 @@ K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
 karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float *staging, uint first, uint count,
                       K_GLOBAL const uint *restrict load_slots, K_GLOBAL uint *restrict load_results,
                       K_GLOBAL karst_brick_info *restrict brick_info, K_GLOBAL karst_scrub *restrict scrubs,
-                      K_GLOBAL karst_scrub_total *restrict total, uint bricks_per_segment, K_GLOBAL short *b0,
-                      K_GLOBAL short *b1, K_GLOBAL short *b2, K_GLOBAL short *b3, K_GLOBAL short *b4,
-                      K_GLOBAL short *b5, K_GLOBAL short *b6, K_GLOBAL short *b7)
+                      K_GLOBAL karst_scrub_total *restrict total, uint bricks_per_segment,
+                      K_GLOBAL karst_brick_sample *b0, K_GLOBAL karst_brick_sample *b1, K_GLOBAL karst_brick_sample *b2,
+                      K_GLOBAL karst_brick_sample *b3, K_GLOBAL karst_brick_sample *b4, K_GLOBAL karst_brick_sample *b5,
+                      K_GLOBAL karst_brick_sample *b6, K_GLOBAL karst_brick_sample *b7)
 {
     uint brick = (uint)get_group_id(0);
 #if KARST_GROUP > 1

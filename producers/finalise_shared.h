@@ -1,31 +1,13 @@
-/* How samples become 16-bit bricks. Compiled twice: see core/dialect.h. */
+/* How samples become bricks. Compiled twice: see core/dialect.h. */
 #ifndef KARST_PRODUCERS_FINALISE_SHARED_H
 #define KARST_PRODUCERS_FINALISE_SHARED_H
 
 #include "producers/load_shared.h"
 
-#define KARST_MAX_Q 32767.0f
-/* A brick keeps its full range, so that rays far from the surface see how far they are, unless that is more than this
- * many times the largest density at a corner of a surface cell: beyond it values are clamped. In a field that is near
- * to a distance the corners of surface cells reach 0.5 to 1.7 cells: nothing is clamped within 16 cells of the surface,
- * and a cell is some 2000 steps of q, whose normals differ by 0.03 degrees from exact ones. In a wild field (an
- * exponential, a pole) the surface cells keep 1000 steps, whatever the field does elsewhere. */
-#define KARST_CLAMP_SURFACES 32.0f
-/* Smaller scales than this would make 1 / scale infinite. */
-#define KARST_MIN_RANGE 0x1p-100f
 /* What a sample that is not finite becomes: air, as little as can be told from 0. */
 #define KARST_SCRUBBED (-KARST_MIN_RANGE)
 /* Longer safe steps than this leave the brick anyway. */
 #define KARST_MAX_SAFE_CELLS 32.0f
-
-/* The density that q = 32767 stands for. `largest` is max |d| over the brick, `surface` the same over corners of
- * surface cells. */
-K_INLINE float karst_brick_range(float largest, float surface)
-{
-    float clamp = surface * KARST_CLAMP_SURFACES; /* infinite for a huge surface: no clamp */
-    float range = clamp < largest ? clamp : largest;
-    return range > KARST_MIN_RANGE ? range : KARST_MIN_RANGE;
-}
 
 /* karst_brick_info.safe_cells from the square of the steepest slope of q, in q per cell. The relative error of the sum
  * of squares, the root and the quotient is below 2^-21. */

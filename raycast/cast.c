@@ -35,7 +35,8 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
         return NULL;
     }
     char all_options[512];
-    snprintf(all_options, sizeof(all_options), "-DSEGMENTS=%u %s", cache->num_segments, options);
+    snprintf(all_options, sizeof(all_options), "-DSEGMENTS=%u %s%s", cache->num_segments, options,
+             karst_cache_brick_option(cache));
     caster->context = context;
     caster->cache = *cache;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);

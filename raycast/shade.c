@@ -37,7 +37,8 @@ karst_shader *karst_shader_create_coloured(karst_context *context, const karst_c
         return NULL;
     }
     char options[512];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s%s", cache->num_segments, colour ? " -DSHADE_WORLD_COLOUR " : "",
+    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s%s%s", cache->num_segments,
+             karst_cache_brick_option(cache), colour ? " -DSHADE_WORLD_COLOUR " : "",
              colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;

@@ -22,7 +22,7 @@ karst_views *karst_views_create(karst_context *context, const karst_cache_buffer
         return NULL;
     }
     char options[64];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u", cache->num_segments);
+    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s", cache->num_segments, karst_cache_brick_option(cache));
     views->context = context;
     views->cache = *cache;
     views->born = karst_buffer_create(

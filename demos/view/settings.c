@@ -53,6 +53,8 @@ static option_table make_table(view_settings *o, command_talk *talk)
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
+        {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
+         &o->brick_bits, 8, 32, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
         {"device", 0, COMMAND_TEXT, "DEVICE", "number or part of the name from karst info; cpu; gpu", &o->device, 0, 0,

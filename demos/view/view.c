@@ -28,6 +28,7 @@ static bool open_engine(viewer *v, karst_error *error)
     config.has_seed = s->has_seed;
     config.seed = (uint32_t)s->seed;
     config.no_shadows = s->no_shadows;
+    config.brick_bits = (int)s->brick_bits;
     config.lanes = (int)s->lanes;
     v->engine = karst_engine_create(&config, error);
     if (!v->engine)

@@ -35,7 +35,7 @@ typedef struct {
     command_parameters parameters;
     int size_px[2];
     bool has_size;
-    uint64_t seed, budget_bricks, lanes;
+    uint64_t seed, budget_bricks, brick_bits, lanes;
     bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
     double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
 } view_settings;

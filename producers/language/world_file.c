@@ -257,6 +257,7 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
                                                           ? bounds_source_of_gradient_noise
                                                           : bounds_source,
                                      .options = options,
+                                     .finalise_options = build ? build->finalise_options : NULL,
                                      .shape = build ? build->shape : KARST_SHAPE_AUTO,
                                      .data = data,
                                      .data_bytes = file->data_bytes,

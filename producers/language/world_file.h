@@ -42,7 +42,8 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
 /* The same in another shape than the device's own, or with more options of the build. */
 typedef struct {
     karst_shape shape;
-    const char *options; /* NULL: none */
+    const char *options;          /* NULL: none */
+    const char *finalise_options; /* NULL: none; karst_cache_brick_option */
 } karst_world_build;
 karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);

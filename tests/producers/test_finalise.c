@@ -1,5 +1,5 @@
-/* Finalise on samples of the test's own: the 16-bit encoding, its bounds, and what is called constant, in every shape.
- */
+/* Finalise on samples of the test's own: the encoding in 8, 16 and 32 bits, its bounds, and what is called constant, in
+ * every shape. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -180,9 +180,9 @@ static void finalise(bench *b, const karst_load *loads, const float *samples, ui
 
 /* ---- checks of one brick against its samples ---- */
 
-static int sign_of(float d) { return d > 0 ? 1 : d < 0 ? -1 : 0; }
+static int sign_of(double d) { return d > 0 ? 1 : d < 0 ? -1 : 0; }
 
-static void check_encoding(const float *d, const int16_t *q, const karst_brick_info *info, const char *what)
+static void check_encoding(const float *d, const double *q, int bits, const karst_brick_info *info, const char *what)
 {
     double surface = 0, largest = 0;
     uint64_t blocks = 0;
@@ -206,23 +206,27 @@ static void check_encoding(const float *d, const int16_t *q, const karst_brick_i
     if ((info->blocks[0] | (uint64_t)info->blocks[1] << 32) != blocks)
         fail_msg("%s: block mask %08x%08x, should be %016lx", what, info->blocks[1], info->blocks[0], blocks);
 
-    double scale = info->scale, range = scale * 32767;
+    double scale = info->scale, clamp = bits == 8 ? 2 : 32;
     assert_true(scale > 0 && isfinite(info->scale));
-    /* The 16 bits are used for the full range, but for what is far above all values at the surface. */
-    double expected = fmax(fmin(largest, KARST_CLAMP_SURFACES * surface), 0x1p-100);
-    assert_true(fabs(range - expected) <= 1e-6 * expected);
+    /* The bits are used for the full range, but for what is far above all values at the surface. */
+    double range = fmax(fmin(largest, (double)(float)(clamp * surface)), 0x1p-100);
+    if (bits == 32)
+        assert_true(frexp(scale, &(int){0}) == 0.5 && range / scale >= 16384 && range / scale < 32768);
+    else
+        assert_true(fabs(scale * (bits == 8 ? 127 : 32767) - range) <= 1e-6 * range);
     for (int i = 0; i < SAMPLES; i++) {
         double value = d[i], kept = fabs(value) > range ? copysign(range, value) : value;
         if (sign_of(d[i]) != sign_of(q[i]))
-            fail_msg("%s: sample %d is %a, q is %d", what, i, value, q[i]);
-        double error = fabs(scale * q[i] - kept), allowed = abs(q[i]) == 1 ? scale : 0.5 * scale;
-        if (error > allowed * 1.001 + range * 0x1p-22)
+            fail_msg("%s: sample %d is %a, q is %g", what, i, value, q[i]);
+        /* Floats keep every bit of what is not beyond the range, or next to nothing beside it. */
+        double error = fabs(scale * q[i] - kept), allowed = fabs(q[i]) == 1 ? scale : 0.5 * scale;
+        if (bits == 32 ? error > scale * 0x1p-100 : error > allowed * 1.001 + range * 0x1p-22)
             fail_msg("%s: sample %d is %a, decoded %a, scale %a", what, i, value, scale * q[i], scale);
     }
 }
 
 /* The trilinear interpolant of q in a cell, and its gradient, at p in [0, 1]^3. */
-static double interpolate(const int16_t *q, const int cell[3], const double p[3], double gradient[3])
+static double interpolate(const double *q, const int cell[3], const double p[3], double gradient[3])
 {
     double value = 0;
     gradient[0] = gradient[1] = gradient[2] = 0;
@@ -243,7 +247,7 @@ static double interpolate(const int16_t *q, const int cell[3], const double p[3]
 
 /* In each cell, at its corners, edges, faces and inside: no slope times safe_cells is above 1. Returns the largest of
  * those products. */
-static double check_safe_cells(const int16_t *q, const karst_brick_info *info, const char *what)
+static double check_safe_cells(const double *q, const karst_brick_info *info, const char *what)
 {
     static const double steps[5] = {0, 0.21, 0.5, 0.83, 1};
     double largest = 0;
@@ -266,7 +270,7 @@ static double check_safe_cells(const int16_t *q, const karst_brick_info *info, c
 }
 
 /* The use of safe_cells: from random points, no straight way of |q| * safe_cells cells meets the other sign. */
-static void check_safe_ways(const int16_t *q, const karst_brick_info *info, const char *what)
+static void check_safe_ways(const double *q, const karst_brick_info *info, const char *what)
 {
     for (int n = 0; n < 300; n++) {
         double p[3], v[3], gradient[3], at[3], length = 0;
@@ -299,11 +303,10 @@ static void check_safe_ways(const int16_t *q, const karst_brick_info *info, cons
     }
 }
 
-static void test_encoding(void **state)
+static void encode_in(int bits)
 {
-    (void)state;
     static float samples[NUM_BRICKS * SAMPLES];
-    static int16_t first_q[NUM_BRICKS][SAMPLES];
+    static double first_q[NUM_BRICKS][SAMPLES], q[SAMPLES];
     static karst_brick_info first_info[NUM_BRICKS];
     karst_load loads[NUM_BRICKS];
     uint32_t states[NUM_BRICKS];
@@ -315,20 +318,20 @@ static void test_encoding(void **state)
     }
     for (size_t s = 0; s < NUM_SHAPES; s++) {
         bench b;
-        open_bench(&b, s, "", NUM_BRICKS, s % 2 ? 1 : 5);
+        open_bench(&b, s, karst_cache_brick_option(&(karst_cache_buffers){.brick_bits = bits}), NUM_BRICKS,
+                   s % 2 ? 1 : 5);
         finalise(&b, loads, samples, NUM_BRICKS, states);
         for (uint32_t i = 0; i < NUM_BRICKS; i++) {
-            int16_t q[SAMPLES];
             karst_brick_info info;
             char what[64];
-            snprintf(what, sizeof what, "shape %zu, %s %d", s, field_names[i / EACH], (int)(i % EACH));
+            snprintf(what, sizeof what, "%d bits, shape %zu, %s %d", bits, s, field_names[i / EACH], (int)(i % EACH));
             uint32_t expected = i / EACH == FIELD_ZERO    ? KARST_STATE_CLEAR_AIR
                                 : i / EACH == FIELD_SOLID ? KARST_STATE_CLEAR_SOLID
                                                           : KARST_STATE_BRICK;
             assert_int_equal(states[i], expected);
             if (expected != KARST_STATE_BRICK)
                 continue;
-            pool_read_brick(&b.p, i, q, &info);
+            pool_read_samples(&b.p, i, bits, q, &info);
             if (s > 0) { /* all shapes write the same bits, so one needs the long checks */
                 if (memcmp(q, first_q[i], sizeof q) != 0 || memcmp(&info, &first_info[i], sizeof info) != 0)
                     fail_msg("%s: not the brick of shape 0", what);
@@ -336,16 +339,34 @@ static void test_encoding(void **state)
             }
             memcpy(first_q[i], q, sizeof q);
             first_info[i] = info;
-            check_encoding(samples + (size_t)i * SAMPLES, q, &info, what);
+            check_encoding(samples + (size_t)i * SAMPLES, q, bits, &info, what);
             double tight = check_safe_cells(q, &info, what);
             tightest[i / EACH] = tight > tightest[i / EACH] ? tight : tightest[i / EACH];
             check_safe_ways(q, &info, what);
         }
         close_bench(&b);
     }
-    /* A plane's slope is the same everywhere, so there the bound may give nothing away but rounding to 16 bits. */
-    assert_true(tightest[FIELD_PLANE] > 0.99);
-    assert_true(tightest[FIELD_BALL] > 0.8);
+    /* A plane's slope is the same everywhere, so there the bound may give nothing away but rounding to q. */
+    assert_true(tightest[FIELD_PLANE] > (bits == 8 ? 0.9 : 0.99));
+    assert_true(tightest[FIELD_BALL] > (bits == 8 ? 0.7 : 0.8));
+}
+
+static void test_encoding(void **state)
+{
+    (void)state;
+    encode_in(16);
+}
+
+static void test_bytes(void **state)
+{
+    (void)state;
+    encode_in(8);
+}
+
+static void test_floats(void **state)
+{
+    (void)state;
+    encode_in(32);
 }
 
 static void test_not_finite(void **state)
@@ -460,10 +481,8 @@ static void test_doubt(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_encoding),
-        cmocka_unit_test(test_not_finite),
-        cmocka_unit_test(test_constant),
-        cmocka_unit_test(test_doubt),
+        cmocka_unit_test(test_encoding),   cmocka_unit_test(test_bytes),    cmocka_unit_test(test_floats),
+        cmocka_unit_test(test_not_finite), cmocka_unit_test(test_constant), cmocka_unit_test(test_doubt),
     };
     return cmocka_run_group_tests_name("finalise", tests, NULL, NULL);
 }

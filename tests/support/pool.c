@@ -32,7 +32,7 @@ void pool_open(pool *p, karst_context *context, uint32_t capacity, uint32_t num_
     cache->tile_info = make(context, cache->num_tiles * sizeof(karst_tile_info));
     cache->brick_info = make(context, cache->num_bricks * sizeof(karst_brick_info));
     for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++)
-        cache->bricks[i] = i < num_segments ? make(context, (size_t)cache->bricks_per_segment * KARST_BRICK_STRIDE * 2)
+        cache->bricks[i] = i < num_segments ? make(context, (size_t)cache->bricks_per_segment * KARST_BRICK_STRIDE * 4)
                                             : cache->bricks[0];
     p->work.load_nodes = make(context, capacity * sizeof(uint32_t));
     p->work.load_slots = make(context, capacity * sizeof(uint32_t));
@@ -106,6 +106,23 @@ void pool_read_brick(pool *p, uint32_t index, int16_t q[KARST_BRICK_SAMPLES], ka
              in_segment = slot % p->cache.bricks_per_segment;
     get(p->cache.bricks[segment], (size_t)in_segment * KARST_BRICK_STRIDE * 2, q, KARST_BRICK_SAMPLES * 2);
     get(p->cache.brick_info, slot * sizeof *info, info, sizeof *info);
+}
+
+void pool_read_samples(pool *p, uint32_t index, int bits, double q[KARST_BRICK_SAMPLES], karst_brick_info *info)
+{
+    uint32_t slot = index + 1, segment = slot / p->cache.bricks_per_segment,
+             in_segment = slot % p->cache.bricks_per_segment;
+    size_t sample_bytes = (size_t)bits / 8;
+    union {
+        int8_t bytes[KARST_BRICK_SAMPLES];
+        int16_t words[KARST_BRICK_SAMPLES];
+        float floats[KARST_BRICK_SAMPLES];
+    } raw;
+    get(p->cache.bricks[segment], in_segment * KARST_BRICK_STRIDE * sample_bytes, &raw,
+        KARST_BRICK_SAMPLES * sample_bytes);
+    get(p->cache.brick_info, slot * sizeof *info, info, sizeof *info);
+    for (int i = 0; i < KARST_BRICK_SAMPLES; i++)
+        q[i] = bits == 8 ? (double)raw.bytes[i] : bits == 16 ? (double)raw.words[i] : (double)raw.floats[i];
 }
 
 void pool_read_tiles(pool *p, karst_node *nodes, karst_tile_info *infos)

@@ -17,7 +17,7 @@ typedef struct {
     uint32_t capacity; /* nodes at a time */
 } pool;
 
-/* `num_segments` cuts the brick pool, 1 to KARST_MAX_BRICK_SEGMENTS. */
+/* `num_segments` cuts the brick pool, 1 to KARST_MAX_BRICK_SEGMENTS. There is room for samples of 32 bits. */
 void pool_open(pool *p, karst_context *context, uint32_t capacity, uint32_t num_segments);
 void pool_close(pool *p);
 
@@ -27,6 +27,8 @@ void pool_ask(pool *p, const pool_node *nodes, uint32_t count);
 /* Results of the last work, as far as a producer has answered it; they wait for the queue. */
 void pool_read_results(pool *p, uint32_t *states);
 void pool_read_brick(pool *p, uint32_t index, int16_t q[KARST_BRICK_SAMPLES], karst_brick_info *info);
+/* The same of 8, 16 or 32 bits a sample, as doubles. */
+void pool_read_samples(pool *p, uint32_t index, int bits, double q[KARST_BRICK_SAMPLES], karst_brick_info *info);
 void pool_read_tiles(pool *p, karst_node *nodes /* 8 each */, karst_tile_info *infos);
 
 /* The i-th child of a node, and 64-bit FNV-1a of bytes. */

@@ -34,6 +34,7 @@ typedef struct {
     uint32_t num_tiles, num_bricks; /* instead of pool_bytes, slots counted by hand (tests); 0: from pool_bytes */
     size_t
         max_segment_bytes; /* cut the brick pool in allocations of at most this many bytes; 0: what the device allows */
+    int brick_bits; /* of a density sample in memory: 8, 16 or 32 (floats); 0: 16. See docs/ACCURACY.md */
     double detail_px;      /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
     double view_distance_m; /* where rays end; 0: what the world says */
     uint32_t budget_bricks; /* bricks (and tiles) produced in a frame at most; 4096 */
