@@ -295,6 +295,7 @@ void karst_header_read(karst_source *source, karst_world_header *header)
     reader r = {.source = source, .header = header};
     if (!find_object(source, &r.begin, &r.end))
         return;
+    header->is_given = true;
     json_error_t e;
     r.root = json_loadb(source->text + r.begin, r.end - r.begin, JSON_REJECT_DUPLICATES, &e);
     if (!r.root) {

@@ -18,6 +18,7 @@ typedef struct {
 /* All optional; has_ fields say what was given, everything else holds its default. Strings are never NULL and live in
  * the source's arena. */
 typedef struct {
+    bool is_given; /* there is a header */
     const char *name, *author, *description;
     uint32_t seed;    /* 0 */
     int voxel_log2_m; /* level-0 voxel is 2^this metres; -4: 1/16 m */

@@ -116,7 +116,7 @@ static void resolve(compilation *c)
 {
     karst_program_graph *p = c->program;
     double low[KARST_MAX_PARAMETERS + 16], high[KARST_MAX_PARAMETERS + 16];
-    for (uint32_t i = 0; i < c->lowering.num_parameters; i++) {
+    for (uint32_t i = 0; i < p->num_parameters; i++) {
         low[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].min) : -(double)INFINITY;
         high[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].max) : (double)INFINITY;
     }
@@ -169,8 +169,8 @@ static void compile(compilation *c, const char *name, const char *text, size_t l
     karst_graph_init(&c->raw, &c->program->arena, KARST_MAX_RAW_NODES, NULL, NULL);
     karst_lower(&c->lowering);
     extract(c);
-    resolve(c);
     list_parameters(c);
+    resolve(c);
     c->program->max_iterations = c->lowering.max_iterations_seen;
 }
 
@@ -220,6 +220,39 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
     program->graph.full = program->resolved.full = NULL;
     free(c);
     return program;
+}
+
+static bool resolve_guarded(compilation *c)
+{
+    if (setjmp(c->escape))
+        return false;
+    resolve(c);
+    return true;
+}
+
+bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m)
+{
+    compilation *c = calloc(1, sizeof *c);
+    if (!c)
+        return false;
+    karst_program_graph before = *program;
+    c->program = program;
+    c->source = program->source;
+    c->source.first = c->source.last = NULL;
+    c->source.escape = &c->escape;
+    program->arena.full = arena_full;
+    program->arena.user = c;
+    program->header.voxel_log2_m = voxel_log2_m;
+    bool done = resolve_guarded(c);
+    if (!done) {
+        program->header = before.header;
+        program->resolved = before.resolved;
+        program->world = before.world;
+    }
+    program->arena.full = NULL;
+    program->resolved.full = NULL;
+    free(c);
+    return done;
 }
 
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,

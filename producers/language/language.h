@@ -59,6 +59,9 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
 /* The same for a file. Errors also: KARST_BAD_WORLD naming the path if it cannot be read or is no regular file. */
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,
                                                  bool *ok, karst_error *error);
+/* Resolves a good program once more, for another finest voxel than its header's, which it sets. false: it stays as it
+ * was, as the world would then be too large. Nothing may hold its resolved graph. One thread at a time per program. */
+bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m);
 /* The line of the text that a node's `where` is in. */
 uint32_t karst_program_line(const karst_program_graph *program, uint32_t where);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */

@@ -1,6 +1,6 @@
 #include "producers/language/world_file.h"
-#include "producers/language/oracle.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,6 +8,8 @@
 #include "core/text.h"
 #include "producers/density_producer.h"
 #include "producers/language/bounds_shared.h"
+#include "producers/language/look.h"
+#include "producers/language/oracle.h"
 
 _Static_assert(sizeof(karst_data_header) == KARST_DATA_HEADER_WORDS * sizeof(uint64_t), "the header fits its words");
 
@@ -80,6 +82,14 @@ static karst_number *parameter_values(const karst_world_file *file)
     return values;
 }
 
+/* Of a text without a header: where one may stand, from the origin; how many voxels, at most and as powers of two, go
+ * into the way to what is near, and how many times that is seen. */
+#define LOOK_NEAREST_M 2.0
+#define LOOK_FARTHEST_M 8192.0
+#define LOOK_VOXELS_LOG2 11
+#define LOOK_FINEST_LOG2_M (-12)
+#define LOOK_VIEW_LOG2 8
+
 static double density_at_height(const karst_world_file *file, karst_oracle *oracle, double height_m)
 {
     int voxel_log2_m = file->program->header.voxel_log2_m;
@@ -113,6 +123,30 @@ static void choose_camera(karst_world_file *file, double view_distance_m)
     free(values);
 }
 
+/* A text without a header is a shape of unknown size. Looks at it from around the origin, and takes the camera that
+ * shows most, a voxel that suits what is near to it, and a view distance that suits both. */
+static void look_around(karst_world_file *file)
+{
+    karst_program_graph *program = file->program;
+    karst_world_header *header = &program->header;
+    karst_number *values = header->is_given ? NULL : parameter_values(file);
+    karst_oracle *oracle =
+        values ? karst_oracle_create(&program->world, values, header->seed, header->voxel_log2_m, NULL) : NULL;
+    karst_look look;
+    bool found = oracle && karst_look_around(oracle, program->resolved.num_nodes, header->voxel_log2_m, LOOK_NEAREST_M,
+                                             LOOK_FARTHEST_M, &look);
+    karst_oracle_destroy(oracle);
+    free(values);
+    if (!found)
+        return;
+    snprintf(file->camera, sizeof file->camera, "%.9g,%.9g,%.9g,%.9g,%.9g,%d", look.eye_m[0], look.eye_m[1],
+             look.eye_m[2], look.yaw_deg, look.pitch_deg, KARST_LOOK_FOV_DEG);
+    int voxel_log2_m = ilogb(look.near_m) - LOOK_VOXELS_LOG2;
+    voxel_log2_m = voxel_log2_m < LOOK_FINEST_LOG2_M ? LOOK_FINEST_LOG2_M : voxel_log2_m;
+    if (voxel_log2_m < header->voxel_log2_m && karst_program_set_voxel(program, voxel_log2_m))
+        header->view_distance_m = fmin(ldexp(1, ilogb(look.near_m) + LOOK_VIEW_LOG2), 8192);
+}
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -127,7 +161,7 @@ static void set_info(karst_world_file *file)
     if (header->has_camera)
         snprintf(file->camera, sizeof file->camera, "%s,%s,%s,%s,%s,%s", header->camera_position[0],
                  header->camera_position[1], header->camera_position[2], yaw, pitch, fov);
-    else
+    else if (!*file->camera)
         choose_camera(file, view_distance_m);
     file->info = (karst_world_info){
         .name = *header->name ? header->name : file->program->name,
@@ -207,6 +241,7 @@ static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diag
         return NULL;
     }
     file->program = program;
+    look_around(file);
     if (complete(file, error))
         return file;
     karst_world_file_destroy(file);
