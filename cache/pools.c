@@ -306,6 +306,24 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
            karst_buffer_fill(b->want_children, 0, at, size, error);
 }
 
+void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks)
+{
+    const karst_cache_buffers *b = &cache->buffers;
+    const size_t brick_bytes = KARST_BRICK_STRIDE * sizeof(int16_t);
+    uint32_t end = cache->num_committed, num = cache->brick_slots.num;
+    for (uint32_t i = 0; i < (num < num_bricks ? num : num_bricks); i++) {
+        uint32_t slot = karst_slots_at(&cache->brick_slots, i);
+        end = slot >= end ? slot + 1 : end;
+    }
+    for (uint32_t slot = cache->num_committed; slot < end;) {
+        uint32_t segment = slot / b->bricks_per_segment, in_segment = slot % b->bricks_per_segment;
+        uint32_t rest = b->bricks_per_segment - in_segment, count = end - slot < rest ? end - slot : rest;
+        karst_buffer_commit(b->bricks[segment], in_segment * brick_bytes, count * brick_bytes);
+        slot += count;
+    }
+    cache->num_committed = end;
+}
+
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error)
 {
     (void)error;

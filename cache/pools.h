@@ -27,6 +27,7 @@ struct karst_cache {
     uint32_t serial;
     uint32_t num_granted_bricks, num_granted_tiles;
     uint32_t *granted_bricks, *granted_tiles;
+    uint32_t num_committed; /* brick slots below have memory */
     uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
     uint64_t *identities;
     bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */

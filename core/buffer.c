@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 /* "3.2 GiB" for messages. */
 static const char *size_text(size_t size_bytes, char text[32])
@@ -61,24 +62,25 @@ static void advise_large_pages(void *memory, size_t size_bytes)
 
 /* On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first touched,
  * and zeroed in place. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
-static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed)
+static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed, void **host)
 {
     cl_int code = CL_SUCCESS;
     void *mapped = clEnqueueMapBuffer(context->queue, mem, CL_TRUE, CL_MAP_WRITE_INVALIDATE_REGION, 0, size_bytes, 0,
                                       NULL, NULL, &code);
     if (code != CL_SUCCESS)
         return code;
+    *host = mapped;
     advise_large_pages(mapped, size_bytes);
     if (zeroed)
         memset(mapped, 0, size_bytes);
     return clEnqueueUnmapMemObject(context->queue, mem, mapped, 0, NULL, NULL);
 }
 
-static cl_int prepare(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed)
+static cl_int prepare(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed, void **host)
 {
     static const uint8_t zeros[64];
     if (context->is_cpu)
-        return prepare_mapped(context, mem, size_bytes, zeroed);
+        return prepare_mapped(context, mem, size_bytes, zeroed, host);
     if (!zeroed)
         return CL_SUCCESS;
     /* In the widest pattern that divides the size: some drivers go pattern by pattern. */
@@ -115,7 +117,7 @@ static karst_buffer *create(karst_context *context, const char *name, size_t siz
     if (code == CL_SUCCESS && initial)
         code = clEnqueueWriteBuffer(context->queue, buffer->mem, CL_TRUE, 0, size_bytes, initial, 0, NULL, NULL);
     else if (code == CL_SUCCESS)
-        code = prepare(context, buffer->mem, size_bytes, zeroed);
+        code = prepare(context, buffer->mem, size_bytes, zeroed, &buffer->host);
     if (code != CL_SUCCESS) {
         char size[32];
         karst_fail(error, KARST_FAILED, "cannot allocate %s for %s: %s; use a smaller --pool",
@@ -149,6 +151,21 @@ karst_buffer *karst_buffer_account(karst_context *context, const char *name, siz
     }
     enter(buffer, context, name, size_bytes);
     return buffer;
+}
+
+void karst_buffer_commit(karst_buffer *buffer, size_t offset_bytes, size_t size_bytes)
+{
+#ifdef MADV_POPULATE_WRITE
+    if (!buffer->host || offset_bytes >= buffer->size_bytes)
+        return;
+    size_t left_bytes = buffer->size_bytes - offset_bytes;
+    uintptr_t page_bytes = (uintptr_t)sysconf(_SC_PAGESIZE), at = (uintptr_t)buffer->host + offset_bytes;
+    uintptr_t first = at & ~(page_bytes - 1), end = at + (size_bytes < left_bytes ? size_bytes : left_bytes);
+    /* Refused by old systems: then it is as it was. */
+    madvise((void *)first, ((end + page_bytes - 1) & ~(page_bytes - 1)) - first, MADV_POPULATE_WRITE);
+#else
+    (void)buffer, (void)offset_bytes, (void)size_bytes;
+#endif
 }
 
 void karst_buffer_destroy(karst_buffer *buffer)

@@ -73,6 +73,11 @@ static bool place_root(karst_engine *engine, karst_error *error)
     return karst_cache_place_root(engine->cache, corner, top_level, error);
 }
 
+double karst_engine_detail_px(const karst_engine *engine)
+{
+    return engine->detail_px * karst_ladder_factor(&engine->ladder) * engine->pace.factor;
+}
+
 /* The next rung of detail, from what this round could and could not do. */
 static bool step_ladder(karst_engine *engine, const karst_work *work)
 {
@@ -83,10 +88,27 @@ static bool step_ladder(karst_engine *engine, const karst_work *work)
         .num_used = tiles_fuller ? stats->tiles.num_used : stats->bricks.num_used,
         .num_total = tiles_fuller ? stats->tiles.num_total : stats->bricks.num_total,
         .num_starved = work->num_starved_bricks + work->num_starved_tiles,
-        .num_requests = work->num_requests,
+        /* While less is asked for than the rung stands for, having it all says nothing. */
+        .num_requests = work->num_requests + !karst_pace_at_rest(&engine->pace),
         .num_produced = stats->num_produced,
     };
     return karst_ladder_step(&engine->ladder, &round);
+}
+
+/* How much the next frame asks for, with a budget in ms. Returns true if it asks for other detail. */
+static bool step_pace(karst_engine *engine, const karst_work *work, bool moved)
+{
+    double before = engine->pace.factor;
+    if (engine->budget_ns > 0) {
+        const karst_pace_frame frame = {.num_hits = engine->stats.num_hits,
+                                        .num_provisional = engine->stats.num_provisional,
+                                        .num_deferred = work->num_deferred_budget,
+                                        .moved = moved};
+        karst_pace_step(&engine->pace, &frame);
+    } else {
+        karst_pace_init(&engine->pace);
+    }
+    return engine->pace.factor != before;
 }
 
 static bool fill_pool_stats(karst_engine *engine, karst_error *error)
@@ -140,11 +162,12 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     if (++engine->serial == 0)
         engine->serial = 1;
     stats->frame = engine->frame;
-    if (engine->view_changed)
+    bool moved = engine->view_changed;
+    if (moved)
         karst_ladder_view_changed(&engine->ladder);
     engine->view_changed = false;
     stats->detail_asked_px = engine->detail_px;
-    stats->detail_given_px = engine->detail_px * karst_ladder_factor(&engine->ladder);
+    stats->detail_given_px = karst_engine_detail_px(engine);
 
     karst_engine_note_motion(engine);
 
@@ -156,10 +179,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->num_hits = counters[0];
     stats->num_provisional = counters[1];
     stats->num_incomplete = counters[2];
+    stats->num_coarser = counters[3];
 
-    bool rung_moved = step_ladder(engine, &work);
+    bool rung_moved = step_ladder(engine, &work), pace_changed = step_pace(engine, &work, moved);
     stats->settled = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&
-                     karst_ladder_at_rest(&engine->ladder);
+                     !pace_changed && karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
     report_non_finite(engine);
 

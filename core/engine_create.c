@@ -69,6 +69,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->count_changed_pixels = config->count_changed_pixels;
     engine->budget_ns = config->budget_ms * 1e6;
     karst_ladder_init(&engine->ladder);
+    karst_pace_init(&engine->pace);
     karst_cost_init(&engine->cost);
 
     const karst_world_config world = {.world = config->world,

@@ -31,7 +31,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_cast_view view;
     karst_cast_view_init(&view, &engine->camera.position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
-    view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
+    view.detail = (float)karst_engine_detail_px(engine);
+    view.own_detail = (float)engine->detail_px;
     view.blend = engine->blend ? BLEND_SHARE : 0;
     karst_pinhole pinhole;
     karst_pinhole_init(&pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);

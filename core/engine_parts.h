@@ -7,6 +7,7 @@
 #include "core/cost.h"
 #include "core/engine_internal.h"
 #include "core/ladder.h"
+#include "core/pace.h"
 #include "core/surface.h"
 #include "karst/engine.h"
 #include "karst/world.h"
@@ -91,6 +92,7 @@ struct karst_engine {
     karst_views *views;     /* NULL until one is asked for */
     karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
     karst_ladder ladder;
+    karst_pace pace;
     uint32_t serial, frame;
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
     bool have_previous;
@@ -116,6 +118,9 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
  * quick. Errors: KARST_FAILED. */
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+
+/* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
+double karst_engine_detail_px(const karst_engine *engine);
 
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);

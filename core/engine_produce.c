@@ -4,7 +4,9 @@
 #include "core/engine_parts.h"
 
 /* Rounds of a frame beyond the picture's own. Each gets at least one level further down. */
-#define MAX_SCOUTS 6
+#define MAX_SCOUTS 12
+/* A plan that did not fit what was wanted left so much of the budget. */
+#define UNUSED_SHARE 0.25
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
 
@@ -92,12 +94,14 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
     return true;
 }
 
-/* Is there room for another round, after one that did all that was asked of it? */
+/* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
 static bool may_go_on(const karst_engine *engine, const karst_work *work, const allowance *left)
 {
-    if (work->num_deferred_budget || work->num_starved_bricks || work->num_starved_tiles)
+    if (work->num_starved_bricks || work->num_starved_tiles)
         return false;
     if (left->bricks < LEAST_BRICKS || left->tiles < LEAST_BRICKS)
+        return false;
+    if (work->num_deferred_budget && !(left->ns > UNUSED_SHARE * engine->budget_ns))
         return false;
     return engine->budget_ns == 0 || (karst_cost_is_known(&engine->cost) &&
                                       left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS));
@@ -115,8 +119,13 @@ bool karst_engine_load_root(karst_engine *engine, karst_error *error)
     return true;
 }
 
+/* Some frames' worth of bricks. */
+#define BRICKS_AHEAD 512u
+
 bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error)
 {
+    if (engine->budget_ns > 0)
+        karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
     karst_stats *stats = &engine->stats;
     allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);

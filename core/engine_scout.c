@@ -27,7 +27,7 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_
     int width_px = engine->width_px, height_px = engine->height_px;
     karst_cast_view_init(&view, &camera->position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
-    view.detail = (float)(engine->detail_px * karst_ladder_factor(&engine->ladder));
+    view.detail = (float)karst_engine_detail_px(engine);
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
     karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
     pinhole.width_px = width_px >= SCOUT_PIXELS ? width_px / SCOUT_PIXELS : 1;

@@ -144,6 +144,7 @@ typedef struct {
     size_t num_pictures, num_settled, max_pictures;
     size_t frames_to_settle; /* the most that any picture took */
     double *at_level;        /* of each picture: the share of its hits that are at the level asked for */
+    double *at_own_level;    /* the same at the level that --detail stands for */
     karst_stats last;
 } command_record;
 
@@ -153,7 +154,7 @@ bool command_record_add(command_record *record, const karst_stats *stats, karst_
 bool command_record_picture(command_record *record, const karst_stats *stats, size_t num_frames, bool settled,
                             karst_error *error);
 /* The statistics file's text, malloc'ed. The names in it are a contract; README.md lists them. NULL: out of memory. */
-char *command_record_json(command_record *record); /* sorts at_level */
+char *command_record_json(command_record *record); /* sorts both */
 void command_record_free(command_record *record);
 
 /* ---- command_pictures.c ---- */

@@ -153,6 +153,12 @@ static void print_phase(FILE *file, const json_t *report, const char *phase)
     const json_t *at_level = json_object_get(json_object_get(report, phase), "at_level");
     fprintf(file, "  hits at the level asked for: median %.2f %%, 99 %% of frames have %.2f %%\n",
             100 * number(at_level, "median", NULL, NULL), 100 * number(at_level, "p1", NULL, NULL));
+    const json_t *own = json_object_get(json_object_get(report, phase), "at_own_level");
+    const json_t *given = json_object_get(json_object_get(report, phase), "given_px");
+    if (number(own, "median", NULL, NULL) < number(at_level, "median", NULL, NULL))
+        fprintf(file, "  voxels of %.2f px asked for in the median frame, %.2f at most; at --detail's level: %.2f %%\n",
+                number(given, "median", NULL, NULL), number(given, "max", NULL, NULL),
+                100 * number(own, "median", NULL, NULL));
 }
 
 static void print_ratio(FILE *file, const json_t *report, const char *name, const char *text)

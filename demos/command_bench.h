@@ -29,6 +29,7 @@ typedef struct {
     uint64_t num_pixels, num_hits, num_provisional, num_incomplete;
     uint64_t used_tiles, used_bricks, resident_tiles, resident_bricks;
     double given_px;
+    uint64_t num_coarser;
 } bench_frame;
 
 /* Of one run, what is no frame's. Times in ms. */

@@ -98,16 +98,35 @@ static json_t *describe_churn(const bench *b, bench_phase phase)
                      (double)sums[4] / n);
 }
 
-static json_t *describe_at_level(const bench *b, bench_phase phase, double *scratch)
+/* Shares of the hits, frame by frame: at the level that the frame asked for, or `own`, at the one that --detail stands
+ * for. */
+static json_t *describe_at_level(const bench *b, bench_phase phase, bool own, double *scratch)
+{
+    size_t num = 0;
+    double sum = 0;
+    for (size_t i = 0; i < b->num_frames; i++) {
+        const bench_frame *f = &b->frames[i];
+        if (f->phase != phase)
+            continue;
+        uint64_t num_short = own ? f->num_coarser : f->num_provisional;
+        scratch[num] = f->num_hits ? 1 - (double)num_short / (double)f->num_hits : 1;
+        sum += scratch[num++];
+    }
+    qsort(scratch, num, sizeof *scratch, compare_doubles);
+    return json_pack("{s:f, s:f, s:f, s:f}", "mean", num ? sum / (double)num : 0, "median", quantile(scratch, num, 0.5),
+                     "p1", quantile(scratch, num, 0.01), "min", num ? scratch[0] : 0);
+}
+
+/* Pixels a voxel, frame by frame. */
+static json_t *describe_given_px(const bench *b, bench_phase phase, double *scratch)
 {
     size_t num = 0;
     for (size_t i = 0; i < b->num_frames; i++)
         if (b->frames[i].phase == phase)
-            scratch[num++] =
-                b->frames[i].num_hits ? 1 - (double)b->frames[i].num_provisional / (double)b->frames[i].num_hits : 1;
+            scratch[num++] = b->frames[i].given_px;
     qsort(scratch, num, sizeof *scratch, compare_doubles);
-    return json_pack("{s:f, s:f, s:f}", "median", quantile(scratch, num, 0.5), "p1", quantile(scratch, num, 0.01),
-                     "min", num ? scratch[0] : 0);
+    return json_pack("{s:f, s:f, s:f}", "median", quantile(scratch, num, 0.5), "p99", quantile(scratch, num, 0.99),
+                     "max", num ? scratch[num - 1] : 0);
 }
 
 static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch)
@@ -122,7 +141,9 @@ static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch
     json_object_set_new(times, "production", describe_stage(b, phase, PRODUCTION, scratch));
     json_object_set_new(phase_json, "time_ms", times);
     json_object_set_new(phase_json, "churn_per_frame", describe_churn(b, phase));
-    json_object_set_new(phase_json, "at_level", describe_at_level(b, phase, scratch));
+    json_object_set_new(phase_json, "at_level", describe_at_level(b, phase, false, scratch));
+    json_object_set_new(phase_json, "at_own_level", describe_at_level(b, phase, true, scratch));
+    json_object_set_new(phase_json, "given_px", describe_given_px(b, phase, scratch));
     return phase_json;
 }
 
@@ -339,7 +360,7 @@ char *bench_csv(const bench *b)
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
         fprintf(file, ",%s_ms", karst_stage_name(stage));
     fputs(",requests,produced,evicted,reproduced,deferred,tiles_produced,bricks_produced,pixels,hits,provisional,"
-          "incomplete,tiles_used,bricks_used,tiles_resident,bricks_resident,given_px\n",
+          "incomplete,tiles_used,bricks_used,tiles_resident,bricks_resident,coarser,given_px\n",
           file);
     for (size_t i = 0; i < b->num_frames; i++) {
         const bench_frame *f = &b->frames[i];
@@ -350,7 +371,7 @@ char *bench_csv(const bench *b)
         const uint64_t counts[] = {f->num_requests, f->num_produced,    f->num_evicted,    f->num_reproduced,
                                    f->num_deferred, f->num_tiles,       f->num_bricks,     f->num_pixels,
                                    f->num_hits,     f->num_provisional, f->num_incomplete, f->used_tiles,
-                                   f->used_bricks,  f->resident_tiles,  f->resident_bricks};
+                                   f->used_bricks,  f->resident_tiles,  f->resident_bricks, f->num_coarser};
         for (size_t n = 0; n < sizeof counts / sizeof *counts; n++)
             fprintf(file, ",%llu", (unsigned long long)counts[n]);
         fprintf(file, ",%.6g\n", f->given_px);

@@ -76,6 +76,7 @@ static bool add_frame(run_state *state, const karst_stats *stats, karst_error *e
     frame->resident_tiles = stats->num_resident_tiles;
     frame->resident_bricks = stats->num_resident_bricks;
     frame->given_px = stats->detail_given_px;
+    frame->num_coarser = stats->num_coarser;
     return add_spans(state, error);
 }
 

@@ -42,13 +42,16 @@ bool command_record_picture(command_record *record, const karst_stats *stats, si
     if (record->num_pictures == record->max_pictures) {
         size_t max_pictures = record->max_pictures ? 2 * record->max_pictures : 128;
         double *at_level = realloc(record->at_level, max_pictures * sizeof *at_level);
-        if (!at_level)
+        record->at_level = at_level ? at_level : record->at_level;
+        double *at_own_level = realloc(record->at_own_level, max_pictures * sizeof *at_own_level);
+        record->at_own_level = at_own_level ? at_own_level : record->at_own_level;
+        if (!at_level || !at_own_level)
             return karst_fail(error, KARST_FAILED, "out of memory for the figures of %zu pictures", max_pictures);
-        record->at_level = at_level;
         record->max_pictures = max_pictures;
     }
-    record->at_level[record->num_pictures++] =
-        stats->num_hits ? 1 - (double)stats->num_provisional / (double)stats->num_hits : 1;
+    double num_hits = (double)stats->num_hits;
+    record->at_level[record->num_pictures] = num_hits > 0 ? 1 - (double)stats->num_provisional / num_hits : 1;
+    record->at_own_level[record->num_pictures++] = num_hits > 0 ? 1 - (double)stats->num_coarser / num_hits : 1;
     record->num_settled += settled;
     record->settled = record->num_settled == record->num_pictures;
     if (num_frames > record->frames_to_settle)
@@ -60,8 +63,9 @@ void command_record_free(command_record *record)
 {
     free(record->times_ns);
     free(record->at_level);
+    free(record->at_own_level);
     record->times_ns = NULL;
-    record->at_level = NULL;
+    record->at_level = record->at_own_level = NULL;
     record->num_frames = record->max_frames = record->num_pictures = record->max_pictures = 0;
 }
 
@@ -115,14 +119,14 @@ static json_t *describe_all_times(const command_record *record)
 }
 
 /* Median, worst hundredth and worst of the pictures; sorts them. */
-static json_t *describe_at_level(command_record *record)
+static json_t *describe_at_level(const command_record *record, double *at_level)
 {
     size_t num = record->num_pictures;
     if (!num)
         return json_null();
-    qsort(record->at_level, num, sizeof *record->at_level, compare_shares);
-    return json_pack("{s:f, s:f, s:f}", "median", record->at_level[rank_of(num, 50)], "p1",
-                     record->at_level[rank_of(num, 1)], "min", record->at_level[0]);
+    qsort(at_level, num, sizeof *at_level, compare_shares);
+    return json_pack("{s:f, s:f, s:f}", "median", at_level[rank_of(num, 50)], "p1", at_level[rank_of(num, 1)], "min",
+                     at_level[0]);
 }
 
 static json_t *describe_pool(const karst_stats_pool *pool, uint64_t num_resident)
@@ -173,8 +177,9 @@ char *command_record_json(command_record *record)
                                   "reproduced", (json_int_t)record->num_reproduced, "deferred",
                                   (json_int_t)record->num_deferred));
     json_object_set_new(root, "detail",
-                        json_pack("{s:f, s:f, s:o}", "asked_px", last->detail_asked_px, "given_px",
-                                  last->detail_given_px, "at_level", describe_at_level(record)));
+                        json_pack("{s:f, s:f, s:o, s:o}", "asked_px", last->detail_asked_px, "given_px",
+                                  last->detail_given_px, "at_level", describe_at_level(record, record->at_level),
+                                  "at_own_level", describe_at_level(record, record->at_own_level)));
     json_object_set_new(root, "pixels",
                         json_pack("{s:I, s:I, s:I, s:I}", "total", (json_int_t)last->num_pixels, "hits",
                                   (json_int_t)last->num_hits, "provisional", (json_int_t)last->num_provisional,

@@ -117,6 +117,6 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
                            KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(second),
                            KARST_VALUE_ARG(has_shadows), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
                            KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor),
-                           KARST_VALUE_ARG(shader->data)) &&
+                           KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail)) &&
            launch(shader, shader->pixels, pinhole, error);
 }

@@ -135,12 +135,13 @@ __kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole
 __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
                                   int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
-                                  K_GLOBAL uint *counters, karst_shade_anchor anchor, K_GLOBAL const ulong *data)
+                                  K_GLOBAL uint *counters, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
+                                  float own_detail)
 {
     const surface_source source = SURFACE_FIELDS;
-    __local uint counts[3];
+    __local uint counts[4];
     if (get_local_id(0) == 0)
-        counts[0] = counts[1] = counts[2] = 0;
+        counts[0] = counts[1] = counts[2] = counts[3] = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
 
     vint x, y;
@@ -179,6 +180,14 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
         int num_hits = count_lanes(hit),
             num_provisional = count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
         int num_incomplete = count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        /* A proof of solid needs no finer level. */
+        vfloat wanted = s.t * (pinhole.cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
+        vint coarser = hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
+                              (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) &
+                               v_gt(s.level, (vint)(0))));
+        int num_coarser = own_detail > 0.0f ? count_lanes(coarser) : 0;
+        if (num_coarser)
+            atomic_add(&counts[3], (uint)num_coarser);
         if (num_hits)
             atomic_add(&counts[0], (uint)num_hits);
         if (num_provisional)
@@ -188,7 +197,7 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
     }
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
-        for (int i = 0; i < 3; i++)
+        for (int i = 0; i < 4; i++)
             if (counts[i])
                 atomic_add(&counters[i], counts[i]);
 }

@@ -35,7 +35,8 @@ bool karst_shade_make_shadow_rays(karst_shader *shader, const karst_cast_view *v
                                   const karst_light *light, karst_buffer *hits, karst_buffer *rays, karst_error *error);
 /* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);
  * depth in level-0 voxels along the ray, INFINITY for none. shadow_hits (of the rays above; any_hit will do) NULL: no
- * shadows. counters (4 uints, zeroed by the caller's engine beforehand): hits, provisional, incomplete, unused. */
+ * shadows. counters (4 uints, zeroed by the caller's engine beforehand): hits, provisional, incomplete, coarser than
+ * view->own_detail. */
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_hits, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);

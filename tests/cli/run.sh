@@ -277,7 +277,7 @@ result "an interrupted flight says how far it came"
 # ---- statistics: the names are a contract ----
 awk -f "$flatten" first.json > flat
 wanted="version world camera width_px height_px device display settled frames_to_settle path live pictures frames \
-detail.asked_px detail.given_px detail.at_level.median detail.at_level.p1 detail.at_level.min \
+detail.asked_px detail.given_px detail.at_level.median detail.at_level.p1 detail.at_level.min detail.at_own_level.median \
 pixels.hits pixels.provisional pixels.incomplete"
 for stage in frame cast shade collect subdivide evaluate finalise display; do
     for figure in median p95 p99 max; do wanted="$wanted time_ms.$stage.$figure"; done

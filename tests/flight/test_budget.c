@@ -109,10 +109,69 @@ static void test_production_keeps_to_the_budget(void **state)
     }
     print_message("of a budget of %.2f ms frames used %.2f to %.2f ms\n", BUDGET_NS / 1e6, least_ns / 1e6,
                   most_ns / 1e6);
-    assert_true(num_deferred > 1000);
+    assert_true(num_deferred > 100);
     assert_true(most_ns <= BUDGET_NS);
     /* Tiles get room for more than last time: what they do not take is not used. */
     assert_true(least_ns > 0.8 * BUDGET_NS);
+    karst_engine_destroy(engine);
+}
+
+/* Where the budget does not follow, less is asked for, and that is there: in steady flight at most twice as wide
+ * voxels, after a jump coarse at first; standing, all of it comes in the end. What is shown short of the setting is
+ * counted. */
+static void test_what_is_asked_for_is_there(void **state)
+{
+    (void)state;
+    karst_engine_config config = flight_config("hills");
+    config.detail_px = 0.5;
+    karst_engine *engine = flight_engine(&config);
+    karst_camera camera = flight_camera(engine, "0,520,0,30,-35");
+    static flight_picture picture, settled;
+    flight_settle(engine, &camera, &picture);
+    assert_int_equal(picture.stats.num_coarser, 0);
+    assert_ok(karst_engine_set_budget_ms(engine, 2, &error));
+    karst_engine_pretend_cost(engine, 200e3, 60e3);
+    karst_stats stats;
+    double sum = 0, least = 1, most_px = 0, sum_own = 0;
+    enum { FRAMES = 100 };
+    for (int frame = 0; frame < FRAMES; frame++) {
+        camera.position =
+            karst_position_add_m(camera.position, (double[3]){8, 0, 6}, karst_engine_voxel_log2_m(engine));
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+        double hits = (double)stats.num_hits, share = 1 - (double)stats.num_provisional / hits;
+        assert_true(stats.num_coarser >= stats.num_provisional);
+        sum += share / FRAMES;
+        sum_own += 1 - (double)stats.num_coarser / hits;
+        least = fmin(least, share);
+        most_px = fmax(most_px, stats.detail_given_px);
+    }
+    print_message("flying: %.1f %% at the level asked for, at least %.1f %%, at most %.2f px; %.1f %% at their own\n",
+                  100 * sum, 100 * least, most_px, 100 * sum_own / FRAMES);
+    assert_true(sum > 0.9 && least > 0.75);
+    assert_true(most_px > 1.1 * config.detail_px && most_px <= 2 * config.detail_px);
+
+    camera.position =
+        karst_position_add_m(camera.position, (double[3]){60000, 0, 0}, karst_engine_voxel_log2_m(engine));
+    assert_ok(karst_engine_set_camera(engine, &camera, &error));
+    int whole_at = 0;
+    for (int frame = 1; frame <= 15 && !whole_at; frame++) {
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+        assert_int_equal(stats.num_incomplete, 0);
+        if (stats.num_provisional * 10 <= stats.num_hits && stats.num_hits > 0)
+            whole_at = frame;
+    }
+    print_message("after a jump: nine tenths at the level asked for in frame %d, at %.2f px\n", whole_at,
+                  stats.detail_given_px);
+    assert_true(whole_at > 0);
+    assert_true(stats.detail_given_px > config.detail_px && stats.detail_given_px <= 8 * config.detail_px);
+    flight_settle(engine, NULL, &settled);
+    assert_true(settled.stats.detail_given_px == config.detail_px);
+    assert_int_equal(settled.stats.num_coarser, 0);
+    flight_fresh(&config, &camera, &picture);
+    assert_same_picture(&settled, &picture);
     karst_engine_destroy(engine);
 }
 
@@ -144,7 +203,7 @@ static void test_an_engine_makes_what_the_model_says(void **state)
                   (unsigned long long)num_produced, (unsigned long long)num_deferred, FRAMES);
     assert_true(num_produced >= FRAMES);
     assert_true(num_produced <= 4 * FRAMES);
-    assert_true(num_deferred > 100 * FRAMES);
+    assert_true(num_deferred > 10 * FRAMES);
     karst_engine_destroy(engine);
 }
 
@@ -220,6 +279,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_production_keeps_to_the_budget),
+        cmocka_unit_test(test_what_is_asked_for_is_there),
         cmocka_unit_test(test_budgets_out_of_range),
         cmocka_unit_test(test_a_budget_changes_no_settled_picture),
         cmocka_unit_test(test_the_smallest_budgets_settle),

@@ -175,6 +175,7 @@ static void gaps_are_counted(void **state)
         karst_cast_view view = scene_view(&s, eye, 1);
         karst_pinhole pinhole = make_pinhole(64, 48, 50, -25, 300);
         karst_light light = make_light(40);
+        view.own_detail = view.detail;
         picture p = take_picture(&s, &view, &pinhole, &light, false);
         uint32_t provisional = 0, incomplete = 0;
         for (size_t i = 0; i < p.num_pixels; i++) {
@@ -184,6 +185,20 @@ static void gaps_are_counted(void **state)
         assert_true(provisional > 0 && incomplete > 0);
         assert_int_equal(p.counters[1], provisional);
         assert_int_equal(p.counters[2], incomplete);
+        assert_int_equal(p.counters[3], provisional);
+        free_picture(&p);
+        /* A view that asks for less than its owner wants: what comes short of that is counted. */
+        view.detail = 4 * view.own_detail;
+        p = take_picture(&s, &view, &pinhole, &light, false);
+        uint32_t coarser = 0;
+        for (size_t i = 0; i < p.num_pixels; i++) {
+            uint32_t kind = KARST_HIT_KIND(p.hits[i].kind), level = KARST_HIT_LEVEL(p.hits[i].kind);
+            float wanted = p.hits[i].t * pinhole.cone * view.own_detail;
+            coarser += kind == KARST_HIT_PROVISIONAL || (kind == KARST_HIT_SURFACE && level > 0 &&
+                                                         ldexpf(1, (int)level) > wanted * 1.0001f);
+        }
+        assert_true(coarser > provisional);
+        assert_int_equal(p.counters[3], coarser);
         free_picture(&p);
         scene_destroy(&s);
     }

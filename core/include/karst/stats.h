@@ -52,7 +52,10 @@ typedef struct {
     uint64_t num_pixels, num_hits, num_provisional;
     uint64_t num_incomplete;                 /* rays that met a region without data */
     uint64_t num_changed_pixels;             /* against the frame before; counted only if the engine was asked to */
-    double detail_asked_px, detail_given_px; /* pixels per voxel */
+    uint64_t num_coarser; /* hits on coarser levels than detail_asked_px stands for, for whatever reason */
+    /* Pixels per voxel: as set, and as this frame's rays asked for. More than set where the pools do not hold the view,
+     * or production is behind a budget in ms. */
+    double detail_asked_px, detail_given_px;
     size_t num_memory;
     karst_stats_memory memory[32]; /* by buffer name */
 } karst_stats;

@@ -1,0 +1,49 @@
+#include "core/pace.h"
+
+#include <math.h>
+
+/* The share of the hits that is held at the level asked for. */
+#define GOAL 0.94
+/* Less than this is a new view. */
+#define NEW_VIEW 0.5
+/* Octaves in a frame at most. Slow enough in motion that levels blend rather than pop. */
+#define MOST_COARSER 0.04
+#define MOST_FINER 0.025
+/* Where all that was asked for was made there is time for more. */
+#define FINER_WITH_TIME_LEFT 0.25
+/* A new view sharpens as fast as it can, in motion too. */
+#define MOST_FINER_NEW 0.25
+
+void karst_pace_init(karst_pace *pace) { *pace = (karst_pace){.factor = 1}; }
+
+bool karst_pace_at_rest(const karst_pace *pace) { return pace->factor == 1; }
+
+/* Octaves to go finer; below 0: coarser. */
+static double octaves_finer(const karst_pace *pace, const karst_pace_frame *frame, double share)
+{
+    bool flies = frame->moved && !pace->new_view;
+    double spare = share - GOAL;
+    if (frame->num_deferred == 0)
+        return flies ? MOST_FINER : frame->moved ? fmax(spare, 0) : FINER_WITH_TIME_LEFT;
+    if (spare >= 0)
+        return fmin(spare, flies ? MOST_FINER : MOST_FINER_NEW);
+    /* Still, or new: what is behind comes by itself. */
+    return flies ? fmax(spare, -MOST_COARSER) : 0;
+}
+
+void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)
+{
+    double share = frame->num_hits ? 1 - (double)frame->num_provisional / (double)frame->num_hits : 1;
+    if (share < NEW_VIEW && frame->num_deferred > 0 && frame->moved)
+        pace->new_view = true;
+    if (pace->new_view && share < NEW_VIEW && frame->num_deferred > 0) {
+        pace->factor = KARST_PACE_MOST;
+        return;
+    }
+    double finer = octaves_finer(pace, frame, share), most = fmax(pace->factor, KARST_PACE_MOST_MOVING);
+    pace->factor = fmin(fmax(pace->factor * exp2(-finer), 1), most);
+    if (pace->factor < 1.01 && finer > 0)
+        pace->factor = 1;
+    if (pace->factor <= KARST_PACE_MOST_MOVING && share >= GOAL)
+        pace->new_view = false;
+}
