@@ -126,7 +126,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
-    engine->caster = karst_caster_create(engine->context, karst_cache_get_buffers(engine->cache), error);
+    engine->caster = karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache),
+                                              config->no_beam ? KARST_CAST_NO_BEAM : "", error);
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
                                   error))

@@ -63,6 +63,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
          &b->brick_bits, 8, 32, NULL},
+        {"no-beam", 0, COMMAND_FLAG, NULL, "let each packet of rays find its way alone", &b->no_beam, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &b->pool_mib, 0,
          16777216, NULL},
         {"frames-max", 0, COMMAND_INTEGER, "N", "frames to settle in at most (default: 1000)", &b->max_frames, 1,

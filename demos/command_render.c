@@ -13,7 +13,7 @@ typedef struct {
     uint64_t seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_flight flight;
-    bool has_seed, no_shadows, no_blend, refine, help;
+    bool has_seed, no_shadows, no_blend, no_beam, refine, help;
 } render_options;
 
 typedef struct {
@@ -78,6 +78,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &o->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
          &o->brick_bits, 8, 32, NULL},
+        {"no-beam", 0, COMMAND_FLAG, NULL, "let each packet of rays find its way alone", &o->no_beam, 0, 0, NULL},
         {"pool", 0, COMMAND_NUMBER, "MIB", "memory for tiles and bricks together (default: 512)", &o->pool_mib, 0,
          16777216, NULL},
         {"budget-bricks", 0, COMMAND_INTEGER, "N", "bricks to produce in a frame at most (default: 4096)",
@@ -242,6 +243,7 @@ static karst_engine_config make_config(const render_options *o, karst_display *d
     config.refine = o->refine;
     config.no_blend = o->no_blend;
     config.brick_bits = (int)o->brick_bits;
+    config.no_beam = o->no_beam;
     config.lanes = (int)o->lanes;
     return config;
 }

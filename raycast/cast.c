@@ -15,6 +15,7 @@ struct karst_caster {
     karst_cache_buffers cache;
     karst_program *program;
     cl_kernel pinhole, rays;
+    size_t rays_per_item;
     karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
     cl_event written[NUM_VIEWS];
@@ -39,6 +40,8 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
              karst_cache_brick_option(cache));
     caster->context = context;
     caster->cache = *cache;
+    bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
+    caster->rays_per_item = beams ? RAYS_PER_GROUP : (size_t)context->lanes;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
     if (caster->program) {
@@ -148,7 +151,7 @@ bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const
         return false;
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
-    size_t local_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
+    size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
     return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST, across * down * local_size, local_size,
                         error);
 }
@@ -168,7 +171,7 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
                          KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
                          KARST_BUFFER_ARG(hits)))
         return false;
-    size_t lanes = (size_t)caster->context->lanes;
-    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + lanes - 1) / lanes,
-                        RAYS_PER_GROUP / lanes, error);
+    size_t per_item = caster->rays_per_item;
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + per_item - 1) / per_item,
+                        RAYS_PER_GROUP / per_item, error);
 }

@@ -14,6 +14,9 @@ typedef struct karst_caster karst_caster;
 /* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors:
  * KARST_FAILED. */
 karst_caster *karst_caster_create(karst_context *context, const karst_cache_buffers *cache, karst_error *error);
+/* An option for the latter: each packet of rays walks the tree by itself, not in a beam of packets. Slower, and the
+ * same in every bit. */
+#define KARST_CAST_NO_BEAM "-DCAST_NO_BEAM"
 /* The same with further build options (tests and measurements), such as "-DKARST_SAFE_STEP_SHARE=0.5f". */
 karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options,
                                        karst_error *error);

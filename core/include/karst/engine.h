@@ -44,6 +44,7 @@ typedef struct {
     uint32_t seed;             /* instead of the world's own */
     bool no_shadows;           /* leave out the second stream of rays, and its kernels */
     bool no_blend;             /* levels of detail change at once, not gradually: a little faster, but detail pops */
+    bool no_beam;              /* each packet of rays looks for its way alone: slower, and the same in every bit */
     bool count_changed_pixels; /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
     bool refine; /* move each hit from the bricks' surface to the true density's, with its exact gradient as normal;
                   * only for world files. Costs a few evaluations of the density for each pixel */

@@ -1,0 +1,257 @@
+/* Packets that walk in beams leave no trace: hits, pictures, depth, stamps and wishes are those of packets that walk
+ * alone, in every byte, at every stage of settling. */
+#include "raycast/shade.h"
+#include "tests/raycast/casting.h"
+
+#define WIDTH 93 /* no whole number of packets or tiles */
+#define HEIGHT 61
+#define NUM_PIXELS (WIDTH * HEIGHT)
+#define NUM_STAMPS 6
+#define NUM_RAYS 1003
+
+static karst_context *contexts[2]; /* 16 lanes, 1 lane */
+
+/* Ground with bumps of every size, of which coarser levels lack the finer ones. */
+static double bumps(const double p[3], double width, const void *user)
+{
+    (void)user;
+    double sum = width - 3 - p[1], size = 32, height = 5;
+    for (int i = 0; i < 5; i++, size *= 0.5, height *= 0.5)
+        if (size >= 2 * width)
+            sum += height * sin(p[0] / size * 3 + i) * cos(p[2] / size * 3 - p[1] / size);
+    return sum;
+}
+
+static int open_contexts(void **state)
+{
+    (void)state;
+    contexts[0] = open_context(16);
+    contexts[1] = open_context(1);
+    return 0;
+}
+
+static int close_contexts(void **state)
+{
+    (void)state;
+    karst_context_destroy(contexts[0]);
+    karst_context_destroy(contexts[1]);
+    return 0;
+}
+
+static scene open_scene(double (*density)(const double p[3], double width, const void *user), const void *user)
+{
+    scene s = scene_create(contexts[0], 3000, 6000, 1, 5, density, user);
+    s.lipschitz = 8;
+    scene_classify_tile(&s, KARST_ROOT_TILE);
+    for (uint32_t i = 8; i < 16; i++)
+        s.nodes[i].link = KARST_NODE_LINK(KARST_STATE_UNKNOWN, 0);
+    scene_upload(&s);
+    return s;
+}
+
+/* What a cast leaves behind. */
+typedef struct {
+    karst_hit *hits;
+    uint32_t *stamps[NUM_STAMPS];
+} traces;
+
+static karst_buffer *stamp_buffer(const scene *s, int i)
+{
+    karst_buffer *const all[NUM_STAMPS] = {s->buffers.tile_stamp, s->buffers.brick_stamp,   s->buffers.brick_fallback,
+                                           s->buffers.want_brick, s->buffers.want_children, s->buffers.want_chunk};
+    return all[i];
+}
+
+static void forget_stamps(const scene *s)
+{
+    karst_error error = {0};
+    for (int i = 0; i < NUM_STAMPS; i++)
+        scene_check(karst_buffer_fill(stamp_buffer(s, i), 0, 0, stamp_buffer(s, i)->size_bytes, &error), &error);
+}
+
+/* Casts the rays, or without any the picture. */
+static traces trace(const scene *s, karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                    const karst_ray *rays, bool any_hit)
+{
+    traces t;
+    forget_stamps(s);
+    t.hits = rays ? cast(s, caster, view, rays, NUM_RAYS, any_hit) : cast_picture(s, caster, view, pinhole);
+    for (int i = 0; i < NUM_STAMPS; i++)
+        t.stamps[i] = read_stamps(stamp_buffer(s, i));
+    return t;
+}
+
+static void release(traces *t)
+{
+    free(t->hits);
+    for (int i = 0; i < NUM_STAMPS; i++)
+        free(t->stamps[i]);
+}
+
+/* How many hits and stamps are not the same in both. */
+static size_t count_differences(const scene *s, const traces *a, const traces *b, size_t num_hits)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < num_hits; i++)
+        count += memcmp(&a->hits[i], &b->hits[i], sizeof(karst_hit)) != 0;
+    for (int i = 0; i < NUM_STAMPS; i++)
+        for (size_t k = 0; k < stamp_buffer(s, i)->size_bytes / 4; k++)
+            count += a->stamps[i][k] != b->stamps[i][k];
+    return count;
+}
+
+/* Rays of all kinds side by side: towards one sun from a slope, scattered ones, idle ones. */
+static void make_rays(karst_ray rays[NUM_RAYS])
+{
+    uint64_t seed = 11;
+    const double sun[3] = {0.36, 0.48, 0.8};
+    for (int i = 0; i < NUM_RAYS; i++) {
+        double origin[3] = {(i / 16 % 16) * 2.0 + next_random(&seed), 2 * next_random(&seed), (i % 16) * 2.0};
+        double direction[3] = {sun[0], sun[1], sun[2]};
+        if (i > NUM_RAYS / 2) {
+            random_direction(&seed, direction);
+            direction[1] = -fabs(direction[1]) * 0.3;
+        }
+        rays[i] = make_ray(origin, direction, next_random(&seed) < 0.1 ? -1 : 300);
+        rays[i].width = i % 3 ? 0.3f : 1.7f;
+        rays[i].cone = 0.01f;
+    }
+}
+
+typedef struct {
+    double yaw_deg, pitch_deg;
+    float blend;
+} look;
+
+/* Differences between what two kinds of casters leave behind, over all rounds of settling three looks. */
+static size_t compare_casters(scene *s, const char *options, const char *other_options, const double eye[3])
+{
+    static const look looks[] = {{30, -20, 0.25f}, {45, 1, 0.0f}, {0, -90, 0.0625f}}; /* the last: four octants */
+    static karst_ray rays[NUM_RAYS];
+    karst_caster *caster = open_caster(s, options), *other = open_caster(s, other_options);
+    size_t differences = 0;
+    uint32_t rounds = 0, num_wanted = 0;
+    make_rays(rays);
+    for (size_t i = 0; i < sizeof(looks) / sizeof(looks[0]); i++) {
+        const karst_pinhole pinhole = make_pinhole(WIDTH, HEIGHT, looks[i].yaw_deg, looks[i].pitch_deg, 400);
+        karst_cast_view view = scene_view(s, eye, 1);
+        view.blend = looks[i].blend;
+        uint32_t served;
+        do {
+            view.serial = ++rounds;
+            for (int kind = 0; kind < 3; kind++) {
+                const karst_ray *of = kind ? rays : NULL;
+                traces a = trace(s, caster, &view, &pinhole, of, kind == 2);
+                traces b = trace(s, other, &view, &pinhole, of, kind == 2);
+                differences += count_differences(s, &a, &b, kind ? NUM_RAYS : NUM_PIXELS);
+                release(&a);
+                release(&b);
+            }
+            served = scene_serve(s, view.serial);
+            num_wanted += served;
+        } while (served);
+    }
+    assert_true(rounds > 6);
+    assert_true(num_wanted > 100);
+    karst_caster_destroy(caster);
+    karst_caster_destroy(other);
+    return differences;
+}
+
+static const double above_ground[3] = {3.3, 21.1, -7.7};
+
+static void test_beams_leave_no_trace(void **state)
+{
+    (void)state;
+    static const double rod[3] = {10.2, 40.1, 3.5};
+    static const double eye[3] = {0.4, 18.2, -11.9}, among_folds[3] = {2.2, 6.3, 1.4};
+    scene s = open_scene(bumps, NULL);
+    assert_int_equal(compare_casters(&s, "", KARST_CAST_NO_BEAM, above_ground), 0);
+    scene_destroy(&s);
+    s = open_scene(needle, rod);
+    assert_int_equal(compare_casters(&s, "", KARST_CAST_NO_BEAM, eye), 0);
+    scene_destroy(&s);
+    s = open_scene(folds, NULL);
+    assert_int_equal(compare_casters(&s, "", KARST_CAST_NO_BEAM, among_folds), 0);
+    scene_destroy(&s);
+}
+
+/* Bounds that leave something out would be noticed. */
+static void test_narrow_beams_are_noticed(void **state)
+{
+    (void)state;
+    scene s = open_scene(bumps, NULL);
+    assert_true(compare_casters(&s, "-DKARST_MUTANT_BEAM", KARST_CAST_NO_BEAM, above_ground) > 0);
+    scene_destroy(&s);
+}
+
+/* Rays that walk one by one leave the same too; and pictures are made of hits alone. */
+static void test_one_lane_leaves_the_same(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    scene s = open_scene(bumps, NULL);
+    karst_caster *caster = open_caster(&s, ""), *alone = open_caster(&s, KARST_CAST_NO_BEAM);
+    karst_shader *shader = karst_shader_create(contexts[0], &s.buffers, false, &error);
+    scene_check(shader, &error);
+    karst_buffer *hits = scene_buffer(contexts[0], "hits", NUM_PIXELS * sizeof(karst_hit)),
+                 *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),
+                 *depth = scene_buffer(contexts[0], "depth", NUM_PIXELS * 4),
+                 *counters = scene_buffer(contexts[0], "counters", 16);
+    const karst_light light = {.sun_direction = {0.36f, 0.48f, 0.8f},
+                               .sun_colour = {1.6f, 1.5f, 1.4f},
+                               .sky_zenith = {0.1f, 0.24f, 0.55f},
+                               .sky_horizon = {0.3f, 0.35f, 0.4f},
+                               .ground_flat = {0.3f, 0.3f, 0.3f},
+                               .ground_steep = {0.3f, 0.3f, 0.3f},
+                               .haze_distance = 3000};
+    const karst_pinhole pinhole = make_pinhole(WIDTH, HEIGHT, 30, -20, 400);
+    karst_cast_view view = scene_view(&s, above_ground, 1);
+    view.blend = 0.25f;
+    static uint32_t rgba[2][NUM_PIXELS];
+    static float far[2][NUM_PIXELS];
+    for (view.serial = 1;; view.serial++) {
+        karst_caster *const casters[2] = {caster, alone};
+        for (int i = 0; i < 2; i++)
+            scene_check(karst_cast_pinhole(casters[i], &view, &pinhole, hits, &error) &&
+                            karst_shade_pixels(shader, &view, &pinhole, &light, hits, NULL, pixels->mem, depth,
+                                               counters, &error) &&
+                            karst_buffer_read(pixels, 0, rgba[i], sizeof(rgba[i]), &error) &&
+                            karst_buffer_read(depth, 0, far[i], sizeof(far[i]), &error),
+                        &error);
+        assert_memory_equal(rgba[0], rgba[1], sizeof(rgba[0]));
+        assert_memory_equal(far[0], far[1], sizeof(far[0]));
+        uint32_t served = scene_serve(&s, view.serial);
+        if (view.serial == 3 || !served) {
+            scene other = scene_clone(contexts[1], 1, &s);
+            karst_caster *one_lane = open_caster(&other, "");
+            traces a = trace(&s, caster, &view, &pinhole, NULL, false);
+            traces b = trace(&other, one_lane, &view, &pinhole, NULL, false);
+            assert_int_equal(count_differences(&s, &a, &b, NUM_PIXELS), 0);
+            release(&a);
+            release(&b);
+            karst_caster_destroy(one_lane);
+            scene_destroy(&other);
+        }
+        if (!served)
+            break;
+    }
+    karst_buffer_destroy(hits);
+    karst_buffer_destroy(pixels);
+    karst_buffer_destroy(depth);
+    karst_buffer_destroy(counters);
+    karst_shader_destroy(shader);
+    karst_caster_destroy(caster);
+    karst_caster_destroy(alone);
+    scene_destroy(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_beams_leave_no_trace),
+        cmocka_unit_test(test_narrow_beams_are_noticed),
+        cmocka_unit_test(test_one_lane_leaves_the_same),
+    };
+    return cmocka_run_group_tests(tests, open_contexts, close_contexts);
+}
