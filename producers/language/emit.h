@@ -25,6 +25,8 @@
 #define KARST_EMIT_MAX_TENSORS 48u
 /* Octaves of Worley's noise whose cells a brick hashes once; others cost several times as much. */
 #define KARST_EMIT_MAX_TABLES 8u
+/* Octaves of a brick whose gradients stand in tables (noise/table.clh), 1,216 bytes each; others hash every corner. */
+#define KARST_EMIT_MAX_BENT 96u
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */

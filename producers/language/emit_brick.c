@@ -4,7 +4,8 @@
  * the rest. A value that a block of more axes reads is kept in world_axes:
  *     none   bv12                 x   xv12[c]      y, z   yv12[c] (read one by one in blocks along x)
  *     xy     xyv12[iy][c]         xz  xzv12[c]     yz     yzv12[c] (likewise)
- * and so h and l, the halves of a pair.
+ * and so h and l, the halves of a pair; and the places of arguments on one axis, which take divisions: yc34[c], of data
+ * word 34.
  * Kept along x are the EMIT_ROW_VECTORS vectors of a row, along y and z the EMIT_SIDE_VECTORS of a side. */
 #include "producers/language/emit_internal.h"
 
@@ -15,10 +16,16 @@ static bool in_block(const karst_emit *emit, karst_expr e, uint8_t axes)
     return emit->nodes[e].needs && emit->nodes[e].axes == axes;
 }
 
+/* True if the place of a node in another block is this block's. */
+static bool has_place_in(const karst_emit *emit, karst_expr e, uint8_t axes)
+{
+    return emit->nodes[e].needs && emit->nodes[e].axes != axes && axes && karst_emit_place_axis(emit, e) == axes;
+}
+
 static bool any_in_block(const karst_emit *emit, uint8_t axes)
 {
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (in_block(emit, e, axes))
+        if (in_block(emit, e, axes) || has_place_in(emit, e, axes))
             return true;
     return false;
 }
@@ -35,6 +42,13 @@ static void lines(karst_emit *emit, uint8_t axes)
 {
     const char *index = axes == 0 ? "" : axes == (X | Y) ? "[iy][c]" : "[c]";
     karst_emit_begin_block(emit, (karst_block){.axes = axes});
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        uint32_t word = emit->layout->word[e];
+        if (!has_place_in(emit, e, axes) || emit->placed[word] == emit->serial)
+            continue;
+        karst_emit_declare_place(emit, e);
+        karst_text_add(&emit->text, "    axes->%sc%u%s = c%u;\n", karst_emit_axes_name(axes), word, index, word);
+    }
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         if (!in_block(emit, e, axes))
             continue;
@@ -95,6 +109,8 @@ static void declare_axes(karst_emit *emit)
         if (node->is_table)
             karst_text_add(text, "#ifdef EMIT_HOISTED\n    noise_worley_brick w%u[%u];\n#endif\n", e,
                            num_octaves(emit, e));
+        if (node->is_bent)
+            karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    noise_table g%u[%u];\n#endif\n", e, num_octaves(emit, e));
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
                            : node->axes & X        ? "[EMIT_ROW_VECTORS]"
@@ -102,6 +118,13 @@ static void declare_axes(karst_emit *emit)
         const char *parts = parts_kept(emit, e);
         for (size_t i = 0; parts[i]; i++)
             karst_text_add(text, "    %s %s%c%u%s;\n", karst_emit_type(emit, e), name, parts[i], e, size);
+    }
+    karst_emit_begin_block(emit, (karst_block){.axes = 0});
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        uint8_t axis = karst_emit_place_axis(emit, e);
+        if (has_place_in(emit, e, axis) && karst_emit_is_new_place(emit, e))
+            karst_text_add(text, "    %s %sc%u[%s];\n", karst_emit_place_type(emit, e), karst_emit_axes_name(axis),
+                           emit->layout->word[e], axis == X ? "EMIT_ROW_VECTORS" : "EMIT_SIDE_VECTORS");
     }
     karst_text_add(text, "} world_axes;\n\n");
 }
@@ -132,6 +155,12 @@ static void prepare(karst_emit *emit)
                            "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++)\n"
                            "        emit_worley_prepare(&axes->w%u[k], &axes->n%u[k]);\n#endif\n",
                            num_octaves(emit, e), e, e);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].is_bent)
+            karst_text_add(text,
+                           "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
+                           "        axes->g%u[k].is_made = 0;\n#endif\n",
+                           num_octaves(emit, e), e);
     block(emit, 0);
     block(emit, X);
     block(emit, Y);
@@ -170,7 +199,7 @@ static void row(karst_emit *emit)
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
-/* Any samples: all nodes, but noise steps along the brick. */
+/* Any samples: all nodes, but noise steps along the brick, and what lies along y or z is there. */
 static void sample(karst_emit *emit)
 {
     karst_text_add(&emit->text,
@@ -178,9 +207,18 @@ static void sample(karst_emit *emit)
                    "    world_data data = axes->data;\n    (void)data;\n"
                    "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n");
     karst_emit_begin_block(emit, (karst_block){.is_sample = true});
-    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].needs)
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        uint8_t axes = emit->nodes[e].axes;
+        const char *parts = parts_kept(emit, e);
+        if (emit->nodes[e].needs && axes != Y && axes != Z)
             karst_emit_lines(emit, e);
+        else if (emit->nodes[e].needs)
+            for (size_t i = 0; parts[i]; i++)
+                karst_text_add(&emit->text, "    const %s %c%u = EMIT_%s(axes->%s%c%u, i%s);\n",
+                               karst_emit_type(emit, e), parts[i], e,
+                               emit->graph->nodes[e].type == KARST_TYPE_FLOAT ? "FLOATS" : "INTS",
+                               karst_emit_axes_name(axes), parts[i], e, karst_emit_axes_name(axes));
+    }
     karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
@@ -207,6 +245,19 @@ static void mark_tables(karst_emit *emit)
             !karst_emit_has_bricks_axes(emit, e) || num_octaves(emit, e) > room)
             continue;
         emit->nodes[e].is_table = 1;
+        room -= num_octaves(emit, e);
+    }
+}
+
+/* The same for gradients of what is bent. */
+static void mark_bent(karst_emit *emit)
+{
+    uint32_t room = KARST_EMIT_MAX_BENT;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || emit->nodes[e].is_tensor ||
+            emit->nodes[e].axes != KARST_AXES || !karst_emit_is_gradient(emit, e) || num_octaves(emit, e) > room)
+            continue;
+        emit->nodes[e].is_bent = 1;
         room -= num_octaves(emit, e);
     }
 }
@@ -251,6 +302,7 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
             emitted->num_ops[emit->nodes[e].axes]++;
     mark_tensors(emit);
     mark_tables(emit);
+    mark_bent(emit);
     declare_axes(emit);
     prepare(emit);
     plane(emit);

@@ -23,6 +23,7 @@ typedef struct {
     uint8_t keeps;      /* what the brick form hands from one block to others */
     uint8_t is_tensor;  /* a noise that 16 lanes evaluate as a tensor product over the brick */
     uint8_t is_table;   /* Worley's noise whose cells 16 lanes hash once for the brick */
+    uint8_t is_bent;    /* gradient noise that is no tensor: 16 lanes look for gradients in a table */
     karst_expr partner; /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
@@ -69,11 +70,20 @@ karst_operand karst_emit_wide_operand(const karst_emit *emit, karst_expr e);
 void karst_emit_lines(karst_emit *emit, karst_expr e);
 /* "vfloat" or "vint". */
 const char *karst_emit_type(const karst_emit *emit, karst_expr e);
+/* The axis on which the exact place of a node's argument depends (data.h); 0: it takes none, or depends on several. */
+uint8_t karst_emit_place_axis(const karst_emit *emit, karst_expr e);
+/* Declares that place, once a block: "c" and the word of its record. */
+void karst_emit_declare_place(karst_emit *emit, karst_expr e);
+const char *karst_emit_place_type(const karst_emit *emit, karst_expr e);
+/* True the first time in a block that a place's record is asked for. */
+bool karst_emit_is_new_place(karst_emit *emit, karst_expr e);
 
 /* ---- emit_noise.c ---- */
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
 /* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
+/* Gradient noise, not a derivative. */
+bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 /* The beginning of a loop over octaves, up to its `weight`. */
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);

@@ -31,10 +31,14 @@ static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
     return known && karst_number_is(*known, 0) ? KARST_NO_EXPR : by;
 }
 
+bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e)
+{
+    return noise_of(emit, e)->base == KARST_NOISE_GRADIENT && !noise_of(emit, e)->derivative;
+}
+
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e)
 {
-    return noise_of(emit, e)->base == KARST_NOISE_GRADIENT && !noise_of(emit, e)->derivative &&
-           karst_emit_has_bricks_axes(emit, e);
+    return karst_emit_is_gradient(emit, e) && karst_emit_has_bricks_axes(emit, e);
 }
 
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e)
@@ -53,26 +57,29 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
+    karst_expr by = moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_point)
-        karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d]);\n", i);
+        karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
     else if (emit->block.is_sample)
-        karst_text_add(text, "emit_steps_any(&octave->arg[%d], ix, iy, iz);\n", i);
+        karst_text_add(text, "noise_coordinate_split(emit_steps_any(&octave->arg[%d], ix, iy, iz)", i);
     else if (axes & KARST_DEPENDS_X)
-        karst_text_add(text, "emit_steps_x(&octave->arg[%d], lane, %s, %s);\n", i, axes & KARST_DEPENDS_Y ? "iy" : "0",
-                       axes & KARST_DEPENDS_Z ? "iz" : "0");
+        karst_text_add(text, "noise_coordinate_split(emit_steps_x(&octave->arg[%d], lane, %s, %s)", i,
+                       axes & KARST_DEPENDS_Y ? "iy" : "0", axes & KARST_DEPENDS_Z ? "iz" : "0");
     else if (axes & KARST_DEPENDS_Y)
-        karst_text_add(text, "emit_steps_y(&octave->arg[%d], 0, lane, %s);\n", i, axes & KARST_DEPENDS_Z ? "iz" : "0");
+        karst_text_add(text, "noise_coordinate_split(emit_steps_y(&octave->arg[%d], 0, lane, %s)", i,
+                       axes & KARST_DEPENDS_Z ? "iz" : "0");
     else
-        karst_text_add(text, "emit_steps_z(&octave->arg[%d], 0, 0, lane);\n", i);
-
-    karst_expr by = moved_by(emit, emit->graph->nodes[noise].arg[i]);
-    if (!by)
-        return;
-    if (emit->graph->nodes[by].kind == KARST_KIND_WIDE)
+        karst_text_add(text, "noise_coordinate_split(emit_steps_z(&octave->arg[%d], 0, 0, lane)", i);
+    if (by && !by_pair && !emit->block.is_point)
+        karst_text_add(text, " + noise_coordinate_steps(%s * (vfloat)(weight.scale))",
+                       karst_emit_operand(emit, by).text);
+    karst_text_add(text, emit->block.is_point ? ";\n" : ");\n");
+    if (by_pair)
         karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, weight.scale);\n", i, i,
                        karst_emit_wide_operand(emit, by).text);
-    else
+    else if (by && emit->block.is_point)
         karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(weight.scale));\n",
                        i, i, karst_emit_operand(emit, by).text);
 }
@@ -107,6 +114,24 @@ static void octave_line(karst_emit *emit, karst_expr e)
         karst_text_add(
             text, "        v%u = octave_%s(octave_noise_%s(&q, weight.seed), octave_mean(%u, %u), &weight, v%u);\n", e,
             shape, base, noise->base, noise->shape, e);
+}
+
+/* The same from gradients in a table. */
+static void table_line(karst_emit *emit, karst_expr e)
+{
+    const karst_noise *noise = noise_of(emit, e);
+    karst_text *text = &emit->text;
+    karst_emit_place(emit, e);
+    if (noise->shape == KARST_NOISE_SUM)
+        karst_text_add(text,
+                       "        v%u = emit_table_octave(&axes->g%u[k], &q, weight.seed, "
+                       "weight.amplitude * weight.weight, v%u);\n",
+                       e, e, e);
+    else
+        karst_text_add(text,
+                       "        v%u = octave_%s(emit_table_octave(&axes->g%u[k], &q, weight.seed, 1.0f, "
+                       "(vfloat)(0.0f)), octave_mean(%u, %u), &weight, v%u);\n",
+                       e, shape_names[noise->shape], e, noise->base, noise->shape, e);
 }
 
 /* The same from a tensor product over the brick. */
@@ -154,12 +179,17 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
                        shape_names[noise->shape], noise->base, noise->shape, e);
     karst_text_add(text, "            continue;\n"
                          "        }\n");
-    bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point && !emit->block.is_sample;
+    bool is_row = !emit->block.is_point && !emit->block.is_sample;
+    bool is_tensor = emit->nodes[e].is_tensor && is_row, is_bent = emit->nodes[e].is_bent && is_row;
     if (is_tensor) {
         karst_text_add(text, "#ifdef EMIT_HOISTED\n");
         tensor_line(emit, e);
         karst_text_add(text, "#else\n");
+    } else if (is_bent) {
+        karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n");
+        table_line(emit, e);
+        karst_text_add(text, "#else\n");
     }
     octave_line(emit, e);
-    karst_text_add(text, "%s    }\n", is_tensor ? "#endif\n" : "");
+    karst_text_add(text, "%s    }\n", is_tensor || is_bent ? "#endif\n" : "");
 }

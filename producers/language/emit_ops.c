@@ -168,22 +168,55 @@ static void function_name(const karst_emit *emit, karst_expr e, char *name, size
 
 /* ---- places: affine arguments whose exact coordinate counts ---- */
 
-/* Declares the place that a record describes, once a block: "c" and its word. */
-static void declare_place(karst_emit *emit, karst_expr e)
+static bool is_turns(const karst_emit *emit, karst_expr e)
 {
-    uint8_t op = node_of(emit, e)->op;
-    bool turns = op == KARST_OP_SIN_TURNS || op == KARST_OP_COS_TURNS;
+    return node_of(emit, e)->op == KARST_OP_SIN_TURNS || node_of(emit, e)->op == KARST_OP_COS_TURNS;
+}
+
+uint8_t karst_emit_place_axis(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    if (n->op == KARST_OP_NOISE || !karst_takes_place(emit->layout, e, 0))
+        return 0;
+    uint8_t axes = node_of(emit, karst_affine_behind(emit->graph, n->arg[0]))->depends & KARST_AXES;
+    return axes & (axes - 1) ? 0 : axes;
+}
+
+const char *karst_emit_place_type(const karst_emit *emit, karst_expr e)
+{
+    return is_turns(emit, e) ? "noise_coordinate" : "affine_place";
+}
+
+bool karst_emit_is_new_place(karst_emit *emit, karst_expr e)
+{
     uint32_t word = emit->layout->word[e];
-    if (emit->placed[word] == emit->serial)
-        return;
+    bool is_new = emit->placed[word] != emit->serial;
     emit->placed[word] = emit->serial;
-    if (turns)
-        karst_text_add(&emit->text,
-                       "    const noise_coordinate c%u = affine_coordinate(&at, EMIT_LATTICE(data, %u));\n", word,
-                       word);
-    else
-        karst_text_add(&emit->text, "    const affine_place c%u = affine_cells(&at, EMIT_CELLS(data, %u));\n", word,
-                       word);
+    return is_new;
+}
+
+void karst_emit_declare_place(karst_emit *emit, karst_expr e)
+{
+    uint8_t axis = karst_emit_place_axis(emit, e), here = emit->block.axes;
+    uint32_t word = emit->layout->word[e];
+    const char *type = karst_emit_place_type(emit, e);
+    if (!karst_emit_is_new_place(emit, e))
+        return;
+    karst_text_add(&emit->text, "    const %s c%u = ", type, word);
+    if (axis && !emit->block.is_point && axis != here && (!emit->block.is_sample || axis != KARST_DEPENDS_X)) {
+        if (emit->block.is_sample)
+            karst_text_add(&emit->text, "emit_%ss(axes->%sc%u, i%s);\n", type, karst_emit_axes_name(axis), word,
+                           karst_emit_axes_name(axis));
+        else if (axis == (here & (uint8_t)-here))
+            karst_text_add(&emit->text, "axes->%sc%u[c];\n", karst_emit_axes_name(axis), word);
+        else
+            karst_text_add(&emit->text, "emit_one_%s(axes->%sc%u, %s);\n", type, karst_emit_axes_name(axis), word,
+                           axis == KARST_DEPENDS_Y ? "iy" : "iz");
+    } else if (is_turns(emit, e)) {
+        karst_text_add(&emit->text, "affine_coordinate(&at, EMIT_LATTICE(data, %u));\n", word);
+    } else {
+        karst_text_add(&emit->text, "affine_cells(&at, EMIT_CELLS(data, %u));\n", word);
+    }
 }
 
 static void place_lines(karst_emit *emit, karst_expr e)
@@ -192,7 +225,7 @@ static void place_lines(karst_emit *emit, karst_expr e)
     uint32_t word = emit->layout->word[e];
     bool shifted = node_of(emit, n->arg[0])->op == KARST_OP_SHIFTED;
     karst_text *text = &emit->text;
-    declare_place(emit, e);
+    karst_emit_declare_place(emit, e);
     karst_operand offset = {""}, period = {""};
     if (shifted)
         offset = karst_emit_operand(emit, node_of(emit, n->arg[0])->arg[1]);

@@ -26,6 +26,7 @@
 static const char probes[] =
     "#include \"noise/fbm.clh\"\n"
     "#include \"noise/simplex.clh\"\n"
+    "#include \"noise/table.clh\"\n"
     "#include \"noise/tensor.clh\"\n"
     "#include \"noise/slope.clh\"\n"
     "#include \"noise/value.clh\"\n"
@@ -51,6 +52,28 @@ static const char probes[] =
     "        for (int y = 0; y < 17; y++, out += 16)\n"
     "            v_store_float(noise_tensor_row(&tensor, y, (vfloat)(0.0f)), out);\n"
     "    }\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_table(K_GLOBAL const long *brick, K_GLOBAL const uint *word, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint i = (uint)get_global_id(0), num[3] = {0u, 0u, 0u};\n"
+    "    if (i >= count)\n"
+    "        return;\n"
+    "    out += i * (17 * 17 * 16 + 3);\n"
+    "#ifdef NOISE_HAS_TABLE\n"
+    "    noise_table table;\n"
+    "    table.is_made = 0;\n"
+    "    for (int z = 0; z < 17; z++)\n"
+    "        for (int y = 0; y < 17; y++, out += 16) {\n"
+    "            noise_position p = bent_place(brick + 6 * i, (int)word[2 * i], i, V_LANE, y, z);\n"
+    "            int was = table.is_made, x0 = table.cell[0], y0 = table.cell[1], z0 = table.cell[2];\n"
+    "            v_store_float(noise_table_octave(&table, &p, word[2 * i + 1], 0.75f, (vfloat)(0.0f)), out);\n"
+    "            int same = was && x0 == table.cell[0] && y0 == table.cell[1] && z0 == table.cell[2];\n"
+    "            num[!table.is_made ? 2 : same ? 0 : 1]++;\n"
+    "        }\n"
+    "#endif\n"
+    "    for (int k = 0; k < 3; k++)\n"
+    "        out[k] = (float)num[k];\n"
     "}\n"
     "#endif\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
@@ -90,6 +113,16 @@ K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fract
     p.axis[2] = noise_coordinate_move(p.axis[2], warp * (vfloat)(-50.0f));
     noise_octaves octaves = noise_octaves_at(3L << 44, 9, 1.0f, 0.625f, (int)(first >> 4) % 12);
     v_store_float(noise_fbm(&p, 99u, &octaves, 9, (vfloat)(0.0f)), out + first);
+}
+K_INLINE noise_position bent_place(K_GLOBAL const long *brick, int level, uint number, vint x, int y, int z)
+{
+    noise_position p;
+    for (int a = 0; a < 3; a++) {
+        noise_axis axis = noise_axis_at(brick[a], brick[3 + a], level);
+        vfloat bend = v_to_float(x + (vint)(a * y - z)) * (vfloat)((float)((a + 1) * (int)(number % 8u)) * 0x1.8p-8f);
+        p.axis[a] = noise_coordinate_move(noise_axis_sample(&axis, a == 0 ? x : (vint)(a == 1 ? y : z)), bend);
+    }
+    return p;
 }
 K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
                              K_GLOBAL float *out)
@@ -281,8 +314,62 @@ static void test_tensor(void **state)
     free(wanted);
 }
 
+/* Rows whose lattice is bent, with gradients from a table, against single points: straight or bent, far or near. */
+static void test_table(void **state)
+{
+    (void)state;
+    enum { BRICKS = 400, SAMPLES = 17 * 17 * 16 };
+    int64_t *bricks = malloc(6 * BRICKS * sizeof *bricks);
+    uint32_t *words = malloc(2 * BRICKS * sizeof *words), *unused = malloc(3 * 2 * BRICKS * sizeof *unused);
+    float *wanted = malloc(SAMPLES * sizeof *wanted);
+    assert_true(bricks && words && wanted && unused);
+    int64_t *places = random_voxels(2 * BRICKS, unused);
+    for (int i = 0; i < BRICKS; i++) {
+        int level = (int)random_below(12);
+        words[2 * i] = (uint32_t)level;
+        words[2 * i + 1] = (uint32_t)random_bits();
+        for (int a = 0; a < 3; a++) {
+            int64_t frequency = (int64_t)((double)(INT64_C(1) << (55 - level)) * random_magnitude(1e-3, 1));
+            bricks[6 * i + a] = places[3 * i + a];
+            bricks[6 * i + 3 + a] = random_below(3) ? frequency : -frequency;
+        }
+    }
+    float *got =
+        device_results(16, "probe_table", bricks, 6 * BRICKS, words, 2 * BRICKS, BRICKS, BRICKS * (SAMPLES + 3));
+    uint32_t kept = 0, made = 0, spread = 0;
+    for (int i = 0; i < BRICKS; i++) {
+        const float *samples = got + (size_t)i * (SAMPLES + 3);
+        float *out = wanted;
+        kept += (uint32_t)samples[SAMPLES];
+        made += (uint32_t)samples[SAMPLES + 1];
+        spread += (uint32_t)samples[SAMPLES + 2];
+        if (samples[SAMPLES] + samples[SAMPLES + 1] + samples[SAMPLES + 2] == 0) /* no table on this device */
+            continue;
+        for (int z = 0; z < 17; z++)
+            for (int y = 0; y < 17; y++)
+                for (int x = 0; x < 16; x++) {
+                    noise_position p = bent_place(bricks + 6 * i, (int)words[2 * i], (uint32_t)i, x, y, z);
+                    *out++ = noise_octave(&p, words[2 * i + 1], 0.75f, 0.0f);
+                }
+        assert_same_bits(samples, wanted, SAMPLES, "table");
+    }
+    if (kept + made + spread) {
+        assert_int_equal(kept + made + spread, BRICKS * 17 * 17);
+        assert_in_range(kept, BRICKS * 17 * 3, BRICKS * 17 * 17);
+        assert_in_range(made, BRICKS, BRICKS * 17 * 17);
+        assert_in_range(spread, BRICKS, BRICKS * 17 * 17);
+    }
+    free(got);
+    free(places);
+    free(unused);
+    free(bricks);
+    free(words);
+    free(wanted);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_tensor)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_tensor),
+                                       cmocka_unit_test(test_table)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
