@@ -162,10 +162,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     if (++engine->serial == 0)
         engine->serial = 1;
     stats->frame = engine->frame;
-    bool moved = engine->view_changed;
-    if (moved)
+    /* More pixels of the same are no new view. */
+    bool moved = engine->view_changed && !engine->size_changed;
+    if (engine->view_changed)
         karst_ladder_view_changed(&engine->ladder);
-    engine->view_changed = false;
+    engine->view_changed = engine->size_changed = false;
     stats->detail_asked_px = engine->detail_px;
     stats->detail_given_px = karst_engine_detail_px(engine);
 

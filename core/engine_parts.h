@@ -82,7 +82,7 @@ struct karst_engine {
 
     karst_camera camera;
     karst_engine_motion motion;
-    bool view_changed;
+    bool view_changed, size_changed; /* since the last frame; the former is said for both */
     int64_t root_corner[3];
     int top_level;
     bool root_placed;

@@ -23,7 +23,7 @@ bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_
     engine->surface = surface;
     engine->width_px = width_px;
     engine->height_px = height_px;
-    engine->view_changed = true;
+    engine->view_changed = engine->size_changed = true;
     engine->have_previous = false;
     return true;
 }

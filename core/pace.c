@@ -11,6 +11,8 @@
 #define MOST_FINER 0.025
 /* Where all that was asked for was made there is time for more. */
 #define FINER_WITH_TIME_LEFT 0.25
+/* A view that stands and is not new, as when a flight ends, is wanted whole at once. */
+#define ALL_OCTAVES 100.0
 /* A new view sharpens as fast as it can, in motion too. */
 #define MOST_FINER_NEW 0.25
 
@@ -23,11 +25,13 @@ static double octaves_finer(const karst_pace *pace, const karst_pace_frame *fram
 {
     bool flies = frame->moved && !pace->new_view;
     double spare = share - GOAL;
+    if (!frame->moved && !pace->new_view)
+        return ALL_OCTAVES;
     if (frame->num_deferred == 0)
         return flies ? MOST_FINER : frame->moved ? fmax(spare, 0) : FINER_WITH_TIME_LEFT;
     if (spare >= 0)
         return fmin(spare, flies ? MOST_FINER : MOST_FINER_NEW);
-    /* Still, or new: what is behind comes by itself. */
+    /* Of a new view what is behind comes by itself. */
     return flies ? fmax(spare, -MOST_COARSER) : 0;
 }
 

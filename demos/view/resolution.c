@@ -7,9 +7,15 @@
 #define STILL_AFTER_S 0.12 /* without motion it is over */
 #define CALM_FRAMES 10     /* with time to spare before there are more pixels */
 #define SMOOTHING 0.3
-/* Time for making content, of a frame: the rest is for drawing. Standing, one waits for content alone. */
+/* Time for making content, of a frame, if drawing leaves so much; and at least, or the world would turn coarse. */
 #define MOVING_BUDGET 0.25
+#define LEAST_BUDGET 0.06
+/* Drawing and making together. */
+#define USE_WITH_BUDGET 0.94
+/* Standing, one waits for content alone: first with a picture now and then, later for the end of it. */
 #define STILL_BUDGET_MS 120.0
+#define LATER_BUDGET_MS 250.0
+#define LATER_S 0.3
 
 static int side_px(int full_px, int share)
 {
@@ -35,6 +41,19 @@ static int affordable_share(const viewer *v)
     return clamp_share((int)(VIEW_FULL_SHARE * fmin(share, 1) + 0.01));
 }
 
+/* What the frame leaves for making content when this share of the sides is drawn. */
+static double budget_ms(const viewer *v, int share, bool at_rest)
+{
+    const view_resolution *r = &v->resolution;
+    double target_ms = 1000 / v->settings.fps;
+    if (at_rest && !v->capture.video)
+        return v->now_s - r->still_since_s > LATER_S ? LATER_BUDGET_MS : STILL_BUDGET_MS;
+    double side = (double)share / VIEW_FULL_SHARE;
+    double drawn_ms = r->cost_ns_px * side * side * v->width_px * v->height_px / 1e6;
+    double left_ms = target_ms * USE_WITH_BUDGET - drawn_ms - r->other_ns / 1e6;
+    return fmax(target_ms * LEAST_BUDGET, fmin(target_ms * MOVING_BUDGET, left_ms));
+}
+
 bool view_resolution_choose(viewer *v, bool moving, karst_error *error)
 {
     view_resolution *r = &v->resolution;
@@ -48,8 +67,7 @@ bool view_resolution_choose(viewer *v, bool moving, karst_error *error)
     if (share != r->share)
         r->calm_frames = 0;
     r->share = share;
-    double budget_ms = at_rest && !v->capture.video ? STILL_BUDGET_MS : 1000 / v->settings.fps * MOVING_BUDGET;
-    return karst_engine_set_budget_ms(v->engine, budget_ms, error) &&
+    return karst_engine_set_budget_ms(v->engine, budget_ms(v, share, at_rest), error) &&
            karst_engine_set_drawn_size(v->engine, side_px(v->width_px, share), side_px(v->height_px, share), error);
 }
 
