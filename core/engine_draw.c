@@ -6,11 +6,6 @@
 #include "raycast/light.h"
 #include "raycast/pinhole.h"
 
-/* The last part of each level in which it turns into the next one: at one pixel a voxel, some 65 voxels of 1000 from
- * the camera. Many frames of walking and some of flying, while few rays look at two levels (an eighth was measured to
- * cost 6 to 9 % of a settled frame, and 7 % of what it takes of the pools). */
-#define BLEND_SHARE 0.0625f
-
 static karst_light make_light(const karst_engine *engine)
 {
     const karst_world_info *world = engine->world;
@@ -33,7 +28,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     view.serial = engine->serial;
     view.detail = (float)karst_engine_detail_px(engine);
     view.own_detail = (float)engine->detail_px;
-    view.blend = engine->blend ? BLEND_SHARE : 0;
+    view.blend = engine->blend ? KARST_BLEND_SHARE : 0;
     karst_pinhole pinhole;
     karst_pinhole_init(&pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
     engine->drawn = engine->camera;
