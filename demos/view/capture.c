@@ -321,6 +321,7 @@ static json_t *describe_viewer(const viewer *v)
     json_object_set_new(o, "camera", json_string(camera));
     json_object_set_new(o, "mode", json_string(view_mode_names[v->motion.mode]));
     json_object_set_new(o, "speed_m_s", json_real(v->motion.speed_m_s));
+    json_object_set_new(o, "asked_speed_m_s", json_real(v->motion.asked_speed_m_s));
     json_object_set_new(o, "on_ground", json_boolean(v->motion.on_ground));
     json_object_set_new(o, "view", json_string(karst_view_name(v->view)));
     json_object_set_new(o, "page", json_string(view_page_names[v->page]));

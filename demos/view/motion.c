@@ -187,6 +187,8 @@ static bool fly(viewer *v, const wishes *w, double dt_s)
     double length = sqrt(w->right * w->right + w->up * w->up + w->forward * w->forward);
     double speed_m_s = m->speed_m_s * w->faster / fmax(1, length);
     bool wished = length > 0, drifting = false;
+    if (wished)
+        m->asked_speed_m_s = m->speed_m_s * w->faster;
     for (int axis = 0; axis < 3; axis++) {
         /* Up is the world's: one wants to rise, whichever way one looks. */
         double direction = w->right * right[axis] + w->forward * forward[axis] + (axis == 1 ? w->up : 0);

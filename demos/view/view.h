@@ -196,6 +196,7 @@ typedef struct {
     karst_camera camera;
     double speed_m_s;
     double velocity_m_s[3];
+    double asked_speed_m_s; /* by the keys, when last they asked for a way: what shift and ctrl make of speed_m_s */
     double fall_m_s; /* walking */
     bool on_ground;
     karst_position pivot; /* of the orbit */

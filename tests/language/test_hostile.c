@@ -2,7 +2,7 @@
  *
  *   test_hostile write FOLDER   writes those that are quick as files instead, for the fuzzer */
 #include "world_text.h"
-#include "tests/language/hostile_texts.h"
+#include "tests/language/hostile_build.h"
 
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -13,31 +13,6 @@
 #include "producers/language/world_file.h"
 
 enum { MOST_MS = 2000, MOST_MIB = 500 };
-
-typedef struct {
-    char *text;
-    size_t length;
-} built;
-
-static void add(built *b, const char *text, size_t length)
-{
-    memcpy(b->text + b->length, text, length);
-    b->length += length;
-}
-
-static void add_units(built *b, const char *unit, int count)
-{
-    for (int i = 0; i < count; i++)
-        for (const char *c = unit; *c; c++) {
-            char number[16];
-            if (*c == '#' && strncmp(c, "#define", 7) && strncmp(c, "#if", 3) && strncmp(c, "#include", 8))
-                add(b, number, (size_t)sprintf(number, "%d", i + 1));
-            else if (*c == '~')
-                add(b, number, (size_t)sprintf(number, "%d", i));
-            else
-                add(b, c, 1);
-        }
-}
 
 static double milliseconds(void)
 {
@@ -80,17 +55,6 @@ static const karst_diagnostic *last_of(const karst_program_graph *program)
     return d;
 }
 
-/* Fills `b`, which has room, with a text. */
-static void build(built *b, const hostile_text *t)
-{
-    b->length = 0;
-    add(b, t->head, strlen(t->head));
-    add_units(b, t->unit, t->count);
-    add(b, t->middle, strlen(t->middle));
-    add_units(b, t->unit2, t->count2);
-    add(b, t->tail, strlen(t->tail));
-}
-
 typedef struct {
     bool compiled, sound;
     karst_error error;
@@ -124,7 +88,7 @@ static bool has_place(const char *message)
 static void test_texts(void **s)
 {
     (void)s;
-    built b = {.text = malloc(8u << 20)};
+    built b = {.text = malloc(HOSTILE_MAX_BYTES)};
     outcome *shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     assert_true(b.text && shared != MAP_FAILED);
     double most_ms = 0;
@@ -227,7 +191,7 @@ static bool is_quick(const hostile_text *t, size_t length)
 
 static int write_all(const char *folder)
 {
-    built b = {.text = malloc(8u << 20)};
+    built b = {.text = malloc(HOSTILE_MAX_BYTES)};
     int failed = !b.text;
     for (size_t i = 0; i < NUM_HOSTILE_TEXTS && !failed; i++) {
         char path[4096];

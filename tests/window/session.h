@@ -215,8 +215,8 @@ HELPER void key(const char *name) { assert_true(act("key --clearmodifiers %s", n
 
 /* ---- what the viewer says ---- */
 
-/* Asks for statistics and reads them; false if none come. */
-HELPER bool ask(void)
+/* Asks for statistics by a key and reads them; false if none come. */
+HELPER bool ask_by(const char *with)
 {
     const char *file = in_folder("stats.json");
     int status;
@@ -225,7 +225,7 @@ HELPER bool ask(void)
         if (s.viewer > 0 && has_ended(&status))
             fail_msg("the viewer ended (status %d) instead of answering; it said: %s", status, read_file("said"));
         if (now_s() > again_s) { /* a key may come before there is a window to hear it */
-            act("key --clearmodifiers F3");
+            act("key %s", with);
             again_s = now_s() + 3;
         }
         json_t *stats = access(file, R_OK) == 0 ? json_load_file(file, 0, NULL) : NULL;
@@ -237,6 +237,10 @@ HELPER bool ask(void)
     }
     return false;
 }
+
+HELPER bool ask(void) { return ask_by("--clearmodifiers F3"); }
+/* The same, while the test holds a modifier, which --clearmodifiers would let go of for a moment. */
+HELPER bool ask_holding(void) { return ask_by("F3"); }
 
 HELPER json_t *viewer_value(const char *name) { return json_object_get(json_object_get(s.stats, "viewer"), name); }
 HELPER double number(const char *name) { return json_number_value(viewer_value(name)); }
