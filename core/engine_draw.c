@@ -11,7 +11,11 @@ static karst_light make_light(const karst_engine *engine)
     const karst_world_info *world = engine->world;
     double voxel_m = exp2(world->voxel_log2_m);
     karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
-    light.haze_distance = (float)(world->haze_distance_m / voxel_m);
+    const karst_haze haze = {world->haze_distance_m, world->haze_height_m, world->haze_globe_m};
+    double eye_m[3];
+    for (int axis = 0; axis < 3; axis++)
+        eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;
+    karst_light_set_haze(&light, &haze, eye_m, voxel_m);
     light.shadow_distance = (float)engine->view_distance_voxels;
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);

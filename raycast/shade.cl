@@ -167,7 +167,7 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
             colour albedo = plain_albedo(&light, &s.normal);
 #endif
             colour ground = ground_colour(&light, &s.normal, albedo, lit);
-            ground = hazy_colour(&light, ground, to_sun, s.t);
+            ground = hazy_colour(&light, ground, &direction, to_sun, s.t);
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
             c.b = v_select(hit, ground.b, c.b);

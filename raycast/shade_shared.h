@@ -17,10 +17,12 @@ K_ASSERT_SIZE(karst_shade_anchor, 40);
 typedef struct {
     float sun_direction[4]; /* towards the sun */
     float sun_colour[4], sky_zenith[4], sky_horizon[4], ground_flat[4], ground_steep[4];
-    float haze_distance;   /* at which haze hides 1 - 1/e of the surface */
+    float haze_distance;   /* at which haze hides 1 - 1/e of the surface, where it is thickest */
     float shadow_distance; /* how far shadow rays go */
-    uint pad[2];
+    float haze_thinning;   /* 1 over the height in which haze thins to 1/e; 0: it is as thick everywhere */
+    float eye_height;      /* of the eye above where haze is thickest, times haze_thinning; at least 0 */
+    float up[4];           /* away from the ground, at the eye; [3]: 1 over the distance to a globe's centre, 0: flat */
 } karst_light;
-K_ASSERT_SIZE(karst_light, 112);
+K_ASSERT_SIZE(karst_light, 128);
 
 #endif

@@ -90,7 +90,7 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
         albedo.b = lane_unit((float)rgb[2].precise);
     }
     colour ground = ground_colour(&p->light, &n, albedo, lane_max(dot3(&n, p->light.sun_direction), 0.0f));
-    return hazy_colour(&p->light, ground, to_sun, (float)(hit.t_m / p->voxel_m));
+    return hazy_colour(&p->light, ground, &direction, to_sun, (float)(hit.t_m / p->voxel_m));
 }
 
 static void shade_pixel(const worker *w, int x, int y, uint8_t *rgba, karst_reference_stats *stats)
@@ -152,7 +152,11 @@ static void set_light(picture *p)
 {
     const karst_world_info *info = &p->file->info;
     p->light = karst_light_of_sun(info->sun_azimuth_deg, info->sun_elevation_deg);
-    p->light.haze_distance = (float)(info->haze_distance_m / p->voxel_m);
+    const karst_haze haze = {info->haze_distance_m, info->haze_height_m, info->haze_globe_m};
+    double eye_m[3];
+    for (int axis = 0; axis < 3; axis++)
+        eye_m[axis] = (double)p->camera.position.voxel[axis] * p->voxel_m;
+    karst_light_set_haze(&p->light, &haze, eye_m, p->voxel_m);
     memcpy(p->light.sky_zenith, info->sky_zenith, sizeof info->sky_zenith);
     memcpy(p->light.sky_horizon, info->sky_horizon, sizeof info->sky_horizon);
     memcpy(p->light.ground_flat, info->ground_flat, sizeof info->ground_flat);

@@ -148,13 +148,17 @@ static void read_light(reader *r)
     }
     if (sky) {
         h->has_sky = true;
-        warn_unknown(r, object_of(r, sky, "sky"), "the sky", "zenith horizon haze");
+        warn_unknown(r, object_of(r, sky, "sky"), "the sky", "zenith horizon haze haze_height haze_globe");
         if ((v = json_object_get(sky, "zenith")))
             read_colour(r, v, "zenith", h->sky_zenith);
         if ((v = json_object_get(sky, "horizon")))
             read_colour(r, v, "horizon", h->sky_horizon);
         if ((v = json_object_get(sky, "haze")))
             h->haze_distance_m = number_of(r, v, "haze", 0, DBL_MAX);
+        if ((v = json_object_get(sky, "haze_height")))
+            h->haze_height_m = number_of(r, v, "haze_height", 0, DBL_MAX);
+        if ((v = json_object_get(sky, "haze_globe")))
+            h->haze_globe_m = number_of(r, v, "haze_globe", 0, DBL_MAX);
     }
 }
 

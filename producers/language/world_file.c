@@ -182,6 +182,8 @@ static void set_info(karst_world_file *file)
         set_colours(file->info.sky_zenith, header->sky_zenith);
         set_colours(file->info.sky_horizon, header->sky_horizon);
         file->info.haze_distance_m = header->haze_distance_m > 0 ? header->haze_distance_m : 1e6 * view_distance_m;
+        file->info.haze_height_m = header->haze_height_m;
+        file->info.haze_globe_m = header->haze_globe_m;
     }
 }
 

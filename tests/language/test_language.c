@@ -369,7 +369,8 @@ static void test_header(void **s)
         "\"params\": { \"a\": 0.1, \"n\": { \"value\": 3, \"min\": 1, \"max\": 9, \"step\": 1, \"unit\": \"m\", "
         "\"label\": \"L\" }, \"b\": 5 },\n"
         "\"camera\": { \"position\": [\"1e15\", -2, 0.5], \"yaw\": 30, \"pitch\": -12, \"fov\": 50 }, \"view\": 9000,\n"
-        "\"sun\": { \"azimuth\": 120, \"elevation\": 35 }, \"sky\": { \"zenith\": [0.1, 0.2, 0.3], \"haze\": 4000 } "
+        "\"sun\": { \"azimuth\": 120, \"elevation\": 35 }, \"sky\": { \"zenith\": [0.1, 0.2, 0.3], \"haze\": 4000, "
+        "\"haze_height\": 900, \"haze_globe\": 6e6 } "
         "}*/\n"
         "float density(vec3 p) { float d = a; for (int i = 0; i < int(n); i++) d += p.x; return d; }\n";
     text_world w = world_from_text(text);
@@ -386,7 +387,7 @@ static void test_header(void **s)
     assert_string_equal(h->camera_position[2], "0.5");
     assert_true(h->camera_yaw_deg == 30 && h->camera_pitch_deg == -12 && h->camera_fov_deg == 50);
     assert_true(h->sun_azimuth_deg == 120 && h->sun_elevation_deg == 35 && h->sky_zenith[2] == 0.3 &&
-                h->haze_distance_m == 4000);
+                h->haze_distance_m == 4000 && h->haze_height_m == 900 && h->haze_globe_m == 6e6);
     assert_int_equal(w.program->num_parameters, 3);
     const karst_world_parameter *p = w.program->parameters;
     assert_int_equal(p[0].value.numerator, 1); /* 0.1 is a tenth */
