@@ -9,9 +9,9 @@
 #include "raycast/cast_shared.h"
 #include "raycast/rays_shared.h"
 
-/* The last part of each level in which it turns into the next one, unless a view is to do without: at one pixel a voxel,
- * some 65 voxels of 1000 from the camera. Many frames of walking and some of flying, while few rays look at two levels
- * (an eighth was measured to cost 6 to 9 % of a settled frame, and 7 % of what it takes of the pools). */
+/* The last part of each level in which it turns into the next one, unless a view is to do without: at one pixel a
+ * voxel, some 65 voxels of 1000 from the camera. Many frames of walking and some of flying, while few rays look at two
+ * levels (an eighth was measured to cost 6 to 9 % of a settled frame, and 7 % of what it takes of the pools). */
 #define KARST_BLEND_SHARE 0.0625f
 
 typedef struct karst_caster karst_caster;

@@ -11,7 +11,7 @@
 #define MOVING_BUDGET 0.25
 #define LEAST_BUDGET 0.06
 /* Drawing and making together. */
-#define USE_WITH_BUDGET 0.94
+#define USE_WITH_BUDGET 0.85
 /* Standing, one waits for content alone: first with a picture now and then, later for the end of it. */
 #define STILL_BUDGET_MS 120.0
 #define LATER_BUDGET_MS 250.0

@@ -161,8 +161,8 @@ static changes fly(float blend)
  * hundredth of a voxel. */
 static bool pops(const changes *c)
 {
-    print_message("%d crossings: pixels change by %d of 255 and %.4f voxels at most, where levels blend by %d and %.4f, "
-                  "others by %d and %.4f\n",
+    print_message("%d crossings: pixels change by %d of 255 and %.4f voxels at most, where levels blend by %d and "
+                  "%.4f, others by %d and %.4f\n",
                   c->num_crossings, c->pixel[CROSSING], c->depth[CROSSING], c->pixel[BLENDED], c->depth[BLENDED],
                   c->pixel[OTHERS], c->depth[OTHERS]);
     for (int what = BLENDED; what <= CROSSING; what++)
