@@ -117,8 +117,10 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     if (!world->file->code.colour_source) {
         world->shader = karst_shader_create(context, buffers, wishes->shadows, error);
     } else {
+        char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+        karst_world_file_colour_options(world->file, options);
         karst_shade_colour colour = {
-            .source = world->file->code.colour_source, .options = "-DWORLD_HAS_DATA", .data = world->producer->data[0]};
+            .source = world->file->code.colour_source, .options = options, .data = world->producer->data[0]};
         world->shader = karst_shader_create_coloured(context, buffers, wishes->shadows, &colour, error);
     }
     return world->shader && (!wishes->refine || karst_engine_world_build_refiner(world, context, error));

@@ -12,7 +12,12 @@ typedef struct {
     uint values;    /* of the layout */
     uint num_values;
     uint output; /* the operand that is the density */
-    uint unused[10];
+    /* The same of a tape of the colours, if the world has one; 0 otherwise. */
+    uint num_colour_instructions;
+    uint colour_code;
+    uint colour_constants;
+    uint colour_output[3];
+    uint unused[4];
 } karst_data_header;
 K_ASSERT_SIZE(karst_data_header, 64);
 

@@ -143,6 +143,22 @@ static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error 
     return take_text(emit, &emitted->source, error);
 }
 
+/* The same for the colours. */
+static bool write_colours(karst_emit *emit, karst_emitted *emitted, karst_error *error)
+{
+    karst_error why = {0};
+    if (check(emit, emit->layout->world.colour, 3, "colour", &why)) {
+        preamble(emit);
+        karst_emit_colours(emit, emitted);
+    } else if (why.status == KARST_BAD_WORLD) {
+        emitted->is_colour_tape = true;
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape_colour.clh\"\n", only_gradient(emit));
+    } else {
+        return karst_fail(error, why.status, "%s", why.message);
+    }
+    return take_text(emit, &emitted->colour_source, error);
+}
+
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
 {
     karst_emit emit = {.layout = layout, .graph = layout->world.graph};
@@ -150,13 +166,8 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
     *emitted = (karst_emitted){0};
     bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
-    done = done && (!layout->world.has_colour || check(&emit, layout->world.colour, 3, "colour", error)) &&
-           write_density(&emit, emitted, error);
-    if (done && layout->world.has_colour) {
-        preamble(&emit);
-        karst_emit_colours(&emit, emitted);
-        done = take_text(&emit, &emitted->colour_source, error);
-    }
+    done = done && write_density(&emit, emitted, error) &&
+           (!layout->world.has_colour || write_colours(&emit, emitted, error));
     if (!done)
         karst_emitted_finish(emitted);
     free(emit.nodes);

@@ -34,15 +34,19 @@ static char *join_diagnostics(const karst_diagnostic *first)
 
 /* ---- data: the layout's words, the tape's constants, its code ---- */
 
-static size_t constants_word(const karst_world_file *file) { return file->layout.num_words; }
-static size_t code_word(const karst_world_file *file)
+/* A tape lies there in words: its constants, then its code. */
+static size_t code_word(const karst_tape *tape, size_t word) { return word + (tape->num_constants + 1) / 2; }
+static size_t end_word(const karst_tape *tape, size_t word)
 {
-    return constants_word(file) + (file->tape.num_constants + 1) / 2;
+    return code_word(tape, word) + tape->num_instructions * sizeof(karst_instruction) / 8;
 }
 
-static size_t data_size(const karst_world_file *file)
+static void place_tape(const karst_tape *tape, size_t word, char *data)
 {
-    return 8 * code_word(file) + file->tape.num_instructions * sizeof(karst_instruction);
+    if (!tape->code)
+        return;
+    memcpy(data + 8 * word, tape->constants, tape->num_constants * sizeof *tape->constants);
+    memcpy(data + 8 * code_word(tape, word), tape->code, tape->num_instructions * sizeof *tape->code);
 }
 
 static void *make_data(const karst_world_file *file, const karst_number *values, uint32_t seed, karst_error *error)
@@ -53,16 +57,21 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
         free(data);
         return NULL;
     }
-    const karst_tape *tape = &file->tape;
+    const karst_tape *tape = &file->tape, *colour = &file->colour_tape;
+    size_t word = file->layout.num_words, colour_word = end_word(tape, word);
     karst_data_header header = {.num_instructions = tape->num_instructions,
-                                .code = (uint32_t)code_word(file),
-                                .constants = (uint32_t)constants_word(file),
+                                .code = (uint32_t)code_word(tape, word),
+                                .constants = (uint32_t)word,
                                 .values = file->layout.values_word,
                                 .num_values = file->layout.num_values,
-                                .output = tape->output[0]};
+                                .output = tape->output[0],
+                                .num_colour_instructions = colour->num_instructions,
+                                .colour_code = (uint32_t)code_word(colour, colour_word),
+                                .colour_constants = (uint32_t)colour_word,
+                                .colour_output = {colour->output[0], colour->output[1], colour->output[2]}};
     memcpy(data, &header, sizeof header);
-    memcpy(data + 8 * constants_word(file), tape->constants, tape->num_constants * sizeof *tape->constants);
-    memcpy(data + 8 * code_word(file), tape->code, tape->num_instructions * sizeof *tape->code);
+    place_tape(tape, word, data);
+    place_tape(colour, colour_word, data);
     return data;
 }
 
@@ -202,19 +211,26 @@ static bool fail_at(const karst_world_file *file, karst_expr root, const karst_e
     return karst_fail(error, KARST_BAD_WORLD, "%.300s:%u:%u: %s", file->program->name, line, column, why->message);
 }
 
+static bool make_tape(karst_world_file *file, const karst_expr *roots, uint32_t num_roots, const char *what,
+                      karst_tape *tape, karst_error *error)
+{
+    karst_error why = {0};
+    if (karst_tape_build(&file->layout, roots, num_roots, tape, &why) && tape->num_slots <= MAX_SLOTS)
+        return true;
+    if (tape->num_slots > MAX_SLOTS)
+        karst_fail(&why, KARST_BAD_WORLD, "%s is too large: %u values are needed at a time; at most %u are possible",
+                   what, tape->num_slots, MAX_SLOTS);
+    return fail_at(file, roots[0], &why, error);
+}
+
 static bool make_code(karst_world_file *file, karst_error *error)
 {
     const karst_resolved_world *world = &file->program->world;
     karst_error why = {0};
     if (!karst_emit_world(&file->layout, &file->code, &why))
-        return fail_at(file, world->has_colour ? world->colour[0] : world->density, &why, error);
-    if (!karst_tape_build(&file->layout, &world->density, 1, &file->tape, &why))
         return fail_at(file, world->density, &why, error);
-    if (file->tape.num_slots <= MAX_SLOTS)
-        return true;
-    karst_fail(&why, KARST_BAD_WORLD, "density is too large: %u values are needed at a time; at most %u are possible",
-               file->tape.num_slots, MAX_SLOTS);
-    return fail_at(file, world->density, &why, error);
+    return make_tape(file, &world->density, 1, "density", &file->tape, error) &&
+           (!file->code.is_colour_tape || make_tape(file, world->colour, 3, "colour", &file->colour_tape, error));
 }
 
 static bool complete(karst_world_file *file, karst_error *error)
@@ -225,7 +241,7 @@ static bool complete(karst_world_file *file, karst_error *error)
                           file->program->name);
     if (!make_code(file, error))
         return false;
-    file->data_bytes = data_size(file);
+    file->data_bytes = 8 * end_word(&file->colour_tape, end_word(&file->tape, file->layout.num_words));
     set_info(file);
     return true;
 }
@@ -273,6 +289,7 @@ void karst_world_file_destroy(karst_world_file *file)
         return;
     karst_emitted_finish(&file->code);
     karst_tape_finish(&file->tape);
+    karst_tape_finish(&file->colour_tape);
     karst_program_graph_destroy(file->program);
     free(file);
 }
@@ -331,6 +348,14 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
                                        .options = options,
                                        .data = data,
                                        .data_bytes = file->data_bytes};
+}
+
+void karst_world_file_colour_options(const karst_world_file *file, char options[KARST_WORLD_FILE_OPTIONS_BYTES])
+{
+    char tape_options[KARST_TAPE_OPTIONS_BYTES] = "";
+    if (file->code.is_colour_tape)
+        karst_tape_options(&file->colour_tape, tape_options, sizeof tape_options);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA %s", tape_options);
 }
 
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,

@@ -14,7 +14,8 @@ typedef struct {
     karst_program_graph *program; /* its diagnostics hold warnings */
     karst_world_layout layout;
     karst_emitted code;
-    karst_tape tape; /* of the density, for its bounds */
+    karst_tape tape;        /* of the density, for its bounds */
+    karst_tape colour_tape; /* if code.is_colour_tape */
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
@@ -36,6 +37,8 @@ void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_e
 #define KARST_WORLD_FILE_OPTIONS_BYTES 256
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
+/* Options to build its colours with. */
+void karst_world_file_colour_options(const karst_world_file *file, char options[KARST_WORLD_FILE_OPTIONS_BYTES]);
 /* Its producer. `max_loads`: of a round. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);

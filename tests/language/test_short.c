@@ -1,5 +1,5 @@
 /* Tapes that are shortened for a box give the bits of whole ones, and worlds too large for generated code run on them:
- * their bricks are the oracle's in every bit. */
+ * their bricks and colours are the oracle's in every bit. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -16,6 +16,7 @@ static bool is_broken;
 #define TAPE_BREAKS_SIDE is_broken
 #define TAPE_SLOTS 256
 
+#include "core/context.h"
 #include "producers/density_producer.h"
 #include "producers/language/oracle.h"
 #include "producers/language/tape_short.clh"
@@ -196,12 +197,110 @@ static void test_fifty_thousand_ops(void **state)
     check_large(5000, 50000);
 }
 
+/* ---- large colours ---- */
+
+static const char colour_probe[] =
+    "#include \"core/lanes.clh\"\n"
+    "#include \"producers/density.clh\"\n"
+    "#include \"world.clh\"\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void colours(K_GLOBAL const ulong *data, int x, int level, K_GLOBAL float *out)\n"
+    "{\n"
+    "    world_point_at at;\n"
+    "    vfloat red, green, blue;\n"
+    "    int first = (int)get_global_id(0) * LANES;\n"
+    "    at.voxel[0] = v_int_to_long((vint)(x + 3 * first) + 3 * V_LANE);\n"
+    "    at.voxel[1] = (vlong)(5L);\n"
+    "    at.voxel[2] = (vlong)(-70L);\n"
+    "    for (int i = 0; i < 3; i++)\n"
+    "        at.fraction[i] = (vuint)(0u);\n"
+    "    world_colour(data, &at, level, (vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), &red, &green, &blue);\n"
+    "    v_store_float(red, out + 3 * first);\n"
+    "    v_store_float(green, out + 3 * first + LANES);\n"
+    "    v_store_float(blue, out + 3 * first + 2 * LANES);\n"
+    "}\n";
+enum { NUM_COLOURS = 64 };
+
+/* Colours too large for generated code are the oracle's in every bit, too. */
+static void check_colours(const karst_world_file *file, int lanes)
+{
+    static const float normal[3] = {0.48f, 0.6f, -0.64f};
+    karst_error error = {0};
+    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    float rgb[3 * NUM_COLOURS];
+    karst_number none = {0};
+    karst_world_file_colour_options(file, options);
+    karst_context *context = karst_context_create(getenv("KARST_DEVICE"), lanes, NULL, &error);
+    pool_expect(context, "context", &error);
+    const karst_virtual_file files[] = {{"probe.cl", colour_probe}, {"world.clh", file->code.colour_source}};
+    karst_program *program = karst_program_build(context, "probe.cl", options, files, 2, &error);
+    pool_expect(program, "program", &error);
+    cl_kernel kernel = karst_program_kernel(program, "colours", &error);
+    void *bytes = karst_world_file_data(file, file->info.seed, &error);
+    karst_buffer *data = karst_buffer_create(context, "data", file->data_bytes, NULL, &error);
+    karst_buffer *out = karst_buffer_create(context, "out", sizeof rgb, NULL, &error);
+    pool_expect(kernel && bytes && data && out && karst_buffer_write(data, 0, bytes, file->data_bytes, &error), "data",
+                &error);
+    karst_oracle *oracle =
+        karst_oracle_create(&file->program->world, &none, file->info.seed, file->info.voxel_log2_m, &error);
+    pool_expect(oracle, "oracle", &error);
+    for (cl_int level = 0; level < 9; level += 4) {
+        cl_int x = -100;
+        pool_expect(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(data), KARST_VALUE_ARG(x), KARST_VALUE_ARG(level),
+                                    KARST_BUFFER_ARG(out)) &&
+                        karst_launch(context, kernel, KARST_STAGE_SHADE, (size_t)(NUM_COLOURS / lanes), 1, &error) &&
+                        karst_buffer_read(out, 0, rgb, sizeof rgb, &error),
+                    "colours", &error);
+        for (int i = 0; i < NUM_COLOURS; i++) {
+            karst_position at = {.voxel = {x + 3 * i, 5, -70}};
+            karst_oracle_value expected[3];
+            karst_oracle_colour(oracle, &at, normal, level, expected);
+            for (int c = 0; c < 3; c++)
+                assert_int_equal(k_as_uint(rgb[3 * (i / lanes * lanes) + c * lanes + i % lanes]),
+                                 k_as_uint(expected[c].device));
+        }
+    }
+    karst_oracle_destroy(oracle);
+    karst_buffer_destroy(out);
+    karst_buffer_destroy(data);
+    free(bytes);
+    clReleaseKernel(kernel);
+    karst_program_destroy(program);
+    karst_context_destroy(context);
+}
+
+static void test_large_colours(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "/*{ \"voxel\": 0.25 }*/\n"
+        "float density(vec3 p) { return 4.0 * noise(p / 20.0) - p.y; }\n"
+        "vec3 colour(vec3 p, vec3 n) {\n"
+        "    vec3 c = vec3(0.1, 0.2, 0.05);\n"
+        "    for (int i = 0; i < 500; i++) {\n"
+        "        float k = float(i);\n"
+        "        float d = length(p.xz - 30.0 * vec2(sin(k * 1.7), cos(k * 2.3))) - 4.0 * n.y;\n"
+        "        c = mix(c, vec3(0.5 + 0.5 * sin(k), 0.5, noise(p * 0.1)), step(d, 0.0) * 0.7);\n"
+        "    }\n"
+        "    return c;\n"
+        "}\n";
+    karst_error error = {0};
+    karst_world_file *file = karst_world_file_compile("large", text, strlen(text), NULL, 0, NULL, &error);
+    pool_expect(file, "world", &error);
+    print_message("%u steps\n", file->colour_tape.num_instructions);
+    assert_true(file->code.is_colour_tape && !file->code.is_tape && file->colour_tape.num_instructions > 4000);
+    check_colours(file, 16);
+    check_colours(file, 1);
+    karst_world_file_destroy(file);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_same_bits),
         cmocka_unit_test(test_ten_thousand_ops),
         cmocka_unit_test(test_fifty_thousand_ops),
+        cmocka_unit_test(test_large_colours),
     };
     return cmocka_run_group_tests_name("short tapes", tests, NULL, NULL);
 }

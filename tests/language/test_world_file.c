@@ -60,7 +60,7 @@ static karst_world_file *compile(const char *text, karst_error *error)
 
 #define LARGE(first) "    float d = " first ";\n    for (int i = 0; i < 3000; i++) d = sin(d + p.x * float(i));\n"
 
-/* What is too large for code runs on its tape; a colour has none, and is told where it is made. */
+/* What is too large for code runs on its tape. */
 static void test_too_large(void **state)
 {
     karst_error error = {0};
@@ -76,12 +76,24 @@ static void test_too_large(void **state)
                    &error); /* what noise calls takes long to compile, too */
     assert_true(file && file->code.is_tape);
     karst_world_file_destroy(file);
-    assert_null(compile("float density(vec3 p) { return -p.y; }\n"
-                        "vec3 colour(vec3 p, vec3 n) {\n" LARGE("n.x") "    return vec3(d);\n}\n",
+    file = compile("float density(vec3 p) { return -p.y; }\n"
+                   "vec3 colour(vec3 p, vec3 n) {\n" LARGE("n.x") "    return vec3(d);\n}\n",
+                   &error);
+    assert_true(file && !file->code.is_tape && file->code.is_colour_tape && file->colour_tape.num_instructions > 3000);
+    assert_non_null(strstr(file->code.colour_source, "tape_colour.clh"));
+    karst_world_file_destroy(file);
+    /* What needs more values at a time than a thread's stack has room for is told where it is made. */
+    assert_null(compile("float density(vec3 p) {\n    float a[1000], b[1000], c[1000], d = 0.0;\n"
+                        "    for (int i = 0; i < 1000; i++) {\n        float k = float(i + 1);\n"
+                        "        a[i] = sin(p.x * k); b[i] = sin(p.y * k); c[i] = sin(p.z * k);\n    }\n"
+                        "    for (int i = 0; i < 1000; i++) d = d * a[i] + b[i] * c[i];\n"
+                        "    for (int i = 999; i >= 0; i--) d = d * a[i] + b[i] * c[i] * c[i];\n"
+                        "    return d;\n}\n",
                         &error));
     assert_int_equal(error.status, KARST_BAD_WORLD);
-    assert_non_null(strstr(error.message, ":4:"));
-    assert_non_null(strstr(error.message, "colour is too large"));
+    assert_non_null(strstr(error.message, ":8:"));
+    assert_non_null(strstr(error.message, "density is too large: 3"));
+    assert_non_null(strstr(error.message, "at most 2048 are possible"));
 }
 
 /* Nothing of a user's text reaches the generated code. */
