@@ -1,5 +1,6 @@
 /* The camera, frame by frame: fly, walk, orbit. What moves is the same at any frame time: speeds approach what keys ask
  * for exponentially, and ways are the integral of that, not a sum of steps. */
+#include "demos/view/devices.h"
 #include "demos/view/view.h"
 
 #include <math.h>
@@ -8,8 +9,6 @@
 #define REST 0.02       /* of the speed: slower is standing */
 #define REACTION_S 0.07 /* in which a speed comes 63 % of the way */
 #define ARROW_DEG_PER_S 60.0
-#define PAD_DEG_PER_S 120.0
-#define PAD_REST 0.15 /* of a stick's way */
 #define ORBIT_DEG_PER_S 45.0
 
 const char *const view_mode_names[] = {"fly", "walk", "orbit"};
@@ -31,18 +30,6 @@ static double held(viewer *v, int key, double dt_s)
     return fmin(1, time_s / dt_s);
 }
 
-typedef struct {
-    double right, up, forward; /* -1 to 1 */
-    double turn_deg, tilt_deg; /* of this step */
-    double faster;
-} wishes;
-
-static double stick(const GLFWgamepadstate *pad, int axis)
-{
-    double value = pad->axes[axis], size = fabs(value);
-    return size < PAD_REST ? 0 : copysign((size - PAD_REST) / (1 - PAD_REST), value);
-}
-
 bool view_gamepad_present(void)
 {
     for (int joystick = GLFW_JOYSTICK_1; joystick <= GLFW_JOYSTICK_LAST; joystick++)
@@ -51,28 +38,20 @@ bool view_gamepad_present(void)
     return false;
 }
 
-static void add_gamepad(wishes *w, double dt_s)
+static void add_gamepad(view_wishes *w, double dt_s)
 {
     for (int joystick = GLFW_JOYSTICK_1; joystick <= GLFW_JOYSTICK_LAST; joystick++) {
         GLFWgamepadstate pad;
         if (!glfwJoystickIsGamepad(joystick) || !glfwGetGamepadState(joystick, &pad))
             continue;
-        w->right += stick(&pad, GLFW_GAMEPAD_AXIS_LEFT_X);
-        w->forward -= stick(&pad, GLFW_GAMEPAD_AXIS_LEFT_Y);
-        w->up += (pad.axes[GLFW_GAMEPAD_AXIS_RIGHT_TRIGGER] - pad.axes[GLFW_GAMEPAD_AXIS_LEFT_TRIGGER]) / 2;
-        w->turn_deg += stick(&pad, GLFW_GAMEPAD_AXIS_RIGHT_X) * PAD_DEG_PER_S * dt_s;
-        w->tilt_deg -= stick(&pad, GLFW_GAMEPAD_AXIS_RIGHT_Y) * PAD_DEG_PER_S * dt_s;
-        if (pad.buttons[GLFW_GAMEPAD_BUTTON_RIGHT_BUMPER])
-            w->faster *= 10;
-        if (pad.buttons[GLFW_GAMEPAD_BUTTON_LEFT_BUMPER])
-            w->faster /= 10;
+        view_pad_add(w, &pad, dt_s);
         return;
     }
 }
 
-static wishes read_wishes(viewer *v, double dt_s)
+static view_wishes read_wishes(viewer *v, double dt_s)
 {
-    wishes w = {.faster = 1};
+    view_wishes w = {.faster = 1};
     w.forward = held(v, GLFW_KEY_W, dt_s) - held(v, GLFW_KEY_S, dt_s);
     w.right = held(v, GLFW_KEY_D, dt_s) - held(v, GLFW_KEY_A, dt_s);
     w.up = held(v, GLFW_KEY_E, dt_s) - held(v, GLFW_KEY_Q, dt_s);
@@ -179,7 +158,7 @@ static void approach(double velocity_m_s[3], const double wish_m_s[3], double dt
     }
 }
 
-static bool fly(viewer *v, const wishes *w, double dt_s)
+static bool fly(viewer *v, const view_wishes *w, double dt_s)
 {
     view_motion *m = &v->motion;
     double right[3], up[3], forward[3], wish_m_s[3], way_m[3];
@@ -205,7 +184,7 @@ static bool fly(viewer *v, const wishes *w, double dt_s)
 }
 
 /* Ahead is where one looks, but along the ground. */
-static bool walk(viewer *v, const wishes *w, double dt_s)
+static bool walk(viewer *v, const view_wishes *w, double dt_s)
 {
     double yaw = v->motion.camera.yaw_deg * (M_PI / 180), length = hypot(w->right, w->forward);
     double speed_m_s = v->motion.speed_m_s * w->faster / fmax(1, length);
@@ -214,7 +193,7 @@ static bool walk(viewer *v, const wishes *w, double dt_s)
     return view_walk(v, wish_m_s, w->up > 0, dt_s);
 }
 
-static bool orbit(viewer *v, const wishes *w, double dt_s)
+static bool orbit(viewer *v, const view_wishes *w, double dt_s)
 {
     view_motion *m = &v->motion;
     if (w->right == 0 && w->up == 0 && w->forward == 0)
@@ -230,7 +209,7 @@ bool view_move(viewer *v, double dt_s)
 {
     view_motion *m = &v->motion;
     karst_camera before = m->camera;
-    wishes w = read_wishes(v, dt_s);
+    view_wishes w = read_wishes(v, dt_s);
     bool moved = m->dirty;
     m->dirty = false;
     if (w.turn_deg != 0 || w.tilt_deg != 0)

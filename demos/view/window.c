@@ -1,4 +1,5 @@
 /* The window, and what happens to it. */
+#include "demos/view/devices.h"
 #include "demos/view/view.h"
 
 #include <string.h>
@@ -18,10 +19,8 @@ static void to_pixels(viewer *v, double *x, double *y)
 {
     int width, height;
     glfwGetWindowSize(v->window, &width, &height);
-    if (width > 0 && height > 0) {
-        *x *= (double)v->width_px / width;
-        *y *= (double)v->height_px / height;
-    }
+    *x = view_cursor_px(*x, width, v->width_px);
+    *y = view_cursor_px(*y, height, v->height_px);
 }
 
 static void on_key(GLFWwindow *window, int key, int scancode, int action, int mods)
@@ -62,7 +61,7 @@ static void on_scale(GLFWwindow *window, float x, float y)
 {
     viewer *v = viewer_of(window);
     (void)y;
-    v->scale = v->settings.scale > 0 ? v->settings.scale : x > 0.5f && x < 8 ? x : 1;
+    v->scale = view_scale_of(v->settings.scale, (double)x);
     v->hud_dirty = true;
 }
 
