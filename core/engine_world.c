@@ -1,42 +1,9 @@
 /* Which world an engine shows: finding its file, compiling it, and what draws and produces it. */
-#include <limits.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "core/engine_parts.h"
-#include "karst/data.h"
-
-#define WORLD_SUFFIX ".karst"
-#define MAX_LISTED 64
-
-static bool fail_unknown(const char *name, karst_error *error)
-{
-    char names[MAX_LISTED][KARST_DATA_NAME_BYTES], list[1024] = "";
-    size_t count = karst_data_list("worlds", WORLD_SUFFIX, names, MAX_LISTED);
-    for (size_t i = 0; i < count; i++) {
-        size_t length = strlen(list);
-        snprintf(list + length, sizeof list - length, "%s%s", i ? ", " : "", names[i]);
-    }
-    if (count == 0)
-        return karst_fail(error, KARST_BAD_WORLD,
-                          "no world is called '%s', and the worlds that come with Karst are not where they were "
-                          "installed: set KARST_DATA_DIR to the folder that holds worlds/, or give a path",
-                          name);
-    return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name, list);
-}
-
-/* Hands the compiler's lines, if any, to the log. */
-static void log_lines(const karst_log *log, karst_log_level level, char *lines)
-{
-    for (char *line = lines, *end; line && *line; line = end) {
-        end = line + strcspn(line, "\n");
-        if (*end)
-            *end++ = 0;
-        karst_log_print(log, level, "%s", line);
-    }
-}
+#include "producers/language/world_find.h"
 
 static bool remember_values(karst_engine_world *world, const karst_world_config *config, karst_error *error)
 {
@@ -51,20 +18,9 @@ static bool remember_values(karst_engine_world *world, const karst_world_config 
 
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error)
 {
-    char path[PATH_MAX], *diagnostics = NULL;
-    const char *name = config->world ? config->world : "";
+    char path[PATH_MAX];
     *world = (karst_engine_world){0};
-    if (!karst_data_find("worlds", name, WORLD_SUFFIX, path, sizeof path, NULL))
-        return fail_unknown(name, error);
-    karst_parameter_value *given = calloc(config->num_parameters + 1, sizeof *given);
-    if (!given)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t i = 0; i < config->num_parameters; i++)
-        given[i] = (karst_parameter_value){config->parameters[i].name, config->parameters[i].value};
-    world->file = karst_world_file_open(path, given, config->num_parameters, &diagnostics, error);
-    log_lines(config->log, KARST_LOG_WARNING, diagnostics);
-    free(diagnostics);
-    free(given);
+    world->file = karst_world_find(config, path, error);
     if (world->file && remember_values(world, config, error))
         return true;
     karst_engine_world_close(world);

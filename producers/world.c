@@ -1,50 +1,21 @@
 #include "producers/world_internal.h"
 
 #include <float.h>
-#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "karst/data.h"
 #include "producers/language/check.h"
+#include "producers/language/world_find.h"
 
 /* ---- opening ---- */
 
-/* Hands what the compiler says to the log, line by line. */
-static void log_lines(const karst_log *log, char *lines)
-{
-    for (char *line = lines, *end; line && *line; line = end) {
-        end = line + strcspn(line, "\n");
-        if (*end)
-            *end++ = '\0';
-        karst_log_print(log, KARST_LOG_WARNING, "%s", line);
-    }
-}
-
-static bool compile(karst_world *world, const karst_world_config *config, karst_error *error)
-{
-    karst_parameter_value *given = calloc(config->num_parameters + 1, sizeof *given);
-    if (!given)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t i = 0; i < config->num_parameters; i++)
-        given[i] = (karst_parameter_value){config->parameters[i].name, config->parameters[i].value};
-    char *diagnostics = NULL;
-    world->file = karst_world_file_open(world->path, given, config->num_parameters, &diagnostics, error);
-    log_lines(config->log, diagnostics);
-    free(diagnostics);
-    free(given);
-    return world->file != NULL;
-}
-
-static bool find(karst_world *world, const char *name, karst_error *error)
+static bool find(karst_world *world, const karst_world_config *config, karst_error *error)
 {
     char path[PATH_MAX];
-    karst_error why = {0};
-    if (!name || !*name)
-        return karst_fail(error, KARST_USAGE, "no world is named");
-    if (!karst_data_find("worlds", name, ".karst", path, sizeof path, &why))
-        return karst_fail(error, KARST_BAD_WORLD, "%s", why.message);
+    world->file = karst_world_find(config, path, error);
+    if (!world->file)
+        return false;
     world->path = strdup(path);
     return world->path || karst_fail(error, KARST_FAILED, "out of memory");
 }
@@ -134,8 +105,7 @@ karst_world *karst_world_open(const karst_world_config *config, karst_error *err
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    if (find(world, config->world, error) && compile(world, config, error) && describe(world, config, error) &&
-        make_oracles(world, error))
+    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error))
         return world;
     karst_world_close(world);
     return NULL;

@@ -30,7 +30,7 @@
                     X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE)          \
                         X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS)   \
                             X(TOO_FINE)
-#define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD) X(SQUARE) X(FADES) X(SLOPE_REST)
+#define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
 enum broken { BREAK_NOTHING, BOUNDS_RULES(NAME_BOUNDS) NOISE_RULES(NAME_NOISE) NUM_BROKEN };
@@ -534,9 +534,6 @@ static void test_every_rule_is_needed(void **state)
     long count = 4 * (long)number_from("KARST_BOUNDS_GRAPHS", 10000);
     int missed = 0;
     for (int rule = 1; rule < NUM_BROKEN; rule++) {
-        /* not in this interpreter's way: noise_form of noise/bounds.clh, which has tests of its own */
-        if (rule == BREAK_NOISE_SQUARE || rule == BREAK_NOISE_FADES || rule == BREAK_NOISE_SLOPE_REST)
-            continue;
         long num_checked = 0;
         broken = (enum broken)rule;
         if (!escapes(1, count, 1, false, &num_checked)) {

@@ -187,7 +187,9 @@ static void test_levels(void **state)
 static void test_exact_positions(void **state)
 {
     (void)state;
-    karst_world *world = world_of("float density(vec3 p) { return fract(p.x / 3.0) + 0.25 - p.y; }", NULL, 0);
+    karst_world *world = world_of("/*{}*/\n"
+                                  "float density(vec3 p) { return fract(p.x / 3.0) + 0.25 - p.y; }",
+                                  NULL, 0);
     karst_sampler *sampler = sampler_of(world);
     karst_position at = at_metres(world, "100000000000000001.5", "0", "0"); /* 10^17 = 1 mod 3 */
     karst_sample s = karst_sampler_density(sampler, &at, 0);
