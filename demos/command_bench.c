@@ -59,6 +59,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &b->seed, 0, 4294967295.0, &b->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &b->parameters, 0, 0, NULL},
+        {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
+         &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
@@ -176,6 +178,7 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
             b->path ? ", path " : "", b->path ? b->path : "", b->size_px[0], b->size_px[1],
             b->no_shadows ? "no" : "sun", s->detail_given_px, b->runs_done, s->device, b->num_cores);
     print_ratio(file, report, "settled_frame_per_floor", "settled frame / floor");
+    print_ratio(file, report, "refined_frame_per_frame_without", "settled frame / what it is without refine");
     print_ratio(file, report, "flight_frame_per_settled_frame", "flight, median / settled frame");
     print_ratio(file, report, "flight_p99_per_settled_frame", "flight, p99 / settled frame");
     print_ratio(file, report, "used_bricks_per_hit_brick", "bricks used / bricks hit");

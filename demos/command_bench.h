@@ -53,7 +53,7 @@ typedef struct {
     int size_px[2];
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
-    bool has_seed, no_shadows, no_blend, no_beam;
+    bool has_seed, no_shadows, no_blend, no_beam, refine;
     command_parameters parameters;
     uint64_t process_start_ns;
 

@@ -198,6 +198,11 @@ static void add_ratios(const bench *b, json_t *root, double *scratch)
         values[run] = settled_ms[run] = median_of(b, BENCH_SETTLED, (int)run, WHOLE_FRAME, scratch);
     divide(values, floor_ns, b->runs_done, 1e6);
     json_object_set_new(ratios, "settled_frame_per_floor", describe_spread(values, b->runs_done));
+    for (unsigned run = 0; b->refine && run < b->runs_done; run++)
+        values[run] = settled_ms[run] /
+                      (settled_ms[run] - median_of(b, BENCH_SETTLED, (int)run, (int)KARST_STAGE_REFINE, scratch));
+    if (b->refine)
+        json_object_set_new(ratios, "refined_frame_per_frame_without", describe_spread(values, b->runs_done));
     for (unsigned run = 0; b->path && run < b->runs_done; run++)
         values[run] = median_of(b, BENCH_FLIGHT, (int)run, WHOLE_FRAME, scratch);
     if (b->path) {

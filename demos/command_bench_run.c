@@ -146,6 +146,7 @@ static karst_engine *open_engine(bench *b, karst_display *display, const karst_l
     config.seed = (uint32_t)b->seed;
     config.no_shadows = b->no_shadows;
     config.no_blend = b->no_blend;
+    config.refine = b->refine;
     config.brick_bits = (int)b->brick_bits;
     config.no_beam = b->no_beam;
     config.lanes = (int)b->lanes;

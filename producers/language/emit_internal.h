@@ -90,6 +90,11 @@ void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */
 void karst_emit_place(karst_emit *emit, karst_expr e);
 
+/* ---- emit_slopes.c ---- */
+/* A noise and its derivatives from one evaluation, where the point form wants derivatives of gradient noise: all lines
+ * of the group with its first node, none with the others. False: the node is none of these. */
+bool karst_emit_slope_lines(karst_emit *emit, karst_expr e);
+
 /* ---- emit_worley.c ---- */
 /* F1 or F2, not a derivative. */
 bool karst_emit_is_worley(const karst_emit *emit, karst_expr e);

@@ -171,6 +171,8 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
         karst_emit_worley_lines(emit, e);
         return;
     }
+    if (karst_emit_slope_lines(emit, e))
+        return;
     karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
     karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
