@@ -47,7 +47,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
         karst_shade_anchor anchor = {.pad = 0};
         memcpy(anchor.voxel, engine->camera.position.voxel, sizeof anchor.voxel);
         memcpy(anchor.fraction, engine->camera.position.fraction, sizeof anchor.fraction);
-        if (!karst_refine_hits(engine->shown.refiner, &pinhole, &anchor, engine->hits, error))
+        if (!karst_refine_hits(engine->shown.refiner, &view, &pinhole, &anchor, engine->hits, error))
             return false;
     }
     if (engine->shadows &&

@@ -41,9 +41,10 @@ void karst_refiner_destroy(karst_refiner *refiner)
     free(refiner);
 }
 
-bool karst_refine_hits(karst_refiner *refiner, const karst_pinhole *pinhole, const karst_shade_anchor *anchor,
-                       karst_buffer *hits, karst_error *error)
+bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
+                       const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
 {
+    float footprint = pinhole->cone * view->detail;
     if (hits->size_bytes / sizeof(karst_hit) < (size_t)pinhole->width_px * (size_t)pinhole->height_px)
         return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold the hits of a picture of %dx%d",
                           hits->size_bytes, pinhole->width_px, pinhole->height_px);
@@ -52,7 +53,7 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_pinhole *pinhole, con
     size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)refiner->context->lanes;
     return KARST_ARGUMENTS(refiner->hits, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*anchor),
                            KARST_VALUE_ARG(refiner->data), KARST_VALUE_ARG(refiner->voxels_per_m),
-                           KARST_BUFFER_ARG(hits)) &&
+                           KARST_VALUE_ARG(footprint), KARST_VALUE_ARG(view->blend), KARST_BUFFER_ARG(hits)) &&
            karst_launch(refiner->context, refiner->hits, KARST_STAGE_REFINE, across * down * local_size, local_size,
                         error);
 }

@@ -9,10 +9,31 @@
 
 /* Farther than this from where the brick had it, in voxels of its level, a root is another one. */
 #define REFINE_REACH 2.0f
-/* Where Newton's step does not lead nearer: so many steps of half a voxel towards the other sign, and so many to narrow
- * what they find. */
-#define REFINE_SEARCH_STEPS 8
+/* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
+#define REFINE_CLOSE 0.015625f
+/* Where Newton's step does not lead nearer: steps towards the other sign, in voxels, and so many to narrow what they
+ * find. */
+#define REFINE_SEARCH_STEPS 5
 #define REFINE_NARROW_STEPS 5
+__constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
+
+/* With many lanes what is large is called: one copy of the density, one of its gradient. */
+#if LANES > 1
+#define REFINE_CALL static __attribute__((noinline)) K_WIDE
+#else
+#define REFINE_CALL RAY_INLINE
+#endif
+
+/* The field that hits of one level lie on: that level's density, or, where levels blend, f + w (c - f) with the next
+ * one's (raycast/blend.clh). */
+typedef struct {
+    K_GLOBAL const ulong *data;
+    const karst_shade_anchor *anchor;
+    const vector3 *direction;
+    int level;
+    vint lanes;                        /* whose hits blend */
+    float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
+} refine_field;
 
 typedef struct {
     vfloat t;
@@ -22,26 +43,66 @@ typedef struct {
 
 RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
 
-/* For lanes of `m`, whose density is d0 at t: the change of sign that lies nearest, backward from solid and forward
- * from air, bracketed and narrowed. */
-RAY_INLINE refined refine_by_search(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor,
-                                    const vector3 *direction, vfloat t, vfloat d0, int level, vint m)
+REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
 {
-    const vfloat half_voxel = (vfloat)(k_as_float((uint)(level + 126) << 23)), one_half = (vfloat)(0.5f);
+    return world_point(data, place, level);
+}
+
+REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
+{
+    return world_surface(data, place, level, gradient);
+}
+
+RAY_INLINE vfloat field_weight(const refine_field *field, vfloat t)
+{
+    vfloat w = lane_unit(k_fma(t, (vfloat)(field->weight_slope), (vfloat)(field->weight_start)));
+    return v_select(field->lanes, w, (vfloat)(0.0f));
+}
+
+RAY_INLINE vfloat field_density(const refine_field *field, vfloat t)
+{
     world_point_at place;
+    exact_places(&place, field->anchor, field->direction, t);
+    vfloat d = density_at(field->data, &place, field->level), w = field_weight(field, t);
+    vint blended = v_gt(w, (vfloat)(0.0f));
+    if (v_any(blended))
+        d = v_select(blended, k_fma(w, density_at(field->data, &place, field->level + 1) - d, d), d);
+    return d;
+}
+
+RAY_INLINE vfloat field_surface(const refine_field *field, vfloat t, vfloat gradient[3])
+{
+    world_point_at place;
+    exact_places(&place, field->anchor, field->direction, t);
+    vfloat d = surface_at(field->data, &place, field->level, gradient), w = field_weight(field, t);
+    vint blended = v_gt(w, (vfloat)(0.0f));
+    if (v_any(blended)) {
+        vfloat next[3];
+        d = v_select(blended, k_fma(w, surface_at(field->data, &place, field->level + 1, next) - d, d), d);
+        for (int i = 0; i < 3; i++)
+            gradient[i] = v_select(blended, k_fma(w, next[i] - gradient[i], gradient[i]), gradient[i]);
+    }
+    return d;
+}
+
+/* For lanes of `m`, whose density is d0 at t and d1 at t1: the change of sign that lies nearest, backward from solid
+ * and forward from air, bracketed and narrowed. */
+RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat d0, vfloat t1, vfloat d1, vint m)
+{
+    const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    const vfloat one_half = (vfloat)(0.5f), zero = (vfloat)(0.0f);
     refined r;
-    vfloat step = v_select(is_positive(d0), -half_voxel, half_voxel);
+    vfloat side = v_select(is_positive(d0), (vfloat)(-voxel), (vfloat)(voxel));
     /* the near end with the sign of d0, the far end with the other */
-    vfloat near = t, at_near = d0, far = t, at_far = d0;
-    r.found = (vint)(0);
+    vfloat near = t, at_near = d0, far = t1, at_far = d1;
+    r.found = m & (is_positive(d0) ^ is_positive(d1)) & v_lt(k_fabs(d1), (vfloat)(INFINITY));
     for (int i = 0; i < REFINE_SEARCH_STEPS; i++) {
         vint go = m & ~r.found;
         if (!v_any(go))
             break;
-        vfloat next = near + step;
-        exact_places(&place, anchor, direction, lane_max(next, (vfloat)(0.0f)));
-        vfloat d = world_point(data, &place, level);
-        vint other = go & (is_positive(d) ^ is_positive(d0)) & v_ge(next, (vfloat)(0.0f));
+        vfloat next = k_fma(side, (vfloat)(search_steps[i]), near);
+        vfloat d = field_density(field, lane_max(next, zero));
+        vint other = go & (is_positive(d) ^ is_positive(d0)) & v_ge(next, zero);
         far = v_select(other, next, far);
         at_far = v_select(other, d, at_far);
         r.found |= other;
@@ -49,16 +110,15 @@ RAY_INLINE refined refine_by_search(K_GLOBAL const ulong *data, const karst_shad
         at_near = v_select(go & ~other, d, at_near);
     }
     r.t = t;
-    r.gradient[0] = r.gradient[1] = r.gradient[2] = (vfloat)(0.0f);
+    r.gradient[0] = r.gradient[1] = r.gradient[2] = zero;
     if (!v_any(r.found))
         return r;
     /* False position that halves the weight of an end that stays (Illinois). */
     for (int i = 0; i < REFINE_NARROW_STEPS; i++) {
         vfloat share = at_near / (at_near - at_far);
-        share = v_select(v_gt(share, (vfloat)(0.0f)) & v_lt(share, (vfloat)(1.0f)), share, one_half);
+        share = v_select(v_gt(share, zero) & v_lt(share, (vfloat)(1.0f)), share, one_half);
         vfloat next = k_fma(far - near, share, near);
-        exact_places(&place, anchor, direction, v_select(r.found, next, t));
-        vfloat d = world_point(data, &place, level);
+        vfloat d = field_density(field, v_select(r.found, next, t));
         vint as_far = is_positive(d) ^ is_positive(at_near);
         at_near = v_select(as_far, at_near * one_half, d);
         at_far = v_select(as_far, d, at_far * one_half);
@@ -66,40 +126,40 @@ RAY_INLINE refined refine_by_search(K_GLOBAL const ulong *data, const karst_shad
         far = v_select(as_far, next, far);
         r.t = v_select(r.found, next, t);
     }
-    exact_places(&place, anchor, direction, r.t);
-    world_surface(data, &place, level, r.gradient);
+    field_surface(field, r.t, r.gradient);
     return r;
 }
 
-/* The lanes of `m`, which hit at t, at one level. */
-RAY_INLINE refined refine_level(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor, const vector3 *direction,
-                                vfloat t, int level, float voxels_per_m, vint m)
+/* The lanes of `m`, which hit at t. */
+RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxels_per_m, vint m)
 {
     const vfloat zero = (vfloat)(0.0f);
-    const float reach = REFINE_REACH * k_as_float((uint)(level + 127) << 23);
-    world_point_at place;
+    const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    const vector3 *direction = field->direction;
     refined r;
-    exact_places(&place, anchor, direction, t);
-    vfloat d0 = world_surface(data, &place, level, r.gradient);
+    vfloat d0 = field_surface(field, t, r.gradient);
     /* Into solid the density rises. */
     vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
-    vfloat step = -d0 / slope * voxels_per_m;
-    r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(reach));
-    r.t = t;
-    if (v_any(r.found)) {
-        step = v_select(r.found, step, zero);
-        exact_places(&place, anchor, direction, lane_max(t + step, zero));
-        vfloat d1 = world_point(data, &place, level);
-        /* Most of the way to zero: the density is nearly straight here. */
-        r.found &= v_le(k_fabs(d1), k_fabs(d0) * 0.25f);
+    vfloat voxels_per_unit = voxels_per_m / slope;
+    vfloat step = -d0 * voxels_per_unit, t1 = t, d1 = d0;
+    r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(REFINE_REACH * voxel));
+    r.t = v_select(r.found, lane_max(t + step, zero), t);
+    vint unsure = r.found & v_gt(k_fabs(step), (vfloat)(REFINE_CLOSE * voxel));
+    if (v_any(unsure)) {
+        t1 = v_select(unsure, r.t, t);
+        d1 = v_select(unsure, field_density(field, t1), d0);
+        /* Most of the way to zero, as the density is nearly straight here, or as near as can be told. */
+        vint nearer = v_le(k_fabs(d1), k_fabs(d0) * 0.25f) |
+                      v_le(k_fabs(d1 * voxels_per_unit), (vfloat)(REFINE_CLOSE * voxel));
+        r.found &= ~unsure | nearer;
         /* The secant through both, no farther again. */
         vfloat next = -d1 * step / (d1 - d0);
         next = v_select(v_le(k_fabs(next), k_fabs(step)), next, zero);
-        r.t = v_select(r.found, t + step + next, t);
+        r.t = v_select(unsure, lane_max(t1 + next, zero), r.t);
     }
     vint rest = m & ~r.found & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
     if (v_any(rest)) {
-        refined searched = refine_by_search(data, anchor, direction, t, d0, level, rest);
+        refined searched = refine_by_search(field, t, d0, t1, d1, rest);
         r.t = v_select(searched.found, searched.t, r.t);
         for (int i = 0; i < 3; i++)
             r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);
@@ -143,7 +203,7 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
     }
 
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
-                                 float voxels_per_m, K_GLOBAL karst_hit *hits)
+                                 float voxels_per_m, float footprint, float blend, K_GLOBAL karst_hit *hits)
 {
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
@@ -162,7 +222,13 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
     while (v_any(left)) {
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
-        refined r = refine_level(data, &anchor, &direction, t, here, voxels_per_m, mine);
+        refine_field field = {data, &anchor, &direction, here, (vint)(0), 0.0f, 0.0f};
+        if (blend > 0.0f) { /* as level_weight in raycast/surface.clh */
+            field.lanes = mine & v_eq(kind, (vint)((int)KARST_HIT_SURFACE));
+            field.weight_slope = footprint * k_as_float((uint)(126 - here) << 23) / blend;
+            field.weight_start = (blend - 1.0f) / blend;
+        }
+        refined r = refine_lanes(&field, t, voxels_per_m, mine);
         vector3 down;
         vint good = r.found & normal_of_gradient(r.gradient, &down);
         t = v_select(good, r.t, t);
