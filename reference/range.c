@@ -270,11 +270,11 @@ static bool pass_octave(const karst_ranger *r, const karst_expr_node *n, const k
 static karst_node_range gradient_range(const karst_ranger *r, const octave_pass *pass, uint32_t seed)
 {
     const interval all = interval_of(-(double)NOISE_SUP, (double)NOISE_SUP);
-    double reach = 0, rates = 0, most_rate = 0;
-    interval moved[3];
+    double reach = 0, rates = 0, most_rate = 0, middle[3], off[3];
     for (int i = 0; i < 3; i++) {
-        moved[i] = interval_widen(interval_multiply(pass->rate[i], interval_of(-r->half, r->half)), pass->unsure);
-        reach = fmax(reach, interval_most(moved[i]));
+        middle[i] = 0.5 * (pass->rate[i].lo + pass->rate[i].hi);
+        off[i] = 0.5 * (pass->rate[i].hi - pass->rate[i].lo) * (1 + 0x1p-50) + 0x1p-52 * fabs(middle[i]);
+        reach = fmax(reach, interval_most(pass->rate[i]) * r->half + pass->unsure);
         rates += interval_most(pass->rate[i]);
         most_rate = fmax(most_rate, interval_most(pass->rate[i]));
     }
@@ -285,16 +285,27 @@ static karst_node_range gradient_range(const karst_ranger *r, const octave_pass 
         return n;
     karst_noise_jet jet;
     karst_noise_jet_at(pass->place, seed, &jet);
-    interval value = interval_thin(jet.value), exact = interval_thin(0);
+    interval value = interval_thin(jet.value), exact;
     n.middle = interval_meet(interval_widen(value, (double)NOISE_SUP_SLOPES * pass->unsure + 0x1p-48), all);
-    double rest = 0.5 * (double)NOISE_SUP_THIRD_ROW * reach * reach + 0x1p-44;
+    /* The slope at s from the middle, by Taylor: with r the rate at s and q its mean on the way there, both within
+     * `middle` + [-off, off], it is gradient . r + s q . hessian . r, and a rest of third order. */
+    double first = 0, second = 0, first_off = 0, second_off = 0, rest = 0;
     for (int i = 0; i < 3; i++) {
-        interval along = interval_widen(interval_thin(jet.gradient[i]), rest);
-        for (int j = 0; j < 3; j++)
-            along = interval_add(along, interval_scale(moved[j], jet.hessian[i][j]));
-        along = interval_meet(along, interval_of(-(double)NOISE_SUP_SLOPE, (double)NOISE_SUP_SLOPE));
-        exact = interval_add(exact, interval_multiply(along, pass->rate[i]));
+        double turn = 0, turn_off = 0;
+        for (int j = 0; j < 3; j++) {
+            turn += jet.hessian[i][j] * middle[j];
+            turn_off += fabs(jet.hessian[i][j]) * off[j];
+        }
+        first += jet.gradient[i] * middle[i];
+        first_off += fabs(jet.gradient[i]) * off[i];
+        second += turn * middle[i];
+        second_off += fabs(turn) * 2 * off[i] + turn_off * off[i];
+        rest += 0.5 * (double)NOISE_SUP_THIRD_ROW * reach * reach * (fabs(middle[i]) + off[i]);
+        /* the middle's place is not known better */
+        rest += (fabs(turn) + turn_off) * pass->unsure + 0x1p-44 * (fabs(middle[i]) + off[i]);
     }
+    double spread = first_off + r->half * (fabs(second) + second_off) + rest;
+    exact = interval_out(first - spread, first + spread);
     n.slope = interval_meet(exact, n.slope);
     n.value = interval_add(n.middle, interval_multiply(n.slope, interval_of(-r->half, r->half)));
     n.value = interval_meet(n.value, interval_widen(value, (double)NOISE_SUP_SLOPES * reach + 0x1p-48));

@@ -11,6 +11,7 @@
 
 #include "producers/language/oracle.h"
 #include "producers/language/world_file.h"
+#include "raycast/cast.h"
 #include "raycast/light.clh"
 #include "raycast/light.h"
 #include "raycast/pinhole.h"
@@ -59,6 +60,12 @@ static void trace_ray(const worker *w, vector3 direction, karst_reference_hit *h
     hit->footprint_m = root.t * (double)p->pinhole.cone * p->voxel_m;
     double gradient[3], length = 0;
     bool known = !is_miss && karst_ranger_gradient(w->ranger, anchor, ray.direction, root.t, root.level, gradient);
+    if (known && root.weight > 0) {
+        double next[3];
+        known = karst_ranger_gradient(w->ranger, anchor, ray.direction, root.t, root.level + 1, next);
+        for (int i = 0; i < 3; i++)
+            gradient[i] += root.weight * (next[i] - gradient[i]);
+    }
     if (known)
         length = sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
     for (int i = 0; i < 3; i++)
@@ -191,6 +198,7 @@ static bool prepare(picture *p, karst_error *error)
     p->ray.t_max = (double)p->pinhole.t_max;
     p->ray.max_intervals = c->max_intervals ? c->max_intervals : DEFAULT_MAX_INTERVALS;
     float detail = c->detail_px > 0 ? (float)c->detail_px : 1.0f, grown = p->pinhole.cone * detail;
+    p->ray.blend = c->footprint == KARST_FOOTPRINT_BLENDED ? KARST_BLEND_SHARE : 0;
     bool full = p->rgba || c->footprint == KARST_FOOTPRINT_NONE;
     p->ray.lod_scale = full ? 0 : 1.0f / (grown > 1.0e-20f ? grown : 1.0e-20f);
     set_light(p);

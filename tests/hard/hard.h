@@ -151,6 +151,7 @@ static inline void hard_run(const hard_case *c)
                                               .width_px = hard_width(c),
                                               .height_px = hard_height(c),
                                               .detail_px = c->detail_px,
+                                              .footprint = KARST_FOOTPRINT_BLENDED,
                                               .max_intervals = 20000};
     karst_reference_stats stats = {0};
     if (!karst_reference_trace(&reference, hard_expected, NULL, NULL, &stats, &error))

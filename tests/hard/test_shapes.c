@@ -34,7 +34,11 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
         for (int i = 0; i < 3; i++)
             offset_m[i] = (aimed[i] ? spacing * (n * (i + 1) - 40) : 0.37 * n) - distance * forward[i];
         camera.position = karst_position_add_m(camera.position, offset_m, -4);
-        const karst_reference_config reference = {.world = hard_path, .camera = &camera, .width_px = 9, .height_px = 9};
+        const karst_reference_config reference = {.world = hard_path,
+                                                  .camera = &camera,
+                                                  .width_px = 9,
+                                                  .height_px = 9,
+                                                  .footprint = KARST_FOOTPRINT_BLENDED};
         if (!karst_reference_trace(&reference, hard_expected, NULL, NULL, NULL, &error))
             fail_msg("%s: %s", name, error.message);
         const karst_reference_hit *middle = &hard_expected[40];

@@ -31,7 +31,11 @@ static void trace(const char *world, double detail_px)
 {
     karst_error error = {0};
     const karst_reference_config config = {
-        .world = world, .width_px = WIDTH, .height_px = HEIGHT, .detail_px = detail_px};
+        .world = world,
+        .width_px = WIDTH,
+        .height_px = HEIGHT,
+        .detail_px = detail_px,
+        .footprint = KARST_FOOTPRINT_BLENDED};
     if (!karst_reference_trace(&config, expected, NULL, NULL, NULL, &error))
         fail_msg("%s", error.message);
 }

@@ -22,8 +22,10 @@ extern "C" {
 /* Which density a ray meets at distance t, where its footprint is w(t) = t * 2 tan(fov / 2) / height. */
 typedef enum {
     KARST_FOOTPRINT_LEVELS, /* d(p, voxel of the level that an engine shows at t): the widest that is at most detail_px
-                             * footprints wide, from t alone */
-    KARST_FOOTPRINT_NONE    /* the full density, d(p, 0) */
+                             * footprints wide, from t alone; without gradual changes (karst_engine_config.no_blend) */
+    KARST_FOOTPRINT_NONE,   /* the full density, d(p, 0) */
+    KARST_FOOTPRINT_BLENDED /* the same, but in the last part of a level (the same that engines blend in) its density f
+                             * turns into the next one's, c, as f + w (c - f), w rising from 0 to 1 with t */
 } karst_footprint;
 
 /* Zero-initialised fields mean the default that stands beside them. */
@@ -54,7 +56,7 @@ typedef struct {
     double normal[3]; /* of length 1, towards the air: the density's exact gradient; against the ray where there is none
                        */
     double footprint_m; /* the ray's, there (of a miss: at the view distance) */
-    int level;          /* -1: full density */
+    int level;          /* -1: full density; of two that blend the finer */
     karst_reference_kind kind;
 } karst_reference_hit;
 
