@@ -8,6 +8,7 @@ struct karst_shader {
     karst_context *context;
     karst_cache_buffers cache;
     karst_program *program;
+    karst_program *plain;  /* without colours, for shadow_rays; NULL if program is that, or without shadows */
     cl_kernel shadow_rays; /* NULL without shadows */
     cl_kernel pixels;
     cl_mem data; /* of the world's colours; NULL: it has none */
@@ -36,19 +37,24 @@ karst_shader *karst_shader_create_coloured(karst_context *context, const karst_c
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    char options[512];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s%s%s", cache->num_segments,
-             karst_cache_brick_option(cache), colour ? " -DSHADE_WORLD_COLOUR " : "",
+    char plain_options[256], options[512];
+    snprintf(plain_options, sizeof(plain_options), "-DSEGMENTS=%u%s", cache->num_segments,
+             karst_cache_brick_option(cache));
+    snprintf(options, sizeof(options), "%s%s%s", plain_options, colour ? " -DSHADE_WORLD_COLOUR " : "",
              colour ? colour->options : "");
-    const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
+    const karst_virtual_file world = {"world.clh", colour ? colour->source : ""}, none = {"world.clh", ""};
     shader->context = context;
     shader->cache = *cache;
     shader->data = colour && colour->data ? colour->data->mem : NULL;
     shader->program = karst_program_build(context, "raycast/shade.cl", options, &world, 1, error);
-    if (shader->program) {
+    /* Shadow rays know no colours: a kernel that all worlds share is not compiled anew when colours are edited. */
+    if (colour && shadows && shader->program)
+        shader->plain = karst_program_build(context, "raycast/shade.cl", plain_options, &none, 1, error);
+    karst_program *for_rays = colour ? shader->plain : shader->program;
+    if (shader->program)
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
-        shader->shadow_rays = shadows ? karst_program_kernel(shader->program, "shade_shadow_rays", error) : NULL;
-    }
+    if (shadows && for_rays && shader->pixels)
+        shader->shadow_rays = karst_program_kernel(for_rays, "shade_shadow_rays", error);
     if (!shader->pixels || (shadows && !shader->shadow_rays)) {
         karst_shader_destroy(shader);
         return NULL;
@@ -65,6 +71,7 @@ void karst_shader_destroy(karst_shader *shader)
     if (shader->pixels)
         clReleaseKernel(shader->pixels);
     karst_program_destroy(shader->program);
+    karst_program_destroy(shader->plain);
     free(shader);
 }
 
