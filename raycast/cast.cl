@@ -8,7 +8,7 @@
  * plane belongs to the cell above it on every level. */
 #define FLAT 1.0e-18f
 
-/* What casting a packet gives, lane by lane; `kind` as in karst_hit. */
+/* What becomes of rays, lane by lane; `kind` as in karst_hit. */
 typedef struct {
     vfloat t;
     vint kind, brick, cell, node;
@@ -28,17 +28,10 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
                              vfloat cone, vint valid)
 {
     const vfloat zero = (vfloat)(0.0f);
-    findings *found = &b->found[p];
-    found->kind = found->brick = found->node = found->cell = (vint)(0);
-    found->t = t_max;
-    found->dt = zero;
-    found->at.x = found->at.y = found->at.z = found->step.x = found->step.y = found->step.z = zero;
-    found->f.c0 = found->f.c1 = found->f.c2 = found->f.c3 = zero;
+    b->states.done[p] = b->states.fresh[p] = b->states.incomplete[p] = 0;
 #ifdef CAST_COUNT_STEPS
-    found->steps = (vint)(0);
+    v_store_int((vint)(0), b->states.steps + p * LANES);
 #endif
-    b->incomplete[p] = (vint)(0);
-
     packet *rays = &b->rays[p];
     vint down_x = v_le(direction->x, (vfloat)(-FLAT)), down_y = v_le(direction->y, (vfloat)(-FLAT)),
          down_z = v_le(direction->z, (vfloat)(-FLAT));
@@ -52,7 +45,6 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     rays->lod_shift = width * view->detail;
     rays->lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
     rays->lod_scale = 1.0f / rays->lod_slope;
-    rays->fresh = (vint)(0);
     start->origin = *origin;
     start->t_end = t_max;
     start->octants = (down_x & 1) | (down_y & 2) | (down_z & 4);
@@ -65,6 +57,7 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
 {
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
     int some = 0, all = 7;
+    b->found.num = b->queue.num = 0;
     for (int p = 0; p < BEAM_PACKETS; p++)
         for (int axis = 0; axis < 3; axis++) {
             vint down = v_ne(start[p].octants & (1 << axis), (vint)(0));
@@ -89,29 +82,6 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
         if (b->live)
             walk_octree(pool, view, from_anchor, b);
     }
-}
-
-/* What packet p came to. any_hit: where along the cell the surface lies does not matter. */
-RAY_INLINE packet_hits finish_packet(const beam *b, const packet_start *start, int p, int any_hit)
-{
-    const findings *found = &b->found[p];
-    packet_hits hits;
-    vfloat s = (vfloat)(0.0f);
-    vint hit = v_ne(found->kind, (vint)(0));
-    if (!any_hit && v_any(hit))
-        s = cubic_first_root(&found->f, hit);
-    hits.t = v_select(hit, k_fma(s, found->dt, found->t), start->t_end);
-    hits.kind = found->kind | (b->incomplete[p] & (int)KARST_HIT_INCOMPLETE);
-#ifdef CAST_COUNT_STEPS
-    hits.kind |= lane_min_int(found->steps, (vint)(KARST_STEPS_MAX)) << KARST_STEPS_SHIFT;
-#endif
-    hits.brick = found->brick;
-    hits.cell = found->cell;
-    hits.node = found->node;
-    hits.position.x = lane_unit(k_fma(s, found->step.x, found->at.x));
-    hits.position.y = lane_unit(k_fma(s, found->step.y, found->at.y));
-    hits.position.z = lane_unit(k_fma(s, found->step.z, found->at.z));
-    return hits;
 }
 
 /* Lane by lane into the records; `index` where `valid`. */
@@ -139,6 +109,49 @@ RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vin
 }
 #endif
 
+/* Stores the records of a beam's rays; index: where each ray's goes, if it is a ray at all. any_hit: where along the
+ * cell the surface lies does not matter. */
+RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_start start[BEAM_PACKETS],
+                           const int index[BEAM_RAYS], const uint valid[BEAM_PACKETS], int any_hit)
+{
+    const findings *found = &b->found;
+    packet_hits hits;
+    for (uint i = 0; i < found->num; i += LANES) {
+        const vint m = v_lt(V_LANE, (vint)((int)(found->num - i)));
+        const vint ray = v_select(m, v_load_int(found->ray + i), (vint)(0));
+        const cubic f = {v_load_float(found->f[0] + i), v_load_float(found->f[1] + i), v_load_float(found->f[2] + i),
+                         v_load_float(found->f[3] + i)};
+        const vfloat s = any_hit ? (vfloat)(0.0f) : cubic_first_root(&f, m);
+        const vint incomplete = v_uint_to_int(v_gather_uint(b->states.incomplete, ray / LANES)) >> ray % LANES & 1;
+        hits.t = k_fma(s, v_load_float(found->dt + i), v_load_float(found->t + i));
+        hits.kind = v_load_int(found->kind + i) | incomplete * (int)KARST_HIT_INCOMPLETE;
+#ifdef CAST_COUNT_STEPS
+        hits.kind |= lane_min_int(v_gather_int(b->states.steps, ray), (vint)(KARST_STEPS_MAX)) << KARST_STEPS_SHIFT;
+#endif
+        hits.brick = v_load_int(found->brick + i);
+        hits.cell = v_load_int(found->cell + i);
+        hits.node = v_load_int(found->node + i);
+        hits.position.x = lane_unit(k_fma(s, v_load_float(found->step[0] + i), v_load_float(found->at[0] + i)));
+        hits.position.y = lane_unit(k_fma(s, v_load_float(found->step[1] + i), v_load_float(found->at[1] + i)));
+        hits.position.z = lane_unit(k_fma(s, v_load_float(found->step[2] + i), v_load_float(found->at[2] + i)));
+        store_hits(out, &hits, v_gather_int(index, ray), m);
+    }
+    for (int p = 0; p < BEAM_PACKETS; p++) {
+        const uint misses = valid[p] & ~b->states.done[p];
+        if (!misses)
+            continue;
+        hits.t = start[p].t_end;
+        hits.kind = bits_mask(b->states.incomplete[p]) & (int)KARST_HIT_INCOMPLETE;
+#ifdef CAST_COUNT_STEPS
+        hits.kind |= lane_min_int(v_load_int(b->states.steps + p * LANES), (vint)(KARST_STEPS_MAX))
+                     << KARST_STEPS_SHIFT;
+#endif
+        hits.brick = hits.cell = hits.node = (vint)(0);
+        hits.position.x = hits.position.y = hits.position.z = (vfloat)(0.0f);
+        store_hits(out, &hits, v_load_int(index + p * LANES), bits_mask(misses));
+    }
+}
+
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
                                   K_GLOBAL karst_hit *hits)
 {
@@ -148,19 +161,19 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     const vector3 origin = {zero, zero, zero};
     beam b;
     packet_start start[BEAM_PACKETS];
-    vint x, y;
+    int index[BEAM_RAYS];
+    uint valid[BEAM_PACKETS];
     for (int p = 0; p < BEAM_PACKETS; p++) {
-        vint valid = packet_pixels(first + (uint)p, pinhole.width_px, pinhole.height_px, &x, &y);
+        vint x, y;
+        vint m = packet_pixels(first + (uint)p, pinhole.width_px, pinhole.height_px, &x, &y);
         vector3 direction = pinhole_direction(&pinhole, x, y);
         start_packet(&b, &start[p], p, view, &origin, &direction, (vfloat)(pinhole.t_min), (vfloat)(pinhole.t_max),
-                     zero, (vfloat)(pinhole.cone), valid);
+                     zero, (vfloat)(pinhole.cone), m);
+        v_store_int(packet_order(x, y, pinhole.width_px, pinhole.height_px), index + p * LANES);
+        valid[p] = mask_bits(m);
     }
     cast_beam(&pool, view, 1, &b, start);
-    for (int p = 0; p < BEAM_PACKETS; p++) {
-        vint valid = packet_pixels(first + (uint)p, pinhole.width_px, pinhole.height_px, &x, &y);
-        packet_hits found = finish_packet(&b, &start[p], p, 0);
-        store_hits(hits, &found, packet_order(x, y, pinhole.width_px, pinhole.height_px), valid);
-    }
+    store_beam(hits, &b, start, index, valid, 0);
 }
 
 /* Field `word` of the rays in the lanes, as floats. */
@@ -170,27 +183,26 @@ __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
                                uint num_rays, int any_hit, K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
-    const uint base = (uint)get_global_id(0) * (LANES * BEAM_PACKETS);
+    const uint base = (uint)get_global_id(0) * BEAM_RAYS;
     if (base >= num_rays)
         return;
     beam b;
     packet_start start[BEAM_PACKETS];
+    int index[BEAM_RAYS];
+    uint valid[BEAM_PACKETS];
     const vint lane = V_LANE;
     for (int p = 0; p < BEAM_PACKETS; p++) {
         const uint at = base + (uint)(p * LANES), left = at < num_rays ? num_rays - at : 0u;
         K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + (left ? at : base));
-        vint valid = v_lt(lane, (vint)((int)min(left, (uint)LANES)));
-        vint first = v_select(valid, lane, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
+        vint m = v_lt(lane, (vint)((int)min(left, (uint)LANES)));
+        vint first = v_select(m, lane, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
         vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
         start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
-                     valid);
+                     m);
+        v_store_int(lane + p * LANES, index + p * LANES);
+        valid[p] = mask_bits(m);
     }
     cast_beam(&pool, view, 0, &b, start);
-    for (int p = 0; p < BEAM_PACKETS; p++) {
-        const uint at = base + (uint)(p * LANES), left = at < num_rays ? num_rays - at : 0u;
-        packet_hits found = finish_packet(&b, &start[p], p, any_hit);
-        if (left)
-            store_hits(hits + at, &found, lane, v_lt(lane, (vint)((int)min(left, (uint)LANES))));
-    }
+    store_beam(hits + base, &b, start, index, valid, any_hit);
 }
