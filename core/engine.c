@@ -147,7 +147,7 @@ static void report_non_finite(karst_engine *engine)
 
 bool karst_engine_frame(karst_engine *engine, karst_error *error)
 {
-    uint64_t start_ns = karst_clock_ns();
+    uint64_t start_ns = karst_clock_ns(), start_cpu_ns = karst_engine_cpu_ns(engine);
     karst_stats *stats = &engine->stats;
     uint32_t counters[KARST_ENGINE_NUM_COUNTERS];
     karst_work work;
@@ -192,6 +192,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
         return false;
     karst_engine_learn_cost(engine);
     stats->time_ns_frame = karst_clock_ns() - start_ns;
+    stats->time_ns_cpu = karst_engine_cpu_ns(engine) - start_cpu_ns;
     karst_context_memory(engine->context, stats);
     return !engine->count_changed_pixels || karst_engine_count_changed_pixels(engine, error);
 }

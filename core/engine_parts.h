@@ -144,6 +144,8 @@ bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error)
 bool karst_engine_load_root(karst_engine *engine, karst_error *error);
 bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error);
 void karst_engine_learn_cost(karst_engine *engine);
+/* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
+uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 
 /* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. */
 bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error);

@@ -16,8 +16,7 @@ typedef struct {
     double ns; /* only with a budget in ms */
 } allowance;
 
-/* CPU time of all threads over the cores: what production costs a CPU device however busy it is with other things. */
-static uint64_t cpu_share_ns(const karst_engine *engine)
+uint64_t karst_engine_cpu_ns(const karst_engine *engine)
 {
     struct timespec now;
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -41,14 +40,14 @@ static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_
         tiles.num_loads = bricks.num_subdivides = 0;
         if (!karst_finish(engine->context, error))
             return false;
-        uint64_t start_ns = cpu_share_ns(engine);
+        uint64_t start_ns = karst_engine_cpu_ns(engine);
         if (!karst_producer_answer(engine->producer, buffers, &tiles, error) || !karst_finish(engine->context, error))
             return false;
-        uint64_t between_ns = cpu_share_ns(engine);
+        uint64_t between_ns = karst_engine_cpu_ns(engine);
         if (!karst_producer_answer(engine->producer, buffers, &bricks, error) || !karst_finish(engine->context, error))
             return false;
         made->tile_cpu_ns += between_ns - start_ns;
-        made->brick_cpu_ns += cpu_share_ns(engine) - between_ns;
+        made->brick_cpu_ns += karst_engine_cpu_ns(engine) - between_ns;
     }
     made->num_bricks += work->num_loads;
     made->num_tiles += work->num_subdivides;

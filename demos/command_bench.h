@@ -23,7 +23,7 @@ typedef struct {
     size_t index;      /* within its phase of its run */
     double time_s;     /* of the flight; of settling: since its start */
     uint64_t ended_ns; /* on karst_clock */
-    uint64_t frame_ns, production_ns, stage_ns[KARST_NUM_STAGES];
+    uint64_t frame_ns, production_ns, cpu_ns, stage_ns[KARST_NUM_STAGES];
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
     uint64_t num_tiles, num_bricks, num_constant; /* produced */
     uint64_t num_pixels, num_hits, num_provisional, num_incomplete;

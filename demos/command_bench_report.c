@@ -34,12 +34,14 @@ static json_t *describe_spread(double *values, size_t num)
 
 #define WHOLE_FRAME KARST_NUM_STAGES
 #define PRODUCTION (KARST_NUM_STAGES + 1) /* as a budget in ms counts it */
+#define CPU (KARST_NUM_STAGES + 2)        /* time of all threads over the cores */
 
 /* Time of a frame, or of one of its stages. */
 static double frame_ms(const bench_frame *frame, int stage)
 {
     uint64_t ns = stage == WHOLE_FRAME  ? frame->frame_ns
                   : stage == PRODUCTION ? frame->production_ns
+                  : stage == CPU        ? frame->cpu_ns
                                         : frame->stage_ns[stage];
     return (double)ns * 1e-6;
 }
@@ -139,6 +141,7 @@ static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
         json_object_set_new(times, karst_stage_name(stage), describe_stage(b, phase, stage, scratch));
     json_object_set_new(times, "production", describe_stage(b, phase, PRODUCTION, scratch));
+    json_object_set_new(times, "cpu", describe_stage(b, phase, CPU, scratch));
     json_object_set_new(phase_json, "time_ms", times);
     json_object_set_new(phase_json, "churn_per_frame", describe_churn(b, phase));
     json_object_set_new(phase_json, "at_level", describe_at_level(b, phase, false, scratch));
@@ -361,7 +364,7 @@ char *bench_csv(const bench *b)
     FILE *file = open_memstream(&text, &size);
     if (!file)
         return NULL;
-    fputs("phase,run,frame,time_s,frame_ms,production_ms", file);
+    fputs("phase,run,frame,time_s,frame_ms,production_ms,cpu_ms", file);
     for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
         fprintf(file, ",%s_ms", karst_stage_name(stage));
     fputs(",requests,produced,evicted,reproduced,deferred,tiles_produced,bricks_produced,pixels,hits,provisional,"
@@ -370,7 +373,7 @@ char *bench_csv(const bench *b)
     for (size_t i = 0; i < b->num_frames; i++) {
         const bench_frame *f = &b->frames[i];
         fprintf(file, "%s,%u,%zu,%.6f", phase_names[f->phase], f->run, f->index, f->time_s);
-        fprintf(file, ",%.6f,%.6f", frame_ms(f, WHOLE_FRAME), frame_ms(f, PRODUCTION));
+        fprintf(file, ",%.6f,%.6f,%.6f", frame_ms(f, WHOLE_FRAME), frame_ms(f, PRODUCTION), frame_ms(f, CPU));
         for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
             fprintf(file, ",%.6f", frame_ms(f, stage));
         const uint64_t counts[] = {f->num_requests, f->num_produced,    f->num_evicted,    f->num_reproduced,

@@ -58,6 +58,7 @@ static bool add_frame(run_state *state, const karst_stats *stats, karst_error *e
         state->phase == BENCH_FLIGHT ? state->time_s : (double)(frame->ended_ns - state->phase_start_ns) * 1e-9;
     frame->frame_ns = stats->time_ns_frame;
     frame->production_ns = stats->time_ns_production;
+    frame->cpu_ns = stats->time_ns_cpu;
     memcpy(frame->stage_ns, stats->time_ns, sizeof frame->stage_ns);
     frame->num_requests = stats->num_requests;
     frame->num_produced = stats->num_produced;

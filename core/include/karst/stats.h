@@ -39,6 +39,8 @@ typedef struct {
     uint32_t frame;                     /* counts frames of this engine */
     bool settled;                       /* this frame asked for nothing, produced nothing, evicted nothing */
     uint64_t time_ns_frame;             /* wall clock of the frame */
+    uint64_t time_ns_cpu; /* CPU time of this process over the cores meanwhile: on CPU devices what the frame takes on a
+                           * machine that nobody else uses */
     uint64_t time_ns[KARST_NUM_STAGES]; /* device time, plus host time where the stage runs there */
     uint64_t time_ns_production; /* what production took, as a budget in ms counts it: on CPUs CPU time over the cores,
                                   * where that is less than time_ns */
