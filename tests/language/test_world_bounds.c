@@ -1,10 +1,12 @@
 /* Bounds of the worlds that Karst ships: over random boxes, from a part of a voxel to a million, near the camera and
- * far away, they hold what the tape gives at points inside, at every footprint that they speak for. */
+ * far away, they hold what the tape gives at points inside, at every footprint that they speak for; and what the search
+ * of producers/refine.clh concludes from a box's linear form about its parts is true. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 #include <glob.h>
@@ -12,11 +14,19 @@
 
 #include "karst/position.h"
 #include "producers/language/language.h"
-#include "producers/language/tape.clh"
 #include "producers/language/tape.h"
+#include "producers/language/world_file.h"
 #include "tests/language/random_graph.h"
 
-enum { NUM_BOXES = 3000, NUM_SAMPLES = 20 };
+/* producers/refine.clh, with rules to break */
+enum broken { BREAK_NOTHING, BREAK_PARTS, BREAK_CORNERS, NUM_BROKEN };
+static enum broken broken;
+#define WORLD_MUTANT(rule) (broken == BREAK_##rule)
+#define WORLD_HAS_DATA
+#define TAPE_SLOTS 256
+#include "producers/language/bounds.clh"
+
+enum { NUM_BOXES = 3000, NUM_SAMPLES = 20, NUM_WAYS = 80, TOP_LEVEL = 13 };
 
 typedef struct {
     karst_program_graph *program;
@@ -153,10 +163,146 @@ static void test_shipped_worlds(void **state)
     globfree(&found);
 }
 
+/* ---- what is concluded from linear forms ---- */
+
+typedef struct {
+    karst_world_file *file;
+    void *data;
+    tape_program program;
+    int slots[TAPE_SLOTS * TAPE_BOUND_ELEMENTS];
+    uint output;
+} searched_world;
+
+static float density_at(const searched_world *w, const affine_position *at, int level)
+{
+    tape_values(&w->program, at, NULL, level);
+    return k_as_float((uint)tape_load(&w->program, w->output));
+}
+
+/* A point of a node whose lower corner is `corner` and which is `side` voxels wide; `x`, `y`, `z`: where in it, in
+ * sixteenths of the side. */
+static affine_position place_in(const long corner[3], long side, int x, int y, int z)
+{
+    const long step = side / 16;
+    return (affine_position){.voxel = {corner[0] + x * step, corner[1] + y * step, corner[2] + z * step}};
+}
+
+/* False if something that a form says of a node is not so. `is_open`: its bounds alone do not decide it. Counts
+ * parts told, and nodes that are given up at once. */
+static bool form_holds(const searched_world *w, const long corner[3], int level, bool *is_open, int told[2])
+{
+    const long side = 16l << level;
+    world_box box;
+    world_bound bound;
+    world_box_part(corner[0], corner[1], corner[2], level, 0, 0, WORLD_REFINE_DEPTH, &box);
+    world_box_bounds(w->data, &box, &bound);
+    *is_open = world_undecided(bound.lo, bound.hi);
+    if (!*is_open)
+        return true;
+    world_parts parts = world_parts_of(&box, &bound);
+    int footprint = (int)random_below((uint32_t)level + 3) - 1;
+    bool seen[2] = {false, false};
+    for (int i = 0; i < 8; i++) {
+        int octant = i ^ parts.flip, low[3] = {8 * (octant & 1), 8 * (octant >> 1 & 1), 8 * (octant >> 2)};
+        for (int k = 0; k < 3; k++) { /* its middle, the node's corner, anything */
+            affine_position at = k == 0   ? place_in(corner, side, low[0] + 4, low[1] + 4, low[2] + 4)
+                                 : k == 1 ? place_in(corner, side, 2 * low[0], 2 * low[1], 2 * low[2])
+                                          : place_in(corner, side, low[0] + (int)random_below(9),
+                                                     low[1] + (int)random_below(9), low[2] + (int)random_below(9));
+            float d = density_at(w, &at, footprint);
+            seen[d > 0] = true;
+            if (!(parts.open >> i & 1) && !(d >= parts.hull.lo && d <= parts.hull.hi))
+                return false;
+        }
+        told[0] += !(parts.open >> i & 1);
+    }
+    if (parts.signs != (WORLD_IS_SOLID | WORLD_IS_AIR))
+        return true;
+    told[1]++;
+    return seen[0] && seen[1];
+}
+
+/* How many nodes of a world have a form that says what is not so. */
+static int count_lies(const char *path, int told[2])
+{
+    static searched_world w;
+    karst_error error = {0};
+    w.file = karst_world_file_open(path, NULL, 0, NULL, &error);
+    w.data = w.file ? karst_world_file_data(w.file, w.file->info.seed, &error) : NULL;
+    if (!w.data)
+        fail_msg("%s: %s", path, error.message);
+    assert_true(w.file->tape.num_slots <= TAPE_SLOTS);
+    const karst_data_header *data_header = w.data;
+    w.program = (tape_program){.code = w.file->tape.code,
+                               .num_instructions = w.file->tape.num_instructions,
+                               .constants = w.file->tape.constants,
+                               .data = w.data,
+                               .values = (const uint *)((const ulong *)w.data + data_header->values),
+                               .num_values = w.file->layout.num_values,
+                               .slots = w.slots};
+    w.output = w.file->tape.output[0];
+    const karst_world_header *header = &w.file->program->header;
+    random_state = 5;
+    int lies = 0;
+    for (int n = 0; n < NUM_WAYS; n++) { /* down from about the camera, by children that are not decided */
+        int64_t node[3];
+        uint32_t fraction;
+        for (int axis = 0; axis < 3; axis++) {
+            const char *at = header->has_camera ? header->camera_position[axis] : "0";
+            assert_true(karst_coordinate_parse(at, header->voxel_log2_m, &node[axis], &fraction, NULL));
+            node[axis] >>= TOP_LEVEL + 4;
+        }
+        for (int level = TOP_LEVEL - 1, tries = 0; level >= 0 && tries < 16; tries++) {
+            long child[3], corner[3];
+            for (int axis = 0; axis < 3; axis++) {
+                child[axis] = 2 * node[axis] + (long)random_below(2);
+                corner[axis] = child[axis] * (16l << level);
+            }
+            bool is_open;
+            lies += !form_holds(&w, corner, level, &is_open, told);
+            if (is_open) {
+                memcpy(node, child, sizeof node);
+                level--;
+                tries = 0;
+            }
+        }
+    }
+    free(w.data);
+    karst_world_file_destroy(w.file);
+    return lies;
+}
+
+static void test_linear_forms_tell_the_truth(void **state)
+{
+    (void)state;
+    glob_t found;
+    assert_int_equal(glob("demos/worlds/*.karst", 0, NULL, &found), 0);
+    int all_told[2] = {0, 0};
+    for (size_t i = 0; i < found.gl_pathc; i++) {
+        int told[2] = {0, 0}, lies = count_lies(found.gl_pathv[i], told);
+        print_message("%s: %d parts told, %d nodes given up at once\n", found.gl_pathv[i], told[0], told[1]);
+        if (lies)
+            fail_msg("%s: the forms of %d nodes say what is not so", found.gl_pathv[i], lies);
+        all_told[0] += told[0];
+        all_told[1] += told[1];
+    }
+    assert_true(all_told[0] > 1000 && all_told[1] > 50);
+    for (broken = BREAK_NOTHING + 1; broken < NUM_BROKEN; broken++) {
+        int told[2] = {0, 0}, lies = 0;
+        for (size_t i = 0; i < found.gl_pathc && lies == 0; i++)
+            lies = count_lies(found.gl_pathv[i], told);
+        if (lies == 0)
+            fail_msg("rule %d can be broken, and nobody notices", (int)broken);
+    }
+    broken = BREAK_NOTHING;
+    globfree(&found);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shipped_worlds),
+        cmocka_unit_test(test_linear_forms_tell_the_truth),
     };
     return cmocka_run_group_tests_name("bounds of worlds", tests, NULL, NULL);
 }
