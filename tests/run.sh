@@ -33,15 +33,8 @@ for program; do
     log="$logs/$(echo "$name" | tr / _).log"
     case $program in *.sh) shell=sh ;; *) shell= ;; esac
     start=$(date +%s)
-    # Programs that press keys in a real window depend on how long the machine holds them: a failure must repeat itself.
-    case $name in window/*) tries=3 ;; *) tries=1 ;; esac
-    while :; do
-        timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
-        status=$?
-        tries=$((tries - 1))
-        [ $status -ne 0 ] && [ $tries -gt 0 ] || break
-        echo "again: $name, which failed: $(grep -E '^not ok' "$log" | head -n 3 | tr '\n' ';')"
-    done
+    timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
+    status=$?
     seconds=$(($(date +%s) - start))
 
     skips=$(count '^(not )?ok [0-9]+ *# SKIP' "$log")

@@ -431,7 +431,7 @@ static const hostile_text hostile_texts[] = {
     {"products that double", "float density(vec3 p){vec3 q=p;", "q=q*q.yzx+q.zxy;", 5000, "return q.x;}", "", 0, "",
      NULL},
     {"colours without end", DENSITY "vec3 colour(vec3 p, vec3 n){vec3 c=p;", "c=sin(c.yzx+n*#.);", 4000, "return c;}",
-     "", 0, "", "24003 operations"},
+     "", 0, "", NULL},
 };
 #define NUM_HOSTILE_TEXTS (sizeof hostile_texts / sizeof *hostile_texts)
 

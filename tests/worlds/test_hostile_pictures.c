@@ -25,7 +25,7 @@ enum { AIM_MS = 2000, MOST_MS = 6000, MOST_MIB = 500 };
 
 static const char *const heavy[] = {"many conditions", "loops with all that leaves them",
                                     "many noises",     "many warps",
-                                    "many divisions",  "many lengths"};
+                                    "many divisions",  "colours without end"};
 
 typedef struct {
     bool drawn;
