@@ -309,7 +309,7 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks)
 {
     const karst_cache_buffers *b = &cache->buffers;
-    const size_t brick_bytes = KARST_BRICK_STRIDE * sizeof(int16_t);
+    const size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
     uint32_t end = cache->num_committed, num = cache->brick_slots.num;
     for (uint32_t i = 0; i < (num < num_bricks ? num : num_bricks); i++) {
         uint32_t slot = karst_slots_at(&cache->brick_slots, i);

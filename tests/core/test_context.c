@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -240,6 +241,49 @@ static void test_buffers_are_zeroed_or_copied(void **state)
     assert_int_equal(error.status, KARST_OK);
 }
 
+/* Is this byte of the buffer in memory? */
+static bool is_resident(const karst_buffer *buffer, size_t offset_bytes)
+{
+    uintptr_t page_bytes = (uintptr_t)sysconf(_SC_PAGESIZE);
+    uintptr_t page = ((uintptr_t)buffer->host + offset_bytes) & ~(page_bytes - 1);
+    unsigned char resident = 0;
+    assert_int_equal(mincore((void *)page, page_bytes, &resident), 0);
+    return resident & 1;
+}
+
+static void test_memory_is_found_ahead(void **state)
+{
+    fixture *f = *state;
+    karst_error error = {0};
+    const size_t size_bytes = (size_t)64 << 20, half_bytes = size_bytes / 2;
+    karst_buffer *buffer = karst_buffer_create_blank(f->context, "blank", size_bytes, &error);
+    assert_non_null(buffer);
+    assert_true(karst_buffer_fill(buffer, 0xdeadbeef, 4096 + 4, 8192, &error));
+    karst_buffer_commit(buffer, 1000, half_bytes - 1000);
+    karst_buffer_commit(buffer, size_bytes, 4096);
+    karst_buffer_commit(buffer, size_bytes + 4096, 4096);
+    uint32_t words[2048];
+    assert_true(karst_buffer_read(buffer, 4096 + 4, words, sizeof words, &error));
+    for (size_t i = 0; i < 2048; i++)
+        assert_int_equal(words[i], 0xdeadbeef);
+    bool refused = false;
+#ifdef MADV_POPULATE_WRITE
+    refused = buffer->host && madvise(NULL, 0, MADV_POPULATE_WRITE) != 0;
+    if (buffer->host && !refused) {
+        assert_true(f->context->is_cpu);
+        assert_false(is_resident(buffer, half_bytes + half_bytes / 2));
+        for (size_t at = 1000; at < half_bytes; at += 4096)
+            assert_true(is_resident(buffer, at));
+        karst_buffer_commit(buffer, size_bytes - 10, 4096); /* no further than the end */
+        assert_true(is_resident(buffer, size_bytes - 1));
+    }
+#endif
+    if (refused)
+        print_message("this system does not find memory ahead\n");
+    karst_buffer_destroy(buffer);
+    assert_int_equal(f->num_errors_logged, 0);
+}
+
 static void test_write_read_and_fill_keep_to_their_ranges(void **state)
 {
     fixture *f = *state;
@@ -419,6 +463,7 @@ int main(void)
         cmocka_unit_test(test_an_unknown_selector_lists_the_devices),
         cmocka_unit_test(test_lanes_follow_the_device_or_the_caller),
         cmocka_unit_test_setup_teardown(test_buffers_are_zeroed_or_copied, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_memory_is_found_ahead, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_write_read_and_fill_keep_to_their_ranges, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_does_not_fit_is_refused_by_name_and_size, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_every_byte_is_accounted_for, set_up, tear_down),
