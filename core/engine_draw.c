@@ -38,7 +38,6 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     engine->drawn = engine->camera;
     karst_light light = make_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
-    uint32_t num_pixels = (uint32_t)engine->width_px * (uint32_t)engine->height_px;
 
     bool counting = engine->view == KARST_PAINT_STEPS;
     if (!karst_cast_pinhole(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, error))
@@ -53,7 +52,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     if (engine->shadows &&
         (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
                                        error) ||
-         !karst_cast_rays(engine->caster, &view, engine->shadow_rays, num_pixels, true, engine->shadow_hits, error)))
+         !karst_cast_picture_rays(engine->caster, &view, engine->shadow_rays, engine->width_px, engine->height_px, true,
+                                  engine->shadow_hits, error)))
         return false;
     if (!karst_buffer_fill(engine->counters, 0, 0, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error))
         return false;

@@ -131,6 +131,13 @@ static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error 
                       (unsigned long long)num_rays);
 }
 
+/* Of packets, in a picture. */
+static size_t num_groups(int width_px, int height_px)
+{
+    size_t across = ((size_t)width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    return across * (((size_t)height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE);
+}
+
 /* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh). */
 #define POOL_ARGUMENTS(c)                                                                                           \
     KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
@@ -149,15 +156,14 @@ bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const
     if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
                          KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits)))
         return false;
-    size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
-    size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
-    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST, across * down * local_size, local_size,
-                        error);
+    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST,
+                        num_groups(pinhole->width_px, pinhole->height_px) * local_size, local_size, error);
 }
 
-bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
-                     bool any_hit, karst_buffer *hits, karst_error *error)
+/* Rays of a picture if width_px is not 0. */
+static bool cast_stream(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                        cl_int width_px, cl_int height_px, bool any_hit, karst_buffer *hits, karst_error *error)
 {
     if (!check_hits(hits, num_rays, error))
         return false;
@@ -168,10 +174,24 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
         return false;
     cl_int any = any_hit;
     if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
-                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
-                         KARST_BUFFER_ARG(hits)))
+                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(width_px),
+                         KARST_VALUE_ARG(height_px), KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
         return false;
-    size_t per_item = caster->rays_per_item;
-    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST, (num_rays + per_item - 1) / per_item,
-                        RAYS_PER_GROUP / per_item, error);
+    size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
+    size_t num_items = (num_rays + caster->rays_per_item - 1) / caster->rays_per_item;
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
+                        width_px ? num_groups(width_px, height_px) * local_size : num_items, local_size, error);
+}
+
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error)
+{
+    return cast_stream(caster, view, rays, num_rays, 0, 0, any_hit, hits, error);
+}
+
+bool karst_cast_picture_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, int width_px,
+                             int height_px, bool any_hit, karst_buffer *hits, karst_error *error)
+{
+    return cast_stream(caster, view, rays, (uint32_t)width_px * (uint32_t)height_px, width_px, height_px, any_hit, hits,
+                       error);
 }

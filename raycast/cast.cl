@@ -179,30 +179,44 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 /* Field `word` of the rays in the lanes, as floats. */
 #define RAY_WORD(word) v_gather_float(words, first + (word))
 
+/* width_px 0: a plain stream; else the rays of a picture's pixels in packet order, whose beams are its groups. */
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits)
+                               uint num_rays, int width_px, int height_px, int any_hit, K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
-    const uint base = (uint)get_global_id(0) * BEAM_RAYS;
-    if (base >= num_rays)
+    const uint beam_number = (uint)get_global_id(0);
+    if (!width_px && beam_number >= (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
         return;
     beam b;
     packet_start start[BEAM_PACKETS];
     int index[BEAM_RAYS];
     uint valid[BEAM_PACKETS];
-    const vint lane = V_LANE;
     for (int p = 0; p < BEAM_PACKETS; p++) {
-        const uint at = base + (uint)(p * LANES), left = at < num_rays ? num_rays - at : 0u;
-        K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + (left ? at : base));
-        vint m = v_lt(lane, (vint)((int)min(left, (uint)LANES)));
-        vint first = v_select(m, lane, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
+        vint at, m;
+        if (width_px) {
+            vint x, y;
+            m = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, width_px, height_px, &x, &y);
+            at = packet_order(x, y, width_px, height_px);
+        } else {
+            at = V_LANE + (int)((beam_number * BEAM_PACKETS + (uint)p) * LANES);
+            m = v_lt(at, (vint)((int)num_rays));
+        }
+        valid[p] = mask_bits(m);
+        v_store_int(at, index + p * LANES);
+        /* from the packet's first ray, whose distance no int may hold in words */
+        const uint lowest = valid[p] ? (uint)index[p * LANES + k_popcount((valid[p] & (0u - valid[p])) - 1u)] : 0u;
+        K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + lowest);
+#if LANES == 16
+        /* two packets on */
+        for (uint line = 0; line < LANES * sizeof(karst_ray) / 64; line++)
+            RAY_PREFETCH((K_GLOBAL const char *)(rays + lowest + 2 * LANES) + 64 * line);
+#endif
+        vint first = v_select(m, at - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
         vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
         start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
                      m);
-        v_store_int(lane + p * LANES, index + p * LANES);
-        valid[p] = mask_bits(m);
     }
     cast_beam(&pool, view, 0, &b, start);
-    store_beam(hits + base, &b, start, index, valid, any_hit);
+    store_beam(hits, &b, start, index, valid, any_hit);
 }

@@ -38,9 +38,12 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error);
 /* The same for a buffer of karst_ray. any_hit: t and position may stop at
- * the entry of the surface's cell (shadows). Neighbours in the buffer travel together: karst_packet_order suits
- * pictures. */
+ * the entry of the surface's cell (shadows). Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
+/* The same for one ray of each pixel of a picture, at karst_packet_order(x, y, width, height): neighbours there
+ * travel together. */
+bool karst_cast_picture_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, int width_px,
+                             int height_px, bool any_hit, karst_buffer *hits, karst_error *error);
 
 #endif

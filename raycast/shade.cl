@@ -41,6 +41,12 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
 }
 #endif
 
+#if LANES == 16
+#define FIRST_LANE(v) ((uint)(v).s0)
+#else
+#define FIRST_LANE(v) ((uint)(v))
+#endif
+
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
 #define PIXEL_(l)                        \
@@ -116,6 +122,7 @@ __kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+    prefetch_surface(hits, &source, FIRST_LANE(place), (uint)(pinhole.width_px * pinhole.height_px));
     surface_hits s = load_surface(hits, &source, place, &direction);
     vint sunny = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & v_gt(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
     vfloat voxel = v_as_float((s.level + 127) << 23);
@@ -139,16 +146,18 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
                                   float own_detail)
 {
     const surface_source source = SURFACE_FIELDS;
-    __local uint counts[4];
-    if (get_local_id(0) == 0)
-        counts[0] = counts[1] = counts[2] = counts[3] = 0;
-    barrier(CLK_LOCAL_MEM_FENCE);
+    /* Each work-item has counters of its own: adding to shared ones would make it wait. */
+    __local uint counts[KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
+    __local uint *mine = counts[get_local_id(0)];
+    for (int i = 0; i < 4; i++)
+        mine[i] = 0;
 
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (v_any(valid)) {
         vector3 direction = pinhole_direction(&pinhole, x, y);
         vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+        prefetch_surface(hits, &source, FIRST_LANE(place), (uint)(pinhole.width_px * pinhole.height_px));
         surface_hits s = load_surface(hits, &source, place, &direction);
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light.sun_direction);
@@ -156,6 +165,11 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
             if (has_shadows) {
+#if LANES == 16
+                /* as load_surface does for the hits */
+                for (int line = 0; line < 8; line++)
+                    RAY_PREFETCH((K_GLOBAL const char *)(shadow_hits + FIRST_LANE(place)) + 2048 + 64 * line);
+#endif
                 vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits,
                                             place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) &
                                0xff;
@@ -177,27 +191,24 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
             tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
         store_pixels(pixels, depth, y * pinhole.width_px + x, valid, pinhole.width_px, bytes,
                      v_select(hit, s.t, (vfloat)(INFINITY)));
-        int num_hits = count_lanes(hit),
-            num_provisional = count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        int num_incomplete = count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        mine[0] = (uint)count_lanes(hit);
+        mine[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        mine[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
         /* A proof of solid needs no finer level. */
         vfloat wanted = s.t * (pinhole.cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
-        vint coarser = hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
-                              (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) &
-                               v_gt(s.level, (vint)(0))));
-        int num_coarser = own_detail > 0.0f ? count_lanes(coarser) : 0;
-        if (num_coarser)
-            atomic_add(&counts[3], (uint)num_coarser);
-        if (num_hits)
-            atomic_add(&counts[0], (uint)num_hits);
-        if (num_provisional)
-            atomic_add(&counts[1], (uint)num_provisional);
-        if (num_incomplete)
-            atomic_add(&counts[2], (uint)num_incomplete);
+        vint coarser =
+            hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
+                   (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
+        if (own_detail > 0.0f)
+            mine[3] = (uint)count_lanes(coarser);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
-        for (int i = 0; i < 4; i++)
-            if (counts[i])
-                atomic_add(&counters[i], counts[i]);
+        for (int i = 0; i < 4; i++) {
+            uint sum = 0;
+            for (uint item = 0; item < get_local_size(0); item++)
+                sum += counts[item][i];
+            if (sum)
+                atomic_add(&counters[i], sum);
+        }
 }

@@ -101,14 +101,14 @@ static size_t count_differences(const scene *s, const traces *a, const traces *b
 }
 
 /* Rays of all kinds side by side: towards one sun from a slope, scattered ones, idle ones. */
-static void make_rays(karst_ray rays[NUM_RAYS])
+static void make_rays(karst_ray *rays, int num_rays)
 {
     uint64_t seed = 11;
     const double sun[3] = {0.36, 0.48, 0.8};
-    for (int i = 0; i < NUM_RAYS; i++) {
+    for (int i = 0; i < num_rays; i++) {
         double origin[3] = {(i / 16 % 16) * 2.0 + next_random(&seed), 2 * next_random(&seed), (i % 16) * 2.0};
         double direction[3] = {sun[0], sun[1], sun[2]};
-        if (i > NUM_RAYS / 2) {
+        if (i > num_rays / 2) {
             random_direction(&seed, direction);
             direction[1] = -fabs(direction[1]) * 0.3;
         }
@@ -131,7 +131,7 @@ static size_t compare_casters(scene *s, const char *options, const char *other_o
     karst_caster *caster = open_caster(s, options), *other = open_caster(s, other_options);
     size_t differences = 0;
     uint32_t rounds = 0, num_wanted = 0;
-    make_rays(rays);
+    make_rays(rays, NUM_RAYS);
     for (size_t i = 0; i < sizeof(looks) / sizeof(looks[0]); i++) {
         const karst_pinhole pinhole = make_pinhole(WIDTH, HEIGHT, looks[i].yaw_deg, looks[i].pitch_deg, 400);
         karst_cast_view view = scene_view(s, eye, 1);
@@ -173,6 +173,41 @@ static void test_beams_leave_no_trace(void **state)
     scene_destroy(&s);
     s = open_scene(folds, NULL);
     assert_int_equal(compare_casters(&s, "", KARST_CAST_NO_BEAM, among_folds), 0);
+    scene_destroy(&s);
+}
+
+/* Rays of a picture travel in other beams than those of a stream, to the same ends. */
+static void test_picture_rays_are_rays(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    static karst_ray rays[NUM_PIXELS];
+    static karst_hit of_stream[NUM_PIXELS], of_picture[NUM_PIXELS];
+    make_rays(rays, NUM_PIXELS);
+    scene s = open_scene(bumps, NULL);
+    karst_caster *caster = open_caster(&s, "");
+    karst_buffer *in = karst_buffer_create(contexts[0], "rays", sizeof(rays), rays, &error),
+                 *hits = scene_buffer(contexts[0], "hits", sizeof(of_stream));
+    scene_check(in, &error);
+    karst_cast_view view = scene_view(&s, above_ground, 1);
+    view.blend = 0.25f;
+    for (view.serial = 1; view.serial < 9; view.serial++) {
+        scene_check(karst_cast_rays(caster, &view, in, NUM_PIXELS, false, hits, &error) &&
+                        karst_buffer_read(hits, 0, of_stream, sizeof(of_stream), &error) &&
+                        karst_buffer_fill(hits, 0, 0, sizeof(of_picture), &error) &&
+                        karst_cast_picture_rays(caster, &view, in, WIDTH, HEIGHT, false, hits, &error) &&
+                        karst_buffer_read(hits, 0, of_picture, sizeof(of_picture), &error),
+                    &error);
+        assert_memory_equal(of_stream, of_picture, sizeof(of_stream));
+        scene_serve(&s, view.serial);
+    }
+    uint32_t num_hits = 0;
+    for (int i = 0; i < NUM_PIXELS; i++)
+        num_hits += KARST_HIT_KIND(of_picture[i].kind) != KARST_HIT_MISS;
+    assert_true(num_hits > NUM_PIXELS / 20);
+    karst_buffer_destroy(in);
+    karst_buffer_destroy(hits);
+    karst_caster_destroy(caster);
     scene_destroy(&s);
 }
 
@@ -250,6 +285,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_beams_leave_no_trace),
+        cmocka_unit_test(test_picture_rays_are_rays),
         cmocka_unit_test(test_narrow_beams_are_noticed),
         cmocka_unit_test(test_one_lane_leaves_the_same),
     };
