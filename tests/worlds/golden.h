@@ -18,7 +18,7 @@ static const golden_hashes golden[] = {
     {"islands", 0xed3783b4ebcd5987, 0x49f7809a60960bbc},
     {"karst", 0x70f0c0007da2a422, 0x212cba524f9b1925},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
-    {"planet", 0xaa01210ca17f3158, 0xbbfff49dcd1aa06c},
+    {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
     {"thesis", 0x14f12d3d02c31b8b, 0x08fd86af7b1c978c},
