@@ -103,7 +103,8 @@ static bool step_pace(karst_engine *engine, const karst_work *work, bool moved)
         const karst_pace_frame frame = {.num_hits = engine->stats.num_hits,
                                         .num_provisional = engine->stats.num_provisional,
                                         .num_deferred = work->num_deferred_budget,
-                                        .moved = moved};
+                                        .moved = moved,
+                                        .steady = engine->motion.steady};
         karst_pace_step(&engine->pace, &frame);
     } else {
         karst_pace_init(&engine->pace);

@@ -4,8 +4,9 @@
 
 /* The share of the hits that is held at the level asked for. */
 #define GOAL 0.94
-/* Less than this is a new view. */
+/* Less than this is a new view; and in steady motion, whose wants do not end by waiting, less than this. */
 #define NEW_VIEW 0.5
+#define NEW_VIEW_STEADY 0.15
 /* Octaves in a frame at most. Slow enough in motion that levels blend rather than pop. */
 #define MOST_COARSER 0.04
 #define MOST_FINER 0.025
@@ -38,7 +39,7 @@ static double octaves_finer(const karst_pace *pace, const karst_pace_frame *fram
 void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)
 {
     double share = frame->num_hits ? 1 - (double)frame->num_provisional / (double)frame->num_hits : 1;
-    if (share < NEW_VIEW && frame->num_deferred > 0 && frame->moved)
+    if (share < (frame->steady ? NEW_VIEW_STEADY : NEW_VIEW) && frame->num_deferred > 0 && frame->moved)
         pace->new_view = true;
     if (pace->new_view && share < NEW_VIEW && frame->num_deferred > 0) {
         pace->factor = KARST_PACE_MOST;

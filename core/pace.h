@@ -15,8 +15,8 @@
 
 /* The most in motion that goes on... */
 #define KARST_PACE_MOST_MOVING 2.0
-/* ...and from where a new view starts, of which less than half is at its level: after a jump, or flying faster than
- * coarse detail follows. */
+/* ...and from where a new view starts, of which less than half is at its level: after a jump, or flying so fast that
+ * next to nothing of coarse detail follows. */
 #define KARST_PACE_MOST 8.0
 
 typedef struct {
@@ -29,6 +29,7 @@ typedef struct {
     uint64_t num_hits, num_provisional; /* pixels with a surface, and those of them above the level asked for */
     uint64_t num_deferred;              /* wants left out because they were over the budget */
     bool moved;                         /* the view is not the one of the frame before */
+    bool steady;                        /* and went on as it did before */
 } karst_pace_frame;
 
 void karst_pace_init(karst_pace *pace);
