@@ -143,6 +143,7 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
     int voxel_log2_m = karst_engine_voxel_log2_m(engine);
     karst_path *path = flight_path(engine, "demos/paths/dive.json");
     int num_provisional = 0, num_hits = 0, num_wrong = 0;
+    uint64_t sum_hits = 0, sum_coarser = 0;
     for (int frame = 0; frame < num_frames; frame++) {
         karst_stats stats;
         karst_camera camera = karst_path_sample(path, karst_path_end_s(path) * frame / (num_frames - 1));
@@ -150,6 +151,8 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
         assert_ok(karst_engine_frame(engine, &error));
         karst_engine_stats(engine, &stats);
         assert_int_equal(stats.num_incomplete, 0);
+        sum_hits += stats.num_hits;
+        sum_coarser += stats.num_coarser;
         if (camera.pitch_deg < -70)
             assert_int_equal(stats.num_hits, FLIGHT_PIXELS);
         for (int y = 4; y < FLIGHT_HEIGHT; y += 16)
@@ -170,9 +173,10 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
                              !has_surface_near(sampler, &at, 2 * voxel_m, 2, voxel_log2_m);
             }
     }
-    print_message("%d of %d hits were on a coarser level, %d not near the surface of theirs\n", num_provisional,
-                  num_hits, num_wrong);
-    assert_true(num_hits > 10 * num_frames && num_provisional * 4 > num_hits);
+    print_message("%d of %d hits were on a coarser level than asked for, %.0f %% of all on a coarser one than set; %d not "
+                  "near the surface of theirs\n",
+                  num_provisional, num_hits, 100 * (double)sum_coarser / (double)sum_hits, num_wrong);
+    assert_true(num_hits > 10 * num_frames && num_provisional * 8 > num_hits && sum_coarser * 4 > sum_hits);
     assert_int_equal(num_wrong, 0);
     karst_path_destroy(path);
     karst_engine_destroy(engine);
