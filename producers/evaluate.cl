@@ -13,9 +13,29 @@
 
 #if KARST_GROUP == 1
 
-/* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; the
- * seventeenth samples, a face of the brick, are gathered into full vectors rather than a vector each. Not in the entry
- * itself, which drivers compile several times over. */
+/* The face of a brick at its seventeenth samples along x, in parts of LANES: squares, whose samples lie close together,
+ * then its last row and column and their corner. */
+#if LANES == 16
+#define FACE_SQUARES (KARST_BRICK_CELLS / 4)
+#define FACE_PARTS (FACE_SQUARES * FACE_SQUARES + 3)
+K_INLINE K_WIDE void face_samples(int part, vint *y, vint *z)
+{
+    const vint last = (vint)(KARST_BRICK_CELLS);
+    int rest = part - FACE_SQUARES * FACE_SQUARES;
+    *y = rest < 0 ? (vint)(part % FACE_SQUARES * 4) + (V_LANE & 3) : rest == 0 ? V_LANE : last;
+    *z = rest < 0 ? (vint)(part / FACE_SQUARES * 4) + (V_LANE >> 2) : rest == 1 ? V_LANE : last;
+}
+#else
+#define FACE_PARTS FACE_SAMPLES
+K_INLINE void face_samples(int part, vint *y, vint *z)
+{
+    *y = part % KARST_BRICK_SIDE;
+    *z = part / KARST_BRICK_SIDE;
+}
+#endif
+
+/* CPU: work-item i fills brick i. Rows of KARST_BRICK_CELLS samples in the order that world_row likes best; then the
+ * seventeenth samples. Not in the entry itself, which drivers compile several times over. */
 EVALUATE_CALL void evaluate_brick(WORLD_TAKES(K_GLOBAL const karst_load *load, K_GLOBAL float *samples))
 {
     world_axes axes;
@@ -24,14 +44,15 @@ EVALUATE_CALL void evaluate_brick(WORLD_TAKES(K_GLOBAL const karst_load *load, K
         for (int y = 0; y < KARST_BRICK_SIDE; y++)
             for (int x = 0; x < KARST_BRICK_CELLS; x += LANES)
                 v_store_float(world_row(&axes, x, y, z), samples + (z * KARST_BRICK_SIDE + y) * KARST_BRICK_SIDE + x);
-    for (int first = 0; first < FACE_SAMPLES; first += LANES) {
-        vint face = v_min((vint)(first) + V_LANE, (vint)(FACE_SAMPLES - 1));
-        vint z = (face * 241) >> 12; /* face / 17, exact for these */
-        vint y = face - z * KARST_BRICK_SIDE;
+    for (int part = 0; part < FACE_PARTS; part++) {
+        vint y, z;
+        face_samples(part, &y, &z);
         float values[LANES];
+        int at[LANES];
         v_store_float(world_sample(&axes, (vint)(KARST_BRICK_CELLS), y, z), values);
-        for (int lane = 0; lane < LANES && first + lane < FACE_SAMPLES; lane++)
-            samples[(first + lane) * KARST_BRICK_SIDE + KARST_BRICK_CELLS] = values[lane];
+        v_store_int((z * KARST_BRICK_SIDE + y) * KARST_BRICK_SIDE + KARST_BRICK_CELLS, at);
+        for (int lane = 0; lane < LANES; lane++)
+            samples[at[lane]] = values[lane];
     }
 }
 

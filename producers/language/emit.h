@@ -26,7 +26,7 @@
 /* Octaves of Worley's noise whose cells a brick hashes once; others cost several times as much. */
 #define KARST_EMIT_MAX_TABLES 8u
 /* Octaves of a brick whose gradients stand in tables (noise/table.clh), 1,216 bytes each; others hash every corner. */
-#define KARST_EMIT_MAX_BENT 96u
+#define KARST_EMIT_MAX_GRADIENTS 96u
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */

@@ -109,7 +109,7 @@ static void declare_axes(karst_emit *emit)
         if (node->is_table)
             karst_text_add(text, "#ifdef EMIT_HOISTED\n    noise_worley_brick w%u[%u];\n#endif\n", e,
                            num_octaves(emit, e));
-        if (node->is_bent)
+        if (node->has_gradients)
             karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    noise_table g%u[%u];\n#endif\n", e, num_octaves(emit, e));
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
@@ -156,7 +156,7 @@ static void prepare(karst_emit *emit)
                            "        emit_worley_prepare(&axes->w%u[k], &axes->n%u[k]);\n#endif\n",
                            num_octaves(emit, e), e, e);
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].is_bent)
+        if (emit->nodes[e].has_gradients)
             karst_text_add(text,
                            "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
                            "        axes->g%u[k].is_made = 0;\n#endif\n",
@@ -203,7 +203,7 @@ static void row(karst_emit *emit)
 static void sample(karst_emit *emit)
 {
     karst_text_add(&emit->text,
-                   "K_INLINE K_WIDE vfloat world_sample(const world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
+                   "K_INLINE K_WIDE vfloat world_sample(world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
                    "    world_data data = axes->data;\n    (void)data;\n"
                    "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n");
     karst_emit_begin_block(emit, (karst_block){.is_sample = true});
@@ -249,15 +249,15 @@ static void mark_tables(karst_emit *emit)
     }
 }
 
-/* The same for gradients of what is bent. */
-static void mark_bent(karst_emit *emit)
+/* The same for gradients in tables: of what is bent, and of a brick's face. */
+static void mark_gradients(karst_emit *emit)
 {
-    uint32_t room = KARST_EMIT_MAX_BENT;
+    uint32_t room = KARST_EMIT_MAX_GRADIENTS;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
-        if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || emit->nodes[e].is_tensor ||
-            emit->nodes[e].axes != KARST_AXES || !karst_emit_is_gradient(emit, e) || num_octaves(emit, e) > room)
+        if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || emit->nodes[e].axes != KARST_AXES ||
+            !karst_emit_is_gradient(emit, e) || num_octaves(emit, e) > room)
             continue;
-        emit->nodes[e].is_bent = 1;
+        emit->nodes[e].has_gradients = 1;
         room -= num_octaves(emit, e);
     }
 }
@@ -302,7 +302,7 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
             emitted->num_ops[emit->nodes[e].axes]++;
     mark_tensors(emit);
     mark_tables(emit);
-    mark_bent(emit);
+    mark_gradients(emit);
     declare_axes(emit);
     prepare(emit);
     plane(emit);

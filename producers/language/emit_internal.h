@@ -18,13 +18,13 @@ typedef struct {
 
 /* What a node is to the code. */
 typedef struct {
-    uint8_t axes;       /* that it depends on */
-    uint8_t needs;      /* KARST_PART_*: what some block computes */
-    uint8_t keeps;      /* what the brick form hands from one block to others */
-    uint8_t is_tensor;  /* a noise that 16 lanes evaluate as a tensor product over the brick */
-    uint8_t is_table;   /* Worley's noise whose cells 16 lanes hash once for the brick */
-    uint8_t is_bent;    /* gradient noise that is no tensor: 16 lanes look for gradients in a table */
-    karst_expr partner; /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
+    uint8_t axes;          /* that it depends on */
+    uint8_t needs;         /* KARST_PART_*: what some block computes */
+    uint8_t keeps;         /* what the brick form hands from one block to others */
+    uint8_t is_tensor;     /* a noise that 16 lanes evaluate as a tensor product over the brick */
+    uint8_t is_table;      /* Worley's noise whose cells 16 lanes hash once for the brick */
+    uint8_t has_gradients; /* gradient noise for which 16 lanes look gradients up, where they take no tensor */
+    karst_expr partner;    /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
 /* A node's value is v12, or, for nodes of kind WIDE, the pair h12 and l12. AFFINE and SHIFTED have both, where wanted.

@@ -31,6 +31,13 @@ static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
     return known && karst_number_is(*known, 0) ? KARST_NO_EXPR : by;
 }
 
+/* The axes along which an argument's place in its lattice changes by itself. */
+static int steps_along(const karst_emit *emit, karst_expr argument)
+{
+    const karst_expr_node *behind = &emit->graph->nodes[karst_affine_behind(emit->graph, argument)];
+    return behind->op == KARST_OP_AFFINE ? behind->depends & KARST_AXES : 0;
+}
+
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e)
 {
     return noise_of(emit, e)->base == KARST_NOISE_GRADIENT && !noise_of(emit, e)->derivative;
@@ -59,19 +66,20 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     uint8_t axes = emit->block.axes;
     karst_expr by = moved_by(emit, emit->graph->nodes[noise].arg[i]);
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
+    int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
     else if (emit->block.is_sample)
         karst_text_add(text, "noise_coordinate_split(emit_steps_any(&octave->arg[%d], ix, iy, iz)", i);
     else if (axes & KARST_DEPENDS_X)
-        karst_text_add(text, "noise_coordinate_split(emit_steps_x(&octave->arg[%d], lane, %s, %s)", i,
-                       axes & KARST_DEPENDS_Y ? "iy" : "0", axes & KARST_DEPENDS_Z ? "iz" : "0");
+        karst_text_add(text, "noise_coordinate_split(emit_steps_x(&octave->arg[%d], lane, %s, %s, %d)", i,
+                       axes & KARST_DEPENDS_Y ? "iy" : "0", axes & KARST_DEPENDS_Z ? "iz" : "0", steps);
     else if (axes & KARST_DEPENDS_Y)
-        karst_text_add(text, "noise_coordinate_split(emit_steps_y(&octave->arg[%d], 0, lane, %s)", i,
-                       axes & KARST_DEPENDS_Z ? "iz" : "0");
+        karst_text_add(text, "noise_coordinate_split(emit_steps_y(&octave->arg[%d], 0, lane, %s, %d)", i,
+                       axes & KARST_DEPENDS_Z ? "iz" : "0", steps);
     else
-        karst_text_add(text, "noise_coordinate_split(emit_steps_z(&octave->arg[%d], 0, 0, lane)", i);
+        karst_text_add(text, "noise_coordinate_split(emit_steps_z(&octave->arg[%d], 0, 0, lane, %d)", i, steps);
     if (by && !by_pair && !emit->block.is_point)
         karst_text_add(text, " + noise_coordinate_steps(%s * (vfloat)(weight.scale))",
                        karst_emit_operand(emit, by).text);
@@ -182,16 +190,17 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     karst_text_add(text, "            continue;\n"
                          "        }\n");
     bool is_row = !emit->block.is_point && !emit->block.is_sample;
-    bool is_tensor = emit->nodes[e].is_tensor && is_row, is_bent = emit->nodes[e].is_bent && is_row;
+    bool is_tensor = emit->nodes[e].is_tensor && is_row;
+    bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point;
     if (is_tensor) {
         karst_text_add(text, "#ifdef EMIT_HOISTED\n");
         tensor_line(emit, e);
         karst_text_add(text, "#else\n");
-    } else if (is_bent) {
+    } else if (has_gradients) {
         karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n");
         table_line(emit, e);
         karst_text_add(text, "#else\n");
     }
     octave_line(emit, e);
-    karst_text_add(text, "%s    }\n", is_tensor || is_bent ? "#endif\n" : "");
+    karst_text_add(text, "%s    }\n", is_tensor || has_gradients ? "#endif\n" : "");
 }

@@ -117,7 +117,7 @@ static double median(double *ns, int count)
 
 int main(void)
 {
-    printf("\nWorley's noise on bricks, Msamples/s and core (mark: hoisted %.0f times the unhoisted form)\n",
+    printf("\nWorley's noise on bricks, encoded Msamples/s and core (mark: hoisted %.0f times the unhoisted form)\n",
            HOISTED_MARK);
     printf("%-32s %9s %10s %8s %7s\n", "", "hoisted", "unhoisted", "scalar", "times");
     for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++) {

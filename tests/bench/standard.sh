@@ -153,6 +153,7 @@ if wants production; then
         line "  bare noise, 8 octaves, pointwise" "$(calc "$(get hills-production ceilings.noise_samples_per_s.median) * 1e-6")" \
             "Mvoxel/s, all"
     fi
+    [ -x "$programs/bench/bench_standard_noise" ] && "$programs/bench/bench_standard_noise"
 fi
 
 if wants start; then
