@@ -267,7 +267,7 @@ static void test_bad_configurations_say_what_to_do(void **state)
     karst_engine_config config = base_config("hillz");
     expect_failure(config, KARST_BAD_WORLD, "hills");
     config = base_config(NULL);
-    expect_failure(config, KARST_BAD_WORLD, "hills");
+    expect_failure(config, KARST_USAGE, "no world is named");
     config = base_config("hills");
     config.width_px = 100000;
     expect_failure(config, KARST_USAGE, "16384");

@@ -173,8 +173,8 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
                              !has_surface_near(sampler, &at, 2 * voxel_m, 2, voxel_log2_m);
             }
     }
-    print_message("%d of %d hits were on a coarser level than asked for, %.0f %% of all on a coarser one than set; %d not "
-                  "near the surface of theirs\n",
+    print_message("%d of %d hits were on a coarser level than asked for, %.0f %% of all on a coarser one than set; "
+                  "%d not near the surface of theirs\n",
                   num_provisional, num_hits, 100 * (double)sum_coarser / (double)sum_hits, num_wrong);
     assert_true(num_hits > 10 * num_frames && num_provisional * 8 > num_hits && sum_coarser * 4 > sum_hits);
     assert_int_equal(num_wrong, 0);
