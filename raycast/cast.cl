@@ -152,11 +152,18 @@ RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_
     }
 }
 
-__kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
-                                  K_GLOBAL karst_hit *hits)
+/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
+#if LANES == 16
+#define BEAM_FUNCTION static K_WIDE __attribute__((noinline))
+#else
+#define BEAM_FUNCTION RAY_INLINE
+#endif
+
+BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                     const karst_pinhole *pinhole, uint beam_number, K_GLOBAL karst_hit *hits)
 {
-    const pools pool = POOL_FIELDS;
-    const uint first = (uint)get_global_id(0) * BEAM_PACKETS;
+    const pools own = *pool; /* which no store can change */
+    const uint first = beam_number * BEAM_PACKETS;
     const vfloat zero = (vfloat)(0.0f);
     const vector3 origin = {zero, zero, zero};
     beam b;
@@ -165,28 +172,33 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     uint valid[BEAM_PACKETS];
     for (int p = 0; p < BEAM_PACKETS; p++) {
         vint x, y;
-        vint m = packet_pixels(first + (uint)p, pinhole.width_px, pinhole.height_px, &x, &y);
-        vector3 direction = pinhole_direction(&pinhole, x, y);
-        start_packet(&b, &start[p], p, view, &origin, &direction, (vfloat)(pinhole.t_min), (vfloat)(pinhole.t_max),
-                     zero, (vfloat)(pinhole.cone), m);
-        v_store_int(packet_order(x, y, pinhole.width_px, pinhole.height_px), index + p * LANES);
+        vint m = packet_pixels(first + (uint)p, pinhole->width_px, pinhole->height_px, &x, &y);
+        vector3 direction = pinhole_direction(pinhole, x, y);
+        start_packet(&b, &start[p], p, view, &origin, &direction, (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
+                     zero, (vfloat)(pinhole->cone), m);
+        v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
-    cast_beam(&pool, view, 1, &b, start);
+    cast_beam(&own, view, 1, &b, start);
     store_beam(hits, &b, start, index, valid, 0);
+}
+
+__kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
+                                  K_GLOBAL karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), hits);
 }
 
 /* Field `word` of the rays in the lanes, as floats. */
 #define RAY_WORD(word) v_gather_float(words, first + (word))
 
 /* width_px 0: a plain stream; else the rays of a picture's pixels in packet order, whose beams are its groups. */
-__kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, int width_px, int height_px, int any_hit, K_GLOBAL karst_hit *hits)
+BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                  K_GLOBAL const karst_ray *rays, uint num_rays, int width_px, int height_px,
+                                  int any_hit, uint beam_number, K_GLOBAL karst_hit *hits)
 {
-    const pools pool = POOL_FIELDS;
-    const uint beam_number = (uint)get_global_id(0);
-    if (!width_px && beam_number >= (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
-        return;
+    const pools own = *pool;
     beam b;
     packet_start start[BEAM_PACKETS];
     int index[BEAM_RAYS];
@@ -217,6 +229,15 @@ __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
         start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
                      m);
     }
-    cast_beam(&pool, view, 0, &b, start);
+    cast_beam(&own, view, 0, &b, start);
     store_beam(hits, &b, start, index, valid, any_hit);
+}
+
+__kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
+                               uint num_rays, int width_px, int height_px, int any_hit, K_GLOBAL karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    const uint beam_number = (uint)get_global_id(0);
+    if (width_px || beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
+        cast_rays_beam(&pool, view, rays, num_rays, width_px, height_px, any_hit, beam_number, hits);
 }

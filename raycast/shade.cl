@@ -139,6 +139,71 @@ __kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole
     STORE_RAYS()
 }
 
+/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
+#if LANES == 16
+#define SHADE_CALL static K_WIDE __attribute__((noinline))
+#else
+#define SHADE_CALL RAY_INLINE
+#endif
+
+/* The pixels of a packet. counts: hits, provisional, incomplete, coarser than own_detail. */
+SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *pinhole, const karst_light *light,
+                             K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits, int has_shadows,
+                             K_GLOBAL uint *pixels, K_GLOBAL float *depth, const karst_shade_anchor *anchor,
+                             K_GLOBAL const ulong *data, float own_detail, uint packet, __local uint *counts)
+{
+    vint x, y;
+    vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
+    if (v_any(valid)) {
+        vector3 direction = pinhole_direction(pinhole, x, y);
+        vint place = v_select(valid, packet_order(x, y, pinhole->width_px, pinhole->height_px), (vint)(0));
+        prefetch_surface(hits, source, FIRST_LANE(place), (uint)(pinhole->width_px * pinhole->height_px));
+        surface_hits s = load_surface(hits, source, place, &direction);
+        vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
+        vfloat to_sun = dot3(&direction, light->sun_direction);
+        colour c = sky_colour(light, &direction, to_sun);
+        if (v_any(hit)) {
+            vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+            if (has_shadows) {
+#if LANES == 16
+                /* as load_surface does for the hits */
+                for (int line = 0; line < 8; line++)
+                    RAY_PREFETCH((K_GLOBAL const char *)(shadow_hits + FIRST_LANE(place)) + 2048 + 64 * line);
+#endif
+                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits,
+                                            place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) &
+                               0xff;
+                lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
+            }
+#ifdef SHADE_WORLD_COLOUR
+            colour albedo = world_albedo(data, anchor, &s, &direction, hit);
+#else
+            colour albedo = plain_albedo(light, &s.normal);
+#endif
+            colour ground = ground_colour(light, &s.normal, albedo, lit);
+            ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+            c.r = v_select(hit, ground.r, c.r);
+            c.g = v_select(hit, ground.g, c.g);
+            c.b = v_select(hit, ground.b, c.b);
+        }
+        vfloat dither = tone_dither(x, y);
+        vint bytes =
+            tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
+        store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, bytes,
+                     v_select(hit, s.t, (vfloat)(INFINITY)));
+        counts[0] = (uint)count_lanes(hit);
+        counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        counts[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        /* A proof of solid needs no finer level. */
+        vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
+        vint coarser =
+            hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
+                   (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
+        if (own_detail > 0.0f)
+            counts[3] = (uint)count_lanes(coarser);
+    }
+}
+
 __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
                                   int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
@@ -152,56 +217,8 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
     for (int i = 0; i < 4; i++)
         mine[i] = 0;
 
-    vint x, y;
-    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
-    if (v_any(valid)) {
-        vector3 direction = pinhole_direction(&pinhole, x, y);
-        vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-        prefetch_surface(hits, &source, FIRST_LANE(place), (uint)(pinhole.width_px * pinhole.height_px));
-        surface_hits s = load_surface(hits, &source, place, &direction);
-        vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
-        vfloat to_sun = dot3(&direction, light.sun_direction);
-        colour c = sky_colour(&light, &direction, to_sun);
-        if (v_any(hit)) {
-            vfloat lit = lane_max(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
-            if (has_shadows) {
-#if LANES == 16
-                /* as load_surface does for the hits */
-                for (int line = 0; line < 8; line++)
-                    RAY_PREFETCH((K_GLOBAL const char *)(shadow_hits + FIRST_LANE(place)) + 2048 + 64 * line);
-#endif
-                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits,
-                                            place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) &
-                               0xff;
-                lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
-            }
-#ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(data, &anchor, &s, &direction, hit);
-#else
-            colour albedo = plain_albedo(&light, &s.normal);
-#endif
-            colour ground = ground_colour(&light, &s.normal, albedo, lit);
-            ground = hazy_colour(&light, ground, &direction, to_sun, s.t);
-            c.r = v_select(hit, ground.r, c.r);
-            c.g = v_select(hit, ground.g, c.g);
-            c.b = v_select(hit, ground.b, c.b);
-        }
-        vfloat dither = tone_dither(x, y);
-        vint bytes =
-            tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
-        store_pixels(pixels, depth, y * pinhole.width_px + x, valid, pinhole.width_px, bytes,
-                     v_select(hit, s.t, (vfloat)(INFINITY)));
-        mine[0] = (uint)count_lanes(hit);
-        mine[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        mine[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
-        /* A proof of solid needs no finer level. */
-        vfloat wanted = s.t * (pinhole.cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
-        vint coarser =
-            hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
-                   (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
-        if (own_detail > 0.0f)
-            mine[3] = (uint)count_lanes(coarser);
-    }
+    shade_packet(&source, &pinhole, &light, hits, shadow_hits, has_shadows, pixels, depth, &anchor, data, own_detail,
+                 (uint)get_global_id(0), mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
         for (int i = 0; i < 4; i++) {
