@@ -7,8 +7,10 @@
 /* Less than this is a new view; and in steady motion, whose wants do not end by waiting, less than this. */
 #define NEW_VIEW 0.5
 #define NEW_VIEW_STEADY 0.15
-/* Octaves in a frame at most. Slow enough in motion that levels blend rather than pop. */
+/* Octaves in a frame at most. Slow enough in motion that levels blend rather than pop; but where much is seen for the
+ * first time, as behind a crest, stand-ins pop anyway, and coarser is whole at once. */
 #define MOST_COARSER 0.04
+#define FAR_BEHIND 0.09
 #define MOST_FINER 0.025
 /* Where all that was asked for was made there is time for more. */
 #define FINER_WITH_TIME_LEFT 0.25
@@ -33,7 +35,7 @@ static double octaves_finer(const karst_pace *pace, const karst_pace_frame *fram
     if (spare >= 0)
         return fmin(spare, flies ? MOST_FINER : MOST_FINER_NEW);
     /* Of a new view what is behind comes by itself. */
-    return flies ? fmax(spare, -MOST_COARSER) : 0;
+    return !flies ? 0 : spare < -FAR_BEHIND ? spare : fmax(spare, -MOST_COARSER);
 }
 
 void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)

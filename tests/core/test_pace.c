@@ -18,6 +18,7 @@ typedef struct {
     double a_frame; /* bricks that a frame makes */
     double stale;   /* share of the view that each frame makes anew, at factor 1: what is near passes by sooner */
     double finest;  /* factor down to which the view is there, on average */
+    bool steady;    /* flies as it did before */
 } model;
 
 /* Shares of the picture go by octaves: what is there down to `finest` is at the level asked for of factor f but for
@@ -35,7 +36,8 @@ static double frame(model *m, karst_pace *pace, bool moved)
     karst_pace_frame outcome = {.num_hits = NUM_HITS,
                                 .num_provisional = (uint64_t)((1 - share) * NUM_HITS),
                                 .num_deferred = (uint64_t)ceil(missing - made),
-                                .moved = moved};
+                                .moved = moved,
+                                .steady = m->steady};
     karst_pace_step(pace, &outcome);
     return share;
 }
@@ -46,7 +48,7 @@ static void test_holds_a_flight_at_its_level(void **state)
 {
     (void)state;
     for (double demand = 0.5; demand < 3.1; demand += 0.25) {
-        model m = {.need = 10000, .a_frame = 70, .stale = 70 * demand / 10000, .finest = 1};
+        model m = {.need = 10000, .a_frame = 70, .stale = 70 * demand / 10000, .finest = 1, .steady = true};
         karst_pace pace;
         karst_pace_init(&pace);
         double sum = 0, least = 1, most = 1;
@@ -78,6 +80,27 @@ static void test_is_bounded_in_flight(void **state)
         karst_pace_step(&pace, &outcome);
     }
     assert_true(pace.factor == KARST_PACE_MOST_MOVING && !pace.new_view);
+}
+
+/* A valley opens behind a crest: the view is coarser at once, within the bound of flight, and sharpens from there. */
+static void test_a_sudden_valley(void **state)
+{
+    (void)state;
+    model m = {.need = 10000, .a_frame = 100, .stale = 0.006, .finest = 1, .steady = true};
+    karst_pace pace;
+    karst_pace_init(&pace);
+    int num_short = 0;
+    for (int i = 0; i < 300; i++) {
+        if (i == 100)
+            m.finest *= 1.7;
+        double before = pace.factor, share = frame(&m, &pace, true);
+        num_short += share < 0.75;
+        assert_true(pace.factor <= KARST_PACE_MOST_MOVING);
+        if (i != 100)
+            assert_true(log2(pace.factor / before) < 0.1 && log2(pace.factor / before) > -0.03);
+    }
+    assert_true(num_short >= 1 && num_short <= 3);
+    assert_true(pace.factor == 1);
 }
 
 /* A new view is there coarse within few frames, and sharpens from then on, never short of nine tenths, to all of it:
@@ -142,6 +165,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_holds_a_flight_at_its_level),
         cmocka_unit_test(test_is_bounded_in_flight),
+        cmocka_unit_test(test_a_sudden_valley),
         cmocka_unit_test(test_a_jump_goes_from_coarse_to_fine),
         cmocka_unit_test(test_a_stop_asks_for_all),
         cmocka_unit_test(test_comes_to_rest_without_help),
