@@ -5,13 +5,17 @@
 
 K_WIDE __kernel void measure_fma(__global float *out, float b)
 {
+    /* Unrolled, so that the chains live in registers: PoCL leaves short loops as they are, and arrays in memory. */
     vfloat a[KARST_MEASURE_FMA_CHAINS];
+#pragma unroll
     for (int i = 0; i < KARST_MEASURE_FMA_CHAINS; i++)
         a[i] = (vfloat)(i + b);
     for (int step = 0; step < KARST_MEASURE_FMA_STEPS; step++)
+#pragma unroll
         for (int i = 0; i < KARST_MEASURE_FMA_CHAINS; i++)
             a[i] = k_fma(a[i], (vfloat)(b), (vfloat)(b));
     vfloat sum = a[0];
+#pragma unroll
     for (int i = 1; i < KARST_MEASURE_FMA_CHAINS; i++)
         sum += a[i];
     out += get_global_id(0) * LANES;
