@@ -11,6 +11,7 @@
  * first time, as behind a crest, stand-ins pop anyway, and coarser is whole at once. */
 #define MOST_COARSER 0.04
 #define FAR_BEHIND 0.09
+#define CATCH_UP 1.5
 #define MOST_FINER 0.025
 /* Where all that was asked for was made there is time for more. */
 #define FINER_WITH_TIME_LEFT 0.25
@@ -18,6 +19,7 @@
 #define ALL_OCTAVES 100.0
 /* A new view sharpens as fast as it can, in motion too. */
 #define MOST_FINER_NEW 0.25
+#define FINER_NEW_WITH_TIME_LEFT 0.08
 
 void karst_pace_init(karst_pace *pace) { *pace = (karst_pace){.factor = 1}; }
 
@@ -30,12 +32,15 @@ static double octaves_finer(const karst_pace *pace, const karst_pace_frame *fram
     double spare = share - GOAL;
     if (!frame->moved && !pace->new_view)
         return ALL_OCTAVES;
+    bool calm = flies && pace->factor <= KARST_PACE_MOST_MOVING;
+    if (frame->num_deferred == 0 && frame->moved)
+        return calm ? MOST_FINER : spare < 0 ? 0 : FINER_NEW_WITH_TIME_LEFT;
     if (frame->num_deferred == 0)
-        return flies ? MOST_FINER : frame->moved ? fmax(spare, 0) : FINER_WITH_TIME_LEFT;
+        return FINER_WITH_TIME_LEFT;
     if (spare >= 0)
-        return fmin(spare, flies ? MOST_FINER : MOST_FINER_NEW);
+        return fmin(spare, calm ? MOST_FINER : MOST_FINER_NEW);
     /* Of a new view what is behind comes by itself. */
-    return !flies ? 0 : spare < -FAR_BEHIND ? spare : fmax(spare, -MOST_COARSER);
+    return !flies ? 0 : spare < -FAR_BEHIND ? CATCH_UP * spare : fmax(spare, -MOST_COARSER);
 }
 
 void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)
@@ -47,7 +52,10 @@ void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)
         pace->factor = KARST_PACE_MOST;
         return;
     }
-    double finer = octaves_finer(pace, frame, share), most = fmax(pace->factor, KARST_PACE_MOST_MOVING);
+    double finer = octaves_finer(pace, frame, share);
+    /* Once it is beyond the bound of flight, because of what opened, it finds its way back as it can. */
+    bool sudden = share < NEW_VIEW || pace->factor > KARST_PACE_MOST_MOVING;
+    double most = sudden ? KARST_PACE_MOST : KARST_PACE_MOST_MOVING;
     pace->factor = fmin(fmax(pace->factor * exp2(-finer), 1), most);
     if (pace->factor < 1.01 && finer > 0)
         pace->factor = 1;

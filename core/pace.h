@@ -13,10 +13,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The most in motion that goes on... */
+/* The most in motion that goes on, while half of a picture or more is at its level... */
 #define KARST_PACE_MOST_MOVING 2.0
-/* ...and from where a new view starts, of which less than half is at its level: after a jump, or flying so fast that
- * next to nothing of coarse detail follows. */
+/* ...and else, as when a valley opens behind a crest; and from where a new view starts, after a jump. */
 #define KARST_PACE_MOST 8.0
 
 typedef struct {

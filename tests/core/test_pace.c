@@ -67,7 +67,8 @@ static void test_holds_a_flight_at_its_level(void **state)
     }
 }
 
-/* However much is wanted: a world that was seen is not shown coarser than twice. */
+/* However much is wanted: a world that was seen is not shown coarser than twice, and what opens of a sudden not coarser
+ * than after a jump. */
 static void test_is_bounded_in_flight(void **state)
 {
     (void)state;
@@ -75,14 +76,17 @@ static void test_is_bounded_in_flight(void **state)
     karst_pace_init(&pace);
     for (int i = 0; i < 1000; i++) {
         karst_pace_frame outcome = {
-            .num_hits = NUM_HITS, .num_provisional = NUM_HITS * 7 / 10, .num_deferred = 1000, .moved = true};
+            .num_hits = NUM_HITS, .num_provisional = NUM_HITS * 4 / 10, .num_deferred = 1000, .moved = true};
         outcome.steady = true;
+        if (i >= 500)
+            outcome.num_provisional = NUM_HITS * 7 / 10;
         karst_pace_step(&pace, &outcome);
+        assert_true(i >= 500 || pace.factor <= KARST_PACE_MOST_MOVING);
     }
-    assert_true(pace.factor == KARST_PACE_MOST_MOVING && !pace.new_view);
+    assert_true(pace.factor == KARST_PACE_MOST && !pace.new_view);
 }
 
-/* A valley opens behind a crest: the view is coarser at once, within the bound of flight, and sharpens from there. */
+/* A valley opens behind a crest: the view is coarser at once, and sharpens from there. */
 static void test_a_sudden_valley(void **state)
 {
     (void)state;
@@ -95,9 +99,8 @@ static void test_a_sudden_valley(void **state)
             m.finest *= 1.7;
         double before = pace.factor, share = frame(&m, &pace, true);
         num_short += share < 0.75;
-        assert_true(pace.factor <= KARST_PACE_MOST_MOVING);
-        if (i != 100)
-            assert_true(log2(pace.factor / before) < 0.1 && log2(pace.factor / before) > -0.03);
+        if (i > 102)
+            assert_true(log2(pace.factor / before) < 0.1 && log2(pace.factor / before) > -0.13);
     }
     assert_true(num_short >= 1 && num_short <= 3);
     assert_true(pace.factor == 1);
