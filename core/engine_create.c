@@ -1,5 +1,6 @@
 /* Making and unmaking an engine. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "core/display_platform.h"
@@ -42,6 +43,14 @@ static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, u
     *num_tiles = (uint32_t)tiles;
     *num_bricks = (uint32_t)bricks;
     return true;
+}
+
+static void list_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
+{
+    int length = snprintf(text, size_bytes, "%s", config->no_beam ? KARST_CAST_NO_BEAM : "");
+    if (config->safe_steps != 0 && config->safe_steps != 1)
+        snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
+                 config->safe_steps > 0 ? config->safe_steps : 0);
 }
 
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
@@ -88,6 +97,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", config->brick_bits);
         goto failed;
     }
+    if (!(config->safe_steps <= 16)) {
+        karst_fail(error, KARST_USAGE, "safe steps times %g: 16 is the limit", config->safe_steps);
+        goto failed;
+    }
     if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
         karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
         goto failed;
@@ -126,8 +139,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
-    engine->caster = karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache),
-                                              config->no_beam ? KARST_CAST_NO_BEAM : "", error);
+    char cast_options[128];
+    list_cast_options(config, cast_options, sizeof cast_options);
+    engine->caster =
+        karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
                                   error))

@@ -29,7 +29,8 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst accuracy hills --quick --json - | jq '.settings[] | select(.default) | .depth_footprints'\n"
          "\ndepth: distance along the ray to where the reference meets the density at the ray's own footprint, one "
          "pixel\n"
-         "wide; in footprints. missed, false: pixels where only the reference, only the engine hits.\n"
+         "wide and blended between levels as the default picture is; in footprints.\n"
+         "missed, false: pixels where only the reference, only the engine hits.\n"
          "rms, PSNR, SSIM: a small picture against one of 16 rays a pixel of the full density.\n"
          "d, p: on the front of depth error, of picture error, over time (cast, refine and shade).\n"
          "\nExit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device, 4 no such world.");
@@ -106,36 +107,50 @@ static bool find_camera(accuracy *a, karst_error *error)
     return a->has_camera;
 }
 
-static void add_family(accuracy *a, const char *family, bool refine, const double *details, size_t num_details)
+/* A setting like `like` at each of these pixels a voxel; they end with 0. */
+static void add_family(accuracy *a, accuracy_setting like, const double *details_px)
 {
-    for (size_t i = 0; i < num_details; i++)
-        a->settings[a->num_settings++] = (accuracy_setting){
-            .family = family, .detail_px = details[i], .refine = refine, .is_default = !refine && details[i] == 1};
+    for (; *details_px > 0; details_px++) {
+        like.detail_px = *details_px;
+        a->settings[a->num_settings++] = like;
+    }
 }
 
 static void choose_settings(accuracy *a, bool quick)
 {
-    const double all[] = {0.5, M_SQRT1_2, 1, M_SQRT2, 2, 4}, one[] = {1};
-    add_family(a, "bricks", false, quick ? one : all, quick ? 1 : sizeof all / sizeof *all);
-    add_family(a, "refined", true, quick ? one : all, quick ? 1 : sizeof all / sizeof *all);
+    const double all[] = {0.5, M_SQRT1_2, 1, M_SQRT2, 2, 4, 0}, some[] = {0.5, 1, 2, 0}, one[] = {1, 0};
+    add_family(a, (accuracy_setting){.family = "bricks", .brick_bits = 16}, quick ? one : all);
+    add_family(a, (accuracy_setting){.family = "refined", .brick_bits = 16, .refine = true}, quick ? one : all);
+    for (size_t i = 0; i < a->num_settings; i++)
+        a->settings[i].is_default = !a->settings[i].refine && a->settings[i].detail_px == 1;
+    if (quick)
+        return;
+    add_family(a, (accuracy_setting){.family = "8 bits", .brick_bits = 8}, some);
+    add_family(a, (accuracy_setting){.family = "32 bits", .brick_bits = 32}, some);
+    add_family(a, (accuracy_setting){.family = "8 bits refined", .brick_bits = 8, .refine = true}, one);
+    add_family(a, (accuracy_setting){.family = "32 bits refined", .brick_bits = 32, .refine = true}, one);
+    add_family(a, (accuracy_setting){.family = "no blend", .brick_bits = 16, .no_blend = true}, one);
+    add_family(a, (accuracy_setting){.family = "no beam", .brick_bits = 16, .no_beam = true}, one);
+    add_family(a, (accuracy_setting){.family = "cell by cell", .brick_bits = 16, .safe_steps = -1}, one);
+    add_family(a, (accuracy_setting){.family = "steps x 2", .brick_bits = 16, .safe_steps = 2}, one);
+    add_family(a, (accuracy_setting){.family = "steps x 4", .brick_bits = 16, .safe_steps = 4}, one);
 }
 
 static void print_table(const accuracy *a)
 {
     printf("%s at %s, %dx%d, on %s\n", a->world, a->camera_text, a->size_px[0], a->size_px[1], a->device_name);
-    printf("reference: %.1f s, and %.1f s for %d rays a pixel at %dx%d; %llu rays given up\n\n", a->reference_s,
-           a->picture_s, ACCURACY_RAYS_PX * ACCURACY_RAYS_PX, a->picture_px[0], a->picture_px[1],
-           (unsigned long long)a->num_unresolved);
-    puts("family    px/voxel   cast refine  shade  frame  bricks    MiB   depth: median     p99      max  missed false"
-         "  normal: median  p99     rms  PSNR   SSIM");
-    puts("                       ms     ms     ms     ms                    footprints                              "
-         "         degrees           dB");
+    printf("reference: %.1f s, and %.1f s for %d rays a pixel at %dx%d; %llu rays given up; settings: %.1f s\n\n",
+           a->reference_s, a->picture_s, ACCURACY_RAYS_PX * ACCURACY_RAYS_PX, a->picture_px[0], a->picture_px[1],
+           (unsigned long long)a->num_unresolved, a->sweep_s);
+    puts("family           px/voxel   cast refine  shade  frame  bricks    MiB   depth: median     p99      max  "
+         "missed false  normal: median  p99     rms  PSNR   SSIM");
+    puts("                              ms     ms     ms     ms                    footprints                      "
+         "                 degrees           dB");
     for (size_t i = 0; i < a->num_settings; i++) {
         const accuracy_setting *s = &a->settings[i];
         const accuracy_result *r = &a->results[i];
-        printf("%-9s %8.2f %6.2f %6.2f %6.2f %6.2f %7llu %6.1f %15.5f %7.3f %8.2f %7llu %5llu %15.3f %5.2f %7.2f %5.1f "
-               "%6.4f "
-               "%s%s%s\n",
+        printf("%-16s %8.2f %6.2f %6.2f %6.2f %6.2f %7llu %6.1f %15.5f %7.3f %8.2f %7llu %5llu %15.3f %5.2f %7.2f "
+               "%5.1f %6.4f %s%s%s\n",
                s->family, s->detail_px, r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
                (unsigned long long)r->num_bricks, r->brick_mib, r->depth_median, r->depth_p99, r->depth_max,
                (unsigned long long)r->num_missed, (unsigned long long)r->num_false, r->normal_median_deg,
@@ -170,8 +185,10 @@ bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *er
         a->picture_px[i] = a->size_px[i] < PICTURE_SHARE ? 1 : a->size_px[i] / PICTURE_SHARE;
     choose_settings(a, out.quick);
     good = check_options(a, &out, error) && find_camera(a, error) && accuracy_trace(a, talk, error);
+    uint64_t sweep_ns = command_clock_ns();
     for (size_t i = 0; good && i < a->num_settings; i++)
         good = accuracy_measure(a, i, talk, error);
+    a->sweep_s = (double)(command_clock_ns() - sweep_ns) * 1e-9;
     command_end_progress(talk);
     if (good) {
         accuracy_mark_fronts(a);

@@ -1,6 +1,7 @@
 /* The fronts, and files for machines and people. */
 #include "command_accuracy.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +10,9 @@
 #include "plot.h"
 
 static double device_ms(const accuracy_result *r) { return r->cast_ms + r->refine_ms + r->shade_ms; }
+
+/* The factor on what is proven. */
+static double steps_of(const accuracy_setting *s) { return s->safe_steps != 0 ? fmax(s->safe_steps, 0) : 1; }
 
 static bool beats(double ms, double error, double than_ms, double than_error)
 {
@@ -22,6 +26,8 @@ void accuracy_mark_fronts(accuracy *a)
         r->on_depth_front = r->on_picture_front = true;
         for (size_t k = 0; k < a->num_settings; k++) {
             const accuracy_result *s = &a->results[k];
+            if (a->settings[k].safe_steps > 1 || a->settings[k].no_blend)
+                continue;
             if (beats(device_ms(s), s->depth_median, device_ms(r), r->depth_median))
                 r->on_depth_front = false;
             if (beats(device_ms(s), s->rmse, device_ms(r), r->rmse))
@@ -39,9 +45,10 @@ char *accuracy_json(const accuracy *a)
         json_array_append_new(
             settings,
             json_pack(
-                "{s:s, s:f, s:b, s:b, s:{s:f, s:f, s:f, s:f, s:f}, s:I, s:f, s:f, s:{s:I, s:f, s:f, s:f}, s:I, s:I, "
-                "s:I, s:{s:f, s:f}, s:{s:f, s:f, s:f}, s:b, s:b}",
+                "{s:s, s:f, s:b, s:b, s:i, s:b, s:b, s:f, s:{s:f, s:f, s:f, s:f, s:f}, s:I, s:f, s:f, s:{s:I, s:f, "
+                "s:f, s:f}, s:I, s:I, s:I, s:{s:f, s:f}, s:{s:f, s:f, s:f}, s:b, s:b}",
                 "family", s->family, "detail_px", s->detail_px, "refine", s->refine, "default", s->is_default,
+                "brick_bits", s->brick_bits, "blend", !s->no_blend, "beam", !s->no_beam, "safe_steps", steps_of(s),
                 "time_ms", "cast", r->cast_ms, "refine", r->refine_ms, "shade", r->shade_ms, "device", device_ms(r),
                 "frame", r->frame_ms, "num_bricks", (json_int_t)r->num_bricks, "brick_mib", r->brick_mib,
                 "detail_given_px", r->given_px, "depth_footprints", "num", (json_int_t)r->num_compared, "median",
@@ -78,7 +85,8 @@ char *accuracy_csv(const accuracy *a)
     FILE *file = open_memstream(&text, &size_bytes);
     if (!file)
         return NULL;
-    fputs("family,detail_px,refine,default,cast_ms,refine_ms,shade_ms,frame_ms,num_bricks,brick_mib,depth_median,depth_"
+    fputs("family,detail_px,refine,default,brick_bits,blend,beam,safe_steps,cast_ms,refine_ms,shade_ms,frame_ms,num_"
+          "bricks,brick_mib,depth_median,depth_"
           "p99,"
           "depth_max,num_missed,num_false,num_off_silhouettes,normal_median_deg,normal_p99_deg,rmse,psnr_db,ssim,"
           "depth_front,picture_front\n",
@@ -88,8 +96,10 @@ char *accuracy_csv(const accuracy *a)
         const accuracy_result *r = &a->results[i];
         fprintf(
             file,
-            "%s,%g,%d,%d,%.4f,%.4f,%.4f,%.4f,%llu,%.3f,%.6g,%.6g,%.6g,%llu,%llu,%llu,%.5g,%.5g,%.5g,%.5g,%.6g,%d,%d\n",
-            s->family, s->detail_px, s->refine, s->is_default, r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
+            "%s,%g,%d,%d,%d,%d,%d,%g,%.4f,%.4f,%.4f,%.4f,%llu,%.3f,%.6g,%.6g,%.6g,%llu,%llu,%llu,%.5g,%.5g,%.5g,%.5g,"
+            "%.6g,%d,%d\n",
+            s->family, s->detail_px, s->refine, s->is_default, s->brick_bits, !s->no_blend, !s->no_beam, steps_of(s),
+            r->cast_ms, r->refine_ms, r->shade_ms, r->frame_ms,
             (unsigned long long)r->num_bricks, r->brick_mib, r->depth_median, r->depth_p99, r->depth_max,
             (unsigned long long)r->num_missed, (unsigned long long)r->num_false, (unsigned long long)r->num_elsewhere,
             r->normal_median_deg, r->normal_p99_deg, r->rmse, r->psnr_db, r->ssim, r->on_depth_front,

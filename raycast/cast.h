@@ -22,6 +22,8 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
 /* An option for the latter: each packet of rays walks the tree by itself, not in a beam of packets. Slower, and the
  * same in every bit. */
 #define KARST_CAST_NO_BEAM "-DCAST_NO_BEAM"
+/* And one with a factor (printf's %g) on the steps that slopes prove to be safe: 0 for none. */
+#define KARST_CAST_SAFE_STEPS "-DKARST_SAFE_STEP_FACTOR=((float)%g)"
 /* The same with further build options (tests and measurements), such as "-DKARST_SAFE_STEP_SHARE=0.5f". */
 karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options,
                                        karst_error *error);

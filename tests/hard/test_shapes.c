@@ -21,7 +21,10 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
 {
     const double spacing = 16.37, distance = 40;
     karst_error error = {0};
-    karst_engine *engine[2] = {NULL, NULL};
+    /* lanes, and bits of a sample */
+    static const int ways[][2] = {{1, 16}, {16, 16}, {16, 8}, {16, 32}};
+    enum { NUM_WAYS = sizeof ways / sizeof *ways };
+    karst_engine *engine[NUM_WAYS] = {NULL};
     hard_case c = {.name = name, .scene = scene, .width_px = 9, .height_px = 9, .view_m = 100};
     double worst = 0;
     int num_places = 0;
@@ -46,7 +49,7 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
             continue; /* 40 m before one plate stands another */
         num_places++;
         assert_int_equal(middle->kind, KARST_REFERENCE_SURFACE);
-        for (int k = 0; k < 2; k++) {
+        for (int k = 0; k < NUM_WAYS; k++) {
             bool settled;
             const karst_engine_config config = {.world = hard_path,
                                                 .display = KARST_DISPLAY_NONE,
@@ -54,7 +57,8 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
                                                 .height_px = 9,
                                                 .pool_bytes = (uint64_t)64 << 20,
                                                 .no_shadows = true,
-                                                .lanes = k ? 16 : 1};
+                                                .brick_bits = ways[k][1],
+                                                .lanes = ways[k][0]};
             if (!engine[k])
                 engine[k] = karst_engine_create(&config, &error);
             if (!engine[k] || !karst_engine_set_camera(engine[k], &camera, &error) ||
@@ -63,13 +67,13 @@ static void never_missed(const char *name, const char *scene, const bool aimed[3
                 fail_msg("%s: %s", name, error.message);
             double apart = fabs((double)hard_depth_m[40] - middle->t_m) / middle->footprint_m;
             if (!(apart <= 1.5))
-                fail_msg("%s, place %d, %d lanes: %.6g m instead of %.6g m", name, n, k ? 16 : 1,
+                fail_msg("%s, place %d, %d lanes, %d bits: %.6g m instead of %.6g m", name, n, ways[k][0], ways[k][1],
                          (double)hard_depth_m[40], middle->t_m);
             worst = fmax(worst, apart);
         }
     }
-    karst_engine_destroy(engine[0]);
-    karst_engine_destroy(engine[1]);
+    for (int k = 0; k < NUM_WAYS; k++)
+        karst_engine_destroy(engine[k]);
     print_message("%s: hit from %d places, at most %.3f footprints off\n", name, num_places, worst);
     assert_true(num_places > 16);
     unlink(hard_path);

@@ -40,7 +40,8 @@ static void trace(const char *world, double detail_px)
         fail_msg("%s", error.message);
 }
 
-static void draw(const char *world, double detail_px, bool refine, int lanes)
+/* Returns the bytes of a brick in the pool. */
+static double draw(const char *world, double detail_px, bool refine, int lanes, int brick_bits)
 {
     karst_error error = {0};
     bool settled = false;
@@ -51,6 +52,7 @@ static void draw(const char *world, double detail_px, bool refine, int lanes)
                                         .pool_bytes = (uint64_t)128 << 20,
                                         .detail_px = detail_px,
                                         .no_shadows = true,
+                                        .brick_bits = brick_bits,
                                         .refine = refine,
                                         .lanes = lanes};
     karst_engine *engine = karst_engine_create(&config, &error);
@@ -58,7 +60,10 @@ static void draw(const char *world, double detail_px, bool refine, int lanes)
         !karst_engine_read_depth(engine, depth_m, NUM_PIXELS, &error) ||
         !karst_engine_read_normals(engine, normals, NUM_PIXELS * 3, &error))
         fail_msg("%s: %s", world, error.message);
+    karst_stats stats;
+    karst_engine_stats(engine, &stats);
     karst_engine_destroy(engine);
+    return (double)stats.bricks.size_bytes / (double)stats.bricks.num_total;
 }
 
 /* Sorted errors of the pixels that both hit. */
@@ -87,13 +92,13 @@ static void test_refined_hits(void **state)
     static const char world[] = "demos/worlds/hills.karst";
     static float first_m[NUM_PIXELS];
     trace(world, 1);
-    draw(world, 1, false, 0);
+    draw(world, 1, false, 0, 0);
     compare();
     double plain = share(depth_errors, 0.5), plain_deg = share(normal_errors_deg, 0.5);
     /* The picture is small, so that footprints are wide and silhouettes many. */
     assert_true(plain <= 0.1);
     for (int lanes = 1; lanes <= 16; lanes += 15) {
-        draw(world, 1, true, lanes);
+        draw(world, 1, true, lanes, 0);
         compare();
         print_message(
             "hills, %d lanes: depth %.4f and %.2g footprints (refined), p90 %.2g; normals %.2f and %.2f degrees\n",
@@ -128,10 +133,10 @@ static void test_folds(void **state)
                 "float density(vec3 p) { vec3 q = abs(mod(p, 16.0) - 8.0) - vec3(5.0, 3.0, 5.0);\n"
                 "  return max(-max(q.x, max(q.y, q.z)) - 2.0 * step(60.0, p.y), -0.2 - p.y); }\n");
     trace(world_path, 1);
-    draw(world_path, 1, false, 0);
+    draw(world_path, 1, false, 0, 0);
     compare();
     double plain = share(depth_errors, 0.9);
-    draw(world_path, 1, true, 0);
+    draw(world_path, 1, true, 0, 0);
     compare();
     print_message("boxes: p90 %.4f and %.4f footprints (refined)\n", plain, share(depth_errors, 0.9));
     assert_true(share(depth_errors, 0.5) <= 0.001 && share(depth_errors, 0.9) <= plain);
@@ -152,7 +157,7 @@ static void test_convergence(void **state)
     const int num = sizeof details_px / sizeof *details_px;
     trace(world_path, 1);
     for (int i = 0; i < num; i++) {
-        draw(world_path, details_px[i], false, 0);
+        draw(world_path, details_px[i], false, 0, 32);
         compare();
         double x = log2(details_px[i]), y = log2(share(depth_errors, 0.5));
         print_message("%g pixels a voxel: median %.3g footprints\n", details_px[i], exp2(y));
@@ -162,9 +167,38 @@ static void test_convergence(void **state)
         sum_xy += x * y;
     }
     double order = (num * sum_xy - sum_x * sum_y) / (num * sum_xx - sum_x * sum_x);
-    print_message("order of convergence: %.3f\n", order);
+    print_message("order of convergence, floats: %.3f\n", order);
     assert_true(order >= 1.8 && order <= 2.2);
     unlink(world_path);
+}
+
+/* Fewer bits take less memory and err more; every width gives the same picture with 1 and with 16 lanes. */
+static void test_brick_bits(void **state)
+{
+    (void)state;
+    static const char world[] = "demos/worlds/asteroid.karst";
+    static const int bits[] = {8, 16, 32};
+    static float first_m[NUM_PIXELS];
+    double bytes[3], median[3], normal_deg[3];
+    trace(world, 1);
+    for (int i = 0; i < 3; i++) {
+        for (int lanes = 1; lanes <= 16; lanes += 15) {
+            bytes[i] = draw(world, 1, false, lanes, bits[i]);
+            if (lanes == 1)
+                memcpy(first_m, depth_m, sizeof first_m);
+            else
+                assert_memory_equal(first_m, depth_m, sizeof first_m);
+        }
+        compare();
+        median[i] = share(depth_errors, 0.5);
+        normal_deg[i] = share(normal_errors_deg, 0.5);
+        print_message("asteroid, %d bits: %.0f bytes a brick, depth %.5f footprints, normals %.3f degrees\n", bits[i],
+                      bytes[i], median[i], normal_deg[i]);
+        assert_true(median[i] <= 0.1);
+    }
+    assert_true(bytes[0] < 0.55 * bytes[1] && bytes[2] > 1.9 * bytes[1]);
+    assert_true(median[0] > median[1] && fabs(median[2] - median[1]) < 0.1 * median[1]);
+    assert_true(normal_deg[0] > normal_deg[1] && fabs(normal_deg[2] - normal_deg[1]) < 0.1 * normal_deg[1]);
 }
 
 int main(void)
@@ -173,6 +207,7 @@ int main(void)
         cmocka_unit_test(test_refined_hits),
         cmocka_unit_test(test_folds),
         cmocka_unit_test(test_convergence),
+        cmocka_unit_test(test_brick_bits),
     };
     return cmocka_run_group_tests_name("refined hits", tests, NULL, NULL);
 }

@@ -35,6 +35,8 @@ typedef struct {
     size_t
         max_segment_bytes; /* cut the brick pool in allocations of at most this many bytes; 0: what the device allows */
     int brick_bits; /* of a density sample in memory: 8, 16 or 32 (floats); 0: 16. See docs/ACCURACY.md */
+    double safe_steps; /* how far rays leap through air, as a factor on what a brick's slopes prove to be empty; 0: 1.0;
+                        * below 0: not at all, cell by cell; above 1 (to 16): farther than proven, past thin things */
     double detail_px;      /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
     double view_distance_m; /* where rays end; 0: what the world says */
     uint32_t budget_bricks; /* bricks (and tiles) produced in a frame at most; 4096 */
