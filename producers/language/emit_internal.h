@@ -81,6 +81,7 @@ bool karst_emit_is_new_place(karst_emit *emit, karst_expr e);
 /* ---- emit_noise.c ---- */
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
 /* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
+const char *karst_emit_shape_name(uint8_t shape); /* as octave.clh has it */
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
 /* Gradient noise, not a derivative. */
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);

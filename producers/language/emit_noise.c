@@ -14,6 +14,8 @@ _Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RID
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
 static const char *const base_names[KARST_NUM_NOISE_BASES] = {"gradient", "value", "simplex", "f1", "f2"};
 
+const char *karst_emit_shape_name(uint8_t shape) { return shape_names[shape]; }
+
 static const karst_noise *noise_of(const karst_emit *emit, karst_expr e)
 {
     return &emit->graph->noises[emit->graph->nodes[e].extra];
@@ -142,19 +144,6 @@ static void table_line(karst_emit *emit, karst_expr e)
                        e, shape_names[noise->shape], e, noise->base, noise->shape, e);
 }
 
-/* The same from a tensor product over the brick. */
-static void tensor_line(karst_emit *emit, karst_expr e)
-{
-    const karst_noise *noise = noise_of(emit, e);
-    if (noise->shape == KARST_NOISE_SUM)
-        karst_text_add(&emit->text, "        v%u = noise_tensor_row(&axes->t%u[k], iy, v%u);\n", e, e, e);
-    else
-        karst_text_add(&emit->text,
-                       "        v%u = octave_%s(noise_tensor_row(&axes->t%u[k], iy, (vfloat)(0.0f)), "
-                       "octave_mean(%u, %u), &weight, v%u);\n",
-                       e, shape_names[noise->shape], e, noise->base, noise->shape, e);
-}
-
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)
 {
     karst_text *text = &emit->text;
@@ -181,6 +170,15 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     }
     if (karst_emit_slope_lines(emit, e))
         return;
+    bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point;
+    bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point;
+    if (is_tensor && emit->block.is_sample)
+        karst_text_add(text,
+                       "#ifdef EMIT_HOISTED\n"
+                       "    vfloat v%u = EMIT_FLOATS(axes->f%u, iz * (vint)(NOISE_TENSOR_SIDE) + iy);\n#else\n",
+                       e, e);
+    else if (is_tensor)
+        karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat v%u = axes->s%u[iy];\n#else\n", e, e);
     karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
     karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
@@ -189,18 +187,11 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
                        shape_names[noise->shape], noise->base, noise->shape, e);
     karst_text_add(text, "            continue;\n"
                          "        }\n");
-    bool is_row = !emit->block.is_point && !emit->block.is_sample;
-    bool is_tensor = emit->nodes[e].is_tensor && is_row;
-    bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point;
-    if (is_tensor) {
-        karst_text_add(text, "#ifdef EMIT_HOISTED\n");
-        tensor_line(emit, e);
-        karst_text_add(text, "#else\n");
-    } else if (has_gradients) {
+    if (has_gradients) {
         karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n");
         table_line(emit, e);
         karst_text_add(text, "#else\n");
     }
     octave_line(emit, e);
-    karst_text_add(text, "%s    }\n", is_tensor || has_gradients ? "#endif\n" : "");
+    karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "", is_tensor ? "#endif\n" : "");
 }

@@ -46,11 +46,20 @@ static const char probes[] =
     "    for (int a = 0; a < 3; a++)\n"
     "        axis[a] = noise_axis_at(brick[a], brick[3 + a], (int)word[0]);\n"
     "    noise_tensor_prepare(&tensor, axis, (int)word[1], word[2], 0.75f);\n"
-    "    out += i * 17 * 17 * 16;\n"
+    "    vfloat rows[NOISE_TENSOR_SAMPLES], face[NOISE_TENSOR_FACE];\n"
+    "    for (int part = 0; part < NOISE_TENSOR_FACE; part++)\n"
+    "        face[part] = (vfloat)(0.0f);\n"
+    "    noise_tensor_face(&tensor, face);\n"
+    "    out += i * 17 * 17 * 17;\n"
     "    for (int z = 0; z < 17; z++) {\n"
     "        noise_tensor_plane(&tensor, z);\n"
-    "        for (int y = 0; y < 17; y++, out += 16)\n"
-    "            v_store_float(noise_tensor_row(&tensor, y, (vfloat)(0.0f)), out);\n"
+    "        for (int y = 0; y < 17; y++)\n"
+    "            rows[y] = (vfloat)(0.0f);\n"
+    "        noise_tensor_rows(&tensor, rows);\n"
+    "        for (int y = 0; y < 17; y++, out += 17) {\n"
+    "            v_store_float(z & 1 ? noise_tensor_row(&tensor, y, (vfloat)(0.0f)) : rows[y], out);\n"
+    "            out[16] = ((const float *)face)[z * NOISE_TENSOR_SIDE + y];\n"
+    "        }\n"
     "    }\n"
     "}\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
@@ -268,11 +277,11 @@ static void test_points(void **state)
     free(fractions);
 }
 
-/* Rows of a brick by tensor against single points, for all octaves and frequencies that a tensor may see. */
+/* A brick by tensor, its face too, against single points, for all octaves and frequencies that a tensor may see. */
 static void test_tensor(void **state)
 {
     (void)state;
-    enum { BRICKS = 600, SAMPLES = 17 * 17 * 16 };
+    enum { BRICKS = 600, SAMPLES = 17 * 17 * 17 };
     int64_t *bricks = malloc(6 * BRICKS * sizeof *bricks);
     uint32_t *words = malloc(3 * BRICKS * sizeof *words);
     float *wanted = malloc(BRICKS * SAMPLES * sizeof *wanted), *out = wanted;
@@ -297,7 +306,7 @@ static void test_tensor(void **state)
         }
         for (int z = 0; z < 17; z++)
             for (int y = 0; y < 17; y++)
-                for (int x = 0; x < 16; x++) {
+                for (int x = 0; x < 17; x++) {
                     const int at[3] = {x, y, z};
                     noise_position p;
                     for (int a = 0; a < 3; a++)
