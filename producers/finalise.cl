@@ -24,13 +24,15 @@
 #define STORE_Q(q, p) (*(p) = (karst_brick_sample)(q))
 #elif KARST_BRICK_BITS == 32
 #define LOAD_Q(p) vload16(0, p)
-#define STORE_Q(q, p) vstore16(q, 0, p)
+#define STORE_Q(q, p) v_store_float(q, p)
 #else
 #define LOAD_Q(p) convert_float16(vload16(0, p))
 #if KARST_BRICK_BITS == 16
-#define STORE_Q(q, p) vstore16(convert_short16(q), 0, p)
+typedef short16 loose_q __attribute__((aligned(2))); /* one store, see lanes.clh */
+#define STORE_Q(q, p) (*(K_GLOBAL loose_q *)(p) = convert_short16(q))
 #else
-#define STORE_Q(q, p) vstore16(convert_char16(q), 0, p)
+typedef char16 loose_q __attribute__((aligned(1)));
+#define STORE_Q(q, p) (*(K_GLOBAL loose_q *)(p) = convert_char16(q))
 #endif
 #endif
 #if KARST_BRICK_BITS == 32

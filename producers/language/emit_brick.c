@@ -186,7 +186,7 @@ static void tensor_sums(karst_emit *emit, karst_expr e, bool is_face)
     snprintf(sums, sizeof sums, "axes->%c%u", is_face ? 'f' : 's', e);
     snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
     karst_text_add(text,
-                   "    for (int i = 0; i < %s; i++)\n        %s[i] = (vfloat)(0.0f);\n"
+                   "#pragma unroll\n    for (int i = 0; i < %s; i++)\n        %s[i] = (vfloat)(0.0f);\n"
                    "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
                    "        if (weight.weight == 0.0f) {\n            for (int i = 0; i < %s; i++)\n"
                    "                %s[i] = octave_faded_%s(%s, &weight, %s[i]);\n"
