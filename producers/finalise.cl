@@ -90,34 +90,32 @@ typedef struct {
 /* Scrubs the samples and finds least, largest and sides. */
 K_INLINE K_WIDE void survey_samples(K_GLOBAL float *samples, sample_survey *survey)
 {
-    vfloat least = (vfloat)(INFINITY), largest = (vfloat)(0.0f);
-    vint solid = (vint)(0), air = (vint)(0);
+    vfloat least = (vfloat)(INFINITY), lowest = (vfloat)(INFINITY), highest = (vfloat)(-INFINITY);
     uint num_scrubbed = 0, first_scrubbed = KARST_NO_SAMPLE;
 
     for (int first = LOCAL_ID * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
-        vint inside = v_lt((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES));
         vfloat d = v_load_float(samples + first);
-        vint bad = inside & ~v_lt(k_fabs(d), (vfloat)(INFINITY));
+        if (first + LANES > KARST_BRICK_SAMPLES) /* past the last sample, the first of these again */
+            d = v_select(v_lt((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES)), d, (vfloat)(samples[first]));
+        vint bad = ~v_lt(k_fabs(d), (vfloat)(INFINITY));
         if (v_any(bad)) {
             int lanes[LANES];
             d = v_select(bad, (vfloat)(KARST_SCRUBBED), d);
             v_store_float(d, samples + first);
             v_store_int(bad, lanes);
-            for (int lane = 0; lane < LANES; lane++) {
+            for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++) {
                 num_scrubbed += lanes[lane] ? 1u : 0u;
                 first_scrubbed = lanes[lane] ? min(first_scrubbed, (uint)(first + lane)) : first_scrubbed;
             }
         }
-        vfloat size = k_fabs(d);
-        vint is_solid = v_gt(d, (vfloat)(0.0f));
-        least = v_select(inside & v_lt(size, least), size, least);
-        largest = v_select(inside & v_gt(size, largest), size, largest);
-        solid |= inside & is_solid;
-        air |= inside & ~is_solid;
+        least = v_min(least, k_fabs(d));
+        lowest = v_min(lowest, d);
+        highest = v_max(highest, d);
     }
+    float low = v_min_across(lowest), high = v_max_across(highest);
     survey->least = v_min_across(least);
-    survey->largest = v_max_across(largest);
-    survey->sides = (v_any(solid) ? ANY_SOLID : 0u) | (v_any(air) ? ANY_AIR : 0u);
+    survey->largest = k_fabs(k_max(high, -low));
+    survey->sides = (high > 0.0f ? ANY_SOLID : 0u) | (low <= 0.0f ? ANY_AIR : 0u);
     survey->num_scrubbed = num_scrubbed;
     survey->first_scrubbed = first_scrubbed;
 }
@@ -137,22 +135,18 @@ K_INLINE uint block_bits(vint on, int x)
  * lower neighbour found of the four corners that they share. */
 #define NUM_COLUMNS (KARST_BRICK_CELLS * KARST_BRICK_CELLS)
 
-/* What four corners of a cell at one height have in common. */
+/* The least and largest of four corners of a cell at one height. */
 typedef struct {
-    vint all_solid, any_solid;
-    vfloat size; /* largest |d| */
+    vfloat low, high;
 } corner_survey;
 
 K_INLINE K_WIDE corner_survey survey_corners(K_GLOBAL const float *corner)
 {
     vfloat d00 = v_load_float(corner), d10 = v_load_float(corner + 1);
     vfloat d01 = v_load_float(corner + PLANE), d11 = v_load_float(corner + PLANE + 1);
-    vint s00 = v_gt(d00, (vfloat)(0.0f)), s10 = v_gt(d10, (vfloat)(0.0f));
-    vint s01 = v_gt(d01, (vfloat)(0.0f)), s11 = v_gt(d11, (vfloat)(0.0f));
     corner_survey survey;
-    survey.all_solid = s00 & s10 & s01 & s11;
-    survey.any_solid = s00 | s10 | s01 | s11;
-    survey.size = v_max(v_max(k_fabs(d00), k_fabs(d10)), v_max(k_fabs(d01), k_fabs(d11)));
+    survey.low = v_min(v_min(d00, d10), v_min(d01, d11));
+    survey.high = v_max(v_max(d00, d10), v_max(d01, d11));
     return survey;
 }
 
@@ -168,10 +162,10 @@ K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_surve
         corner_survey below = survey_corners(corner);
         for (int y = 0; y < KARST_BRICK_CELLS; y++) {
             corner_survey above = survey_corners(corner + (y + 1) * ROW);
-            vint mixed = (below.any_solid | above.any_solid) & ~(below.all_solid & above.all_solid);
+            vfloat low = v_min(below.low, above.low), high = v_max(below.high, above.high);
+            vint mixed = v_gt(high, (vfloat)(0.0f)) & ~v_gt(low, (vfloat)(0.0f));
             if (v_any(mixed)) {
-                vfloat size = v_max(below.size, above.size);
-                reach = v_select(mixed & v_gt(size, reach), size, reach);
+                reach = v_select(mixed, v_max(reach, v_max(high, -low)), reach);
                 blocks[z / (2 * KARST_BLOCK_CELLS)] |=
                     block_bits(mixed, x) << (4 * (y / KARST_BLOCK_CELLS) + 16 * (z / KARST_BLOCK_CELLS % 2));
             }
