@@ -100,18 +100,14 @@ static uint8_t shape_of(const karst_emit *emit, karst_expr e)
 static void declare_axes(karst_emit *emit)
 {
     karst_text *text = &emit->text;
-    karst_text_add(text,
-                   "typedef struct {\n    world_data data;\n    long origin[3];\n    int level, plane, has_face;\n");
+    karst_text_add(text, "typedef struct {\n    world_data data;\n    long origin[3];\n    int level, plane;\n");
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         const karst_emit_node *node = &emit->nodes[e];
         const char *name = karst_emit_axes_name(node->axes);
         if (node->needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
             karst_text_add(text, "    emit_octave n%u[%u];\n", e, num_octaves(emit, e));
         if (node->is_tensor)
-            karst_text_add(text,
-                           "#ifdef EMIT_HOISTED\n    noise_tensor t%u[%u];\n"
-                           "    vfloat s%u[NOISE_TENSOR_SAMPLES], f%u[NOISE_TENSOR_FACE];\n#endif\n",
-                           e, num_octaves(emit, e), e, e);
+            karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat s%u[EMIT_TENSOR_SUMS];\n#endif\n", e);
         if (node->is_table)
             karst_text_add(text, "#ifdef EMIT_HOISTED\n    noise_worley_brick w%u[%u];\n#endif\n", e,
                            num_octaves(emit, e));
@@ -135,6 +131,37 @@ static void declare_axes(karst_emit *emit)
     karst_text_add(text, "} world_axes;\n\n");
 }
 
+/* The sums of a tensor's octaves, for all rows of a brick and its face. An octave goes through all planes before the
+ * next begins: so one tensor and the sums stay in the nearest cache, and branches repeat. Octaves that are folded are
+ * made apart first. */
+static void tensor_sums(karst_emit *emit, karst_expr e)
+{
+    karst_text *text = &emit->text;
+    const char *shape = karst_emit_shape_name(shape_of(emit, e));
+    char mean[32];
+    snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
+    karst_text_add(text,
+                   "#ifdef EMIT_HOISTED\n    for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
+                   "        axes->s%u[i] = (vfloat)(0.0f);\n"
+                   "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
+                   "        if (weight.weight == 0.0f) {\n            for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
+                   "                axes->s%u[i] = octave_faded_%s(%s, &weight, axes->s%u[i]);\n"
+                   "            continue;\n        }\n",
+                   e, num_octaves(emit, e), e, e, shape, mean, e);
+    if (shape_of(emit, e) == KARST_NOISE_SUM)
+        karst_text_add(text,
+                       "        emit_tensor_add(&axes->n%u[k], weight.amplitude * weight.weight, axes->s%u);\n"
+                       "    }\n#endif\n",
+                       e, e);
+    else
+        karst_text_add(text,
+                       "        vfloat one[EMIT_TENSOR_SUMS];\n        for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
+                       "            one[i] = (vfloat)(0.0f);\n        emit_tensor_add(&axes->n%u[k], 1.0f, one);\n"
+                       "        for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
+                       "            axes->s%u[i] = octave_%s(one[i], %s, &weight, axes->s%u[i]);\n    }\n#endif\n",
+                       e, e, shape, mean, e);
+}
+
 static void prepare(karst_emit *emit)
 {
     karst_text *text = &emit->text;
@@ -142,7 +169,7 @@ static void prepare(karst_emit *emit)
         text,
         "K_INLINE K_WIDE void world_prepare(world_data data, world_axes *axes, long x, long y, long z, int level)\n"
         "{\n    axes->data = data;\n    axes->origin[0] = x;\n    axes->origin[1] = y;\n"
-        "    axes->origin[2] = z;\n    axes->level = level;\n    axes->plane = -1;\n    axes->has_face = 0;\n");
+        "    axes->origin[2] = z;\n    axes->level = level;\n    axes->plane = -1;\n");
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
             karst_text_add(text,
@@ -151,10 +178,7 @@ static void prepare(karst_emit *emit)
                            num_octaves(emit, e), e, emit->layout->word[e]);
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].is_tensor)
-            karst_text_add(text,
-                           "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++)\n"
-                           "        emit_tensor_prepare(&axes->t%u[k], &axes->n%u[k], %d);\n#endif\n",
-                           num_octaves(emit, e), e, e, shape_of(emit, e) == KARST_NOISE_SUM);
+            tensor_sums(emit, e);
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].is_table)
             karst_text_add(text,
@@ -175,60 +199,12 @@ static void prepare(karst_emit *emit)
     karst_text_add(text, "}\n\n");
 }
 
-/* The sums of a tensor's octaves: the rows of the current plane, or the brick's face. Octaves that are folded are made
- * apart first. */
-static void tensor_sums(karst_emit *emit, karst_expr e, bool is_face)
-{
-    karst_text *text = &emit->text;
-    const char *shape = karst_emit_shape_name(shape_of(emit, e)), *part = is_face ? "face" : "rows";
-    const char *count = is_face ? "NOISE_TENSOR_FACE" : "NOISE_TENSOR_SAMPLES";
-    char sums[32], mean[32];
-    snprintf(sums, sizeof sums, "axes->%c%u", is_face ? 'f' : 's', e);
-    snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
-    karst_text_add(text,
-                   "#pragma unroll\n    for (int i = 0; i < %s; i++)\n        %s[i] = (vfloat)(0.0f);\n"
-                   "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
-                   "        if (weight.weight == 0.0f) {\n            for (int i = 0; i < %s; i++)\n"
-                   "                %s[i] = octave_faded_%s(%s, &weight, %s[i]);\n"
-                   "            continue;\n        }\n",
-                   count, sums, num_octaves(emit, e), e, count, sums, shape, mean, sums);
-    if (!is_face)
-        karst_text_add(text, "        noise_tensor_plane(&axes->t%u[k], iz);\n", e);
-    if (shape_of(emit, e) == KARST_NOISE_SUM)
-        karst_text_add(text, "        noise_tensor_%s(&axes->t%u[k], %s);\n    }\n", part, e, sums);
-    else
-        karst_text_add(text,
-                       "        vfloat one[%s];\n        for (int i = 0; i < %s; i++)\n"
-                       "            one[i] = (vfloat)(0.0f);\n        noise_tensor_%s(&axes->t%u[k], one);\n"
-                       "        for (int i = 0; i < %s; i++)\n"
-                       "            %s[i] = octave_%s(one[i], %s, &weight, %s[i]);\n    }\n",
-                       count, count, part, e, count, sums, shape, mean, sums);
-}
-
-static void all_tensor_sums(karst_emit *emit, bool is_face)
-{
-    karst_text_add(&emit->text, "#ifdef EMIT_HOISTED\n");
-    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].is_tensor)
-            tensor_sums(emit, e, is_face);
-    karst_text_add(&emit->text, "#endif\n");
-}
-
 static void plane(karst_emit *emit)
 {
     karst_text_add(&emit->text, "K_INLINE K_WIDE void world_plane(world_axes *axes, int iz)\n{\n"
                                 "    world_data data = axes->data;\n    axes->plane = iz;\n    (void)data;\n");
-    all_tensor_sums(emit, false);
     block(emit, X | Z);
     block(emit, Y | Z);
-    karst_text_add(&emit->text, "}\n\n");
-}
-
-/* The tensors of a brick's seventeenth samples along x. */
-static void face(karst_emit *emit)
-{
-    karst_text_add(&emit->text, "K_INLINE K_WIDE void world_face(world_axes *axes)\n{\n    axes->has_face = 1;\n");
-    all_tensor_sums(emit, true);
     karst_text_add(&emit->text, "}\n\n");
 }
 
@@ -253,7 +229,6 @@ static void sample(karst_emit *emit)
     karst_text_add(&emit->text,
                    "K_INLINE K_WIDE vfloat world_sample(world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
                    "    world_data data = axes->data;\n    (void)data;\n"
-                   "    if (!axes->has_face)\n        world_face(axes);\n"
                    "    const affine_position at = emit_samples(axes->origin, axes->level, ix, iy, iz);\n");
     karst_emit_begin_block(emit, (karst_block){.is_sample = true});
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
@@ -271,7 +246,7 @@ static void sample(karst_emit *emit)
     karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
-/* The first noises that may be tensors, for as long as there is room: an octave takes 8 KiB of a brick's memory. */
+/* The first noises that may be tensors, for as long as there is room: a noise takes 20 KiB of a brick's memory. */
 static void mark_tensors(karst_emit *emit)
 {
     uint32_t room = KARST_EMIT_MAX_TENSORS;
@@ -355,7 +330,6 @@ void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
     declare_axes(emit);
     prepare(emit);
     plane(emit);
-    face(emit);
     row(emit);
     sample(emit);
 }

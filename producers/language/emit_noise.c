@@ -173,12 +173,14 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point;
     bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point;
     if (is_tensor && emit->block.is_sample)
-        karst_text_add(text,
-                       "#ifdef EMIT_HOISTED\n"
-                       "    vfloat v%u = EMIT_FLOATS(axes->f%u, iz * (vint)(NOISE_TENSOR_SIDE) + iy);\n#else\n",
-                       e, e);
+        karst_text_add(
+            text,
+            "#ifdef EMIT_HOISTED\n"
+            "    vfloat v%u = EMIT_FLOATS(axes->s%u + EMIT_TENSOR_ROWS, iz * (vint)(NOISE_TENSOR_SIDE) + iy);\n#else\n",
+            e, e);
     else if (is_tensor)
-        karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat v%u = axes->s%u[iy];\n#else\n", e, e);
+        karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat v%u = axes->s%u[iz * KARST_BRICK_SIDE + iy];\n#else\n", e,
+                       e);
     karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
     karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
