@@ -106,8 +106,8 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);
 
-/* Sees to it that memory lies behind the next num_bricks bricks that get slots (karst_buffer_commit): a pool's pages
- * are found when they are first touched, which is no time to be spent while a budget runs. */
+/* Sees to it that memory will lie behind the next num_bricks bricks that get slots (karst_buffer_commit), by a thread
+ * beside: a pool's pages are found when they are first touched, which is no time to be spent while a budget runs. */
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks);
 
 /* Slots that hold something, the root bricks' own left out. */

@@ -158,6 +158,7 @@ void karst_cache_destroy(karst_cache *cache)
     if (!cache)
         return;
     clFinish(cache->context->queue); /* lists that were sent but not read yet */
+    karst_commit_destroy(cache->commit);
     karst_cache_buffers *b = &cache->buffers;
     karst_slots_finish(&cache->tile_slots);
     karst_slots_finish(&cache->brick_slots);
@@ -309,18 +310,17 @@ bool karst_cache_place_root(karst_cache *cache, const int64_t corner[3], int lev
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks)
 {
     const karst_cache_buffers *b = &cache->buffers;
-    const size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
     uint32_t end = cache->num_committed, num = cache->brick_slots.num;
     for (uint32_t i = 0; i < (num < num_bricks ? num : num_bricks); i++) {
         uint32_t slot = karst_slots_at(&cache->brick_slots, i);
         end = slot >= end ? slot + 1 : end;
     }
-    for (uint32_t slot = cache->num_committed; slot < end;) {
-        uint32_t segment = slot / b->bricks_per_segment, in_segment = slot % b->bricks_per_segment;
-        uint32_t rest = b->bricks_per_segment - in_segment, count = end - slot < rest ? end - slot : rest;
-        karst_buffer_commit(b->bricks[segment], in_segment * brick_bytes, count * brick_bytes);
-        slot += count;
-    }
+    if (end == cache->num_committed)
+        return;
+    if (!cache->commit)
+        cache->commit = karst_commit_create(b);
+    if (cache->commit)
+        karst_commit_until(cache->commit, end);
     cache->num_committed = end;
 }
 

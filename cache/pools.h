@@ -4,6 +4,7 @@
 
 #include "cache/cache.h"
 #include "cache/churn.h"
+#include "cache/commit.h"
 #include "cache/evict.h"
 #include "cache/lru.h"
 #include "cache/publish.h"
@@ -27,7 +28,8 @@ struct karst_cache {
     uint32_t serial;
     uint32_t num_granted_bricks, num_granted_tiles;
     uint32_t *granted_bricks, *granted_tiles;
-    uint32_t num_committed; /* brick slots below have memory */
+    uint32_t num_committed; /* brick slots below have memory, or will have soon */
+    karst_commit *commit;   /* finds it; NULL until it is wanted */
     uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
     uint64_t *identities;
     bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */

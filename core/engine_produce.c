@@ -118,8 +118,8 @@ bool karst_engine_load_root(karst_engine *engine, karst_error *error)
     return true;
 }
 
-/* Some frames' worth of bricks. */
-#define BRICKS_AHEAD 512u
+/* Some frames' worth of bricks, and large pages are found whole: 2 MiB at a time. */
+#define BRICKS_AHEAD 1024u
 
 bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error)
 {

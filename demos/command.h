@@ -6,6 +6,7 @@
  *   command_output.c   files that appear whole or not at all
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
+ *   command_threads.c  which CPUs a CPU device's threads run on
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
@@ -122,6 +123,13 @@ void command_print_worlds(FILE *file);
 
 void command_catch_interrupts(void);
 bool command_interrupted(void); /* by SIGINT or SIGTERM, since then */
+
+/* ---- command_threads.c ---- */
+
+/* Before anything of OpenCL: asks PoCL to bind its threads to a CPU each, where that is safe and nobody else has set
+ * POCL_AFFINITY. The work of a frame is many short launches, and a thread that wakes where the other one runs waits for
+ * milliseconds before it is moved to an idle CPU. */
+void command_bind_threads(void);
 
 /* ---- command_record.c ---- */
 

@@ -79,6 +79,7 @@ int main(int argc, char **argv)
     karst_error error = {0};
     command_talk talk;
     command_talk_init(&talk);
+    command_bind_threads();
     /* A reader that goes away is a failed write, which is told and cleaned up after. */
     signal(SIGPIPE, SIG_IGN);
     bool done = run(argc, argv, &talk, &error);

@@ -196,6 +196,11 @@ run render hills -o small.png --stats small.json --size 320x240 --pool 4
     awk '/^detail.asked_px/ { asked = $3 } /^detail.given_px/ { given = $3 } END { exit !(asked == 1 && given > 1) }'
 result "small pools: less detail, and it says so"
 
+# PoCL's threads are bound to CPUs, where that is allowed: else it would end the program.
+POCL_MAX_PTHREAD_COUNT=$(($(nproc) + 2)) run render hills -o threads.png $quick
+[ $status -eq 0 ] && cmp -s threads.png first.png
+result "more threads than CPUs draw the same"
+
 "$karst" render hills -o stopped.png --size 1280x720 > stdout 2> stderr &
 sleep 0.7
 kill -TERM $!
