@@ -51,6 +51,7 @@ void karst_cost_learn(karst_cost *cost, const karst_cost_round *round)
     if (!cost->fixed) {
         learn_kind(&cost->bricks, round->num_bricks, round->brick_ns);
         learn_kind(&cost->tiles, round->num_tiles, round->tile_ns);
+        learn_kind(&cost->scout_rays, round->num_scout_rays, round->scout_ns);
     }
     uint32_t num = round->num_tiles < UINT32_MAX / 2 ? round->num_tiles : UINT32_MAX / 2;
     uint32_t wanted = num + num / 4 + TILES_AT_LEAST;

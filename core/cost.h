@@ -20,15 +20,17 @@ typedef struct {
 } karst_cost_kind;
 
 typedef struct {
-    karst_cost_kind bricks, tiles;
+    karst_cost_kind bricks, tiles, scout_rays;
     bool fixed;              /* nothing is learned any more (tests) */
     uint32_t tiles_expected; /* how many the next round may want, for sharing the time between both */
 } karst_cost;
 
-/* What one round made, and the device time it took. */
+/* What one round made, and the device time it took; and the scouts' rays that asked for some of it. */
 typedef struct {
     uint32_t num_bricks, num_tiles;
     uint64_t brick_ns, tile_ns; /* of all of them */
+    uint32_t num_scout_rays;
+    uint64_t scout_ns;
 } karst_cost_round;
 
 /* How much a round may make. */
@@ -44,7 +46,7 @@ void karst_cost_learn(karst_cost *cost, const karst_cost_round *round);
 #define KARST_COST_FIRST 16u
 /* What so many are expected to take; 0 for a kind that was never measured. */
 double karst_cost_expected_ns(const karst_cost *cost, uint32_t num_bricks, uint32_t num_tiles);
-/* Both kinds were measured. */
+/* Bricks and tiles were measured. */
 bool karst_cost_is_known(const karst_cost *cost);
 karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint32_t most);
 

@@ -45,8 +45,8 @@ typedef struct {
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
 typedef struct {
-    uint32_t num_bricks, num_tiles;
-    uint64_t brick_cpu_ns, tile_cpu_ns;
+    uint32_t num_bricks, num_tiles, num_scout_rays;
+    uint64_t brick_cpu_ns, tile_cpu_ns, scout_cpu_ns;
 } karst_engine_made;
 
 /* How the camera moves, by frame. */
@@ -149,6 +149,7 @@ uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 
 /* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. */
 bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error);
+uint32_t karst_engine_scout_rays(const karst_engine *engine); /* of a scout */
 size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
 /* Once a frame, before it is drawn. */
 void karst_engine_note_motion(karst_engine *engine);

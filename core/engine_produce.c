@@ -93,6 +93,12 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
     return true;
 }
 
+/* What a scout is expected to take. */
+static double scout_ns(const karst_engine *engine)
+{
+    return karst_engine_scout_rays(engine) * engine->cost.scout_rays.expected_ns;
+}
+
 /* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
 static bool may_go_on(const karst_engine *engine, const karst_work *work, const allowance *left)
 {
@@ -102,8 +108,31 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, const 
         return false;
     if (work->num_deferred_budget && !(left->ns > UNUSED_SHARE * engine->budget_ns))
         return false;
-    return engine->budget_ns == 0 || (karst_cost_is_known(&engine->cost) &&
-                                      left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS));
+    return engine->budget_ns == 0 ||
+           (karst_cost_is_known(&engine->cost) &&
+            left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS) + scout_ns(engine));
+}
+
+/* Looks from a camera, at the budget's cost, and does what that asks for. */
+static bool scout_round(karst_engine *engine, const karst_camera *from, allowance *left, karst_work *work,
+                        karst_error *error)
+{
+    karst_engine_made *made = &engine->made;
+    uint64_t start_ns = karst_engine_cpu_ns(engine);
+    if (!karst_engine_scout(engine, from, error))
+        return false;
+    /* On a GPU a scout is next to nothing, and waiting for it is not. */
+    if (engine->budget_ns > 0 && engine->context->is_cpu) {
+        if (!karst_finish(engine->context, error))
+            return false;
+        made->num_scout_rays += karst_engine_scout_rays(engine);
+        made->scout_cpu_ns += karst_engine_cpu_ns(engine) - start_ns;
+        left->ns -= scout_ns(engine);
+    }
+    if (!answer_round(engine, &from->position, left, work, error))
+        return false;
+    engine->stats.num_requests += work->num_loads + work->num_subdivides;
+    return true;
 }
 
 bool karst_engine_load_root(karst_engine *engine, karst_error *error)
@@ -137,20 +166,13 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
 
     /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. */
     karst_work more = *work;
-    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++) {
-        if (!karst_engine_scout(engine, &engine->camera, error) ||
-            !answer_round(engine, &engine->camera.position, &left, &more, error))
+    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
+        if (!scout_round(engine, &engine->camera, &left, &more, error))
             return false;
-        stats->num_requests += more.num_loads + more.num_subdivides;
-    }
     /* The rest is for what the next frames will see. */
     karst_camera ahead;
-    if (engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead)) {
-        if (!karst_engine_scout(engine, &ahead, error) || !answer_round(engine, &ahead.position, &left, &more, error))
-            return false;
-        stats->num_requests += more.num_loads + more.num_subdivides;
-    }
-    return true;
+    return !(engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead)) ||
+           scout_round(engine, &ahead, &left, &more, error);
 }
 
 void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)
@@ -174,6 +196,8 @@ void karst_engine_learn_cost(karst_engine *engine)
     stats->time_ns_production = brick_ns + tile_ns;
     karst_cost_round round = {
         .num_bricks = made->num_bricks, .num_tiles = made->num_tiles, .brick_ns = brick_ns, .tile_ns = tile_ns};
+    round.num_scout_rays = made->num_scout_rays;
+    round.scout_ns = made->scout_cpu_ns;
     karst_cost_learn(&engine->cost, &round);
     *made = (karst_engine_made){0};
 }

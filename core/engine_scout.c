@@ -20,6 +20,13 @@ size_t karst_engine_scout_bytes(size_t num_pixels)
     return (num_pixels / (SCOUT_PIXELS * SCOUT_PIXELS) + MORE_RAYS) * sizeof(karst_hit);
 }
 
+static int scout_side(int side_px) { return side_px >= SCOUT_PIXELS ? side_px / SCOUT_PIXELS : 1; }
+
+uint32_t karst_engine_scout_rays(const karst_engine *engine)
+{
+    return (uint32_t)scout_side(engine->width_px) * (uint32_t)scout_side(engine->height_px);
+}
+
 bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error)
 {
     karst_cast_view view;
@@ -30,8 +37,8 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_
     view.detail = (float)karst_engine_detail_px(engine);
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
     karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
-    pinhole.width_px = width_px >= SCOUT_PIXELS ? width_px / SCOUT_PIXELS : 1;
-    pinhole.height_px = height_px >= SCOUT_PIXELS ? height_px / SCOUT_PIXELS : 1;
+    pinhole.width_px = scout_side(width_px);
+    pinhole.height_px = scout_side(height_px);
     pinhole.half_width *= fminf(1, (float)(pinhole.width_px * SCOUT_PIXELS) / (float)width_px);
     pinhole.half_height *= fminf(1, (float)(pinhole.height_px * SCOUT_PIXELS) / (float)height_px);
     return karst_cast_pinhole(engine->caster, &view, &pinhole, engine->scout_hits, error);

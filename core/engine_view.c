@@ -36,6 +36,14 @@ bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_er
     return true;
 }
 
+void karst_engine_find_memory(karst_engine *engine, uint64_t size_bytes)
+{
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    uint64_t num_bricks = size_bytes / ((uint64_t)KARST_BRICK_STRIDE * (uint64_t)buffers->brick_bits / 8);
+    if (engine->context->is_cpu)
+        karst_cache_commit_ahead(engine->cache, num_bricks < UINT32_MAX ? (uint32_t)num_bricks : UINT32_MAX);
+}
+
 bool karst_engine_show(karst_engine *engine, karst_error *error)
 {
     if (!engine->surface || engine->frame == 0)

@@ -9,6 +9,7 @@
 #define COMPILING_S 0.01 /* between looks at a compilation */
 #define GAMEPAD_S 0.033  /* between looks at a gamepad's sticks while nothing happens */
 #define LONGEST_STEP_S 0.25
+#define FOUND_AHEAD_BYTES ((uint64_t)512 << 20) /* what a default pool holds */
 
 /* ---- opening ---- */
 
@@ -234,8 +235,10 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
         if (!draw_frame(v, moving, error) || !show(v, error))
             return false;
         uint64_t frame_ns = command_clock_ns() - start_ns;
-        if (v->num_frames == 1)
+        if (v->num_frames == 1) {
             v->first_frame_s = (double)(command_clock_ns() - v->started_ns) / 1e9;
+            karst_engine_find_memory(v->engine, FOUND_AHEAD_BYTES);
+        }
         if (moving) {
             v->num_moving++;
             v->num_late += (double)frame_ns > 1e9 / v->settings.fps;

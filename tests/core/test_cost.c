@@ -39,7 +39,7 @@ static double run(const device *d, karst_cost *cost, double budget_ns, uint32_t 
     double factor = 1 + d->noise * (2 * random_share() - 1);
     double brick_ns = made->max_bricks ? factor * (d->launch_ns + made->max_bricks * d->brick_ns) : 0;
     double tile_ns = made->max_tiles ? factor * (d->launch_ns + made->max_tiles * d->tile_ns) : 0;
-    karst_cost_round round = {made->max_bricks, made->max_tiles, (uint64_t)brick_ns, (uint64_t)tile_ns};
+    karst_cost_round round = {made->max_bricks, made->max_tiles, (uint64_t)brick_ns, (uint64_t)tile_ns, 0, 0};
     karst_cost_learn(cost, &round);
     return brick_ns + tile_ns;
 }
@@ -160,7 +160,9 @@ static void test_production_never_stops(void **state)
     assert_int_equal(karst_cost_plan(&cost, BUDGET_NS, MOST).max_bricks, KARST_COST_FIRST);
     assert_int_equal(karst_cost_plan(&cost, BUDGET_NS, 3).max_bricks, 3);
     const karst_cost_round odd[] = {
-        {0, 0, 0, 0}, {5, 5, 0, 0}, {0, 0, 1000, 1000}, {UINT32_MAX, UINT32_MAX, 1, UINT64_MAX}, {1, 1, UINT64_MAX, 1}};
+        {0, 0, 0, 0, 0, 0},       {5, 5, 0, 0, 5, 0},
+        {0, 0, 1000, 1000, 0, 9}, {UINT32_MAX, UINT32_MAX, 1, UINT64_MAX, UINT32_MAX, UINT64_MAX},
+        {1, 1, UINT64_MAX, 1, 1, 1}};
     for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
         karst_cost_learn(&cost, &odd[i]);
         karst_cost_limits limits = karst_cost_plan(&cost, BUDGET_NS, MOST);
@@ -169,12 +171,36 @@ static void test_production_never_stops(void **state)
     }
 }
 
+/* Scouts' rays are paid for too, and a frame without any tells nothing of them. */
+static void test_scouts_are_paid_for(void **state)
+{
+    (void)state;
+    karst_cost cost;
+    karst_cost_init(&cost);
+    for (int i = 0; i < 20; i++) {
+        karst_cost_round round = {.num_bricks = 100, .num_tiles = 30, .brick_ns = 5000000, .tile_ns = 600000};
+        if (i % 2) {
+            round.num_scout_rays = 2000;
+            round.scout_ns = 1000000 + 100000 * (uint64_t)(i % 4);
+        }
+        karst_cost_learn(&cost, &round);
+        assert_true((cost.scout_rays.expected_ns > 0) == (i > 0));
+    }
+    assert_true(cost.scout_rays.expected_ns >= 500 && cost.scout_rays.expected_ns <= 650);
+    assert_true(cost.bricks.expected_ns == 50000 && cost.tiles.expected_ns == 20000);
+    cost.fixed = true;
+    karst_cost_round dear = {.num_scout_rays = 2000, .scout_ns = 100000000};
+    for (int i = 0; i < 20; i++)
+        karst_cost_learn(&cost, &dear);
+    assert_true(cost.scout_rays.expected_ns <= 650);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_budget_is_met_and_used), cmocka_unit_test(test_bricks_get_what_tiles_leave),
         cmocka_unit_test(test_estimates_follow),           cmocka_unit_test(test_disturbances_are_borne),
-        cmocka_unit_test(test_production_never_stops),
+        cmocka_unit_test(test_production_never_stops),     cmocka_unit_test(test_scouts_are_paid_for),
     };
     return cmocka_run_group_tests_name("cost", tests, NULL, NULL);
 }

@@ -60,7 +60,7 @@ static void test_the_model_keeps_to_the_budget_of_a_flight(void **state)
             factor *= disturbed ? 3 : 1;
             double brick_ns = num_bricks ? factor * (devices[i].launch_ns + num_bricks * devices[i].brick_ns) : 0;
             double tile_ns = num_tiles ? factor * (devices[i].launch_ns + num_tiles * devices[i].tile_ns) : 0;
-            karst_cost_round round = {num_bricks, num_tiles, (uint64_t)brick_ns, (uint64_t)tile_ns};
+            karst_cost_round round = {num_bricks, num_tiles, (uint64_t)brick_ns, (uint64_t)tile_ns, 0, 0};
             karst_cost_learn(&cost, &round);
             bricks -= num_bricks;
             tiles -= num_tiles;
