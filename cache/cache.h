@@ -110,6 +110,10 @@ bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *n
  * beside: a pool's pages are found when they are first touched, which is no time to be spent while a budget runs. */
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks);
 
+/* Allocations that a brick pool is cut into: kernels are compiled for that number. 0: one would not hold a brick. */
+size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
+                                int brick_bits);
+
 /* Slots that hold something, the root bricks' own left out. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);
 

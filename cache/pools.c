@@ -23,6 +23,17 @@ bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *dat
     return true;
 }
 
+size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
+                                int brick_bits)
+{
+    size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)(brick_bits ? brick_bits : 16) / 8;
+    size_t limit = smaller(context->max_allocation_bytes, MAX_SEGMENT_BYTES);
+    if (max_segment_bytes)
+        limit = smaller(limit, max_segment_bytes);
+    size_t most = limit / brick_bytes, num_slots = (size_t)num_bricks + KARST_CACHE_ROOT_BRICKS;
+    return most ? (num_slots + most - 1) / most : 0;
+}
+
 /* Cuts the brick pool into equal segments. */
 static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
@@ -31,15 +42,15 @@ static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_er
     size_t limit = smaller(cache->context->max_allocation_bytes, MAX_SEGMENT_BYTES);
     if (max_segment_bytes)
         limit = smaller(limit, max_segment_bytes);
-    size_t most = limit / brick_bytes;
-    if (most == 0)
+    size_t num_slots = (size_t)b->num_bricks + KARST_CACHE_ROOT_BRICKS,
+           num_segments = karst_cache_num_segments(cache->context, b->num_bricks, max_segment_bytes, b->brick_bits);
+    if (num_segments == 0)
         return karst_fail(error, KARST_USAGE, "segments of %zu bytes for bricks of %zu: use larger ones", limit,
                           brick_bytes);
-    size_t num_slots = (size_t)b->num_bricks + KARST_CACHE_ROOT_BRICKS, num_segments = (num_slots + most - 1) / most;
     if (num_segments > KARST_MAX_BRICK_SEGMENTS)
         return karst_fail(error, KARST_USAGE,
                           "%u bricks take %zu segments of %zu bytes, but %d is the limit: use a smaller pool%s",
-                          b->num_bricks, num_segments, most * brick_bytes, KARST_MAX_BRICK_SEGMENTS,
+                          b->num_bricks, num_segments, limit / brick_bytes * brick_bytes, KARST_MAX_BRICK_SEGMENTS,
                           max_segment_bytes ? " or larger segments" : "");
     b->num_segments = (uint32_t)num_segments;
     b->bricks_per_segment = (uint32_t)((num_slots + num_segments - 1) / num_segments);

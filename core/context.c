@@ -411,6 +411,7 @@ karst_context *karst_context_fork(const karst_context *of, karst_error *error)
     context->log = NULL;
     context->buffers = NULL;
     context->program_backlog = NULL;
+    context->helper = NULL;
     context->is_fork = true;
     context->num_new_programs = 0;
     context->profile = karst_profile_create(error);
@@ -422,6 +423,18 @@ karst_context *karst_context_fork(const karst_context *of, karst_error *error)
         karst_fail(error, KARST_FAILED, "no second queue on %s: %s", context->name, karst_cl_error_name(code));
     karst_context_destroy(context);
     return NULL;
+}
+
+bool karst_context_is_pocl(const karst_context *context)
+{
+    char name[256];
+    platform_text(context->platform, CL_PLATFORM_NAME, name, sizeof name);
+    return strstr(name, "Portable Computing Language") != NULL;
+}
+
+void karst_context_set_helper(karst_context *context, struct karst_helper *helper)
+{
+    context->helper = karst_context_is_pocl(context) ? helper : NULL;
 }
 
 void karst_context_destroy(karst_context *context)

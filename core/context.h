@@ -42,6 +42,7 @@ struct karst_context {
     cl_program new_programs[KARST_FORK_PROGRAMS];
     uint32_t num_new_programs;
     struct karst_program_backlog *program_backlog; /* still to be kept; see core/program_cache.h */
+    struct karst_helper *helper; /* NULL, or who shares the compiling; borrowed. See core/helper.h */
 };
 
 /* A device as `karst info` lists it. */
@@ -83,6 +84,10 @@ karst_context *karst_context_create_sharing(const char *selector, int lanes, con
  * running: PoCL 3.1 counts the users of a kernel and loses count (an assertion of its own) if one runs on two queues
  * in grids of different size. Errors: KARST_FAILED. */
 karst_context *karst_context_fork(const karst_context *context, karst_error *error);
+/* Shares the compiling with a helper, which outlives the context, if the driver is one that gains by it: PoCL compiles
+ * under one lock for a process, and finds what other processes compiled on disk. */
+void karst_context_set_helper(karst_context *context, struct karst_helper *helper);
+bool karst_context_is_pocl(const karst_context *context);
 void karst_context_destroy(karst_context *context); /* NULL is fine; all buffers must be gone */
 
 /* ---- buffers (buffer.c): every byte on the device has a name ---- */

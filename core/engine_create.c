@@ -5,6 +5,7 @@
 
 #include "core/display_platform.h"
 #include "core/engine_parts.h"
+#include "core/helper.h"
 
 #define DEFAULT_WIDTH_PX 1280
 #define DEFAULT_HEIGHT_PX 720
@@ -20,8 +21,8 @@
  * is one or two to a brick. */
 #define TILES_PER_BRICK 3u
 
-/* Slots of both pools from the configuration. */
-static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error)
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
+                             karst_error *error)
 {
     uint64_t set_bytes = KARST_CACHE_BRICK_BYTES_OF(config->brick_bits ? (uint32_t)config->brick_bits : 16u) +
                          (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
@@ -45,12 +46,19 @@ static bool size_pools(const karst_engine_config *config, uint32_t *num_tiles, u
     return true;
 }
 
-static void list_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
+void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
 {
     int length = snprintf(text, size_bytes, "%s", config->no_beam ? KARST_CAST_NO_BEAM : "");
     if (config->safe_steps != 0 && config->safe_steps != 1)
         snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
                  config->safe_steps > 0 ? config->safe_steps : 0);
+}
+
+void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px)
+{
+    bool is_given = config->width_px || config->height_px;
+    *width_px = is_given ? config->width_px : DEFAULT_WIDTH_PX;
+    *height_px = is_given ? config->height_px : DEFAULT_HEIGHT_PX;
 }
 
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
@@ -69,8 +77,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     }
     uint32_t num_tiles = 0, num_bricks = 0;
     engine->log = config->log;
-    engine->width_px = config->width_px || config->height_px ? config->width_px : DEFAULT_WIDTH_PX;
-    engine->height_px = config->width_px || config->height_px ? config->height_px : DEFAULT_HEIGHT_PX;
+    karst_engine_picture_size(config, &engine->width_px, &engine->height_px);
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
@@ -91,7 +98,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->refine = config->refine;
     if (!karst_engine_world_open(&engine->shown, &world, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
-        !size_pools(config, &num_tiles, &num_bricks, error))
+        !karst_engine_size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
     if (config->brick_bits != 0 && config->brick_bits != 8 && config->brick_bits != 16 && config->brick_bits != 32) {
         karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", config->brick_bits);
@@ -132,6 +139,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
     if (!engine->context)
         goto failed;
+    karst_helper_set_task(config->helper, config);
+    karst_context_set_helper(engine->context, config->helper);
     engine->cache = karst_cache_create_of(engine->context, num_tiles, num_bricks, config->max_segment_bytes,
                                           config->brick_bits, error);
     if (!engine->cache || !karst_engine_allocate_picture(engine, error))
@@ -140,7 +149,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[128];
-    list_cast_options(config, cast_options, sizeof cast_options);
+    karst_engine_cast_options(config, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
     if (!engine->counters || !engine->caster ||

@@ -99,12 +99,25 @@ struct karst_engine {
     karst_stats stats;
 };
 
+/* engine_create.c: what follows from a configuration. Slots of both pools, options of the cast (into size_bytes), the
+ * picture's size. */
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
+                             karst_error *error);
+void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes);
+void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
+
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error);
 /* The same text with other values, compiled anew. */
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
                                   karst_error *error);
+/* The shader of an open world; `data` is its producer's, or the same once more. */
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context,
+                                        const karst_cache_buffers *buffers, bool shadows, const karst_buffer *data,
+                                        karst_error *error);
+/* engine_ahead.c. What a helper process does for an engine of this configuration. */
+bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error);
 /* Makes producer, shader and, if wanted, refiner of an open world. */
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error);

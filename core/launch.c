@@ -1,4 +1,5 @@
 /* Launching kernels: arguments, enqueueing under a stage's clock, waiting, and the names of OpenCL's errors. */
+#include "core/helper.h"
 #include "core/profile.h"
 
 #include <stdint.h>
@@ -73,9 +74,21 @@ bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, s
         return true;
     size_t rounded = (global_size + local_size - 1) / local_size * local_size;
     cl_event event = NULL;
+    uint64_t key, start_ns = karst_clock_ns();
+    karst_claim claim = karst_helper_begin_launch(context->helper, kernel, rounded, local_size, &key);
+    if (karst_helper_is_child(context->helper) && (claim == KARST_CLAIM_DONE || claim == KARST_CLAIM_OTHERS))
+        return true;
     cl_int code = clEnqueueNDRangeKernel(context->queue, kernel, 1, NULL, &rounded, &local_size, 0, NULL, &event);
     if (code != CL_SUCCESS)
         return launch_failed(context, kernel, local_size, code, error);
+    if (claim == KARST_CLAIM_MINE) {
+        clWaitForEvents(1, &event); /* what is compiled when it first runs */
+        karst_helper_done(context->helper, key);
+    }
+    if (claim != KARST_CLAIM_NOBODY)
+        karst_log_print(context->log, KARST_LOG_DEBUG, "%s %s in %.0f ms",
+                        claim == KARST_CLAIM_MINE ? "compiled" : "waited for",
+                        kernel_name(kernel, name, sizeof name), (double)(karst_clock_ns() - start_ns) * 1e-6);
     return karst_profile_add_event(context, stage, kernel, event, error);
 }
 

@@ -1,4 +1,5 @@
 /* Programs: building kernels from sources, and saying what is wrong with them. */
+#include "core/helper.h"
 #include "core/program_cache.h"
 #include "core/source.h"
 
@@ -109,13 +110,12 @@ static uint64_t hash_text(uint64_t hash, const char *text)
     return hash;
 }
 
-/* Notes a program; false if it was noted before, or nothing more can be. */
-static bool note_program(const char *source, const char *options)
+/* Notes a program by its hash; false if it was noted before, or nothing more can be. */
+static bool note_program(uint64_t hash)
 {
     static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
     static uint64_t built[MAX_BUILT];
     static size_t num_built;
-    uint64_t hash = hash_text(hash_text(0xcbf29ce484222325u, source), options);
     pthread_mutex_lock(&lock);
     bool is_new = num_built < MAX_BUILT;
     for (size_t i = 0; i < num_built && is_new; i++)
@@ -143,14 +143,19 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     uint64_t start = karst_clock_ns();
     karst_program_key key;
     karst_program_key_init(&key, context, entry, all_options, source);
+    uint64_t hash = hash_text(hash_text(0xcbf29ce484222325u, source), all_options);
     cl_program cl = karst_program_cache_load(context, &key, all_options);
     bool was_kept = cl != NULL;
     if (!cl) {
+        karst_claim claim = karst_helper_begin_build(context->helper, hash);
         cl = compile(context, entry, all_options, source, error);
+        karst_helper_end_build(context->helper, hash, claim);
         if (cl)
             karst_program_cache_store(context, &key, cl);
     }
-    bool is_new = cl && note_program(source, all_options);
+    bool is_new = cl && note_program(hash);
+    if (cl)
+        karst_helper_note_program(context->helper, cl, hash);
     karst_program_key_free(&key);
     free(source);
     if (!cl)
@@ -175,6 +180,7 @@ void karst_program_destroy(karst_program *program)
 {
     if (!program)
         return;
+    karst_helper_forget_program(program->context->helper, program->cl);
     clReleaseProgram(program->cl);
     free(program);
 }

@@ -374,19 +374,11 @@ static void keep_later(karst_context *context, const karst_program_key *key, cl_
     context->program_backlog = entry;
 }
 
-/* PoCL compiles every kernel once more before it gives a binary out. */
-static bool gives_binaries_slowly(const karst_context *context)
-{
-    char name[128] = "";
-    clGetPlatformInfo(context->platform, CL_PLATFORM_NAME, sizeof name - 1, name, NULL);
-    return strstr(name, "Portable Computing Language") != NULL;
-}
-
 void karst_program_cache_store(karst_context *context, const karst_program_key *key, cl_program program)
 {
     if (!key->folder[0])
         return;
-    if (gives_binaries_slowly(context))
+    if (karst_context_is_pocl(context)) /* it compiles every kernel once more before it gives a binary out */
         keep_later(context, key, program);
     else if (!keep(key, program))
         karst_log_print(context->log, KARST_LOG_DEBUG, "%s could not be kept", key->path);

@@ -265,9 +265,11 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
     b.tracing = out.trace != NULL;
     b.ceilings = calloc((size_t)(b.num_runs * b.num_rounds), sizeof *b.ceilings);
     bool done = b.ceilings || karst_fail(error, KARST_FAILED, "out of memory");
+    b.helper = karst_helper_create(NULL); /* without one the first start only takes longer */
     while (done && b.runs_done < b.num_runs)
         done = bench_do_run(&b, talk, &log, error);
     done = done && write_outputs(&b, &out, error);
+    karst_helper_destroy(b.helper);
     free(b.ceilings);
     free(b.frames);
     free(b.spans);

@@ -55,6 +55,7 @@ typedef struct {
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     bool has_seed, no_shadows, no_blend, no_beam, refine;
     command_parameters parameters;
+    karst_helper *helper; /* shares the compiling of the first start; NULL: none */
     uint64_t process_start_ns;
 
     /* as found */

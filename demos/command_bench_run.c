@@ -151,6 +151,7 @@ static karst_engine *open_engine(bench *b, karst_display *display, const karst_l
     config.brick_bits = (int)b->brick_bits;
     config.no_beam = b->no_beam;
     config.lanes = (int)b->lanes;
+    config.helper = b->helper;
     return karst_engine_create(&config, error);
 }
 

@@ -224,9 +224,11 @@ static void say_result(command_talk *talk, const render_options *o, const comman
                     last->detail_given_px, last->detail_asked_px);
 }
 
-static karst_engine_config make_config(const render_options *o, karst_display *display, const karst_log *log)
+static karst_engine_config make_config(const render_options *o, karst_display *display, karst_helper *helper,
+                                       const karst_log *log)
 {
-    karst_engine_config config = {.world = o->world_file, .device = o->device, .in_display = display, .log = log};
+    karst_engine_config config = {
+        .world = o->world_file, .device = o->device, .in_display = display, .helper = helper, .log = log};
     config.parameters = o->parameters.values;
     config.num_parameters = o->parameters.num_values;
     config.width_px = o->size_px[0];
@@ -267,6 +269,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     record.path = o.flight.file;
     record.start_ns = o.flight.live ? 0 : start_ns; /* whose first view is not counted */
     karst_engine *engine = NULL;
+    karst_helper *helper = NULL;
     bool done = false;
 
     command_progress(talk, "opening the device; new kernels take some seconds to build");
@@ -275,7 +278,8 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
         goto out;
     record.display = karst_display_kind_name(karst_display_get_kind(display));
     record.display_description = karst_display_description(display);
-    const karst_engine_config config = make_config(&o, display, &log);
+    helper = karst_helper_create(NULL); /* without one it only takes longer */
+    const karst_engine_config config = make_config(&o, display, helper, &log);
     engine = karst_engine_create(&config, error);
     if (!engine)
         goto out;
@@ -299,6 +303,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
 out:
     command_end_progress(talk);
     karst_engine_destroy(engine);
+    karst_helper_destroy(helper);
     karst_display_destroy(display);
     command_record_free(&record);
     return done;

@@ -76,6 +76,8 @@ static bool run(int argc, char **argv, command_talk *talk, karst_error *error)
 
 int main(int argc, char **argv)
 {
+    if (karst_helper_is_this_process())
+        return karst_helper_run();
     karst_error error = {0};
     command_talk talk;
     command_talk_init(&talk);

@@ -80,17 +80,35 @@ static const karst_producer_ops density_ops = {.kind = "density",
                                                .take_dirty = take_dirty,
                                                .destroy = destroy};
 
-static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
+static bool lay_out(density_producer *producer, karst_error *error)
+{
+    producer->channels[0] = (karst_channel){.name = "density", .format = KARST_FORMAT_SCALED_I16, .components = 1};
+    return karst_channels_lay_out(producer->channels, 1, &producer->layout, error) &&
+           (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
+            karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u",
+                       producer->layout.slot_stride, KARST_BRICK_STRIDE));
+}
+
+static bool create_evaluator(density_producer *producer, const karst_density_program *program, karst_error *error)
 {
     const karst_virtual_file world = {"world.clh", program->source};
+    return (producer->evaluator = karst_evaluator_create(producer->context, program->shape, &producer->layout, &world,
+                                                         program->options, error));
+}
+
+static bool create_finaliser(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
+    const char *options = program->finalise_options ? program->finalise_options : "";
+    return (producer->finaliser =
+                karst_finaliser_create(producer->context, program->shape, &producer->layout, options, error));
+}
+
+static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
     const karst_virtual_file bounds = {"world.clh", program->bounds_source ? program->bounds_source : program->source};
-    karst_context *context = producer->context;
-    const char *finalise_options = program->finalise_options ? program->finalise_options : "";
-    return (producer->subdivider = karst_subdivider_create(context, &bounds, program->options, error)) &&
-           (producer->evaluator =
-                karst_evaluator_create(context, program->shape, &producer->layout, &world, program->options, error)) &&
-           (producer->finaliser =
-                karst_finaliser_create(context, program->shape, &producer->layout, finalise_options, error));
+    return (producer->subdivider =
+                karst_subdivider_create(producer->context, &bounds, program->options, error)) &&
+           create_evaluator(producer, program, error) && create_finaliser(producer, program, error);
 }
 
 static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
@@ -100,7 +118,8 @@ static bool create_data(density_producer *producer, const karst_density_program 
     producer->data = karst_buffer_create(producer->context, "world", program->data_bytes, program->data, error);
     producer->all_data[0] = producer->data;
     producer->base.data = producer->all_data;
-    karst_subdivider_set_data(producer->subdivider, producer->data);
+    if (producer->subdivider)
+        karst_subdivider_set_data(producer->subdivider, producer->data);
     karst_evaluator_set_data(producer->evaluator, producer->data);
     return producer->data != NULL;
 }
@@ -134,17 +153,30 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
     producer->base = (karst_producer){
         .ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
     producer->context = context;
-    producer->channels[0] = (karst_channel){.name = "density", .format = KARST_FORMAT_SCALED_I16, .components = 1};
-    bool fits = karst_channels_lay_out(producer->channels, 1, &producer->layout, error) &&
-                (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
-                 karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u",
-                            producer->layout.slot_stride, KARST_BRICK_STRIDE));
-    if (!fits || !create_kernels(producer, program, error) || !create_data(producer, program, error) ||
-        !create_buffers(producer, producer->base.max_chunk, error)) {
+    if (!lay_out(producer, error) || !create_kernels(producer, program, error) ||
+        !create_data(producer, program, error) || !create_buffers(producer, producer->base.max_chunk, error)) {
         destroy(&producer->base);
         return NULL;
     }
     return &producer->base;
+}
+
+bool karst_density_program_rehearse(karst_context *context, const karst_density_program *program,
+                                    const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
+{
+    const karst_load load = {.state = KARST_STATE_AIR};
+    density_producer *producer = calloc(1, sizeof *producer);
+    if (!producer)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    producer->context = context;
+    bool done = lay_out(producer, error) && create_buffers(producer, 1, error) &&
+                karst_buffer_write(producer->loads, 0, &load, sizeof load, error) &&
+                create_evaluator(producer, program, error) && create_data(producer, program, error) &&
+                karst_evaluate_bricks(producer->evaluator, producer->loads, 1, producer->staging, error) &&
+                karst_finish(context, error) && create_finaliser(producer, program, error) &&
+                finalise(&producer->base, cache, work, 0, 1, error) && karst_finish(context, error);
+    destroy(&producer->base);
+    return done;
 }
 
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats)

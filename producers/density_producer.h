@@ -23,6 +23,11 @@ typedef struct {
 karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
                                                       karst_error *error);
 
+/* Runs the kernels that evaluate and finalise once, on a load that takes no samples, into the first load of `work`:
+ * for drivers that compile a kernel when it first runs. Waits until it is done. Errors: KARST_FAILED. */
+bool karst_density_program_rehearse(karst_context *context, const karst_density_program *program,
+                                    const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
+
 /* Replaces a program's data by other of the same size, for work that is answered from now on; the caller drops what was
  * made of the old. */
 bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error);

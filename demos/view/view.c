@@ -31,6 +31,9 @@ static bool open_engine(viewer *v, karst_error *error)
     config.no_shadows = s->no_shadows;
     config.brick_bits = (int)s->brick_bits;
     config.lanes = (int)s->lanes;
+    if (!v->helper)
+        v->helper = karst_helper_create(NULL); /* without one it only takes longer */
+    config.helper = v->helper;
     v->engine = karst_engine_create(&config, error);
     if (!v->engine)
         return false;
@@ -297,6 +300,7 @@ static void close_viewer(viewer *v)
     karst_sampler_destroy(v->sampler);
     karst_world_close(v->compiled);
     karst_engine_destroy(v->engine);
+    karst_helper_destroy(v->helper);
     karst_display_destroy(v->display);
     v->engine = NULL;
     if (v->overlay.gl)

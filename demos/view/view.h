@@ -369,6 +369,7 @@ struct viewer {
 
     karst_display *display;
     karst_engine *engine;
+    karst_helper *helper; /* shares the compiling at the start; NULL: none */
     karst_world *compiled;                /* of the world on show, for what pictures do not tell; NULL: none */
     const karst_world_metadata *metadata; /* of that; NULL: none */
     karst_sampler *sampler;               /* of that; made when first needed */

@@ -296,32 +296,6 @@ void karst_world_file_destroy(karst_world_file *file)
 
 /* ---- producing ---- */
 
-karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
-                                                uint32_t max_loads, const karst_world_build *build, karst_error *error)
-{
-    char tape_options[KARST_TAPE_OPTIONS_BYTES], options[512];
-    karst_number *values = parameter_values(file);
-    void *data = values ? make_data(file, values, seed, error) : NULL;
-    karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, sizeof options, "-DWORLD_HAS_DATA %s %s", tape_options,
-             build && build->options ? build->options : "");
-    karst_density_program program = {.name = file->info.name,
-                                     .source = file->code.source,
-                                     .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)
-                                                          ? bounds_source_of_gradient_noise
-                                                          : bounds_source,
-                                     .options = options,
-                                     .finalise_options = build ? build->finalise_options : NULL,
-                                     .shape = build ? build->shape : KARST_SHAPE_AUTO,
-                                     .data = data,
-                                     .data_bytes = file->data_bytes,
-                                     .max_loads = max_loads};
-    karst_producer *producer = data ? karst_density_producer_create_program(context, &program, error) : NULL;
-    free(values);
-    free(data);
-    return producer;
-}
-
 void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error)
 {
     karst_number *values = parameter_values(file);
@@ -358,17 +332,50 @@ void karst_world_file_colour_options(const karst_world_file *file, char options[
     snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA %s", tape_options);
 }
 
-karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
-                                          uint32_t max_loads, karst_error *error)
+/* The density program of a build, borrowing data and options. */
+static karst_density_program program_of(const karst_world_file *file, const karst_world_build *build, const void *data,
+                                        char options[512])
 {
-    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
-    void *data = karst_world_file_data(file, seed, error);
+    static const karst_world_build plain = {.shape = KARST_SHAPE_AUTO};
+    char own[KARST_WORLD_FILE_OPTIONS_BYTES];
     karst_density_program program;
-    karst_world_file_program(file, data, options, &program);
+    build = build ? build : &plain;
+    karst_world_file_program(file, data, own, &program);
+    snprintf(options, 512, "%s%s%s", own, build->options ? " " : "", build->options ? build->options : "");
+    program.options = options;
+    program.finalise_options = build->finalise_options;
+    program.shape = build->shape;
+    return program;
+}
+
+karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                                uint32_t max_loads, const karst_world_build *build, karst_error *error)
+{
+    char options[512];
+    void *data = karst_world_file_data(file, seed, error);
+    karst_density_program program = program_of(file, build, data, options);
     program.max_loads = max_loads;
     karst_producer *producer = data ? karst_density_producer_create_program(context, &program, error) : NULL;
     free(data);
     return producer;
+}
+
+karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
+                                          uint32_t max_loads, karst_error *error)
+{
+    return karst_world_file_producer_built(context, file, seed, max_loads, NULL, error);
+}
+
+bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
+                               const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,
+                               karst_error *error)
+{
+    char options[512];
+    void *data = karst_world_file_data(file, seed, error);
+    karst_density_program program = program_of(file, build, data, options);
+    bool done = data && karst_density_program_rehearse(context, &program, cache, work, error);
+    free(data);
+    return done;
 }
 
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,

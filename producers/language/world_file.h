@@ -42,7 +42,7 @@ void karst_world_file_colour_options(const karst_world_file *file, char options[
 /* Its producer. `max_loads`: of a round. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);
-/* The same in another shape than the device's own, or with more options of the build. */
+/* The same in another shape than the device's own, or with more options of the build (NULL: neither). */
 typedef struct {
     karst_shape shape;
     const char *options;          /* NULL: none */
@@ -50,6 +50,10 @@ typedef struct {
 } karst_world_build;
 karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);
+/* karst_density_program_rehearse for such a producer. */
+bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
+                               const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,
+                               karst_error *error);
 /* Gives a producer of the file the data of other parameters and seed: nothing is compiled; the caller drops what was
  * made before. A parameter that is structural cannot be changed so. Errors: KARST_FAILED. */
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,

@@ -9,6 +9,7 @@
 #include "karst/camera.h"
 #include "karst/display.h"
 #include "karst/error.h"
+#include "karst/helper.h"
 #include "karst/log.h"
 #include "karst/stats.h"
 #include "karst/world.h"
@@ -50,6 +51,8 @@ typedef struct {
     bool count_changed_pixels; /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
     bool refine; /* move each hit from the bricks' surface to the true density's, with its exact gradient as normal;
                   * only for world files. Costs a few evaluations of the density for each pixel */
+    karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
+                           * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
     const karst_log *log;      /* borrowed, outlives the engine; NULL: silent */
 } karst_engine_config;

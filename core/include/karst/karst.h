@@ -7,6 +7,7 @@
 #include "karst/display.h"
 #include "karst/engine.h"
 #include "karst/error.h"
+#include "karst/helper.h"
 #include "karst/image.h"
 #include "karst/log.h"
 #include "karst/measure.h"
