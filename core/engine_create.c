@@ -48,7 +48,9 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_ti
 
 void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
 {
-    int length = snprintf(text, size_bytes, "%s", config->no_beam ? KARST_CAST_NO_BEAM : "");
+    int length =
+        snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
+                 config->no_beam ? " " KARST_CAST_NO_BEAM : "");
     if (config->safe_steps != 0 && config->safe_steps != 1)
         snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
                  config->safe_steps > 0 ? config->safe_steps : 0);

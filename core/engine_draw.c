@@ -49,20 +49,15 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
         if (!karst_refine_hits(engine->shown.refiner, &view, &pinhole, &anchor, engine->hits, error))
             return false;
     }
-    if (engine->shadows &&
-        (!karst_shade_make_shadow_rays(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
-                                       error) ||
-         !karst_cast_picture_rays(engine->caster, &view, engine->shadow_rays, engine->width_px, engine->height_px, true,
-                                  engine->shadow_hits, error)))
-        return false;
     if (!karst_buffer_fill(engine->counters, 0, 0, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)
         return false;
-    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits,
-                                     engine->shadows ? engine->shadow_hits : NULL, pixels, engine->depth,
-                                     engine->counters, error);
+    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, pixels,
+                                     engine->depth, engine->counters, error);
+    if (shaded && engine->shadows)
+        shaded = karst_cast_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels, error);
     if (shaded && engine->view)
         shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);
     /* The surface is mapped: end it even if shading failed. */

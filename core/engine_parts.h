@@ -68,7 +68,7 @@ struct karst_engine {
     karst_producer *producer;
     karst_caster *caster;
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *shadow_hits, *depth, *counters, *scout_hits;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits;
 
     int width_px, height_px;
     size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */

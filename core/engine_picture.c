@@ -29,11 +29,9 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
     if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits)
         return false;
     if (engine->shadows) {
-        engine->shadow_rays =
-            karst_buffer_create_blank(engine->context, "shadow_rays", num_pixels * sizeof(karst_ray), error);
-        engine->shadow_hits =
-            karst_buffer_create_blank(engine->context, "shadow_hits", num_pixels * sizeof(karst_hit), error);
-        if (!engine->shadow_rays || !engine->shadow_hits)
+        engine->shadow_rays = karst_buffer_create_blank(
+            engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
+        if (!engine->shadow_rays)
             return false;
     }
     if (engine->count_changed_pixels) {
@@ -54,11 +52,10 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->depth);
     karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
-    karst_buffer_destroy(engine->shadow_hits);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = engine->shadow_hits = NULL;
+    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
 

@@ -8,7 +8,7 @@ typedef struct {
     karst_context *context;
     karst_cache_buffers cache;
     karst_work work;
-    karst_buffer *hits, *rays, *shadow_hits, *depth, *counters, *pixels;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *pixels;
 } trial;
 
 static bool trial_buffer(trial *t, karst_buffer **buffer, size_t size_bytes, karst_error *error)
@@ -21,9 +21,11 @@ static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error 
 {
     karst_cache_buffers *cache = &t->cache;
     *t = (trial){.context = karst_context_fork(of, error)};
-    *cache = (karst_cache_buffers){
-        .num_tiles = TRIAL_TILES, .num_bricks = TRIAL_BRICKS, .num_segments = 1, .bricks_per_segment = TRIAL_BRICKS,
-        .brick_bits = brick_bits};
+    *cache = (karst_cache_buffers){.num_tiles = TRIAL_TILES,
+                                   .num_bricks = TRIAL_BRICKS,
+                                   .num_segments = 1,
+                                   .bricks_per_segment = TRIAL_BRICKS,
+                                   .brick_bits = brick_bits};
     if (!t->context || !trial_buffer(t, &cache->nodes, TRIAL_TILES * KARST_TILE_NODES * sizeof(karst_node), error) ||
         !trial_buffer(t, &cache->tile_info, TRIAL_TILES * sizeof(karst_tile_info), error) ||
         !trial_buffer(t, &cache->bricks[0], (size_t)TRIAL_BRICKS * KARST_BRICK_STRIDE * sizeof(float), error) ||
@@ -35,8 +37,7 @@ static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error 
         !trial_buffer(t, &t->work.subdivide_nodes, sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->work.subdivide_tiles, sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->hits, TRIAL_PX * sizeof(karst_hit), error) ||
-        !trial_buffer(t, &t->rays, TRIAL_PX * sizeof(karst_ray), error) ||
-        !trial_buffer(t, &t->shadow_hits, TRIAL_PX * sizeof(karst_hit), error) ||
+        !trial_buffer(t, &t->shadow_rays, karst_cast_shadow_bytes(TRIAL_SIDE_PX, TRIAL_SIDE_PX), error) ||
         !trial_buffer(t, &t->depth, TRIAL_PX * sizeof(float), error) ||
         !trial_buffer(t, &t->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->pixels, TRIAL_PX * 4, error))
@@ -59,8 +60,7 @@ static void trial_close(trial *t)
                                t->work.subdivide_nodes,
                                t->work.subdivide_tiles,
                                t->hits,
-                               t->rays,
-                               t->shadow_hits,
+                               t->shadow_rays,
                                t->depth,
                                t->counters,
                                t->pixels};
@@ -93,9 +93,7 @@ static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, k
            karst_buffer_write(t->work.subdivide_nodes, 0, &node, sizeof node, error) &&
            karst_buffer_write(t->work.subdivide_tiles, 0, &tile, sizeof tile, error) &&
            karst_producer_answer(world->producer, &t->cache, &t->work, error) &&
-           (!shadows ||
-            karst_shade_make_shadow_rays(world->shader, &view, &pinhole, &light, t->hits, t->rays, error)) &&
-           karst_shade_pixels(world->shader, &view, &pinhole, &light, t->hits, shadows ? t->shadow_hits : NULL,
+           karst_shade_pixels(world->shader, &view, &pinhole, &light, t->hits, shadows ? t->shadow_rays : NULL,
                               t->pixels->mem, t->depth, t->counters, error) &&
            karst_finish(t->context, error);
 }

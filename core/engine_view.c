@@ -113,8 +113,9 @@ bool karst_engine_set_view(karst_engine *engine, karst_view view, karst_error *e
     if (view != KARST_VIEW_PICTURE && !need_views(engine, error))
         return false;
     if (view == KARST_VIEW_STEPS && !engine->counting)
-        engine->counting = karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache),
-                                                    "-DCAST_COUNT_STEPS", error);
+        engine->counting =
+            karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache),
+                                     "-DCAST_COUNT_STEPS " KARST_CAST_NO_STREAMS " " KARST_CAST_NO_SHADOWS, error);
     if (view == KARST_VIEW_STEPS && !engine->counting)
         return false;
     engine->view = (int)view;

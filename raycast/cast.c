@@ -14,7 +14,8 @@ struct karst_caster {
     karst_context *context;
     karst_cache_buffers cache;
     karst_program *program;
-    cl_kernel pinhole, rays;
+    cl_kernel pinhole;
+    cl_kernel rays, shadows; /* NULL: left out */
     size_t rays_per_item;
     karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
@@ -40,15 +41,19 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
              karst_cache_brick_option(cache));
     caster->context = context;
     caster->cache = *cache;
+    bool has_rays = !strstr(options, KARST_CAST_NO_STREAMS), has_shadows = !strstr(options, KARST_CAST_NO_SHADOWS);
     bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
     caster->rays_per_item = beams ? RAYS_PER_GROUP : (size_t)context->lanes;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
     if (caster->program) {
         caster->pinhole = karst_program_kernel(caster->program, "cast_pinhole", error);
-        caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
+        if (has_rays)
+            caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
+        if (has_shadows)
+            caster->shadows = karst_program_kernel(caster->program, "cast_shadows", error);
     }
-    if (!caster->view || !caster->pinhole || !caster->rays) {
+    if (!caster->view || !caster->pinhole || (has_rays && !caster->rays) || (has_shadows && !caster->shadows)) {
         karst_caster_destroy(caster);
         return NULL;
     }
@@ -68,6 +73,8 @@ void karst_caster_destroy(karst_caster *caster)
         clReleaseKernel(caster->pinhole);
     if (caster->rays)
         clReleaseKernel(caster->rays);
+    if (caster->shadows)
+        clReleaseKernel(caster->shadows);
     karst_program_destroy(caster->program);
     karst_buffer_destroy(caster->view);
     free(caster);
@@ -161,10 +168,11 @@ bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const
                         num_groups(pinhole->width_px, pinhole->height_px) * local_size, local_size, error);
 }
 
-/* Rays of a picture if width_px is not 0. */
-static bool cast_stream(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
-                        cl_int width_px, cl_int height_px, bool any_hit, karst_buffer *hits, karst_error *error)
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error)
 {
+    if (!caster->rays)
+        return karst_fail(error, KARST_FAILED, "the caster was made without streams");
     if (!check_hits(hits, num_rays, error))
         return false;
     if (rays->size_bytes / sizeof(karst_ray) < num_rays)
@@ -174,24 +182,42 @@ static bool cast_stream(karst_caster *caster, const karst_cast_view *view, karst
         return false;
     cl_int any = any_hit;
     if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
-                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(width_px),
-                         KARST_VALUE_ARG(height_px), KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
+                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
+                         KARST_BUFFER_ARG(hits)))
+        return false;
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
+                        (num_rays + caster->rays_per_item - 1) / caster->rays_per_item,
+                        RAYS_PER_GROUP / caster->rays_per_item, error);
+}
+
+size_t karst_cast_shadow_bytes(int width_px, int height_px)
+{
+    return (size_t)width_px * (size_t)height_px * KARST_SHADOW_FIELDS * sizeof(float);
+}
+
+bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole *pinhole, karst_error *error)
+{
+    if (rays->size_bytes >= karst_cast_shadow_bytes(pinhole->width_px, pinhole->height_px))
+        return true;
+    return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold the shadow rays of a picture of %dx%d",
+                      rays->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
+{
+    if (!caster->shadows)
+        return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
+    karst_shadow_sun sun = {.t_max = light->shadow_distance,
+                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
+                            .width_px = pinhole->width_px,
+                            .height_px = pinhole->height_px};
+    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
+        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
+                         KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels)))
         return false;
     size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
-    size_t num_items = (num_rays + caster->rays_per_item - 1) / caster->rays_per_item;
-    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
-                        width_px ? num_groups(width_px, height_px) * local_size : num_items, local_size, error);
-}
-
-bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
-                     bool any_hit, karst_buffer *hits, karst_error *error)
-{
-    return cast_stream(caster, view, rays, num_rays, 0, 0, any_hit, hits, error);
-}
-
-bool karst_cast_picture_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, int width_px,
-                             int height_px, bool any_hit, karst_buffer *hits, karst_error *error)
-{
-    return cast_stream(caster, view, rays, (uint32_t)width_px * (uint32_t)height_px, width_px, height_px, any_hit, hits,
-                       error);
+    return karst_launch(caster->context, caster->shadows, KARST_STAGE_CAST,
+                        num_groups(pinhole->width_px, pinhole->height_px) * local_size, local_size, error);
 }

@@ -1,6 +1,7 @@
 /* Entry points of casting: a stream of rays in, hit records and stamps out. See raycast/cast.h. */
 #include "raycast/rays.clh"
 #include "raycast/rays_shared.h"
+#include "raycast/shadow_shared.h"
 #include "raycast/views_shared.h"
 #include "raycast/walk.clh"
 
@@ -51,13 +52,15 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     start->alive = valid & v_lt(t_min, t_max);
 }
 
-/* Casts the packets that were started. from_anchor (a constant): origins are zero. */
-RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor, beam *b,
-                          const packet_start start[BEAM_PACKETS])
+/* Casts the packets that were started. from_anchor (a constant): origins are zero. only_whether: all
+ * that is wanted of rays is whether they are done. */
+RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor,
+                          const int only_whether, beam *b, const packet_start start[BEAM_PACKETS])
 {
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
     int some = 0, all = 7;
     b->found.num = b->queue.num = 0;
+    b->found.only_whether = only_whether;
     for (int p = 0; p < BEAM_PACKETS; p++)
         for (int axis = 0; axis < 3; axis++) {
             vint down = v_ne(start[p].octants & (1 << axis), (vint)(0));
@@ -179,7 +182,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
-    cast_beam(&own, view, 1, &b, start);
+    cast_beam(&own, view, 1, 0, &b, start);
     store_beam(hits, &b, start, index, valid, 0);
 }
 
@@ -190,13 +193,13 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), hits);
 }
 
+#ifndef CAST_NO_STREAMS
 /* Field `word` of the rays in the lanes, as floats. */
 #define RAY_WORD(word) v_gather_float(words, first + (word))
 
-/* width_px 0: a plain stream; else the rays of a picture's pixels in packet order, whose beams are its groups. */
 BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                  K_GLOBAL const karst_ray *rays, uint num_rays, int width_px, int height_px,
-                                  int any_hit, uint beam_number, K_GLOBAL karst_hit *hits)
+                                  K_GLOBAL const karst_ray *rays, uint num_rays, int any_hit, uint beam_number,
+                                  K_GLOBAL karst_hit *hits)
 {
     const pools own = *pool;
     beam b;
@@ -204,40 +207,93 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
     int index[BEAM_RAYS];
     uint valid[BEAM_PACKETS];
     for (int p = 0; p < BEAM_PACKETS; p++) {
-        vint at, m;
-        if (width_px) {
-            vint x, y;
-            m = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, width_px, height_px, &x, &y);
-            at = packet_order(x, y, width_px, height_px);
-        } else {
-            at = V_LANE + (int)((beam_number * BEAM_PACKETS + (uint)p) * LANES);
-            m = v_lt(at, (vint)((int)num_rays));
-        }
+        const uint lowest = (beam_number * BEAM_PACKETS + (uint)p) * LANES;
+        vint at = V_LANE + (int)lowest;
+        vint m = v_lt(at, (vint)((int)num_rays));
         valid[p] = mask_bits(m);
         v_store_int(at, index + p * LANES);
         /* from the packet's first ray, whose distance no int may hold in words */
-        const uint lowest = valid[p] ? (uint)index[p * LANES + k_popcount((valid[p] & (0u - valid[p])) - 1u)] : 0u;
-        K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + lowest);
-#if LANES == 16
-        /* two packets on */
-        for (uint line = 0; line < LANES * sizeof(karst_ray) / 64; line++)
-            RAY_PREFETCH((K_GLOBAL const char *)(rays + lowest + 2 * LANES) + 64 * line);
-#endif
+        K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + (valid[p] ? lowest : 0u));
         vint first = v_select(m, at - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
         vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
         start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
                      m);
     }
-    cast_beam(&own, view, 0, &b, start);
+    cast_beam(&own, view, 0, 0, &b, start);
     store_beam(hits, &b, start, index, valid, any_hit);
 }
 
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, int width_px, int height_px, int any_hit, K_GLOBAL karst_hit *hits)
+                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
     const uint beam_number = (uint)get_global_id(0);
-    if (width_px || beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
-        cast_rays_beam(&pool, view, rays, num_rays, width_px, height_px, any_hit, beam_number, hits);
+    if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
+        cast_rays_beam(&pool, view, rays, num_rays, any_hit, beam_number, hits);
 }
+
+#endif
+
+#ifndef CAST_NO_SHADOWS
+/* Writes the dark colour of a packet's rays that ended; their pixels may not be readable. */
+#if LANES == 16
+#define DARKEN_(l) \
+    if (ended.l)   \
+        pixels[at.l] = (uint)dark.l;
+RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended){EACH_LANE(DARKEN_)}
+#else
+RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
+{
+    if (ended)
+        pixels[at] = (uint)dark;
+}
+#endif
+
+BEAM_FUNCTION
+    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
+                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels)
+{
+    const pools own = *pool;
+    const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
+    const vfloat zero = (vfloat)(0.0f);
+    const vector3 direction = {(vfloat)(sun->direction[0]), (vfloat)(sun->direction[1]), (vfloat)(sun->direction[2])};
+    beam b;
+    packet_start start[BEAM_PACKETS];
+    uint casts = 0;
+    for (int p = 0; p < BEAM_PACKETS; p++) {
+        vint x, y, valid = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, sun->width_px, sun->height_px, &x, &y);
+        vint order = packet_order(x, y, sun->width_px, sun->height_px);
+        vfloat width = load_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid);
+        vint m = valid & v_gt(width, zero);
+        vector3 origin = {zero, zero, zero};
+        if (v_any(m)) {
+            origin.x = load_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid);
+            origin.y = load_ordered(rays + (KARST_SHADOW_ORIGIN + 1) * plane, order, valid);
+            origin.z = load_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid);
+            casts = 1;
+        }
+        start_packet(&b, &start[p], p, view, &origin, &direction, zero, (vfloat)(sun->t_max), width,
+                     (vfloat)(sun->cone), m);
+    }
+    if (!casts)
+        return;
+    cast_beam(&own, view, 0, 1, &b, start);
+    for (int p = 0; p < BEAM_PACKETS; p++)
+        if (b.states.done[p]) {
+            vint x, y,
+                valid = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, sun->width_px, sun->height_px, &x, &y);
+            vint order = packet_order(x, y, sun->width_px, sun->height_px);
+            vfloat dark = load_ordered(rays + KARST_SHADOW_DARK * plane, order, valid);
+            darken(pixels, y * sun->width_px + x, v_as_int(dark), bits_mask(b.states.done[p]));
+        }
+}
+
+/* Shadow rays of a picture: raycast/shadow_shared.h. */
+__kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_shadow_sun sun,
+                                  K_GLOBAL const float *rays, K_GLOBAL uint *pixels)
+{
+    const pools pool = POOL_FIELDS;
+    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), pixels);
+}
+#endif

@@ -8,6 +8,8 @@
 #include "cache/cache.h"
 #include "raycast/cast_shared.h"
 #include "raycast/rays_shared.h"
+#include "raycast/shade_shared.h"
+#include "raycast/shadow_shared.h"
 
 /* The last part of each level in which it turns into the next one, unless a view is to do without: at one pixel a
  * voxel, some 65 voxels of 1000 from the camera. Many frames of walking and some of flying, while few rays look at two
@@ -22,6 +24,9 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
 /* An option for the latter: each packet of rays walks the tree by itself, not in a beam of packets. Slower, and the
  * same in every bit. */
 #define KARST_CAST_NO_BEAM "-DCAST_NO_BEAM"
+/* Leave out what karst_cast_rays or karst_cast_shadows take, which then fail: there is less to compile. */
+#define KARST_CAST_NO_STREAMS "-DCAST_NO_STREAMS"
+#define KARST_CAST_NO_SHADOWS "-DCAST_NO_SHADOWS"
 /* And one with a factor (printf's %g) on the steps that slopes prove to be safe: 0 for none. */
 #define KARST_CAST_SAFE_STEPS "-DKARST_SAFE_STEP_FACTOR=((float)%g)"
 /* The same with further build options (tests and measurements), such as "-DKARST_SAFE_STEP_SHARE=0.5f". */
@@ -39,13 +44,18 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
  * small). */
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error);
-/* The same for a buffer of karst_ray. any_hit: t and position may stop at
- * the entry of the surface's cell (shadows). Neighbours in the buffer travel together. */
+/* The same for a buffer of karst_ray. any_hit: t and position may stop at the entry of the surface's cell. Neighbours
+ * in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
-/* The same for one ray of each pixel of a picture, at karst_packet_order(x, y, width, height): neighbours there
- * travel together. */
-bool karst_cast_picture_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, int width_px,
-                             int height_px, bool any_hit, karst_buffer *hits, karst_error *error);
+
+/* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
+size_t karst_cast_shadow_bytes(int width_px, int height_px);
+/* Errors: KARST_FAILED if the buffer is too small for them. */
+bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole *pinhole, karst_error *error);
+/* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
+ * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
+bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error);
 
 #endif

@@ -1,6 +1,7 @@
-/* Entry points of shading: shadow rays from hits, and pixels from both. See raycast/shade.h. */
+/* Entry point of shading: pixels, and shadow rays, from hits. See raycast/shade.h. */
 #include "raycast/shade_shared.h"
 #include "raycast/light.clh"
+#include "raycast/shadow_shared.h"
 #include "raycast/surface.clh"
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
@@ -8,8 +9,6 @@
 #include "raycast/exact.clh"
 #endif
 
-/* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
-#define SUN_CONE 0.0093f
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
 
@@ -72,14 +71,6 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
         EACH_LANE(PIXEL_)
     }
 }
-#define RAY_(l)                                                                                                       \
-    if (valid.l) {                                                                                                    \
-        K_GLOBAL float *w = (K_GLOBAL float *)(rays + place.l);                                                       \
-        vstore4((float4)(origin.x.l, origin.y.l, origin.z.l, t_min.l), 0, w);                                         \
-        vstore4((float4)(light.sun_direction[0], light.sun_direction[1], light.sun_direction[2], t_max.l), 0, w + 4); \
-        vstore4((float4)(width.l, cone, as_float(pixel.l), 0.0f), 0, w + 8);                                          \
-    }
-#define STORE_RAYS() EACH_LANE(RAY_)
 #else
 RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width,
                              vint bytes, vfloat distance)
@@ -89,18 +80,6 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
         depth[index] = distance;
     }
 }
-#define STORE_RAYS()                                                                               \
-    if (valid) {                                                                                   \
-        karst_ray ray = {{origin.x, origin.y, origin.z},                                           \
-                         t_min,                                                                    \
-                         {light.sun_direction[0], light.sun_direction[1], light.sun_direction[2]}, \
-                         t_max,                                                                    \
-                         width,                                                                    \
-                         cone,                                                                     \
-                         (uint)pixel,                                                              \
-                         0u};                                                                      \
-        rays[place] = ray;                                                                         \
-    }
 #endif
 
 /* What surfaces are read with: the pools, the view's detail and blend. */
@@ -112,31 +91,31 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
         BRICK_FIELDS, nodes, brick_info, tile_info, pinhole.cone *detail, blend \
     }
 
-__kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
-                                       K_GLOBAL const karst_hit *hits, K_GLOBAL karst_ray *rays)
+#ifdef SHADE_SHADOWS
+/* Writes the shadow rays of a packet: of the lanes `sunny`, towards the sun from just above the surface, which is
+ * `dark` if they do not get there. */
+RAY_INLINE void store_shadow_rays(K_GLOBAL float *rays, size_t plane, vint order, vint valid, float cone, float detail,
+                                  const surface_hits *s, const vector3 *direction, vint sunny, vint dark)
 {
-    const surface_source source = SURFACE_FIELDS;
-    vint x, y;
-    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
-    if (!v_any(valid))
-        return;
-    vector3 direction = pinhole_direction(&pinhole, x, y);
-    vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    prefetch_surface(hits, &source, FIRST_LANE(place), (uint)(pinhole.width_px * pinhole.height_px));
-    surface_hits s = load_surface(hits, &source, place, &direction);
-    vint sunny = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & v_gt(dot3(&s.normal, light.sun_direction), (vfloat)(0.0f));
-    vfloat voxel = v_as_float((s.level + 127) << 23);
-    vfloat offset = voxel * k_fma(s.weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
-    vector3 origin;
-    origin.x = k_fma(direction.x, s.t, s.normal.x * offset);
-    origin.y = k_fma(direction.y, s.t, s.normal.y * offset);
-    origin.z = k_fma(direction.z, s.t, s.normal.z * offset);
-    vfloat t_min = (vfloat)(0.0f), t_max = v_select(sunny, (vfloat)(light.shadow_distance), t_min);
+    vfloat voxel = v_as_float((s->level + 127) << 23);
     /* The level of the hit or coarser, from the first step on. */
-    vfloat width = lane_max(s.t * pinhole.cone, voxel * (1.0001f / detail));
-    float cone = pinhole.cone > SUN_CONE ? pinhole.cone : SUN_CONE;
-    vint pixel = y * pinhole.width_px + x;
-    STORE_RAYS()
+    vfloat width = lane_max(s->t * cone, voxel * (1.0001f / detail));
+    store_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid, v_select(sunny, width, (vfloat)(0.0f)));
+    if (!v_any(sunny))
+        return;
+    vfloat offset = voxel * k_fma(s->weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
+    store_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid, k_fma(direction->x, s->t, s->normal.x * offset));
+    store_ordered(rays + (KARST_SHADOW_ORIGIN + 1) * plane, order, valid,
+                  k_fma(direction->y, s->t, s->normal.y * offset));
+    store_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid,
+                  k_fma(direction->z, s->t, s->normal.z * offset));
+    store_ordered(rays + KARST_SHADOW_DARK * plane, order, valid, v_as_float(dark));
+}
+#endif
+
+RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
+{
+    return tone_byte(c->r, dither) | tone_byte(c->g, dither) << 8 | tone_byte(c->b, dither) << 16 | (int)0xff000000;
 }
 
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
@@ -146,11 +125,12 @@ __kernel K_WIDE void shade_shadow_rays(SURFACE_PARAMETERS, karst_pinhole pinhole
 #define SHADE_CALL RAY_INLINE
 #endif
 
-/* The pixels of a packet. counts: hits, provisional, incomplete, coarser than own_detail. */
+/* The pixels of a packet as they are out of all shadows, and its shadow rays. counts: hits, provisional, incomplete,
+ * coarser than own_detail. */
 SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *pinhole, const karst_light *light,
-                             K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits, int has_shadows,
-                             K_GLOBAL uint *pixels, K_GLOBAL float *depth, const karst_shade_anchor *anchor,
-                             K_GLOBAL const ulong *data, float own_detail, uint packet, __local uint *counts)
+                             K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
+                             K_GLOBAL float *depth, const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
+                             float detail, float own_detail, uint packet, __local uint *counts)
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
@@ -162,19 +142,10 @@ SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light->sun_direction);
         colour c = sky_colour(light, &direction, to_sun);
+        vfloat dither = tone_dither(x, y);
+        vint sunny = (vint)(0), dark = (vint)(0);
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
-            if (has_shadows) {
-#if LANES == 16
-                /* as load_surface does for the hits */
-                for (int line = 0; line < 8; line++)
-                    RAY_PREFETCH((K_GLOBAL const char *)(shadow_hits + FIRST_LANE(place)) + 2048 + 64 * line);
-#endif
-                vint blocked = v_gather_int((K_GLOBAL const int *)shadow_hits,
-                                            place * (int)(sizeof(karst_hit) / sizeof(int)) + 1) &
-                               0xff;
-                lit = v_select(v_eq(blocked, (vint)((int)KARST_HIT_MISS)), lit, (vfloat)(0.0f));
-            }
 #ifdef SHADE_WORLD_COLOUR
             colour albedo = world_albedo(data, anchor, &s, &direction, hit);
 #else
@@ -185,11 +156,20 @@ SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
             c.b = v_select(hit, ground.b, c.b);
+#ifdef SHADE_SHADOWS
+            sunny = hit & v_gt(lit, (vfloat)(0.0f));
+            if (v_any(sunny)) {
+                ground = ground_colour(light, &s.normal, albedo, (vfloat)(0.0f));
+                ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+                dark = pixel_bytes(&ground, dither);
+            }
+#endif
         }
-        vfloat dither = tone_dither(x, y);
-        vint bytes =
-            tone_byte(c.r, dither) | tone_byte(c.g, dither) << 8 | tone_byte(c.b, dither) << 16 | (int)0xff000000;
-        store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, bytes,
+#ifdef SHADE_SHADOWS
+        store_shadow_rays(shadow_rays, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid,
+                          pinhole->cone, detail, &s, &direction, sunny, dark);
+#endif
+        store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, pixel_bytes(&c, dither),
                      v_select(hit, s.t, (vfloat)(INFINITY)));
         counts[0] = (uint)count_lanes(hit);
         counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
@@ -205,10 +185,9 @@ SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *
 }
 
 __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
-                                  K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *shadow_hits,
-                                  int has_shadows, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
-                                  K_GLOBAL uint *counters, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
-                                  float own_detail)
+                                  K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
+                                  K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
+                                  K_GLOBAL const ulong *data, float own_detail)
 {
     const surface_source source = SURFACE_FIELDS;
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
@@ -217,7 +196,7 @@ __kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, kar
     for (int i = 0; i < 4; i++)
         mine[i] = 0;
 
-    shade_packet(&source, &pinhole, &light, hits, shadow_hits, has_shadows, pixels, depth, &anchor, data, own_detail,
+    shade_packet(&source, &pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, detail, own_detail,
                  (uint)get_global_id(0), mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)

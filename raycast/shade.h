@@ -18,7 +18,7 @@ typedef struct {
     const karst_buffer *data; /* borrowed for the shader's life */
 } karst_shade_colour;
 
-/* Builds the shading kernels; the one for shadow rays only if `shadows`. The buffers stay the cache's. Errors:
+/* Builds the shading kernel; one that makes shadow rays, too, if `shadows`. The buffers stay the cache's. Errors:
  * KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
                                   karst_error *error);
@@ -29,16 +29,14 @@ karst_shader *karst_shader_create_coloured(karst_context *context, const karst_c
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
-/* Writes a shadow ray for each hit (idle ones for misses) towards the sun, in packet order (karst_packet_order): the
- * second stream. It starts at the hit's level and grows coarser with the sun's own width. */
-bool karst_shade_make_shadow_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
-                                  const karst_light *light, karst_buffer *hits, karst_buffer *rays, karst_error *error);
 /* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);
- * depth in level-0 voxels along the ray, INFINITY for none. shadow_hits (of the rays above; any_hit will do) NULL: no
- * shadows. counters (4 uints, zeroed by the caller's engine beforehand): hits, provisional, incomplete, coarser than
- * view->own_detail. */
+ * depth in level-0 voxels along the ray, INFINITY for none. counters (4 uints, zeroed by the caller's engine
+ * beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays (karst_cast_shadow_bytes):
+ * NULL exactly if the shader was made without shadows. Else pixels are as they are in the sun, and each hit that faces
+ * it gets a ray, which starts at the hit's level and grows coarser with the sun's own width; karst_cast_shadows then
+ * darkens the pixels that lie in shadow. */
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        const karst_light *light, karst_buffer *hits, karst_buffer *shadow_hits, cl_mem pixels,
+                        const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);
 
 #endif

@@ -119,14 +119,14 @@ int main(int argc, char **argv)
 
     karst_floor *f = karst_floor_create(context, width, height, &error);
     scene_check(f, &error);
-    karst_shader *shader = karst_shader_create(context, &s.buffers, true, &error);
+    const bool shadows = getenv("SHADOWS") != NULL;
+    karst_shader *shader = karst_shader_create(context, &s.buffers, shadows, &error);
     scene_check(shader, &error);
     size_t num_pixels = (size_t)width * height;
     karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4),
                  *depth = scene_buffer(context, "depth", num_pixels * 4);
     karst_buffer *counters = scene_buffer(context, "counters", 16);
-    karst_buffer *rays = scene_buffer(context, "rays", num_pixels * sizeof(karst_ray));
-    karst_buffer *shadow_hits = scene_buffer(context, "shadow_hits", num_pixels * sizeof(karst_hit));
+    karst_buffer *rays = scene_buffer(context, "rays", karst_cast_shadow_bytes(width, height));
     karst_light light = {.sun_direction = {0.766f, 0.35f, 0.539f},
                          .sun_colour = {3.2f, 2.6f, 2.0f},
                          .sky_zenith = {0.10f, 0.24f, 0.55f},
@@ -135,12 +135,13 @@ int main(int argc, char **argv)
                          .ground_steep = {0.27f, 0.23f, 0.19f},
                          .haze_distance = 15000,
                          .shadow_distance = 12000};
-    for (served = getenv("SHADOWS") != NULL; served;) {
+    for (served = shadows; served;) {
         view.serial++;
-        scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
-                        karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
-                        karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error),
-                    &error);
+        scene_check(
+            karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
+                karst_shade_pixels(shader, &view, &pinhole, &light, hits, rays, pixels->mem, depth, counters, &error) &&
+                karst_cast_shadows(caster, &view, &pinhole, &light, rays, pixels->mem, &error),
+            &error);
         served = scene_serve(&s, view.serial);
     }
     printf("with shadows: %u tiles, %u bricks\n", s.num_tiles, s.num_bricks);
@@ -154,15 +155,14 @@ int main(int argc, char **argv)
                     &error);
         cast_ms[i] = (double)ns[KARST_STAGE_CAST] * 1e-6;
         memset(ns, 0, sizeof(ns));
-        scene_check(karst_shade_pixels(shader, &view, &pinhole, &light, hits, getenv("SHADOWS") ? shadow_hits : NULL,
-                                       pixels->mem, depth, counters, &error) &&
+        scene_check(karst_shade_pixels(shader, &view, &pinhole, &light, hits, shadows ? rays : NULL, pixels->mem, depth,
+                                       counters, &error) &&
                         karst_profile_collect(context, ns, &error),
                     &error);
         shade_ms[i] = (double)ns[KARST_STAGE_SHADE] * 1e-6;
         memset(ns, 0, sizeof(ns));
-        if (getenv("SHADOWS"))
-            scene_check(karst_shade_make_shadow_rays(shader, &view, &pinhole, &light, hits, rays, &error) &&
-                            karst_cast_rays(caster, &view, rays, (uint32_t)num_pixels, true, shadow_hits, &error) &&
+        if (shadows)
+            scene_check(karst_cast_shadows(caster, &view, &pinhole, &light, rays, pixels->mem, &error) &&
                             karst_profile_collect(context, ns, &error),
                         &error);
         shadow_ms[i] = (double)(ns[KARST_STAGE_CAST] + ns[KARST_STAGE_SHADE]) * 1e-6;
@@ -195,7 +195,6 @@ int main(int argc, char **argv)
     karst_buffer_destroy(depth);
     karst_buffer_destroy(counters);
     karst_buffer_destroy(rays);
-    karst_buffer_destroy(shadow_hits);
     karst_buffer_destroy(hits);
     scene_destroy(&s);
     karst_context_destroy(context);

@@ -88,6 +88,24 @@ SCENE_UNUSED static karst_context *open_context(int lanes)
     return context;
 }
 
+/* For groups of tests: 16 lanes, 1 lane. */
+SCENE_UNUSED static karst_context *contexts[2];
+SCENE_UNUSED static int open_contexts(void **state)
+{
+    (void)state;
+    contexts[0] = open_context(16);
+    contexts[1] = open_context(1);
+    return 0;
+}
+
+SCENE_UNUSED static int close_contexts(void **state)
+{
+    (void)state;
+    karst_context_destroy(contexts[0]);
+    karst_context_destroy(contexts[1]);
+    return 0;
+}
+
 SCENE_UNUSED static karst_caster *open_caster(const scene *s, const char *options)
 {
     karst_error error = {0};

@@ -9,8 +9,6 @@
 #define NUM_STAMPS 6
 #define NUM_RAYS 1003
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-
 /* Ground with bumps of every size, of which coarser levels lack the finer ones. */
 static double bumps(const double p[3], double width, const void *user)
 {
@@ -20,22 +18,6 @@ static double bumps(const double p[3], double width, const void *user)
         if (size >= 2 * width)
             sum += height * sin(p[0] / size * 3 + i) * cos(p[2] / size * 3 - p[1] / size);
     return sum;
-}
-
-static int open_contexts(void **state)
-{
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
-    return 0;
-}
-
-static int close_contexts(void **state)
-{
-    (void)state;
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
 }
 
 static scene open_scene(double (*density)(const double p[3], double width, const void *user), const void *user)
@@ -176,41 +158,6 @@ static void test_beams_leave_no_trace(void **state)
     scene_destroy(&s);
 }
 
-/* Rays of a picture travel in other beams than those of a stream, to the same ends. */
-static void test_picture_rays_are_rays(void **state)
-{
-    (void)state;
-    karst_error error = {0};
-    static karst_ray rays[NUM_PIXELS];
-    static karst_hit of_stream[NUM_PIXELS], of_picture[NUM_PIXELS];
-    make_rays(rays, NUM_PIXELS);
-    scene s = open_scene(bumps, NULL);
-    karst_caster *caster = open_caster(&s, "");
-    karst_buffer *in = karst_buffer_create(contexts[0], "rays", sizeof(rays), rays, &error),
-                 *hits = scene_buffer(contexts[0], "hits", sizeof(of_stream));
-    scene_check(in, &error);
-    karst_cast_view view = scene_view(&s, above_ground, 1);
-    view.blend = 0.25f;
-    for (view.serial = 1; view.serial < 9; view.serial++) {
-        scene_check(karst_cast_rays(caster, &view, in, NUM_PIXELS, false, hits, &error) &&
-                        karst_buffer_read(hits, 0, of_stream, sizeof(of_stream), &error) &&
-                        karst_buffer_fill(hits, 0, 0, sizeof(of_picture), &error) &&
-                        karst_cast_picture_rays(caster, &view, in, WIDTH, HEIGHT, false, hits, &error) &&
-                        karst_buffer_read(hits, 0, of_picture, sizeof(of_picture), &error),
-                    &error);
-        assert_memory_equal(of_stream, of_picture, sizeof(of_stream));
-        scene_serve(&s, view.serial);
-    }
-    uint32_t num_hits = 0;
-    for (int i = 0; i < NUM_PIXELS; i++)
-        num_hits += KARST_HIT_KIND(of_picture[i].kind) != KARST_HIT_MISS;
-    assert_true(num_hits > NUM_PIXELS / 20);
-    karst_buffer_destroy(in);
-    karst_buffer_destroy(hits);
-    karst_caster_destroy(caster);
-    scene_destroy(&s);
-}
-
 /* Bounds that leave something out would be noticed. */
 static void test_narrow_beams_are_noticed(void **state)
 {
@@ -285,7 +232,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_beams_leave_no_trace),
-        cmocka_unit_test(test_picture_rays_are_rays),
         cmocka_unit_test(test_narrow_beams_are_noticed),
         cmocka_unit_test(test_one_lane_leaves_the_same),
     };

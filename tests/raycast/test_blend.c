@@ -3,8 +3,6 @@
 #include "raycast/shade.h"
 #include "tests/raycast/casting.h"
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-
 /* Here voxels are seen from some 30 voxels away, not from 1000: over the share that views have, that is less than two
  * cells, and hits would be judged by how a cell's cubic follows a bend. */
 #define BLEND 0.125f
@@ -27,22 +25,6 @@ static double bumps(const double p[3], double width, const void *user)
 }
 
 static const ground gentle = {0.1, 0}, steep = {0.6, 0}, rising = {0.5, 2}, leaping = {0.5, 6};
-
-static int open_contexts(void **state)
-{
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
-    return 0;
-}
-
-static int close_contexts(void **state)
-{
-    (void)state;
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
-}
 
 static scene open_scene(karst_context *context, const ground *of)
 {

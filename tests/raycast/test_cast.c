@@ -1,24 +1,6 @@
 /* What a cast finds: closed forms, the interpolant itself, and the hard cases. */
 #include "tests/raycast/casting.h"
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-
-static int open_contexts(void **state)
-{
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
-    return 0;
-}
-
-static int close_contexts(void **state)
-{
-    (void)state;
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
-}
-
 static scene make_scene(karst_context *context, int top_level, scene_density density, const void *user)
 {
     scene s = scene_create(context, 3000, 6000, 1, top_level, density, user);

@@ -2,8 +2,6 @@
  * hold. */
 #include "tests/raycast/casting.h"
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-
 /* Ground with bumps of every size down to a voxel or two, coarser where the voxel is. */
 static double bumps(const double p[3], double width, const void *user)
 {
@@ -17,24 +15,19 @@ static double bumps(const double p[3], double width, const void *user)
 
 static scene built; /* down to level 0, once */
 
-static int open_contexts(void **state)
+static int open_all(void **state)
 {
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
+    open_contexts(state);
     built = scene_create(contexts[0], 1500, 4500, 1, 4, bumps, NULL);
     built.lipschitz = 12;
     scene_build(&built, 0);
     return 0;
 }
 
-static int close_contexts(void **state)
+static int close_all(void **state)
 {
-    (void)state;
     scene_destroy(&built);
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
+    return close_contexts(state);
 }
 
 static scene make_bumps(karst_context *context, uint32_t num_segments)
@@ -351,5 +344,5 @@ int main(void)
         cmocka_unit_test(localisation_is_exact),      cmocka_unit_test(segments_do_not_matter),
         cmocka_unit_test(finer_data_does_not_matter),
     };
-    return cmocka_run_group_tests(tests, open_contexts, close_contexts);
+    return cmocka_run_group_tests(tests, open_all, close_all);
 }

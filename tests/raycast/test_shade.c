@@ -3,25 +3,13 @@
 #include "raycast/tone.clh"
 #include "tests/raycast/casting.h"
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-static scene built;                /* made once */
+static scene built; /* made once */
 
-static int open_contexts(void **state)
+static int close_all(void **state)
 {
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
-    return 0;
-}
-
-static int close_contexts(void **state)
-{
-    (void)state;
     if (built.nodes)
         scene_destroy(&built);
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
+    return close_contexts(state);
 }
 
 static karst_light make_light(double elevation_deg)
@@ -38,13 +26,12 @@ static karst_light make_light(double elevation_deg)
     return light;
 }
 
-/* A picture of a scene in all its parts, on the host. In pixel order but for hits, rays and shadow hits (packet order).
- */
+/* A picture of a scene in all its parts, on the host. In pixel order but for hits and rays (packet order). */
 typedef struct {
     size_t num_pixels;
-    karst_hit *hits, *shadow_hits;
-    karst_ray *rays;
-    uint8_t *rgba;
+    karst_hit *hits;
+    karst_ray *rays;       /* `pixel`: the pixel's colour in shadow */
+    uint8_t *sunny, *rgba; /* without and with shadows */
     float *depth;
     uint32_t counters[4];
 } picture;
@@ -57,6 +44,28 @@ static void *read_all(karst_buffer *buffer)
     return data;
 }
 
+/* Shadow rays as rays for karst_cast_rays; idle where there are none. Malloc'ed. */
+static karst_ray *shadow_rays(karst_buffer *buffer, const karst_pinhole *pinhole, const karst_light *light)
+{
+    size_t num = (size_t)pinhole->width_px * (size_t)pinhole->height_px;
+    float *fields = read_all(buffer);
+    karst_ray *rays = calloc(num, sizeof(*rays));
+    for (size_t i = 0; i < num; i++) {
+        float width = fields[KARST_SHADOW_WIDTH * num + i];
+        if (!(width > 0))
+            continue;
+        for (size_t a = 0; a < 3; a++)
+            rays[i].origin[a] = fields[(KARST_SHADOW_ORIGIN + a) * num + i];
+        memcpy(rays[i].direction, light->sun_direction, sizeof(rays[i].direction));
+        rays[i].t_max = light->shadow_distance;
+        rays[i].width = width;
+        rays[i].cone = fmaxf(pinhole->cone, KARST_SUN_CONE);
+        memcpy(&rays[i].pixel, &fields[KARST_SHADOW_DARK * num + i], sizeof(rays[i].pixel));
+    }
+    free(fields);
+    return rays;
+}
+
 static picture take_picture(const scene *s, const karst_cast_view *view, const karst_pinhole *pinhole,
                             const karst_light *light, bool shadows)
 {
@@ -66,27 +75,25 @@ static picture take_picture(const scene *s, const karst_cast_view *view, const k
     karst_shader *shader = karst_shader_create(s->context, &s->buffers, shadows, &error);
     scene_check(shader, &error);
     karst_buffer *hits = scene_buffer(s->context, "hits", p.num_pixels * sizeof(karst_hit));
-    karst_buffer *rays = scene_buffer(s->context, "rays", p.num_pixels * sizeof(karst_ray));
-    karst_buffer *shadow_hits = scene_buffer(s->context, "shadow_hits", p.num_pixels * sizeof(karst_hit));
+    karst_buffer *rays =
+        scene_buffer(s->context, "rays", karst_cast_shadow_bytes(pinhole->width_px, pinhole->height_px));
     karst_buffer *pixels = scene_buffer(s->context, "pixels", p.num_pixels * 4);
     karst_buffer *depth = scene_buffer(s->context, "depth", p.num_pixels * 4);
     karst_buffer *counters = scene_buffer(s->context, "counters", 16);
-    scene_check(karst_cast_pinhole(caster, view, pinhole, hits, &error), &error);
-    if (shadows)
-        scene_check(karst_shade_make_shadow_rays(shader, view, pinhole, light, hits, rays, &error) &&
-                        karst_cast_rays(caster, view, rays, (uint32_t)p.num_pixels, true, shadow_hits, &error),
-                    &error);
-    scene_check(karst_shade_pixels(shader, view, pinhole, light, hits, shadows ? shadow_hits : NULL, pixels->mem, depth,
-                                   counters, &error),
+    scene_check(karst_cast_pinhole(caster, view, pinhole, hits, &error) &&
+                    karst_shade_pixels(shader, view, pinhole, light, hits, shadows ? rays : NULL, pixels->mem, depth,
+                                       counters, &error),
                 &error);
+    p.sunny = read_all(pixels);
+    if (shadows)
+        scene_check(karst_cast_shadows(caster, view, pinhole, light, rays, pixels->mem, &error), &error);
     p.hits = read_all(hits);
-    p.rays = read_all(rays);
-    p.shadow_hits = read_all(shadow_hits);
+    p.rays = shadow_rays(rays, pinhole, light);
     p.rgba = read_all(pixels);
     p.depth = read_all(depth);
     scene_check(karst_buffer_read(counters, 0, p.counters, 16, &error), &error);
-    karst_buffer *const all[] = {hits, rays, shadow_hits, pixels, depth, counters};
-    for (int i = 0; i < 6; i++)
+    karst_buffer *const all[] = {hits, rays, pixels, depth, counters};
+    for (int i = 0; i < 5; i++)
         karst_buffer_destroy(all[i]);
     karst_shader_destroy(shader);
     karst_caster_destroy(caster);
@@ -97,7 +104,7 @@ static void free_picture(picture *p)
 {
     free(p->hits);
     free(p->rays);
-    free(p->shadow_hits);
+    free(p->sunny);
     free(p->rgba);
     free(p->depth);
 }
@@ -194,8 +201,8 @@ static void gaps_are_counted(void **state)
         for (size_t i = 0; i < p.num_pixels; i++) {
             uint32_t kind = KARST_HIT_KIND(p.hits[i].kind), level = KARST_HIT_LEVEL(p.hits[i].kind);
             float wanted = p.hits[i].t * pinhole.cone * view.own_detail;
-            coarser += kind == KARST_HIT_PROVISIONAL || (kind == KARST_HIT_SURFACE && level > 0 &&
-                                                         ldexpf(1, (int)level) > wanted * 1.0001f);
+            coarser += kind == KARST_HIT_PROVISIONAL ||
+                       (kind == KARST_HIT_SURFACE && level > 0 && ldexpf(1, (int)level) > wanted * 1.0001f);
         }
         assert_true(coarser > provisional);
         assert_int_equal(p.counters[3], coarser);
@@ -228,6 +235,108 @@ static void lanes_and_segments_give_the_same_bytes(void **state)
         free_picture(&p[i]);
 }
 
+static bool is_shadowed(const picture *p, uint32_t pixel)
+{
+    return memcmp(p->sunny + 4 * (size_t)pixel, p->rgba + 4 * (size_t)pixel, 4) != 0;
+}
+
+/* Where a hit at distance t lies in the world. */
+static void hit_place(const karst_pinhole *p, uint32_t x, uint32_t y, float t, double at[3])
+{
+    double sx = ((x + 0.5) * 2 / p->width_px - 1) * p->half_width, d[3], length = 0;
+    double sy = (1 - (y + 0.5) * 2 / p->height_px) * p->half_height;
+    for (int a = 0; a < 3; a++) {
+        d[a] = p->forward[a] + sx * p->right[a] + sy * p->up[a];
+        length += d[a] * d[a];
+    }
+    for (int a = 0; a < 3; a++)
+        at[a] = eye[a] + d[a] * t / sqrt(length);
+}
+
+/* A pixel is dark exactly if its ray, cast among others, does not get to the sun; beams or none, and stamps and wishes
+ * are the same. */
+static void shadows_are_what_rays_meet(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    const karst_pinhole pinhole = make_pinhole(101, 75, 50, -18, 300);
+    const size_t num = 101 * 75;
+    for (int k = 0; k < 3; k++) {
+        scene s = make_scene(contexts[k == 1], k == 2 ? 4 : 1);
+        const karst_light light = make_light(k == 2 ? 35 : 20);
+        karst_cast_view view = scene_view(&s, eye, 1);
+        view.blend = 0.25f;
+        picture p = take_picture(&s, &view, &pinhole, &light, true);
+        karst_buffer *const stamps[3] = {s.buffers.tile_stamp, s.buffers.brick_stamp, s.buffers.want_brick};
+        uint32_t *before[3];
+        for (int i = 0; i < 3; i++)
+            before[i] = read_stamps(stamps[i]);
+        karst_caster *casters[2] = {open_caster(&s, ""), open_caster(&s, KARST_CAST_NO_BEAM)};
+        for (int c = 0; c < 2; c++) {
+            for (int i = 0; i < 3; i++)
+                scene_check(karst_buffer_fill(stamps[i], 0, 0, stamps[i]->size_bytes, &error), &error);
+            free(cast_picture(&s, casters[c], &view, &pinhole));
+            karst_hit *hits = cast(&s, casters[c], &view, p.rays, (uint32_t)num, true);
+            size_t num_dark = 0, num_lit = 0;
+            for (uint32_t y = 0; y < 75; y++)
+                for (uint32_t x = 0; x < 101; x++) {
+                    uint32_t i = karst_packet_order(x, y, 101, 75), pixel = y * 101 + x;
+                    bool blocked = KARST_HIT_KIND(hits[i].kind) != KARST_HIT_MISS;
+                    assert_memory_equal(p.rgba + 4 * pixel, blocked ? (uint8_t *)&p.rays[i].pixel : p.sunny + 4 * pixel,
+                                        4);
+                    num_dark += blocked;
+                    num_lit += !blocked && p.rays[i].t_max > 0;
+                }
+            assert_true(num_dark > 100 && num_lit > 1000);
+            free(hits);
+            for (int i = 0; i < 3; i++) {
+                uint32_t *now = read_stamps(stamps[i]);
+                assert_memory_equal(before[i], now, stamps[i]->size_bytes);
+                free(now);
+            }
+            karst_caster_destroy(casters[c]);
+        }
+        for (int i = 0; i < 3; i++)
+            free(before[i]);
+        free_picture(&p);
+        scene_destroy(&s);
+    }
+}
+
+/* Who goes without shadows compiles nothing for them, and is told so. */
+static void without_shadows_there_is_no_kernel(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    scene s = make_scene(contexts[0], 1);
+    karst_cast_view view = scene_view(&s, eye, 1);
+    const karst_pinhole pinhole = make_pinhole(16, 16, 50, -18, 300);
+    const karst_light light = make_light(35);
+    karst_caster *caster = open_caster(&s, KARST_CAST_NO_SHADOWS " " KARST_CAST_NO_STREAMS);
+    karst_shader *shader = karst_shader_create(s.context, &s.buffers, false, &error);
+    scene_check(shader, &error);
+    karst_buffer *rays = scene_buffer(s.context, "rays", karst_cast_shadow_bytes(16, 16)),
+                 *hits = scene_buffer(s.context, "hits", 256 * sizeof(karst_hit)),
+                 *pixels = scene_buffer(s.context, "pixels", 256 * 4),
+                 *depth = scene_buffer(s.context, "depth", 256 * 4),
+                 *counters = scene_buffer(s.context, "counters", 16);
+    assert_false(karst_cast_shadows(caster, &view, &pinhole, &light, rays, pixels->mem, &error));
+    assert_non_null(strstr(error.message, "without shadows"));
+    error = (karst_error){0};
+    assert_false(karst_cast_rays(caster, &view, hits, 1, true, hits, &error));
+    assert_non_null(strstr(error.message, "without streams"));
+    error = (karst_error){0};
+    scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error), &error);
+    assert_false(karst_shade_pixels(shader, &view, &pinhole, &light, hits, rays, pixels->mem, depth, counters, &error));
+    assert_non_null(strstr(error.message, "without shadows"));
+    karst_shader_destroy(shader);
+    karst_caster_destroy(caster);
+    karst_buffer *const all[] = {rays, hits, pixels, depth, counters};
+    for (int i = 0; i < 5; i++)
+        karst_buffer_destroy(all[i]);
+    scene_destroy(&s);
+}
+
 /* The ball's shadow lies where geometry says, and nowhere else: the lit ground and the lit side of the ball are clear
  * of it. */
 static void shadows_fall_where_they_should(void **state)
@@ -246,16 +355,15 @@ static void shadows_fall_where_they_should(void **state)
                 for (uint32_t x = 0; x < 160; x++) {
                     uint32_t i = karst_packet_order(x, y, 160, 120);
                     const karst_ray *ray = &p.rays[i];
-                    assert_int_equal(ray->pixel, y * 160 + x);
                     if (KARST_HIT_KIND(p.hits[i].kind) == KARST_HIT_MISS) {
                         assert_true(ray->t_max <= ray->t_min);
                         continue;
                     }
-                    assert_memory_equal(ray->direction, sun, 12);
-                    assert_true(ray->width * view.detail >= (float)(1 << KARST_HIT_LEVEL(p.hits[i].kind)));
+                    bool has_ray = ray->t_max > ray->t_min;
+                    if (has_ray)
+                        assert_true(ray->width * view.detail >= (float)(1 << KARST_HIT_LEVEL(p.hits[i].kind)));
                     double at[3], to_ball = 0, along = 0, height;
-                    for (int a = 0; a < 3; a++)
-                        at[a] = eye[a] + ray->origin[a];
+                    hit_place(&pinhole, x, y, p.hits[i].t, at);
                     height = at[1];
                     for (int a = 0; a < 3; a++) {
                         double d = (a == 1 ? 25 : 0) - at[a];
@@ -263,7 +371,8 @@ static void shadows_fall_where_they_should(void **state)
                         along += d * sun[a];
                     }
                     double miss = sqrt(to_ball - along * along);
-                    bool on_ground = height < 5, shadowed = KARST_HIT_KIND(p.shadow_hits[i].kind) != KARST_HIT_MISS;
+                    bool on_ground = height < 5, shadowed = is_shadowed(&p, y * 160 + x);
+                    assert_true(has_ray || (!on_ground && !shadowed)); /* else it faces away */
                     if (on_ground && along > 0 && miss < 10) {
                         assert_true(shadowed);
                         num_shadowed++;
@@ -271,7 +380,7 @@ static void shadows_fall_where_they_should(void **state)
                         assert_false(shadowed);
                         num_lit++;
                     } else if (!on_ground && along < -3) { /* the ball's lit side */
-                        assert_true(ray->t_max > 0);
+                        assert_true(has_ray);
                         assert_false(shadowed);
                         num_lit++;
                     }
@@ -333,7 +442,7 @@ static void light_behaves(void **state)
                 assert_memory_equal(lit, unshadowed, 4);
                 continue;
             }
-            int shadowed = KARST_HIT_KIND(day.shadow_hits[i].kind) != KARST_HIT_MISS;
+            int shadowed = is_shadowed(&day, y * 80 + x);
             counts[shadowed]++;
             sums[shadowed][0] += lit[0] + lit[1] + lit[2];
             sums[shadowed][1] += unshadowed[0] + unshadowed[1] + unshadowed[2];
@@ -376,11 +485,13 @@ int main(void)
         cmocka_unit_test(outputs_belong_to_the_hits),
         cmocka_unit_test(gaps_are_counted),
         cmocka_unit_test(lanes_and_segments_give_the_same_bytes),
+        cmocka_unit_test(shadows_are_what_rays_meet),
+        cmocka_unit_test(without_shadows_there_is_no_kernel),
         cmocka_unit_test(shadows_fall_where_they_should),
         cmocka_unit_test(shadows_want_no_finer_levels),
         cmocka_unit_test(light_behaves),
         cmocka_unit_test(tone_functions_are_close),
     };
-    int failed = cmocka_run_group_tests(tests, open_contexts, close_contexts);
+    int failed = cmocka_run_group_tests(tests, open_contexts, close_all);
     return failed;
 }

@@ -1,0 +1,30 @@
+/* Shadow rays as shading makes them and casting takes them. Compiled twice: see core/dialect.h.
+ *
+ * One for each pixel of a picture, field by field: field f of all rays, in packet order (karst_packet_order), then
+ * field f + 1. So the lanes of a packet are stored and loaded whole. Fields are floats: origin x, y, z (level-0 voxels
+ * from the stream's anchor); the footprint that the ray begins with (0: the pixel has no ray, and its other fields are
+ * not written); and, as bits, the pixel's RGBA8 in shadow.
+ */
+#ifndef KARST_RAYCAST_SHADOW_SHARED_H
+#define KARST_RAYCAST_SHADOW_SHARED_H
+
+#include "core/dialect.h"
+
+#define KARST_SHADOW_ORIGIN 0
+#define KARST_SHADOW_WIDTH 3
+#define KARST_SHADOW_DARK 4
+#define KARST_SHADOW_FIELDS 5
+
+/* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
+#define KARST_SUN_CONE 0.0093f
+
+/* What the rays of a picture have in common. */
+typedef struct {
+    float direction[4]; /* unit, towards the sun; [3] unused */
+    float t_max;        /* level-0 voxels */
+    float cone;         /* growth of the footprint per unit of t */
+    int width_px, height_px;
+} karst_shadow_sun;
+K_ASSERT_SIZE(karst_shadow_sun, 32);
+
+#endif
