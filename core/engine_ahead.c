@@ -18,9 +18,10 @@ typedef struct {
     karst_context *context;
     karst_cache_buffers cache;
     karst_work work;
-    karst_buffer *hits, *rays, *depth, *counters, *pixels;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *pixels;
     karst_cast_view view;
     karst_pinhole pinhole;
+    karst_light light;
 } ahead;
 
 static bool make(ahead *a, karst_buffer **buffer, size_t size_bytes, karst_error *error)
@@ -79,8 +80,10 @@ static bool make_picture(ahead *a, karst_error *error)
     karst_cast_view_init(&a->view, &origin, corner, 8);
     a->view.serial = 1;
     karst_pinhole_init(&a->pinhole, &camera, width_px, height_px, 16);
+    a->light = (karst_light){.sun_direction = {0, 1, 0, 0}, .haze_distance = 1, .shadow_distance = 1};
     return make(a, &a->hits, num_px * sizeof(karst_hit), error) &&
-           make(a, &a->rays, num_px * sizeof(karst_ray), error) && make(a, &a->depth, num_px * sizeof(float), error) &&
+           make(a, &a->shadow_rays, karst_cast_shadow_bytes(width_px, height_px), error) &&
+           make(a, &a->depth, num_px * sizeof(float), error) &&
            make(a, &a->pixels, num_px * 4, error) &&
            make(a, &a->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error);
 }
@@ -95,7 +98,6 @@ static bool compile_production(ahead *a, karst_error *error)
 static bool compile_shading(ahead *a, karst_error *error)
 {
     const bool shadows = !a->config->no_shadows;
-    const karst_light light = {.sun_direction = {0, 1, 0, 0}, .haze_distance = 1, .shadow_distance = 1};
     const karst_position origin = {{0}, {0}};
     void *data = karst_world_file_data(a->world.file, a->world.seed, error);
     size_t data_bytes = a->world.file->data_bytes;
@@ -105,10 +107,9 @@ static bool compile_shading(ahead *a, karst_error *error)
         buffer ? karst_engine_world_shader(&a->world, a->context, &a->cache, shadows, buffer, error) : NULL;
     if (shader)
         karst_shader_set_anchor(shader, &origin);
-    bool done = shader && karst_shade_pixels(shader, &a->view, &a->pinhole, &light, a->hits,
-                                             shadows ? a->hits : NULL, a->pixels->mem, a->depth, a->counters, error) &&
-                (!shadows || karst_shade_make_shadow_rays(shader, &a->view, &a->pinhole, &light, a->hits, a->rays,
-                                                          error));
+    bool done = shader && karst_shade_pixels(shader, &a->view, &a->pinhole, &a->light, a->hits,
+                                             shadows ? a->shadow_rays : NULL, a->pixels->mem, a->depth, a->counters,
+                                             error);
     done = karst_finish(a->context, error) && done;
     karst_shader_destroy(shader);
     karst_buffer_destroy(buffer);
@@ -121,9 +122,8 @@ static bool compile_cast(ahead *a, karst_error *error)
     karst_engine_cast_options(a->config, options, sizeof options);
     karst_caster *caster = karst_caster_create_with(a->context, &a->cache, options, error);
     bool done = caster &&
-                (a->config->no_shadows ||
-                 karst_cast_picture_rays(caster, &a->view, a->rays, a->pinhole.width_px, a->pinhole.height_px, true,
-                                         a->hits, error)) &&
+                (a->config->no_shadows || karst_cast_shadows(caster, &a->view, &a->pinhole, &a->light, a->shadow_rays,
+                                                             a->pixels->mem, error)) &&
                 karst_cast_pinhole(caster, &a->view, &a->pinhole, a->hits, error) && karst_finish(a->context, error);
     karst_caster_destroy(caster);
     return done;
