@@ -24,13 +24,13 @@ typedef struct {
     karst_buffer *brick_info;                                /* karst_brick_info[num_bricks] */
     karst_buffer *brick_owner;                               /* karst_brick_owner[num_bricks] */
     karst_buffer *tile_stamp, *brick_stamp, *brick_fallback; /* uint each */
-    karst_buffer *want_brick, *want_children, *want_chunk;   /* uint each */
+    karst_buffer *want_brick, *want_children, *want_chunk, *want_rays; /* uint each */
     uint32_t num_tiles, num_bricks;                          /* slots, slot 0 (never used) included */
     /* Behind the num_bricks slots lie KARST_CACHE_ROOT_BRICKS more, for the root nodes' bricks alone. */
 } karst_cache_buffers;
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
-#define KARST_CACHE_TILE_BYTES 216
+#define KARST_CACHE_TILE_BYTES 248
 #define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_STRIDE * (bits) / 8 + 48))
 #define KARST_CACHE_BRICK_BYTES KARST_CACHE_BRICK_BYTES_OF(16)
 
@@ -64,8 +64,10 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error);
 typedef struct {
     uint32_t serial;       /* of the cast whose stamps count as "in use" */
     uint32_t frame;        /* for age and churn.reproduced */
-    karst_position camera; /* priority: projected error (2^level over the distance to the node's box), coarse first,
-                              ties by node index */
+    karst_position camera; /* priority: projected error (2^level over the distance to the node's box), coarse first;
+                              later where few of the picture's rays end, or none (karst_want_delay); ties by
+                              node index */
+    uint32_t turn;         /* counts rounds; modulo 256 says which nodes' wants do not wait for others */
     uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
     bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, oldest first */
 } karst_collect_params;

@@ -100,7 +100,8 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
         return false;
     if (!any_wants)
         return true;
-    if (!karst_wants_choose(wants, params->serial, params->camera.voxel, params->max_bricks, params->max_tiles, error))
+    if (!karst_wants_choose(wants, params->serial, params->turn, params->camera.voxel, params->max_bricks,
+                            params->max_tiles, error))
         return false;
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
     work->num_requests = loads->num_all + subdivides->num_all;

@@ -92,8 +92,22 @@ K_ASSERT_SIZE(karst_brick_owner, 8);
  *   want_brick[node]        a ray wants this node's brick
  *   want_children[node]     a ray wants this node's children
  *   want_chunk[node / KARST_REQUEST_CHUNK]   one of the two was stored in this chunk: lets collect skip the rest
+ *   want_rays[node]         how many of the picture's rays ended in this node on a brick that stands in for what it
+ * lacks: the upper half is the serial's lower one, the lower half the number
  */
 #define KARST_REQUEST_CHUNK 512
+
+/* How many a word of want_rays counts for this serial. */
+K_INLINE uint karst_rays_counted(uint word, uint serial)
+{
+    return word >> 16 == (serial & 0xffffu) ? word & 0xffffu : 0u;
+}
+/* The word once `num` more are counted; so many at most that the order in which they come does not matter. */
+K_INLINE uint karst_rays_add(uint word, uint num, uint serial)
+{
+    uint sum = karst_rays_counted(word, serial) + num;
+    return serial << 16 | (sum < 0xffffu ? sum : 0xffffu);
+}
 
 /* A brick pool larger than one allocation is cut in segments of `bricks_per_segment` slots; kernels take this many
  * pointers (unused ones repeat the first). */

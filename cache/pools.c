@@ -91,6 +91,7 @@ static bool create_buffers(karst_cache *cache, size_t max_segment_bytes, karst_e
            (b->want_brick = create_uints(cache, "wants", padded, error)) &&
            (b->want_children = create_uints(cache, "wants", padded, error)) &&
            (b->want_chunk = create_uints(cache, "wants", num_chunks, error)) &&
+           (b->want_rays = create_uints(cache, "wants", padded, error)) &&
            (cache->load_nodes = create_uints(cache, "work_lists", KARST_CACHE_MAX_WORK, error)) &&
            (cache->load_slots = create_uints(cache, "work_lists", KARST_CACHE_MAX_WORK, error)) &&
            (cache->load_results = create_uints(cache, "work_lists", KARST_CACHE_MAX_WORK, error)) &&
@@ -184,7 +185,8 @@ void karst_cache_destroy(karst_cache *cache)
     karst_buffer *buffers[] = {
         b->nodes,          b->tile_info,      b->brick_info,       b->brick_owner,         b->tile_stamp,
         b->brick_stamp,    b->brick_fallback, b->want_brick,       b->want_children,       b->want_chunk,
-        cache->load_nodes, cache->load_slots, cache->load_results, cache->subdivide_nodes, cache->subdivide_tiles};
+        b->want_rays,      cache->load_nodes, cache->load_slots,   cache->load_results,    cache->subdivide_nodes,
+        cache->subdivide_tiles};
     for (size_t i = 0; i < sizeof(buffers) / sizeof(buffers[0]); i++)
         karst_buffer_destroy(buffers[i]);
     for (uint32_t i = 0; i < b->num_segments; i++)
@@ -229,6 +231,7 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error)
         !fill_all(b->tile_stamp, 0, error) || !fill_all(b->brick_stamp, 0, error) ||
         !fill_all(b->brick_fallback, 0, error) || !fill_all(b->want_brick, 0, error) ||
         !fill_all(b->want_children, 0, error) || !fill_all(b->want_chunk, 0, error) ||
+        !fill_all(b->want_rays, 0, error) ||
         !karst_lru_reset(&cache->tiles, error) || !karst_lru_reset(&cache->bricks, error))
         return false;
     karst_slots_reset(&cache->tile_slots);

@@ -143,8 +143,8 @@ static bool launch_list(karst_wants *wants, uint32_t first, uint32_t num, karst_
 {
     return KARST_ARGUMENTS(wants->list, error, KARST_BUFFER_ARG(wants->active), KARST_VALUE_ARG(first),
                            KARST_VALUE_ARG(num), KARST_BUFFER_ARG(wants->marks), KARST_BUFFER_ARG(wants->counts),
-                           KARST_BUFFER_ARG(wants->pools->tile_info), KARST_VALUE_ARG(view),
-                           KARST_BUFFER_ARG(wants->wants)) &&
+                           KARST_BUFFER_ARG(wants->pools->tile_info), KARST_BUFFER_ARG(wants->pools->want_rays),
+                           KARST_VALUE_ARG(view), KARST_BUFFER_ARG(wants->wants)) &&
            karst_launch(wants->context, wants->list, STAGE, num, wants->shape.chunk_local, error);
 }
 
@@ -161,10 +161,11 @@ static bool find_active(karst_wants *wants, uint32_t serial, uint32_t *num_activ
     return karst_cache_send(wants->active, 0, wants->host_active, num * sizeof(*wants->host_active), error);
 }
 
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], uint32_t max_loads,
                         uint32_t max_subdivides, karst_error *error)
 {
-    karst_wants_view view = {{camera[0], camera[1], camera[2]}, serial, wants->pools->num_tiles * KARST_TILE_NODES};
+    karst_wants_view view = {
+        {camera[0], camera[1], camera[2]}, serial, wants->pools->num_tiles * KARST_TILE_NODES, turn, 0};
     max_loads = max_loads < KARST_CACHE_MAX_WORK ? max_loads : KARST_CACHE_MAX_WORK;
     max_subdivides = max_subdivides < KARST_CACHE_MAX_WORK ? max_subdivides : KARST_CACHE_MAX_WORK;
     wants->loads->num = wants->loads->num_all = 0;

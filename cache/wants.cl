@@ -100,7 +100,7 @@ static uint class_of(uint node, karst_wants_view view, __global const karst_tile
 /* The wants of active chunks [first, first + num): those of chunk i go to wants[offsets[i]...]. */
 __kernel void karst_wants_list(__global const uint *active, uint first, uint num, __global const uint2 *marks,
                                __global const uint *offsets, __global const karst_tile_info *tile_info,
-                               karst_wants_view view, __global karst_want *wants)
+                               __global const uint *want_rays, karst_wants_view view, __global karst_want *wants)
 {
     uint item = first + (uint)get_global_id(0);
     if (item >= first + num)
@@ -112,6 +112,7 @@ __kernel void karst_wants_list(__global const uint *active, uint first, uint num
             uint bit = 31 - clz(left & -left);
             uint node = active[item] * KARST_REQUEST_CHUNK + i * 32 + bit;
             karst_want want = {node, class_of(node, view, tile_info)};
+            want.what += karst_want_delay(node, karst_rays_counted(want_rays[node], view.serial), view.turn);
             want.what |= (word.x >> bit & 1 ? KARST_WANT_BRICK : 0u) | (word.y >> bit & 1 ? KARST_WANT_CHILDREN : 0u);
             wants[at++] = want;
         }

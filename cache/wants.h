@@ -47,8 +47,8 @@ void karst_wants_finish(karst_wants *wants);
 bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants,
                         karst_error *error);
 /* Reads the wants of a serial and chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK
- * of either) into wants->loads and wants->subdivides. */
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, const int64_t camera[3], uint32_t max_loads,
+ * of either) into wants->loads and wants->subdivides. `turn` as in karst_want_delay. */
+bool karst_wants_choose(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], uint32_t max_loads,
                         uint32_t max_subdivides, karst_error *error);
 /* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads
  * first. */

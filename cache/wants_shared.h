@@ -21,8 +21,10 @@ typedef struct {
     long camera[3]; /* level-0 voxel */
     uint serial;
     uint num_nodes;
+    uint turn; /* of karst_want_delay */
+    uint pad;
 } karst_wants_view;
-K_ASSERT_SIZE(karst_wants_view, 32);
+K_ASSERT_SIZE(karst_wants_view, 40);
 
 /* Level-0 voxels between the camera and a node's extent on one axis, exact; 0: inside. `shift` is log2 of the node's
  * width, at most 63: unsigned, since the gap may be longer than an int64 holds. */
@@ -46,7 +48,21 @@ K_INLINE uint karst_want_class(int level, ulong gap_x, ulong gap_y, ulong gap_z)
           z = (float)gap_z * 0.25f; /* 2^64 squared would be too large */
     float squared = k_max(x * x + y * y + z * z, 0.0625f);
     return (k_as_uint(squared) >> 20) +
-           16u * (uint)(59 - level); /* level at most 59: 2040 + 944 < KARST_WANT_CLASSES */
+           16u * (uint)(59 - level); /* level at most 59: 2040 + 944, and a delay of 64, < KARST_WANT_CLASSES */
+}
+
+/* By how many classes a want waits for those of nodes in which more of the picture's rays end: half an octave for each
+ * halving of their number (from 128 on), four octaves where they only pass. A pixel has the level of the brick that it
+ * ends in, so these are the bricks that it is short of; nearly half of those that rays pass turn out to be clear. Lest
+ * what nothing ends in yet waits for ever (a thin thing that no stand-in shows), each node has its turn in one of so
+ * many rounds, in which its error alone counts. */
+#define KARST_WANT_TURNS 256u
+K_INLINE uint karst_want_delay(uint node, uint num_rays, uint turn)
+{
+    uint delay = (node + turn) % KARST_WANT_TURNS ? 64u : 0u;
+    for (; num_rays && delay; num_rays >>= 1)
+        delay -= 8u;
+    return delay;
 }
 
 /* Which of a node's wants count: for what it does not have and could have. */

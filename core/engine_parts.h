@@ -94,6 +94,7 @@ struct karst_engine {
     karst_ladder ladder;
     karst_pace pace;
     uint32_t serial, frame;
+    uint32_t turn; /* of answering what was asked for */
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
     bool have_previous;
     karst_stats stats;

@@ -73,6 +73,7 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
 {
     karst_collect_params params = {.serial = engine->serial,
                                    .frame = engine->frame,
+                                   .turn = engine->turn++,
                                    .camera = *from,
                                    .max_tiles = left->tiles,
                                    .max_bricks = left->bricks,

@@ -35,6 +35,7 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_
     karst_cast_view_init(&view, &camera->position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
     view.detail = (float)karst_engine_detail_px(engine);
+    view.stands_for = SCOUT_PIXELS * SCOUT_PIXELS;
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
     karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
     pinhole.width_px = scout_side(width_px);

@@ -96,6 +96,7 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
     memset(view, 0, sizeof(*view));
     view->top_level = top_level;
     view->detail = 1;
+    view->stands_for = 1;
     for (int a = 0; a < 3; a++) {
         for (int level = 0; level <= top_level; level++) {
             int shift = KARST_BRICK_CELLS_LOG2 + level;
@@ -152,7 +153,7 @@ static size_t num_groups(int width_px, int height_px)
         KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]),          \
         KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment), KARST_BUFFER_ARG((c).tile_stamp), \
         KARST_BUFFER_ARG((c).brick_stamp), KARST_BUFFER_ARG((c).brick_fallback), KARST_BUFFER_ARG((c).want_brick),  \
-        KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk)
+        KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk), KARST_BUFFER_ARG((c).want_rays)
 
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error)

@@ -72,7 +72,7 @@ typedef struct {
     float blend;  /* the last share of each level, counted in footprints, in which it turns into the next; 0: none. At
                      most 0.5 */
     float own_detail; /* hits on coarser levels than this asks for are counted; 0: none are. Rays do not look at it */
-    uint pad;
+    uint stands_for;  /* rays of the picture that each of this cast's stands for */
 } karst_cast_view;
 
 #endif

@@ -552,14 +552,7 @@ static void test_the_same_stamps_with_many_wants_in_pieces(void **state)
     for (uint32_t node = 8; node < rig.num_nodes; node++) {
         if (!rig.tiles[node / 8].in_use)
             continue;
-        int64_t at[3];
-        rig_node_at(&rig, node, at);
-        int level = rig.tiles[node / 8].level;
-        uint64_t key =
-            (uint64_t)karst_want_class(level, karst_want_gap(at[0], 12345, level + 4),
-                                       karst_want_gap(at[1], 0, level + 4), karst_want_gap(at[2], 0, level + 4))
-                << 32 |
-            node;
+        uint64_t key = (uint64_t)rig_want_class(&rig, node) << 32 | node;
         for (int k = 0; k < 15; k++)
             if (key < best[k]) {
                 uint64_t other = best[k];

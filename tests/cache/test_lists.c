@@ -259,6 +259,10 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
         rig.nodes[node] = (karst_node){
             KARST_NODE_LINK(node_state, random_below(3) == 0 && node_state != 1 && node_state != 2 ? 1u : 0u),
             node_state == KARST_STATE_BRICK};
+        if (random_below(2))
+            rig_end_rays(&rig, node, random_below(2) ? random_below(9) : random_below(300));
+        else
+            rig.want_rays[node] = random_below(2) << 16 | random_below(300); /* of the cast before, or of none */
         for (int kind = 0; kind < 2; kind++) {
             uint32_t *want = kind ? rig.want_children : rig.want_brick;
             want[node] = rig.serial - 1 + fits(kind ? children : bricks, node - 8, rig.num_nodes - 8);
@@ -271,12 +275,7 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
                                : node_state != KARST_STATE_BRICK);
             if (!valid)
                 continue;
-            int64_t at[3];
-            rig_node_at(&rig, node, at);
-            uint32_t c =
-                karst_want_class(info->level, karst_want_gap(at[0], rig.camera.voxel[0], info->level + 4),
-                                 karst_want_gap(at[1], 0, info->level + 4), karst_want_gap(at[2], 0, info->level + 4));
-            keys[kind][num[kind]++] = (uint64_t)c << 32 | node;
+            keys[kind][num[kind]++] = (uint64_t)rig_want_class(&rig, node) << 32 | node;
         }
     }
     rig_write_stamps(&rig);
@@ -289,7 +288,7 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
     assert_int_equal(counted_tiles, used_tiles);
     assert_int_equal(counted_bricks, used_bricks);
     assert_int_equal(any, asked);
-    assert_true(karst_wants_choose(wants, rig.serial, rig.camera.voxel, limit, limit, NULL));
+    assert_true(karst_wants_choose(wants, rig.serial, rig.serial, rig.camera.voxel, limit, limit, NULL));
     for (int kind = 0; kind < 2; kind++) {
         const karst_wants_choice *choice = kind ? wants->subdivides : wants->loads;
         qsort(keys[kind], num[kind], sizeof(uint64_t), compare_uint64);

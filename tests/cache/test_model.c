@@ -214,7 +214,7 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
         if (!m->tiles[node / 8].in_use || state == KARST_STATE_AIR || state == KARST_STATE_SOLID ||
             rig->want_chunk[node / KARST_REQUEST_CHUNK] != m->serial)
             continue;
-        wish w = {class_of(m, node, rig->camera.voxel), node};
+        wish w = {class_of(m, node, rig->camera.voxel) + rig_want_delay(rig, node), node};
         if (rig->want_brick[node] == m->serial && state != KARST_STATE_BRICK && !m->nodes[node].brick)
             m->loads[num_loads++] = w;
         if (rig->want_children[node] == m->serial && !KARST_NODE_CHILDREN(m->nodes[node].link) &&
@@ -422,6 +422,8 @@ static void wander(cache_rig *rig, uint32_t tile, uint32_t greed)
             rig->brick_fallback[brick] = rig->serial;
         else
             rig_want_brick(rig, node);
+        if (random_below(3) == 0)
+            rig_end_rays(rig, node, random_below(200));
     }
     if (random_below(40) == 0)
         rig->tile_stamp[tile] = rig->serial - 1; /* a shortcut went past it */

@@ -95,7 +95,7 @@ static void test_production_keeps_to_the_budget(void **state)
     for (int frame = 0; frame < 60; frame++) {
         karst_stats stats;
         camera.position =
-            karst_position_add_m(camera.position, (double[3]){60, 0, 45}, karst_engine_voxel_log2_m(engine));
+            karst_position_add_m(camera.position, (double[3]){100, 0, 75}, karst_engine_voxel_log2_m(engine));
         assert_ok(karst_engine_set_camera(engine, &camera, &error));
         assert_ok(karst_engine_frame(engine, &error));
         karst_engine_stats(engine, &stats);
@@ -107,9 +107,9 @@ static void test_production_keeps_to_the_budget(void **state)
         /* What is not there yet stands in coarser: never a hole. */
         assert_int_equal(stats.num_incomplete, 0);
     }
-    print_message("of a budget of %.2f ms frames used %.2f to %.2f ms\n", BUDGET_NS / 1e6, least_ns / 1e6,
-                  most_ns / 1e6);
-    assert_true(num_deferred > 100);
+    print_message("of a budget of %.2f ms frames used %.2f to %.2f ms; %llu put off\n", BUDGET_NS / 1e6, least_ns / 1e6,
+                  most_ns / 1e6, (unsigned long long)num_deferred);
+    assert_true(num_deferred > 1000);
     assert_true(most_ns <= BUDGET_NS);
     /* Tiles get room for more than last time: what they do not take is not used. */
     assert_true(least_ns > 0.8 * BUDGET_NS);
@@ -130,7 +130,7 @@ static void test_what_is_asked_for_is_there(void **state)
     flight_settle(engine, &camera, &picture);
     assert_int_equal(picture.stats.num_coarser, 0);
     assert_ok(karst_engine_set_budget_ms(engine, 2, &error));
-    karst_engine_pretend_cost(engine, 200e3, 60e3);
+    karst_engine_pretend_cost(engine, 400e3, 120e3);
     karst_stats stats;
     double sum = 0, least = 1, most_px = 0, sum_own = 0;
     enum { FRAMES = 100 };
@@ -167,6 +167,7 @@ static void test_what_is_asked_for_is_there(void **state)
                   stats.detail_given_px);
     assert_true(whole_at > 0);
     assert_true(stats.detail_given_px > config.detail_px && stats.detail_given_px <= 8 * config.detail_px);
+    karst_engine_pretend_cost(engine, 40e3, 12e3);
     flight_settle(engine, NULL, &settled);
     assert_true(settled.stats.detail_given_px == config.detail_px);
     assert_int_equal(settled.stats.num_coarser, 0);
@@ -181,6 +182,7 @@ static void test_an_engine_makes_what_the_model_says(void **state)
 {
     (void)state;
     karst_engine_config config = flight_config("hills");
+    config.detail_px = 0.25;
     karst_engine *engine = flight_engine(&config);
     karst_camera camera = flight_camera(engine, "0,520,0,30,-35");
     static flight_picture picture;
@@ -203,7 +205,7 @@ static void test_an_engine_makes_what_the_model_says(void **state)
                   (unsigned long long)num_produced, (unsigned long long)num_deferred, FRAMES);
     assert_true(num_produced >= FRAMES);
     assert_true(num_produced <= 4 * FRAMES);
-    assert_true(num_deferred > 10 * FRAMES);
+    assert_true(num_deferred > 100 * FRAMES);
     karst_engine_destroy(engine);
 }
 

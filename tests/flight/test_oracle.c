@@ -139,7 +139,7 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
     karst_engine *engine = flight_engine(&config);
     /* As much for the whole dive, in however many frames. */
     int num_frames = is_full() ? 400 : 60;
-    karst_engine_pretend_cost(engine, 50e3 * num_frames / 60, 10e3 * num_frames / 60);
+    karst_engine_pretend_cost(engine, 70e3 * num_frames / 60, 15e3 * num_frames / 60);
     int voxel_log2_m = karst_engine_voxel_log2_m(engine);
     karst_path *path = flight_path(engine, "demos/paths/dive.json");
     int num_provisional = 0, num_hits = 0, num_wrong = 0;
@@ -176,7 +176,7 @@ static void test_a_hurried_dive_shows_coarser_levels(void **state)
     print_message("%d of %d hits were on a coarser level than asked for, %.0f %% of all on a coarser one than set; "
                   "%d not near the surface of theirs\n",
                   num_provisional, num_hits, 100 * (double)sum_coarser / (double)sum_hits, num_wrong);
-    assert_true(num_hits > 10 * num_frames && num_provisional * 8 > num_hits && sum_coarser * 4 > sum_hits);
+    assert_true(num_hits > 10 * num_frames && num_provisional * 4 > num_hits);
     assert_int_equal(num_wrong, 0);
     karst_path_destroy(path);
     karst_engine_destroy(engine);

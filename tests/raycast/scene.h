@@ -73,6 +73,7 @@ SCENE_UNUSED static scene scene_create(karst_context *context, uint32_t max_tile
     b->want_brick = scene_buffer(context, "stamps", max_tiles * 32);
     b->want_children = scene_buffer(context, "stamps", max_tiles * 32);
     b->want_chunk = scene_buffer(context, "stamps", (max_tiles * 8 / KARST_REQUEST_CHUNK + 1) * 4);
+    b->want_rays = scene_buffer(context, "stamps", max_tiles * 32);
     s.nodes = calloc((size_t)max_tiles * 8, sizeof(karst_node));
     s.tiles = calloc(max_tiles, sizeof(karst_tile_info));
     s.brick_info = calloc(max_bricks, sizeof(karst_brick_info));
@@ -100,6 +101,7 @@ SCENE_UNUSED static void scene_destroy(scene *s)
     karst_buffer_destroy(b->want_brick);
     karst_buffer_destroy(b->want_children);
     karst_buffer_destroy(b->want_chunk);
+    karst_buffer_destroy(b->want_rays);
     free(s->nodes);
     free(s->tiles);
     free(s->brick_info);
@@ -123,9 +125,9 @@ SCENE_UNUSED static void scene_upload(scene *s)
                                        (size_t)count * KARST_BRICK_STRIDE * 2, &error),
                     &error);
     }
-    karst_buffer *stamps[] = {b->tile_stamp, b->brick_stamp,   b->brick_fallback,
-                              b->want_brick, b->want_children, b->want_chunk};
-    for (int i = 0; i < 6; i++)
+    karst_buffer *stamps[] = {b->tile_stamp,    b->brick_stamp, b->brick_fallback, b->want_brick,
+                              b->want_children, b->want_chunk,  b->want_rays};
+    for (size_t i = 0; i < sizeof stamps / sizeof *stamps; i++)
         scene_check(karst_buffer_fill(stamps[i], 0, 0, stamps[i]->size_bytes, &error), &error);
 }
 

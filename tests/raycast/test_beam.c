@@ -6,7 +6,7 @@
 #define WIDTH 93 /* no whole number of packets or tiles */
 #define HEIGHT 61
 #define NUM_PIXELS (WIDTH * HEIGHT)
-#define NUM_STAMPS 6
+#define NUM_STAMPS 7
 #define NUM_RAYS 1003
 
 /* Ground with bumps of every size, of which coarser levels lack the finer ones. */
@@ -40,7 +40,8 @@ typedef struct {
 static karst_buffer *stamp_buffer(const scene *s, int i)
 {
     karst_buffer *const all[NUM_STAMPS] = {s->buffers.tile_stamp, s->buffers.brick_stamp,   s->buffers.brick_fallback,
-                                           s->buffers.want_brick, s->buffers.want_children, s->buffers.want_chunk};
+                                           s->buffers.want_brick, s->buffers.want_children, s->buffers.want_chunk,
+                                           s->buffers.want_rays};
     return all[i];
 }
 

@@ -63,11 +63,13 @@ static size_t count_kind(const karst_hit *hits, size_t n, uint32_t kind)
 static bool same_stamps(const scene *a, const scene *b)
 {
     karst_buffer *const x[] = {a->buffers.tile_stamp, a->buffers.brick_stamp,   a->buffers.brick_fallback,
-                               a->buffers.want_brick, a->buffers.want_children, a->buffers.want_chunk};
+                               a->buffers.want_brick, a->buffers.want_children, a->buffers.want_chunk,
+                               a->buffers.want_rays};
     karst_buffer *const y[] = {b->buffers.tile_stamp, b->buffers.brick_stamp,   b->buffers.brick_fallback,
-                               b->buffers.want_brick, b->buffers.want_children, b->buffers.want_chunk};
+                               b->buffers.want_brick, b->buffers.want_children, b->buffers.want_chunk,
+                               b->buffers.want_rays};
     bool same = true;
-    for (int i = 0; i < 6; i++) {
+    for (size_t i = 0; i < sizeof(x) / sizeof(x[0]); i++) {
         uint32_t *p = read_stamps(x[i]), *q = read_stamps(y[i]);
         same = same && memcmp(p, q, x[i]->size_bytes) == 0;
         free(p);

@@ -328,13 +328,63 @@ static void finest_level_is_kept(void **state)
     scene_destroy(&s);
 }
 
+/* Of a picture's rays those that end on a stand-in are counted at the node that they ended in, for as many as each
+ * stands for; those that pass are not, nor are other streams', nor those of casts before. */
+static void rays_that_end_on_stand_ins_are_counted(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, EVERY_LEVEL);
+        /* One lacks its children and another its brick, too; the one above it, in the air, may not be counted. */
+        uint32_t bare = node_under(&s, 2), lost = scene_find(&s, (const double[3]){anchor[0] - 16, 0.4, anchor[2]}, 0);
+        const uint32_t above = scene_find(&s, (const double[3]){anchor[0] - 16, 17, anchor[2]}, 0);
+        s.nodes[bare].link = KARST_NODE_LINK(KARST_STATE_BRICK, 0);
+        s.nodes[lost] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
+        s.nodes[above] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
+        scene_upload(&s);
+        karst_hit hit = cast_down(&s, caster, 0, 3);
+        assert_int_equal(KARST_HIT_KIND(hit.kind), KARST_HIT_PROVISIONAL);
+        assert_int_equal(stamp_of(s.buffers.want_rays, bare), 0);
+        const karst_pinhole pinhole = make_pinhole(70, 60, 30, -85, 200);
+        for (uint32_t serial = 4; serial < 7; serial++) {
+            karst_cast_view view = scene_view(&s, anchor, 1);
+            view.serial = serial;
+            view.stands_for = serial == 6 ? 49 : 1;
+            karst_hit *hits = cast_picture(&s, caster, &view, &pinhole);
+            uint32_t num_bare = 0, num_lost = 0;
+            for (int i = 0; i < 70 * 60; i++)
+                if (KARST_HIT_KIND(hits[i].kind) == KARST_HIT_PROVISIONAL) {
+                    num_bare += hits[i].node == bare;
+                    num_lost += hits[i].node != bare;
+                }
+            assert_true(num_bare > 100 && num_lost > 20);
+            uint32_t *words = read_stamps(s.buffers.want_rays);
+            for (uint32_t node = 8; node < s.num_tiles * 8; node++) {
+                uint32_t num = (node == bare ? num_bare : node == lost ? num_lost : 0) * view.stands_for;
+                assert_int_equal(karst_rays_counted(words[node], serial), num < 0xffff ? num : 0xffff);
+            }
+            assert_int_equal(stamp_of(s.buffers.want_brick, above), serial);
+            free(words);
+            free(hits);
+        }
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+    /* More than a word counts are that many, whoever comes last; half a word of the serial is told. */
+    assert_int_equal(karst_rays_counted(karst_rays_add(karst_rays_add(7u << 16 | 0xfff0, 9, 7), 9, 7), 7), 0xffff);
+    assert_int_equal(karst_rays_counted(karst_rays_add(karst_rays_add(6u << 16 | 5, 9, 0x10007), 2, 0x10007), 7), 11);
+    assert_int_equal(karst_rays_counted(6u << 16 | 5, 7), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(settled_leaves_use_only),      cmocka_unit_test(missing_children_are_wanted),
         cmocka_unit_test(missing_bricks_are_wanted),    cmocka_unit_test(unknown_is_incomplete),
         cmocka_unit_test(hidden_things_are_not_wanted), cmocka_unit_test(level_follows_footprint),
-        cmocka_unit_test(finest_level_is_kept),
+        cmocka_unit_test(finest_level_is_kept),         cmocka_unit_test(rays_that_end_on_stand_ins_are_counted),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
 }

@@ -65,14 +65,16 @@ void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32
     rig->want_brick = copy_for(rig->pools->want_brick);
     rig->want_children = copy_for(rig->pools->want_children);
     rig->want_chunk = copy_for(rig->pools->want_chunk);
+    rig->want_rays = copy_for(rig->pools->want_rays);
     rig_place_root(rig, (const int64_t[3]){-1, -1, -1}, level);
 }
 
 void rig_close(cache_rig *rig)
 {
     karst_cache_destroy(rig->cache);
-    void *copies[] = {rig->nodes,          rig->tiles,      rig->owners,        rig->tile_stamp, rig->brick_stamp,
-                      rig->brick_fallback, rig->want_brick, rig->want_children, rig->want_chunk};
+    void *copies[] = {rig->nodes,       rig->tiles,          rig->owners,     rig->tile_stamp,
+                      rig->brick_stamp, rig->brick_fallback, rig->want_brick, rig->want_children,
+                      rig->want_chunk,  rig->want_rays};
     for (size_t i = 0; i < sizeof(copies) / sizeof(copies[0]); i++)
         free(copies[i]);
 }
@@ -128,6 +130,32 @@ void rig_want_children(cache_rig *rig, uint32_t node)
     rig_walk(rig, node);
 }
 
+void rig_end_rays(cache_rig *rig, uint32_t node, uint32_t num)
+{
+    rig->want_rays[node] = (rig->serial & 0xffff) << 16 | num;
+}
+
+uint32_t rig_want_class(const cache_rig *rig, uint32_t node)
+{
+    const karst_tile_info *tile = &rig->tiles[node / KARST_TILE_NODES];
+    uint64_t gap[3];
+    for (int axis = 0; axis < 3; axis++) { /* in 128 bits */
+        __int128 width = (__int128)1 << (tile->level + KARST_BRICK_CELLS_LOG2);
+        __int128 low = (tile->corner[axis] + (int64_t)(node >> axis & 1)) * width, c = rig->camera.voxel[axis];
+        gap[axis] = (uint64_t)(c < low ? low - c : c > low + width ? c - low - width : 0);
+    }
+    return karst_want_class(tile->level, gap[0], gap[1], gap[2]) + rig_want_delay(rig, node);
+}
+
+uint32_t rig_want_delay(const cache_rig *rig, uint32_t node)
+{
+    uint32_t rays = rig->want_rays[node] >> 16 == (rig->serial & 0xffff) ? rig->want_rays[node] & 0xffff : 0;
+    uint32_t delay = 64;
+    for (uint32_t least = 1; least <= 128 && rays >= least; least *= 2)
+        delay -= 8;
+    return (node + rig->serial) % 256 == 0 ? 0 : delay;
+}
+
 void rig_write_stamps(cache_rig *rig)
 {
     write_all(rig->pools->tile_stamp, rig->tile_stamp);
@@ -136,6 +164,7 @@ void rig_write_stamps(cache_rig *rig)
     write_all(rig->pools->want_brick, rig->want_brick);
     write_all(rig->pools->want_children, rig->want_children);
     write_all(rig->pools->want_chunk, rig->want_chunk);
+    write_all(rig->pools->want_rays, rig->want_rays);
 }
 
 void rig_read(cache_rig *rig)
@@ -150,6 +179,7 @@ void rig_read(cache_rig *rig)
     read_some(b->want_brick, 0, rig->want_brick, b->want_brick->size_bytes);
     read_some(b->want_children, 0, rig->want_children, b->want_children->size_bytes);
     read_some(b->want_chunk, 0, rig->want_chunk, b->want_chunk->size_bytes);
+    read_some(b->want_rays, 0, rig->want_rays, b->want_rays->size_bytes);
 }
 
 void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool may_drop_fallback)
@@ -157,6 +187,7 @@ void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool m
     karst_error error = {0};
     karst_collect_params params = {.serial = rig->serial,
                                    .frame = rig->frame,
+                                   .turn = rig->serial,
                                    .camera = rig->camera,
                                    .max_tiles = max_tiles,
                                    .max_bricks = max_bricks,

@@ -23,7 +23,7 @@ typedef struct {
     karst_node *nodes;
     karst_tile_info *tiles;
     karst_brick_owner *owners;
-    uint32_t *tile_stamp, *brick_stamp, *brick_fallback, *want_brick, *want_children, *want_chunk;
+    uint32_t *tile_stamp, *brick_stamp, *brick_fallback, *want_brick, *want_children, *want_chunk, *want_rays;
     karst_work work; /* of the last rig_collect, and copies of its lists */
     uint32_t load_nodes[KARST_CACHE_MAX_WORK], load_slots[KARST_CACHE_MAX_WORK];
     uint32_t subdivide_nodes[KARST_CACHE_MAX_WORK], subdivide_tiles[KARST_CACHE_MAX_WORK];
@@ -51,6 +51,10 @@ void rig_use_brick(cache_rig *rig, uint32_t brick);    /* walks to its owner too
 void rig_use_stand_in(cache_rig *rig, uint32_t brick); /* likewise */
 void rig_want_brick(cache_rig *rig, uint32_t node);    /* likewise */
 void rig_want_children(cache_rig *rig, uint32_t node);
+void rig_end_rays(cache_rig *rig, uint32_t node, uint32_t num); /* so many end in it, on a stand-in */
+/* The class that a node's wants have, the plain way: by their error, and how long they wait by their rays. */
+uint32_t rig_want_class(const cache_rig *rig, uint32_t node);
+uint32_t rig_want_delay(const cache_rig *rig, uint32_t node);
 
 void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool may_drop_fallback);
 void rig_produce(cache_rig *rig);
