@@ -1,24 +1,6 @@
 /* Levels by footprint, and what rays leave behind: stamps, wants, stand-ins, holes. */
 #include "tests/raycast/casting.h"
 
-static karst_context *contexts[2]; /* 16 lanes, 1 lane */
-
-static int open_contexts(void **state)
-{
-    (void)state;
-    contexts[0] = open_context(16);
-    contexts[1] = open_context(1);
-    return 0;
-}
-
-static int close_contexts(void **state)
-{
-    (void)state;
-    karst_context_destroy(contexts[0]);
-    karst_context_destroy(contexts[1]);
-    return 0;
-}
-
 /* A floor, and a ray down on it from `height` that asks for `level` there (or finer). */
 static const double ground[5] = {0, 1, 0, 0.5, 0};
 static const double anchor[3] = {5.25, 40.5, 6.75};
