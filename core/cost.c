@@ -10,6 +10,9 @@
 /* Before a number of tiles is known, and as its room to grow. */
 #define TILES_AT_LEAST 8u
 #define TILES_SHARE (1.0 / 3)
+/* With so much time there are further rounds for what a round's share leaves, and what is expected of small budgets says
+ * little. */
+#define AMPLE_NS 50e6
 
 void karst_cost_init(karst_cost *cost) { *cost = (karst_cost){.tiles_expected = TILES_AT_LEAST}; }
 
@@ -80,7 +83,7 @@ karst_cost_limits karst_cost_plan(const karst_cost *cost, double budget_ns, uint
 {
     karst_cost_limits limits;
     limits.max_tiles = fit(budget_ns * TILES_SHARE, cost->tiles.expected_ns, most);
-    if (limits.max_tiles > cost->tiles_expected)
+    if (limits.max_tiles > cost->tiles_expected && budget_ns < AMPLE_NS)
         limits.max_tiles = cost->tiles_expected;
     limits.max_bricks = fit(budget_ns - limits.max_tiles * cost->tiles.expected_ns, cost->bricks.expected_ns, most);
     return limits;

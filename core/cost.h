@@ -41,7 +41,8 @@ typedef struct {
 void karst_cost_init(karst_cost *cost);
 void karst_cost_learn(karst_cost *cost, const karst_cost_round *round);
 /* The most that is expected to fit into budget_ns, each from 1 (or nothing would ever settle) to `most`. Tiles get what
- * the last rounds wanted of them, with room to grow, up to a third of the time; bricks the rest. Before anything was
+ * the last rounds wanted of them, with room to grow, up to a third of the time (all of that third where time is ample);
+ * bricks the rest. Before anything was
  * measured: FIRST of each. */
 #define KARST_COST_FIRST 16u
 /* What so many are expected to take; 0 for a kind that was never measured. */

@@ -67,6 +67,11 @@ static void count_made(karst_engine *engine, const karst_work *work, uint32_t nu
     stats->num_bricks_constant += num_constant;
 }
 
+static uint64_t made_cpu_ns(const karst_engine *engine)
+{
+    return engine->made.tile_cpu_ns + engine->made.brick_cpu_ns;
+}
+
 /* One round for the wants of the frame's serial. */
 static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
                          karst_error *error)
@@ -85,11 +90,15 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
         params.max_bricks = limits.max_bricks;
     }
     uint32_t num_constant;
+    uint64_t before_ns = made_cpu_ns(engine);
     if (!karst_cache_collect(engine->cache, &params, work, error) || !produce(engine, work, &num_constant, error))
         return false;
     left->bricks -= work->num_loads;
     left->tiles -= work->num_subdivides;
-    left->ns -= karst_cost_expected_ns(&engine->cost, work->num_loads, work->num_subdivides);
+    /* What it took, where that is known already: plans are careful, and what they did not need is for another round. */
+    left->ns -= engine->context->is_cpu && !engine->cost.fixed
+                    ? (double)(made_cpu_ns(engine) - before_ns)
+                    : karst_cost_expected_ns(&engine->cost, work->num_loads, work->num_subdivides);
     count_made(engine, work, num_constant);
     return true;
 }

@@ -210,7 +210,7 @@ bool view_move(viewer *v, double dt_s)
     view_motion *m = &v->motion;
     karst_camera before = m->camera;
     view_wishes w = read_wishes(v, dt_s);
-    bool moved = m->dirty;
+    bool moved = m->dirty, looked = m->dirty;
     m->dirty = false;
     if (w.turn_deg != 0 || w.tilt_deg != 0)
         turn(&m->camera, w.turn_deg, w.tilt_deg);
@@ -228,5 +228,8 @@ bool view_move(viewer *v, double dt_s)
         moved = orbit(v, &w, dt_s) || moved;
         break;
     }
-    return moved || memcmp(&before, &m->camera, sizeof before) != 0;
+    moved = moved || memcmp(&before, &m->camera, sizeof before) != 0;
+    if (moved)
+        m->looked = looked;
+    return moved;
 }

@@ -4,7 +4,7 @@
 #include <math.h>
 
 #define USE_OF_FRAME 0.80  /* of the frame's time is planned for, the rest is for what is not foreseen */
-#define STILL_AFTER_S 0.12 /* without motion it is over */
+#define STILL_AFTER_S 0.12 /* without the mouse's motion it is over; what keys moved stands when it stands */
 #define CALM_FRAMES 10     /* with time to spare before there are more pixels */
 #define SMOOTHING 0.3
 /* Time for making content, of a frame, if drawing leaves so much; and at least, or the world would turn coarse. */
@@ -59,7 +59,8 @@ bool view_resolution_choose(viewer *v, bool moving, karst_error *error)
     view_resolution *r = &v->resolution;
     if (moving)
         r->still_since_s = v->now_s;
-    bool at_rest = v->now_s - r->still_since_s > STILL_AFTER_S || v->settings.fixed_resolution || v->capture.video ||
+    double wait_s = v->motion.looked ? STILL_AFTER_S : 0;
+    bool at_rest = v->now_s - r->still_since_s > wait_s || v->settings.fixed_resolution || v->capture.video ||
                    v->capture.want_png || v->capture.want_exr;
     int share = at_rest ? VIEW_FULL_SHARE : r->moving_share ? r->moving_share : affordable_share(v);
     if (!at_rest)

@@ -9,6 +9,7 @@
 #define COMPILING_S 0.01 /* between looks at a compilation */
 #define GAMEPAD_S 0.033  /* between looks at a gamepad's sticks while nothing happens */
 #define LONGEST_STEP_S 0.25
+#define MOST_BRICKS 8192 /* in a frame: what one waits for, standing, is made in few */
 #define FOUND_AHEAD_BYTES ((uint64_t)512 << 20) /* what a default pool holds */
 
 /* ---- opening ---- */
@@ -26,6 +27,7 @@ static bool open_engine(viewer *v, karst_error *error)
     config.detail_px = s->detail_px;
     config.view_distance_m = s->view_distance_m;
     config.budget_ms = 1000 / s->fps;
+    config.budget_bricks = MOST_BRICKS;
     config.has_seed = s->has_seed;
     config.seed = (uint32_t)s->seed;
     config.no_shadows = s->no_shadows;

@@ -201,7 +201,8 @@ typedef struct {
     bool on_ground;
     karst_position pivot; /* of the orbit */
     double pivot_distance_m;
-    bool dirty; /* the camera was set by something else than motion */
+    bool dirty;  /* the camera was set by something else than motion */
+    bool looked; /* the last motion was the mouse's, of which one never knows whether it is over */
 } view_motion;
 
 void view_set_mode(viewer *v, view_mode mode);

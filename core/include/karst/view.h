@@ -22,8 +22,8 @@ extern "C" {
 bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
 /* karst_engine_config.budget_ms from now on. Errors: KARST_USAGE (out of its range). */
 bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_error *error);
-/* Has memory found for so much of the pool of bricks, by a thread of low priority beside frames: what is not found ahead
- * is when it is first needed, at some cost. Only for CPU devices; does nothing elsewhere. */
+/* Has memory found for so much of the pool of bricks, by a thread of low priority beside frames: what is not found
+ * ahead is when it is first needed, at some cost. Only for CPU devices; does nothing elsewhere. */
 void karst_engine_find_memory(karst_engine *engine, uint64_t size_bytes);
 /* Draws the last frame's picture again, over the current viewport of a window; does nothing elsewhere. Errors:
  * KARST_USAGE (there is none yet), KARST_FAILED. */
