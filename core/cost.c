@@ -10,8 +10,8 @@
 /* Before a number of tiles is known, and as its room to grow. */
 #define TILES_AT_LEAST 8u
 #define TILES_SHARE (1.0 / 3)
-/* With so much time there are further rounds for what a round's share leaves, and what is expected of small budgets says
- * little. */
+/* With so much time there are further rounds for what a round's share leaves, and what is expected of small budgets
+ * says little. */
 #define AMPLE_NS 50e6
 
 void karst_cost_init(karst_cost *cost) { *cost = (karst_cost){.tiles_expected = TILES_AT_LEAST}; }

@@ -77,6 +77,8 @@ struct karst_engine {
     double view_distance_m; /* as configured; 0: what the world says */
     uint32_t budget_bricks;
     double budget_ns; /* 0: bricks only */
+    bool (*goes_on)(void *user); /* karst_engine_set_patience */
+    void *patience;
     karst_cost cost;
     karst_engine_made made;
 

@@ -1,4 +1,5 @@
 /* Answering what rays asked for: rounds of collect, produce and publish, within a frame's budget. */
+#include <math.h>
 #include <time.h>
 
 #include "core/engine_parts.h"
@@ -7,6 +8,8 @@
 #define MAX_SCOUTS 12
 /* A plan that did not fit what was wanted left so much of the budget. */
 #define UNUSED_SHARE 0.25
+/* A round takes no longer where somebody may want an end. */
+#define PATIENT_ROUND_NS 100e6
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
 
@@ -84,8 +87,9 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
                                    .max_bricks = left->bricks,
                                    .may_drop_fallback = true};
     if (engine->budget_ns > 0) {
+        double round_ns = engine->goes_on ? fmin(left->ns, PATIENT_ROUND_NS) : left->ns;
         karst_cost_limits limits =
-            karst_cost_plan(&engine->cost, left->ns, left->bricks < left->tiles ? left->bricks : left->tiles);
+            karst_cost_plan(&engine->cost, round_ns, left->bricks < left->tiles ? left->bricks : left->tiles);
         params.max_tiles = limits.max_tiles;
         params.max_bricks = limits.max_bricks;
     }
@@ -117,6 +121,8 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, const 
     if (left->bricks < LEAST_BRICKS || left->tiles < LEAST_BRICKS)
         return false;
     if (work->num_deferred_budget && !(left->ns > UNUSED_SHARE * engine->budget_ns))
+        return false;
+    if (engine->goes_on && !engine->goes_on(engine->patience))
         return false;
     return engine->budget_ns == 0 ||
            (karst_cost_is_known(&engine->cost) &&

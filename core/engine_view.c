@@ -36,6 +36,12 @@ bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_er
     return true;
 }
 
+void karst_engine_set_patience(karst_engine *engine, bool (*goes_on)(void *user), void *user)
+{
+    engine->goes_on = goes_on;
+    engine->patience = user;
+}
+
 void karst_engine_find_memory(karst_engine *engine, uint64_t size_bytes)
 {
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);

@@ -12,10 +12,8 @@
 #define LEAST_BUDGET 0.06
 /* Drawing and making together. */
 #define USE_WITH_BUDGET 0.85
-/* Standing, one waits for content alone: first with a picture now and then, later for the end of it. */
-#define STILL_BUDGET_MS 120.0
-#define LATER_BUDGET_MS 250.0
-#define LATER_S 0.3
+/* Standing, one waits for content alone, with a picture now and then. Keys and mouse end it. */
+#define STILL_BUDGET_MS 500.0
 
 static int side_px(int full_px, int share)
 {
@@ -47,7 +45,7 @@ static double budget_ms(const viewer *v, int share, bool at_rest)
     const view_resolution *r = &v->resolution;
     double target_ms = 1000 / v->settings.fps;
     if (at_rest && !v->capture.video)
-        return v->now_s - r->still_since_s > LATER_S ? LATER_BUDGET_MS : STILL_BUDGET_MS;
+        return STILL_BUDGET_MS;
     double side = (double)share / VIEW_FULL_SHARE;
     double drawn_ms = r->cost_ns_px * side * side * v->width_px * v->height_px / 1e6;
     double left_ms = target_ms * USE_WITH_BUDGET - drawn_ms - r->other_ns / 1e6;
@@ -62,6 +60,7 @@ bool view_resolution_choose(viewer *v, bool moving, karst_error *error)
     double wait_s = v->motion.looked ? STILL_AFTER_S : 0;
     bool at_rest = v->now_s - r->still_since_s > wait_s || v->settings.fixed_resolution || v->capture.video ||
                    v->capture.want_png || v->capture.want_exr;
+    r->at_rest = at_rest;
     int share = at_rest ? VIEW_FULL_SHARE : r->moving_share ? r->moving_share : affordable_share(v);
     if (!at_rest)
         r->moving_share = share;

@@ -152,12 +152,43 @@ static void keep_history(viewer *v, double frame_ms)
     h->num += h->num < VIEW_HISTORY;
 }
 
+static bool show(viewer *v, karst_error *error)
+{
+    view_hud_update(v, v->damaged);
+    v->damaged = false;
+    view_overlay_draw(v);
+    glfwSwapBuffers(v->window);
+    v->is_shown = true;
+    v->shown_at_s = glfwGetTime();
+    if (v->first_frame_s <= 0)
+        v->first_frame_s = (double)(command_clock_ns() - v->started_ns) / 1e9;
+    if (view_context_lost(v)) {
+        v->lost = true;
+        return karst_fail(error, KARST_FAILED,
+                          "the graphics driver lost this window's context (it was reset); start karst view again");
+    }
+    return true;
+}
+
+/* The engine asks while it makes content. For a view that stands that may take long: its picture need not wait, and
+ * keys and mouse end it. In motion a frame has its budget. */
+static bool goes_on(void *user)
+{
+    viewer *v = user;
+    if (!v->resolution.at_rest)
+        return true;
+    if (!v->is_shown) /* a lost context shows after the frame again */
+        show(v, NULL);
+    return view_window_is_quiet(v);
+}
+
 /* One frame of the engine into the window, its panels over it. */
 static bool draw_frame(viewer *v, bool moving, karst_error *error)
 {
     if (!view_resolution_choose(v, moving, error) || !karst_engine_set_camera(v->engine, &v->motion.camera, error))
         return false;
     view_overlay_clear(v);
+    v->is_shown = false;
     if (!karst_engine_frame(v->engine, error))
         return false;
     karst_engine_stats(v->engine, &v->stats);
@@ -171,26 +202,13 @@ static bool draw_frame(viewer *v, bool moving, karst_error *error)
         karst_engine_probe(v->engine, width / 2, height / 2, &v->probe, NULL);
     v->num_frames++;
     return command_record_add(&v->capture.record, &v->stats, error) && view_capture_pictures(v, error) &&
-           view_video_step(v, error);
-}
-
-static bool show(viewer *v, karst_error *error)
-{
-    view_hud_update(v, v->damaged);
-    v->damaged = false;
-    view_overlay_draw(v);
-    glfwSwapBuffers(v->window);
-    if (view_context_lost(v)) {
-        v->lost = true;
-        return karst_fail(error, KARST_FAILED,
-                          "the graphics driver lost this window's context (it was reset); start karst view again");
-    }
-    return true;
+           view_video_step(v, error) && (v->is_shown || show(v, error));
 }
 
 static void wait_for_events(viewer *v, bool busy)
 {
-    if (busy && !v->iconified)
+    bool heard = view_window_deliver(v);
+    if (heard || (busy && !v->iconified))
         glfwPollEvents();
     else
         glfwWaitEventsTimeout(v->reload.running ? COMPILING_S : view_gamepad_present() ? GAMEPAD_S : IDLE_S);
@@ -199,7 +217,7 @@ static void wait_for_events(viewer *v, bool busy)
 /* How long after the last motion the picture is whole again. */
 static void note_rest(viewer *v, bool moving)
 {
-    double since_s = glfwGetTime() - v->moved_at_s;
+    double since_s = v->shown_at_s - v->moved_at_s;
     bool was_full = v->is_full;
     v->is_full = !moving && v->resolution.share == VIEW_FULL_SHARE;
     if (v->is_full && !was_full)
@@ -237,13 +255,11 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     bool draw = visible && (!v->settled || wants_picture || v->capture.video);
     if (draw) {
         uint64_t start_ns = command_clock_ns();
-        if (!draw_frame(v, moving, error) || !show(v, error))
+        if (!draw_frame(v, moving, error))
             return false;
         uint64_t frame_ns = command_clock_ns() - start_ns;
-        if (v->num_frames == 1) {
-            v->first_frame_s = (double)(command_clock_ns() - v->started_ns) / 1e9;
+        if (v->num_frames == 1)
             karst_engine_find_memory(v->engine, FOUND_AHEAD_BYTES);
-        }
         if (moving) {
             v->num_moving++;
             v->num_late += (double)frame_ns > 1e9 / v->settings.fps;
@@ -321,6 +337,7 @@ static bool run(viewer *v, karst_error *error)
         atexit(save_at_exit);
     registered = true;
     open_one = v;
+    karst_engine_set_patience(v->engine, goes_on, v);
     bool busy = true, good = true;
     v->now_s = glfwGetTime();
     while (good && !v->leaving)

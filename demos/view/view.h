@@ -226,6 +226,7 @@ bool view_walk(viewer *v, const double wish_m_s[3], bool jump, double dt_s);
 #define VIEW_LEAST_SHARE 8
 typedef struct {
     int share;        /* given now */
+    bool at_rest;     /* nothing has moved for a while */
     int moving_share; /* what was right when last moving */
     int calm_frames;  /* in a row with time to spare */
     double still_since_s;
@@ -352,6 +353,18 @@ bool view_window_open(viewer *v, karst_error *error);
 void view_window_close(viewer *v);
 void view_window_fullscreen(viewer *v, bool fullscreen);
 void view_window_capture(viewer *v, bool captured);
+/* Lets keys and mouse be heard while the engine is at work, and kept: true if nothing came. They have their effect with
+ * view_window_deliver, which returns whether there were any. */
+bool view_window_is_quiet(viewer *v);
+bool view_window_deliver(viewer *v);
+
+/* Something that happened to the window while the engine was at work. */
+typedef struct {
+    enum { VIEW_EVENT_KEY, VIEW_EVENT_CHAR, VIEW_EVENT_BUTTON, VIEW_EVENT_CURSOR, VIEW_EVENT_SCROLL } kind;
+    int key, action, mods; /* or button; or codepoint */
+    double x, y;
+} view_event;
+#define VIEW_MAX_EVENTS 256
 
 struct viewer {
     command_talk *talk;
@@ -380,11 +393,15 @@ struct viewer {
     uint64_t num_frames, num_shown;
     bool settled;
     double full_after_s, settled_after_s; /* from the last motion to all pixels, and to a settled picture */
-    bool is_full;
+    bool is_full, is_shown; /* is_shown: the picture of this frame already */
+    double shown_at_s;      /* the last picture */
     double now_s, moved_at_s, first_frame_s, flying_speed_m_s;
     uint64_t started_ns, num_moving, num_late; /* frames while moving; those that missed the target */
 
     /* input */
+    view_event events[VIEW_MAX_EVENTS]; /* that wait until the engine is done */
+    int num_events;
+    bool listening; /* the engine is at work */
     double key_down_s[GLFW_KEY_LAST + 1]; /* when it went down, below 0: it is up */
     double key_held_s[GLFW_KEY_LAST + 1]; /* how long since the last step, for what has come up */
     double cursor_x_px, cursor_y_px;

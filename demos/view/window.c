@@ -23,30 +23,80 @@ static void to_pixels(viewer *v, double *x, double *y)
     *y = view_cursor_px(*y, height, v->height_px);
 }
 
+/* What comes while the engine is at work waits: it might ask something of the engine. */
+static void take(viewer *v, view_event event)
+{
+    switch (event.kind) {
+    case VIEW_EVENT_KEY:
+        view_key_event(v, event.key, event.action != GLFW_RELEASE, event.action == GLFW_REPEAT, event.mods);
+        break;
+    case VIEW_EVENT_CHAR:
+        view_char_event(v, (unsigned)event.key);
+        break;
+    /* Where the cursor was when the button changed is what was last heard of it, not where it is by now. */
+    case VIEW_EVENT_BUTTON:
+        view_button_event(v, event.key, event.action == GLFW_PRESS, event.mods);
+        break;
+    case VIEW_EVENT_CURSOR:
+        to_pixels(v, &event.x, &event.y);
+        view_cursor_event(v, event.x, event.y);
+        break;
+    case VIEW_EVENT_SCROLL:
+        view_scroll_event(v, event.y);
+        break;
+    }
+}
+
+static void hear(GLFWwindow *window, view_event event)
+{
+    viewer *v = viewer_of(window);
+    if (!v->listening)
+        take(v, event);
+    else if (v->num_events < VIEW_MAX_EVENTS) /* more than hands can do in one frame */
+        v->events[v->num_events++] = event;
+}
+
+bool view_window_is_quiet(viewer *v)
+{
+    v->listening = true;
+    glfwPollEvents();
+    v->listening = false;
+    return v->num_events == 0 && !v->leaving;
+}
+
+bool view_window_deliver(viewer *v)
+{
+    int num = v->num_events;
+    v->num_events = 0;
+    for (int i = 0; i < num; i++)
+        take(v, v->events[i]);
+    return num > 0;
+}
+
 static void on_key(GLFWwindow *window, int key, int scancode, int action, int mods)
 {
     (void)scancode;
-    view_key_event(viewer_of(window), key, action != GLFW_RELEASE, action == GLFW_REPEAT, mods);
+    hear(window, (view_event){.kind = VIEW_EVENT_KEY, .key = key, .action = action, .mods = mods});
 }
 
-static void on_char(GLFWwindow *window, unsigned codepoint) { view_char_event(viewer_of(window), codepoint); }
+static void on_char(GLFWwindow *window, unsigned codepoint)
+{
+    hear(window, (view_event){.kind = VIEW_EVENT_CHAR, .key = (int)codepoint});
+}
 
-/* Where the cursor was when the button changed is what was last heard of it, not where it is by now. */
 static void on_button(GLFWwindow *window, int button, int action, int mods)
 {
-    view_button_event(viewer_of(window), button, action == GLFW_PRESS, mods);
+    hear(window, (view_event){.kind = VIEW_EVENT_BUTTON, .key = button, .action = action, .mods = mods});
 }
 
 static void on_cursor(GLFWwindow *window, double x, double y)
 {
-    to_pixels(viewer_of(window), &x, &y);
-    view_cursor_event(viewer_of(window), x, y);
+    hear(window, (view_event){.kind = VIEW_EVENT_CURSOR, .x = x, .y = y});
 }
 
 static void on_scroll(GLFWwindow *window, double x, double y)
 {
-    (void)x;
-    view_scroll_event(viewer_of(window), y);
+    hear(window, (view_event){.kind = VIEW_EVENT_SCROLL, .x = x, .y = y});
 }
 
 static void on_framebuffer(GLFWwindow *window, int width, int height)

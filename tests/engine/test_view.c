@@ -217,6 +217,48 @@ static void test_budget_has_its_range(void **state)
     assert_ok(karst_engine_show(engine, &error)); /* without a window, nothing */
 }
 
+typedef struct {
+    unsigned num_asked, most;
+} patience;
+
+static bool waits(void *user)
+{
+    patience *p = user;
+    return ++p->num_asked <= p->most;
+}
+
+/* Zooms in, and says how much the first frame of the new view made. */
+static uint64_t make_of_new_view(double fov_deg, patience *p)
+{
+    karst_camera camera = karst_engine_default_camera(engine);
+    camera.fov_deg = fov_deg;
+    karst_stats stats;
+    karst_engine_set_patience(engine, p ? waits : NULL, p);
+    assert_ok(karst_engine_set_camera(engine, &camera, &error));
+    assert_ok(karst_engine_frame(engine, &error));
+    karst_engine_stats(engine, &stats);
+    return stats.num_produced;
+}
+
+/* Who asks for an end gets it after a round; the picture in the end is the same. */
+static void test_impatience_ends_a_frame(void **state)
+{
+    (void)state;
+    patience none = {.most = 0}, much = {.most = 1000};
+    uint64_t hurried = make_of_new_view(20, &none), patient = make_of_new_view(5, &much);
+    assert_true(hurried > 0);
+    assert_int_equal(none.num_asked, 1);
+    assert_true(much.num_asked > 1);
+    assert_true(patient > hurried);
+    karst_engine_find_memory(engine, (uint64_t)1 << 40); /* all there is */
+    karst_camera camera = karst_engine_default_camera(engine);
+    karst_engine_set_patience(engine, NULL, NULL);
+    assert_ok(karst_engine_set_camera(engine, &camera, &error));
+    settle();
+    assert_ok(karst_engine_read_pixels(engine, painted, sizeof painted, &error));
+    assert_memory_equal(painted, picture, sizeof picture);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -226,6 +268,7 @@ int main(void)
         cmocka_unit_test(test_what_is_new_is_shown_when_it_is_new),
         cmocka_unit_test(test_fewer_pixels_and_back),
         cmocka_unit_test(test_budget_has_its_range),
+        cmocka_unit_test(test_impatience_ends_a_frame),
     };
     return cmocka_run_group_tests(tests, open_engine, close_engine);
 }

@@ -53,7 +53,7 @@ static void measure_start_and_stop(void)
         act("keydown w");
         nap(3);
         act("keyup w");
-        nap(0.5);
+        nap(2.5); /* asking costs time */
         UNTIL(yes("settled"));
         printf("from a stop to all pixels             %8.2f s\n", number("full_after_s"));
         printf("from a stop to full detail            %8.2f s\n", number("settled_after_s"));

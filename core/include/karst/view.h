@@ -22,6 +22,11 @@ extern "C" {
 bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
 /* karst_engine_config.budget_ms from now on. Errors: KARST_USAGE (out of its range). */
 bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_error *error);
+/* Whom to ask, between rounds of a frame's production, whether to go on; false: the frame ends with what is there. So a
+ * viewer can give much time to a view that stands and still answer at once. Asked on the thread that draws, when the
+ * picture lies in the window's framebuffer (it may be shown there and then) and the engine is at work: `goes_on` must
+ * not call it. NULL: nobody. */
+void karst_engine_set_patience(karst_engine *engine, bool (*goes_on)(void *user), void *user);
 /* Has memory found for so much of the pool of bricks, by a thread of low priority beside frames: what is not found
  * ahead is when it is first needed, at some cost. Only for CPU devices; does nothing elsewhere. */
 void karst_engine_find_memory(karst_engine *engine, uint64_t size_bytes);
