@@ -69,7 +69,7 @@ typedef struct {
                               node index */
     uint32_t turn;         /* counts rounds; modulo 256 says which nodes' wants do not wait for others */
     uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
-    bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, oldest first */
+    bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, by slot */
 } karst_collect_params;
 
 /* The work of a round. The lists lie on the device, num_loads and num_subdivides long, and stay valid until the next
@@ -97,8 +97,8 @@ bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work
 
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
- * (unlinked from its parent or owner, checked by generation both ways). Without wants it launches next to nothing. Time
- * goes to KARST_STAGE_COLLECT. */
+ * (unlinked from its parent or owner, checked by generation both ways). Waits for the device once, and once more if
+ * something is evicted. Time goes to KARST_STAGE_COLLECT. */
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error);
 
 /* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
@@ -119,7 +119,7 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
 /* Slots that hold something, the root bricks' own left out. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);
 
-/* Debug pass on the host: every link, attachment and generation valid and mutual; usage lists are permutations; no slot
+/* Debug pass on the host: every link, attachment and generation valid and mutual; no slot
  * is both free and referenced; no cycle; levels and corners of children agree with their parents'. false: error names
  * the first fault. */
 bool karst_cache_check(karst_cache *cache, karst_error *error);

@@ -16,9 +16,7 @@ typedef struct {
     karst_node *nodes;
     karst_tile_info *tiles;
     karst_brick_owner *owners;
-    uint32_t *tile_stamp, *brick_stamp, *brick_fallback, *tile_order, *brick_order;
     uint8_t *tile_slots, *brick_slots; /* SLOT_* */
-    uint8_t *seen;
 } snapshot;
 
 static bool fault(const snapshot *s, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -51,28 +49,22 @@ static bool take_snapshot(snapshot *s)
     s->num_bricks = b->num_bricks + KARST_CACHE_ROOT_BRICKS;
     s->tile_slots = calloc(s->num_tiles, 1);
     s->brick_slots = calloc(s->num_bricks, 1);
-    s->seen = calloc(s->num_tiles > s->num_bricks ? s->num_tiles : s->num_bricks, 1);
-    if (!s->tile_slots || !s->brick_slots || !s->seen)
+    if (!s->tile_slots || !s->brick_slots)
         return karst_fail(s->error, KARST_FAILED, "out of memory for checking the cache");
     return (s->nodes = copy_of(b->nodes, s->error)) && (s->tiles = copy_of(b->tile_info, s->error)) &&
-           (s->owners = copy_of(b->brick_owner, s->error)) && (s->tile_stamp = copy_of(b->tile_stamp, s->error)) &&
-           (s->brick_stamp = copy_of(b->brick_stamp, s->error)) &&
-           (s->brick_fallback = copy_of(b->brick_fallback, s->error)) &&
-           (s->tile_order = copy_of(cache->tiles.order, s->error)) &&
-           (s->brick_order = copy_of(cache->bricks.order, s->error));
+           (s->owners = copy_of(b->brick_owner, s->error));
 }
 
 static void release_snapshot(snapshot *s)
 {
-    void *copies[] = {s->nodes,      s->tiles,       s->owners,     s->tile_stamp,  s->brick_stamp, s->brick_fallback,
-                      s->tile_order, s->brick_order, s->tile_slots, s->brick_slots, s->seen};
+    void *copies[] = {s->nodes, s->tiles, s->owners, s->tile_slots, s->brick_slots};
     for (size_t i = 0; i < sizeof(copies) / sizeof(copies[0]); i++)
         free(copies[i]);
 }
 
 /* Marks a slot that holds nothing; none may be marked twice. */
-static bool mark_slot(const snapshot *s, const char *what, uint8_t *marks, uint32_t slot, uint32_t first,
-                      uint32_t last, bool is_free)
+static bool mark_slot(const snapshot *s, const char *what, uint8_t *marks, uint32_t slot, uint32_t first, uint32_t last,
+                      bool is_free)
 {
     if (slot < first || slot > last)
         return fault(s, "%s slot %u is listed as %s, but slots go from %u to %u", what, slot,
@@ -219,39 +211,6 @@ static bool check_brick(const snapshot *s, uint32_t brick)
     return true; /* generations: check_node */
 }
 
-/* A usage list: a permutation; nothing that could be taken stands before the cursor; behind it, what was not used since
- * the last sort is in order of use. */
-static bool check_list(const snapshot *s, const karst_lru *lru, const char *what, const uint32_t *order,
-                       const uint32_t *stamps, const uint32_t *fallback, const uint8_t *slots)
-{
-    if (lru->cursor > lru->num)
-        return fault(s, "the usage list of %ss has its cursor at %u of %u", what, lru->cursor, lru->num);
-    for (uint32_t i = 0; i <= lru->num; i++)
-        s->seen[i] = 0;
-    uint32_t last_age = UINT32_MAX, last_slot = 0;
-    for (uint32_t i = 0; i < lru->num; i++) {
-        uint32_t slot = order[i];
-        if (slot == KARST_NONE || slot > lru->num || s->seen[slot])
-            return fault(s, "the usage list of %ss holds %u at %u, which is %s", what, slot, i,
-                         slot == KARST_NONE || slot > lru->num ? "no slot" : "there twice");
-        s->seen[slot] = 1;
-        uint32_t used = karst_stamp_later(stamps[slot], fallback[slot]);
-        bool is_root = lru->kind == KARST_LRU_TILES && slot == KARST_ROOT_TILE;
-        if (!lru->started || slots[slot] != SLOT_HELD || is_root || karst_stamp_is_after(used, lru->sorted_serial))
-            continue;
-        if (i < lru->cursor)
-            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, before the cursor at %u", what,
-                         slot, used, i, lru->cursor);
-        uint32_t age = used ? lru->sorted_serial - used : UINT32_MAX;
-        if (age > last_age || (age == last_age && slot < last_slot))
-            return fault(s, "%s %u, last used at %u, stands at %u in its usage list, behind %u", what, slot, used, i,
-                         last_slot);
-        last_age = age;
-        last_slot = slot;
-    }
-    return true;
-}
-
 static bool check_all(const snapshot *s)
 {
     const karst_cache *cache = s->cache;
@@ -274,8 +233,7 @@ static bool check_all(const snapshot *s)
     for (uint32_t brick = 1; brick < s->num_bricks; brick++)
         if (!check_brick(s, brick))
             return false;
-    return check_list(s, &cache->tiles, "tile", s->tile_order, s->tile_stamp, s->tile_stamp, s->tile_slots) &&
-           check_list(s, &cache->bricks, "brick", s->brick_order, s->brick_stamp, s->brick_fallback, s->brick_slots);
+    return true;
 }
 
 bool karst_cache_check(karst_cache *cache, karst_error *error)

@@ -21,15 +21,23 @@ void karst_churn_finish(karst_churn *churn)
 void karst_churn_forget(karst_churn *churn)
 {
     memset(churn->entries, 0, KARST_CHURN_ENTRIES * sizeof(*churn->entries));
+    churn->any = false;
 }
 
 void karst_churn_evicted(karst_churn *churn, uint64_t identity, uint32_t frame)
 {
     churn->entries[identity % KARST_CHURN_ENTRIES] = (struct karst_churn_entry){identity, frame};
+    churn->any = true;
+    churn->last_frame = frame;
 }
 
 bool karst_churn_is_recent(const karst_churn *churn, uint64_t identity, uint32_t frame)
 {
     const struct karst_churn_entry *entry = &churn->entries[identity % KARST_CHURN_ENTRIES];
     return entry->identity == identity && frame - entry->frame <= KARST_CHURN_FRAMES;
+}
+
+bool karst_churn_any_is_recent(const karst_churn *churn, uint32_t frame)
+{
+    return churn->any && frame - churn->last_frame <= KARST_CHURN_FRAMES;
 }

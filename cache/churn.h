@@ -17,6 +17,8 @@ typedef struct {
         uint64_t identity; /* 0: none */
         uint32_t frame;
     } * entries;
+    bool any;            /* since it was last empty... */
+    uint32_t last_frame; /* ...the last one */
 } karst_churn;
 
 bool karst_churn_init(karst_churn *churn, karst_error *error);
@@ -25,5 +27,7 @@ void karst_churn_forget(karst_churn *churn);
 /* `identity`: see identity_shared.h. Frames may wrap. */
 void karst_churn_evicted(karst_churn *churn, uint64_t identity, uint32_t frame);
 bool karst_churn_is_recent(const karst_churn *churn, uint64_t identity, uint32_t frame);
+/* Was anything evicted lately? */
+bool karst_churn_any_is_recent(const karst_churn *churn, uint32_t frame);
 
 #endif

@@ -9,9 +9,9 @@ static bool grant_tiles(karst_cache *cache, const karst_collect_params *params, 
 {
     uint32_t num_recycled = 0, num_bricks_freed = 0;
     cache->num_granted_tiles = karst_slots_take(&cache->tile_slots, cache->granted_tiles, need);
-    bool ok = karst_evict_tiles(
-        &cache->evict, &cache->tiles, params->serial, params->frame, need - cache->num_granted_tiles, &cache->churn,
-        &cache->brick_slots, cache->granted_tiles + cache->num_granted_tiles, &num_recycled, &num_bricks_freed, error);
+    bool ok = karst_evict_tiles(&cache->evict, params->serial, params->frame, need - cache->num_granted_tiles,
+                                &cache->churn, &cache->brick_slots, cache->granted_tiles + cache->num_granted_tiles,
+                                &num_recycled, &num_bricks_freed, error);
     cache->num_granted_tiles += num_recycled;
     work->num_evicted_tiles = num_recycled;
     work->num_evicted_bricks += num_bricks_freed;
@@ -23,8 +23,8 @@ static bool grant_bricks(karst_cache *cache, const karst_collect_params *params,
 {
     uint32_t num_recycled = 0;
     cache->num_granted_bricks = karst_slots_take(&cache->brick_slots, cache->granted_bricks, need);
-    bool ok = karst_evict_bricks(&cache->evict, &cache->bricks, params->serial, params->frame,
-                                 need - cache->num_granted_bricks, params->may_drop_fallback, &cache->churn,
+    bool ok = karst_evict_bricks(&cache->evict, params->serial, params->frame, need - cache->num_granted_bricks,
+                                 params->may_drop_fallback, &cache->churn,
                                  cache->granted_bricks + cache->num_granted_bricks, &num_recycled, error);
     cache->num_granted_bricks += num_recycled;
     work->num_evicted_bricks += num_recycled;
@@ -37,7 +37,9 @@ static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint
                              karst_error *error)
 {
     uint32_t num = num_chosen_loads + work->num_subdivides;
-    if (!karst_buffer_read(cache->wants.identities, 0, cache->identities, num * sizeof(uint64_t), error))
+    if (!karst_churn_any_is_recent(&cache->churn, frame))
+        return true;
+    if (!cache->has_names && !karst_finish(cache->context, error))
         return false;
     for (uint32_t i = 0; i < num; i++)
         if (i < work->num_loads || i >= num_chosen_loads)
@@ -91,23 +93,31 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
         return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
     karst_cache_abandon(cache);
     cache->serial = params->serial;
-    karst_lru_begin(&cache->tiles, params->serial);
-    karst_lru_begin(&cache->bricks, params->serial);
 
-    bool any_wants;
+    karst_survey *survey = &cache->survey;
     karst_wants *wants = &cache->wants;
-    if (!karst_wants_survey(wants, params->serial, &work->num_used_tiles, &work->num_used_bricks, &any_wants, error))
+    karst_survey_ask ask = {.serial = params->serial};
+    karst_lru_expect(&cache->tiles, cache->tile_slots.num, &ask);
+    karst_lru_expect(&cache->bricks, cache->brick_slots.num, &ask);
+    if (!karst_survey_begin(survey, &ask, error) ||
+        !karst_wants_begin(wants, params->serial, params->turn, params->camera.voxel, error) ||
+        !karst_survey_end(survey, error))
         return false;
-    if (!any_wants)
-        return true;
-    if (!karst_wants_choose(wants, params->serial, params->turn, params->camera.voxel, params->max_bricks,
-                            params->max_tiles, error))
+    work->num_used_tiles = survey->host_result.num_used[KARST_SURVEY_TILES];
+    work->num_used_bricks = survey->host_result.num_used[KARST_SURVEY_BRICKS];
+    if (!karst_wants_choose(wants, params->max_bricks, params->max_tiles, error))
         return false;
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
     work->num_requests = loads->num_all + subdivides->num_all;
     work->num_deferred_budget = work->num_requests - loads->num - subdivides->num;
     if (loads->num + subdivides->num == 0)
         return true;
+    cache->tiles.expected_need = subdivides->num;
+    cache->bricks.expected_need = loads->num;
+    uint32_t num_free_tiles = cache->tile_slots.num, num_free_bricks = cache->brick_slots.num;
+    uint32_t need_tiles = subdivides->num - (subdivides->num < num_free_tiles ? subdivides->num : num_free_tiles);
+    uint32_t need_bricks = loads->num - (loads->num < num_free_bricks ? loads->num : num_free_bricks);
+    cache->has_names = need_tiles || need_bricks; /* there will be a wait */
 
     /* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled
      * below. Tiles go first, since their bricks become free. */
@@ -115,6 +125,10 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
         !upload(cache->subdivide_nodes, subdivides->nodes, subdivides->num, error) ||
         !karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num,
                             params->serial, error) ||
+        ((cache->has_names || karst_churn_any_is_recent(&cache->churn, params->frame)) &&
+         !karst_cache_fetch(wants->identities, 0, cache->identities, (loads->num + subdivides->num) * sizeof(uint64_t),
+                            error)) ||
+        !karst_evict_start(&cache->evict, params->serial, need_tiles, need_bricks, error) ||
         !grant_tiles(cache, params, subdivides->num, work, error) ||
         !grant_bricks(cache, params, loads->num, work, error))
         return false;

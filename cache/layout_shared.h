@@ -95,7 +95,7 @@ K_ASSERT_SIZE(karst_brick_owner, 8);
  *   want_rays[node]         how many of the picture's rays ended in this node on a brick that stands in for what it
  * lacks: the upper half is the serial's lower one, the lower half the number
  */
-#define KARST_REQUEST_CHUNK 512
+#define KARST_REQUEST_CHUNK 64
 
 /* How many a word of want_rays counts for this serial. */
 K_INLINE uint karst_rays_counted(uint word, uint serial)

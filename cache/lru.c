@@ -1,207 +1,210 @@
-/* Usage lists: launchers of lru.cl, the passes and the sort. */
+/* Usage lists: what the survey found, put in order, and launchers of lru.cl. */
 #include "cache/lru.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #define STAGE KARST_STAGE_COLLECT
+#define DIGIT_BITS 11
+#define DIGIT_SIZE (1u << DIGIT_BITS)
 
 bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_error *error)
+                    const karst_cache_buffers *pools, karst_survey *survey, karst_error *error)
 {
-    bool tiles = kind == KARST_LRU_TILES;
-    *lru = (karst_lru){.context = context, .shape = karst_shape_of(context), .kind = kind};
-    lru->num = (tiles ? pools->num_tiles : pools->num_bricks) - 1;
-    lru->stamps = tiles ? pools->tile_stamp : pools->brick_stamp;
-    lru->fallback =
-        tiles ? pools->tile_stamp : pools->brick_fallback; /* tiles have one stamp: the later of two equal ones */
-    lru->nodes = pools->nodes;
-    lru->tile_info = pools->tile_info;
-    lru->brick_owner = pools->brick_owner;
-    size_t num_chunks = karst_shape_chunks(&lru->shape, lru->num);
-    lru->order = karst_buffer_create(context, "usage_lists", lru->num * sizeof(uint32_t), NULL, error);
-    lru->spare = karst_buffer_create(context, "usage_lists", lru->num * sizeof(uint32_t), NULL, error);
-    lru->marks =
-        karst_buffer_create(context, "usage_lists", ((size_t)lru->num + 31) / 32 * sizeof(cl_uint2), NULL, error);
-    lru->counts =
-        karst_buffer_create(context, "usage_lists", num_chunks * KARST_LRU_RADIX_SIZE * sizeof(cl_uint2), NULL, error);
-    lru->totals = karst_buffer_create(context, "usage_lists", sizeof(cl_uint2), NULL, error);
-    if (!lru->order || !lru->spare || !lru->marks || !lru->counts || !lru->totals)
+    bool tiles = kind == KARST_SURVEY_TILES;
+    *lru = (karst_lru){.context = context,
+                       .shape = karst_shape_of(context),
+                       .kind = kind,
+                       .pools = pools,
+                       .survey = survey,
+                       .expected_age = 16};
+    size_t num = tiles ? pools->num_tiles : pools->num_bricks;
+    lru->victims = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
+    lru->result = karst_buffer_create(context, "work_lists", sizeof(karst_lru_result), NULL, error);
+    lru->freed = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
+    if (!lru->victims || !lru->result || !lru->freed)
         return false;
-    return (lru->mark = karst_program_kernel(program, "karst_lru_mark", error)) &&
-           (lru->scan = karst_program_kernel(program, "karst_lru_scan", error)) &&
-           (lru->part = karst_program_kernel(program, "karst_lru_part", error)) &&
-           (lru->sort_mark = karst_program_kernel(program, "karst_lru_sort_mark", error)) &&
-           (lru->sort_part = karst_program_kernel(program, "karst_lru_sort_part", error)) &&
-           (lru->digit_count = karst_program_kernel(program, "karst_lru_digit_count", error)) &&
-           (lru->digit_part = karst_program_kernel(program, "karst_lru_digit_part", error)) &&
-           karst_lru_reset(lru, error);
+    lru->slots = malloc(num * sizeof(uint32_t));
+    lru->spare = malloc(num * sizeof(*lru->spare));
+    if (!lru->slots || !lru->spare)
+        return karst_fail(error, KARST_FAILED, "out of memory for a list of %zu slots", num);
+    return (lru->look =
+                karst_program_kernel(program, tiles ? "karst_lru_look_at_tiles" : "karst_lru_look_at_bricks", error)) &&
+           (lru->take = karst_program_kernel(program, "karst_lru_take", error));
 }
 
 void karst_lru_finish(karst_lru *lru)
 {
-    cl_kernel kernels[] = {lru->mark,      lru->scan,        lru->part,      lru->sort_mark,
-                           lru->sort_part, lru->digit_count, lru->digit_part};
-    for (size_t i = 0; i < sizeof(kernels) / sizeof(kernels[0]); i++)
-        if (kernels[i])
-            clReleaseKernel(kernels[i]);
-    karst_buffer_destroy(lru->order);
-    karst_buffer_destroy(lru->spare);
-    karst_buffer_destroy(lru->marks);
-    karst_buffer_destroy(lru->counts);
-    karst_buffer_destroy(lru->totals);
+    if (lru->look)
+        clReleaseKernel(lru->look);
+    if (lru->take)
+        clReleaseKernel(lru->take);
+    karst_buffer_destroy(lru->victims);
+    karst_buffer_destroy(lru->result);
+    karst_buffer_destroy(lru->freed);
+    free(lru->slots);
+    free(lru->spare);
     *lru = (karst_lru){0};
 }
 
-bool karst_lru_reset(karst_lru *lru, karst_error *error)
+/* How many slots to find: some are free, have children or are wanted after all. */
+static uint32_t with_some_more(const karst_lru *lru, uint32_t need)
 {
-    uint32_t *slots = malloc(lru->num * sizeof(*slots));
-    if (!slots)
-        return karst_fail(error, KARST_FAILED, "out of memory for a list of %u slots", lru->num);
-    for (uint32_t i = 0; i < lru->num; i++)
-        slots[i] = i + 1;
-    bool ok = karst_buffer_write(lru->order, 0, slots, lru->num * sizeof(*slots), error);
-    free(slots);
-    lru->cursor = 0;
-    lru->started = false;
-    return ok;
+    return need + (uint32_t)((uint64_t)need * lru->expected_misfits / 64) + need / 4 + 64;
 }
 
-void karst_lru_begin(karst_lru *lru, uint32_t serial)
+static void ask_for(karst_lru *lru, uint32_t age, karst_survey_ask *ask)
 {
-    if (lru->started)
-        return;
-    /* Everything that will ever be handed out is used at this serial or later. */
-    lru->sorted_serial = serial - 1;
-    lru->started = true;
+    ask->ages[lru->kind] = age;
+    lru->survey->lists[lru->kind].valid = false;
+    lru->sorted = false;
 }
 
-static bool launch_chunks(karst_lru *lru, cl_kernel kernel, uint32_t num, karst_error *error)
+void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask)
 {
-    return karst_launch(lru->context, kernel, STAGE, karst_shape_chunks(&lru->shape, num), lru->shape.chunk_local,
-                        error);
+    ask_for(lru, num_free < 2 * lru->expected_need + 64 ? lru->expected_age : 0, ask);
 }
 
-static bool launch_mark(karst_lru *lru, karst_lru_window window, karst_error *error)
+/* Looks once more, for what was not expected. */
+static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, karst_error *error)
 {
-    return KARST_ARGUMENTS(lru->mark, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->stamps),
-                           KARST_BUFFER_ARG(lru->fallback), KARST_BUFFER_ARG(lru->nodes),
-                           KARST_BUFFER_ARG(lru->tile_info), KARST_BUFFER_ARG(lru->brick_owner),
-                           KARST_VALUE_ARG(window), KARST_BUFFER_ARG(lru->marks), KARST_BUFFER_ARG(lru->counts)) &&
-           launch_chunks(lru, lru->mark, window.num, error);
+    karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
+    ask_for(lru, age, &ask);
+    return karst_survey_begin(lru->survey, &ask, error) && karst_survey_end(lru->survey, error);
 }
 
-static bool launch_scan(karst_lru *lru, uint32_t num_counts, karst_error *error)
+/* The age that finds twice as many as are needed: if there are so many, it is known now, else it is a little less. */
+static void expect_age(karst_lru *lru, const karst_survey_slot *sorted)
 {
-    return KARST_ARGUMENTS(lru->scan, error, KARST_BUFFER_ARG(lru->counts), KARST_VALUE_ARG(num_counts),
-                           KARST_BUFFER_ARG(lru->totals)) &&
-           karst_launch(lru->context, lru->scan, STAGE, lru->shape.scan_width, lru->shape.scan_width, error);
+    uint32_t place = 2 * with_some_more(lru, lru->expected_need), age = lru->expected_age;
+    if (place < lru->num)
+        age = sorted[place].age;
+    else
+        age -= age / 8 + 1;
+    lru->expected_age = age ? age : 1;
 }
 
-static bool launch_part(karst_lru *lru, karst_lru_window window, karst_buffer *victims, karst_error *error)
+/* Oldest first; those of one age stay in the order of slots. By digits of the age, of which most often one differs. */
+static void sort(karst_lru *lru, karst_survey_slot *found, uint32_t num)
 {
-    return KARST_ARGUMENTS(lru->part, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->marks),
-                           KARST_BUFFER_ARG(lru->counts), KARST_BUFFER_ARG(lru->totals), KARST_VALUE_ARG(window),
-                           KARST_BUFFER_ARG(lru->stamps), KARST_BUFFER_ARG(lru->spare), KARST_BUFFER_ARG(victims)) &&
-           launch_chunks(lru, lru->part, window.num, error);
-}
-
-static bool launch_sort_mark(karst_lru *lru, karst_error *error)
-{
-    return KARST_ARGUMENTS(lru->sort_mark, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->stamps),
-                           KARST_BUFFER_ARG(lru->fallback), KARST_VALUE_ARG(lru->num),
-                           KARST_VALUE_ARG(lru->sorted_serial), KARST_BUFFER_ARG(lru->marks),
-                           KARST_BUFFER_ARG(lru->counts)) &&
-           launch_chunks(lru, lru->sort_mark, lru->num, error);
-}
-
-static bool launch_sort_part(karst_lru *lru, karst_error *error)
-{
-    return KARST_ARGUMENTS(lru->sort_part, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->marks),
-                           KARST_BUFFER_ARG(lru->counts), KARST_BUFFER_ARG(lru->totals), KARST_VALUE_ARG(lru->num),
-                           KARST_BUFFER_ARG(lru->spare)) &&
-           launch_chunks(lru, lru->sort_part, lru->num, error);
-}
-
-static bool launch_digit_count(karst_lru *lru, uint32_t first, uint32_t num, uint32_t shift, karst_error *error)
-{
-    return KARST_ARGUMENTS(lru->digit_count, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->stamps),
-                           KARST_BUFFER_ARG(lru->fallback), KARST_VALUE_ARG(first), KARST_VALUE_ARG(num),
-                           KARST_VALUE_ARG(lru->sorted_serial), KARST_VALUE_ARG(shift),
-                           KARST_BUFFER_ARG(lru->counts)) &&
-           launch_chunks(lru, lru->digit_count, num, error);
-}
-
-static bool launch_digit_part(karst_lru *lru, uint32_t first, uint32_t num, uint32_t shift, karst_error *error)
-{
-    return KARST_ARGUMENTS(lru->digit_part, error, KARST_BUFFER_ARG(lru->order), KARST_BUFFER_ARG(lru->stamps),
-                           KARST_BUFFER_ARG(lru->fallback), KARST_BUFFER_ARG(lru->counts), KARST_VALUE_ARG(first),
-                           KARST_VALUE_ARG(num), KARST_VALUE_ARG(lru->sorted_serial), KARST_VALUE_ARG(shift),
-                           KARST_BUFFER_ARG(lru->spare)) &&
-           launch_chunks(lru, lru->digit_part, num, error);
-}
-
-/* Takes a piece of `spare` over into the list. */
-static bool copy_back(karst_lru *lru, uint32_t first, uint32_t num, karst_error *error)
-{
-    cl_int code = clEnqueueCopyBuffer(lru->context->queue, lru->spare->mem, lru->order->mem, first * sizeof(uint32_t),
-                                      first * sizeof(uint32_t), num * sizeof(uint32_t), 0, NULL, NULL);
-    if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot copy within the usage lists: %s", karst_cl_error_name(code));
-    return true;
-}
-
-bool karst_lru_take(karst_lru *lru, uint32_t serial, bool drop_fallback, uint32_t need, karst_buffer *victims,
-                    uint32_t victims_first, uint32_t *num_taken, karst_error *error)
-{
-    uint32_t length = lru->shape.chunk * lru->shape.busy_chunks;
-    if (length < 2 * need)
-        length = 2 * need;
-    *num_taken = 0;
-    if (drop_fallback)
-        lru->cursor = 0; /* stand-ins count as used: other passes left them behind */
-    for (uint32_t at = lru->cursor; need > 0 && at < lru->num;) {
-        if (length > lru->num - at)
-            length = lru->num - at;
-        karst_lru_window window = {lru->kind,          at,           length, need, victims_first, serial,
-                                   lru->sorted_serial, drop_fallback};
-        uint32_t totals[2];
-        if (!launch_mark(lru, window, error) || !launch_scan(lru, karst_shape_chunks(&lru->shape, length), error) ||
-            !launch_part(lru, window, victims, error) || !copy_back(lru, at, length, error) ||
-            !karst_buffer_read(lru->totals, 0, totals, sizeof(totals), error))
-            return false;
-        uint32_t taken = totals[0] < need ? totals[0] : need;
-        /* Nothing was kept before this window: what is gone is behind the cursor for good. */
-        if (lru->cursor == at)
-            lru->cursor += taken + totals[1];
-        *num_taken += taken;
-        victims_first += taken;
-        need -= taken;
-        at += length;
-        length = length > lru->num / 2 ? lru->num : 2 * length;
+    uint32_t in_all = UINT32_MAX, in_any = 0, sums[DIGIT_SIZE];
+    lru->num = num;
+    for (uint32_t i = 0; i < num; i++) {
+        in_all &= found[i].age;
+        in_any |= found[i].age;
     }
+    karst_survey_slot *from = found, *to = lru->spare;
+    for (int shift = 0; shift < 32; shift += DIGIT_BITS) {
+        if (((in_all ^ in_any) >> shift & (DIGIT_SIZE - 1)) == 0)
+            continue;
+        memset(sums, 0, sizeof(sums));
+        for (uint32_t i = 0; i < num; i++)
+            sums[~from[i].age >> shift & (DIGIT_SIZE - 1)]++;
+        for (uint32_t digit = 0, sum = 0; digit < DIGIT_SIZE; digit++) {
+            uint32_t own = sums[digit];
+            sums[digit] = sum;
+            sum += own;
+        }
+        for (uint32_t i = 0; i < num; i++)
+            to[sums[~from[i].age >> shift & (DIGIT_SIZE - 1)]++] = from[i];
+        karst_survey_slot *swap = from;
+        from = to;
+        to = swap;
+    }
+    expect_age(lru, from);
+    for (uint32_t i = 0; i < num; i++)
+        lru->slots[i] = from[i].slot;
+    lru->sorted = true;
+}
+
+static bool read_sorted(karst_lru *lru, karst_error *error)
+{
+    if (lru->sorted)
+        return true;
+    if (!karst_survey_read_found(lru->survey, lru->kind, error))
+        return false;
+    uint64_t start_ns = karst_clock_ns();
+    karst_survey_list *list = &lru->survey->lists[lru->kind];
+    sort(lru, list->slots, list->num);
+    karst_profile_add_host(lru->context, STAGE, karst_clock_ns() - start_ns);
     return true;
 }
 
-bool karst_lru_sort(karst_lru *lru, uint32_t serial, karst_error *error)
+static bool launch_look(karst_lru *lru, const karst_lru *behind, karst_error *error)
 {
-    if (lru->sorted_serial == serial - 1)
-        return true;
-    uint32_t totals[2];
-    if (!launch_sort_mark(lru, error) || !launch_scan(lru, karst_shape_chunks(&lru->shape, lru->num), error) ||
-        !launch_sort_part(lru, error) || !karst_buffer_read(lru->totals, 0, totals, sizeof(totals), error))
+    const karst_cache_buffers *pools = lru->pools;
+    const karst_lru_ask *ask = &lru->ask;
+    karst_buffer *slots = lru->survey->found[lru->kind]; /* which has been read */
+    if (!(lru->kind == KARST_SURVEY_TILES
+              ? KARST_ARGUMENTS(lru->look, error, KARST_BUFFER_ARG(slots), KARST_VALUE_ARG(*ask),
+                                KARST_BUFFER_ARG(pools->tile_stamp), KARST_BUFFER_ARG(pools->nodes),
+                                KARST_BUFFER_ARG(pools->tile_info))
+              : KARST_ARGUMENTS(lru->look, error, KARST_BUFFER_ARG(slots), KARST_VALUE_ARG(*ask),
+                                KARST_BUFFER_ARG(pools->brick_stamp), KARST_BUFFER_ARG(pools->brick_fallback),
+                                KARST_BUFFER_ARG(pools->brick_owner))))
         return false;
-    karst_buffer *swap = lru->order;
-    lru->order = lru->spare;
-    lru->spare = swap;
-    /* Those used since the last sort stand behind, by slot; uses are 1 to `span` casts after it. */
-    uint32_t first = totals[0], num = totals[1], span = serial - lru->sorted_serial;
-    for (uint32_t shift = 0; num > 1 && span > 1 && shift < 32 && span >> shift; shift += KARST_LRU_RADIX_BITS)
-        if (!launch_digit_count(lru, first, num, shift, error) ||
-            !launch_scan(lru, karst_shape_chunks(&lru->shape, num) * KARST_LRU_RADIX_SIZE, error) ||
-            !launch_digit_part(lru, first, num, shift, error) || !copy_back(lru, first, num, error))
+    return karst_cache_send(slots, 0, lru->slots, ask->num * sizeof(uint32_t), error) &&
+           karst_launch(lru->context, lru->look, STAGE, ask->num, lru->shape.item_local, error) &&
+           KARST_ARGUMENTS(lru->take, error, KARST_BUFFER_ARG(slots), KARST_VALUE_ARG(*ask),
+                           KARST_BUFFER_ARG(behind ? behind->result : lru->result),
+                           KARST_BUFFER_ARG(behind ? behind->freed : lru->freed), KARST_BUFFER_ARG(lru->victims),
+                           KARST_BUFFER_ARG(lru->result)) &&
+           karst_launch(lru->context, lru->take, STAGE, lru->shape.scan_width, lru->shape.scan_width, error);
+}
+
+bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, const karst_lru *behind,
+                     karst_lru_unlink unlink, void *user, karst_error *error)
+{
+    const karst_survey_list *list = &lru->survey->lists[lru->kind];
+    if ((!list->valid || list->stand_ins != stand_ins) &&
+        !find(lru, serial, stand_ins, stand_ins ? 1 : lru->expected_age, error))
+        return false;
+    if (!lru->again)
+        lru->least = lru->was_short ? UINT32_MAX : with_some_more(lru, need);
+    if (!read_sorted(lru, error))
+        return false;
+    uint32_t num = lru->num < lru->least ? lru->num : lru->least;
+    lru->is_last = list->age == 1 && num == lru->num;
+    lru->ask = (karst_lru_ask){.num = num,
+                               .need = need,
+                               .all_or_none = !lru->is_last,
+                               .serial = serial,
+                               .stand_ins = stand_ins,
+                               .need_before = behind ? behind->ask.need : 0};
+    lru->started = true;
+    lru->arrived = false;
+    lru->host_result = (karst_lru_result){0};
+    return launch_look(lru, behind, error) && unlink(user, need, error) &&
+           karst_cache_fetch(lru->result, 0, &lru->host_result, sizeof(lru->host_result), error);
+}
+
+bool karst_lru_recycle(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, karst_lru_unlink unlink,
+                       void *user, karst_error *error)
+{
+    const karst_survey_list *list = &lru->survey->lists[lru->kind];
+    const karst_lru_result *result = &lru->host_result;
+    /* First the oldest, as many as should do, then more and more of them. As long as there may be more, a look that
+     * finds too few leaves everything as it is: what is recycled first may make others fit. */
+    for (lru->again = false;; lru->again = true) {
+        bool is_here = lru->started;
+        if ((!is_here && !karst_lru_start(lru, serial, stand_ins, need, NULL, unlink, user, error)) ||
+            ((!is_here || !lru->arrived) && !karst_finish(lru->context, error)))
             return false;
-    /* What this round hands out will be stamped with `serial` too, and is behind everything else. */
-    lru->sorted_serial = serial - 1;
-    lru->cursor = 0;
+        lru->started = lru->arrived = false;
+        if (lru->is_last || result->num_taken == need)
+            break;
+        if (lru->ask.num == lru->num) {
+            if (!find(lru, serial, stand_ins, (list->age + 1) / 2, error))
+                return false;
+        }
+        lru->least = lru->least > UINT32_MAX / 4 ? UINT32_MAX : 4 * lru->least;
+    }
+    lru->took_all_at_once = !lru->again && result->num_taken == need;
+    lru->again = false;
+    if (!stand_ins) {
+        lru->was_short = result->num_taken < need;
+        if (!lru->was_short)
+            lru->expected_misfits = (uint32_t)((uint64_t)(result->num_seen - need) * 64 / need);
+    }
     return true;
 }

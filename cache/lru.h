@@ -1,51 +1,62 @@
-/* Usage lists: all slots of a pool, least recently used first, kept by stream compaction on the device.
- *
- * The list is in exact order of (last use, slot index) as of a serial; what was used since then counts as behind all of
- * it, in whatever order. So one sort serves many rounds: each takes from a cursor on, passing over what was used or
- * freed meanwhile, and only when the cursor reaches the end are those sorted that were used since the last sort. A
- * round's cost follows what it takes. (Stream compaction for LRU: C. Crassin, "GigaVoxels", 2011, section 7.3; the lazy
- * sort is Karst's.) */
+/* Usage lists: which slots of a pool are recycled, the least recently used first. The order is exactly that of (last
+ * use, slot): of tiles the casts since they were walked through, of bricks since they were used, as asked for or as a
+ * stand-in. It depends on the stamps of the moment and on nothing else. */
 #ifndef KARST_CACHE_LRU_H
 #define KARST_CACHE_LRU_H
 
 #include "cache/cache.h"
 #include "cache/lru_shared.h"
 #include "cache/shape.h"
+#include "cache/survey.h"
 
 typedef struct {
     karst_context *context;
     karst_shape shape;
-    uint32_t kind;   /* KARST_LRU_TILES or _BRICKS */
-    uint32_t num;    /* entries: slots 1 to num */
-    uint32_t cursor; /* before it stands nothing that could be taken */
-    uint32_t sorted_serial;
-    bool started;                                                      /* sorted_serial is valid */
-    karst_buffer *order;                                               /* uint[num]: the list */
-    karst_buffer *spare;                                               /* uint[num] */
-    karst_buffer *marks;                                               /* two bits for each entry */
-    karst_buffer *counts;                                              /* uint2 for each chunk (and digit) */
-    karst_buffer *totals;                                              /* uint2 */
-    karst_buffer *stamps, *fallback, *nodes, *tile_info, *brick_owner; /* the pools', borrowed */
-    cl_kernel mark, scan, part, sort_mark, sort_part, digit_count, digit_part;
+    uint32_t kind;                    /* KARST_SURVEY_TILES or _BRICKS */
+    const karst_cache_buffers *pools; /* borrowed */
+    karst_survey *survey;             /* borrowed: finds what is old */
+    karst_buffer *victims;            /* uint[KARST_CACHE_MAX_WORK] */
+    karst_buffer *freed;              /* uint[KARST_CACHE_MAX_WORK]: of tiles, the bricks that went with each */
+    karst_buffer *result;             /* karst_lru_result */
+    cl_kernel look, take;
+    uint32_t *slots;          /* what the survey found, in order */
+    karst_survey_slot *spare; /* room to sort in */
+    uint32_t num;             /* slots in it */
+    bool sorted;              /* it is that of the last survey */
+    /* A look that was started: at how many slots, and what came of it. */
+    karst_lru_ask ask;
+    karst_lru_result host_result;
+    uint32_t least;
+    bool started, again, is_last;
+    bool arrived;          /* there was a wait since it was started */
+    bool took_all_at_once; /* the first look of the last karst_lru_recycle found all */
+    /* As in the last rounds; only what a round costs depends on these. */
+    uint32_t expected_need, expected_age;
+    uint32_t expected_misfits; /* slots that had to be passed over, for 64 that were taken */
+    bool was_short;
 } karst_lru;
 
 /* Errors: KARST_FAILED. karst_lru_finish takes what a failed init left, or zeros. */
 bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_error *error);
+                    const karst_cache_buffers *pools, karst_survey *survey, karst_error *error);
 void karst_lru_finish(karst_lru *lru);
-/* Ascending slots, nothing used yet. */
-bool karst_lru_reset(karst_lru *lru, karst_error *error);
-/* Call once at the start of a round, with its serial. */
-void karst_lru_begin(karst_lru *lru, uint32_t serial);
 
-/* Takes the first `need` slots in the list's order that may be recycled (in use, not stamped with `serial`, tiles
- * without children), stamps them with `serial` and writes them to victims[victims_first...]. The root tile is never
- * taken. drop_fallback: bricks that serve only as a stand-in may be taken too; sort first. *num_taken < need: that was
- * all that is in order; sort, and take the rest. Nothing is unlinked here. */
-bool karst_lru_take(karst_lru *lru, uint32_t serial, bool drop_fallback, uint32_t need, karst_buffer *victims,
-                    uint32_t victims_first, uint32_t *num_taken, karst_error *error);
-/* Brings all in order that is not in use at `serial`; what is comes last, by slot. Nothing to do if called again with
- * the same serial. */
-bool karst_lru_sort(karst_lru *lru, uint32_t serial, karst_error *error);
+/* What a survey should find for this pool, if as much is asked for as in the last round and num_free slots are free. */
+void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask);
+
+/* What is to be launched on lru->victims; nothing is to happen to those from lru->result->num_taken on. */
+typedef bool (*karst_lru_unlink)(void *user, uint32_t num, karst_error *error);
+
+/* Of the slots that may be recycled (in use, not stamped with `serial`, tiles without children) the first `need`, 1 to
+ * KARST_CACHE_MAX_WORK, go to `victims` in order, and `unlink` is launched on them. The root tile is never taken.
+ * stand_ins: bricks that are used only as a stand-in are taken, and nothing else. Counts come to host_result; fewer
+ * than `need` were taken: there are no more. */
+bool karst_lru_recycle(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, karst_lru_unlink unlink,
+                       void *user, karst_error *error);
+/* Starts that and does not wait for it; the next karst_lru_recycle does. `behind`: of bricks, behind what was started
+ * for tiles; bricks that go with the tiles count as taken, and nothing is taken if not all tiles were: then forget it
+ * (started = false). */
+bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, const karst_lru *behind,
+                     karst_lru_unlink unlink, void *user, karst_error *error);
 
 #endif

@@ -4,34 +4,30 @@
 
 #include "cache/layout_shared.h"
 
-#define KARST_LRU_TILES 0u
-#define KARST_LRU_BRICKS 1u
-
-#define KARST_LRU_RADIX_BITS 4
-#define KARST_LRU_RADIX_SIZE (1 << KARST_LRU_RADIX_BITS)
-
-/* A piece of a list, and what is asked of it. */
+/* A look at slots in the order in which they are to be recycled. */
 typedef struct {
-    uint kind;          /* KARST_LRU_TILES or _BRICKS */
-    uint first, num;    /* positions in the list */
-    uint need;          /* take at most this many */
-    uint victims_first; /* where in the list of victims the first one goes */
-    uint serial;        /* what carries this stamp is in use */
-    uint sorted_serial; /* the list is in order of use up to this serial */
-    uint drop_fallback; /* 1: bricks that are in use only as a stand-in may be taken */
-} karst_lru_window;
-K_ASSERT_SIZE(karst_lru_window, 32);
+    uint num;         /* slots in the list */
+    uint need;        /* take this many */
+    uint all_or_none; /* 1: take nothing if there are fewer than `need` */
+    uint serial;      /* what carries this stamp is in use */
+    uint stand_ins;   /* 1: bricks that are in use only as a stand-in may be taken */
+    uint need_before; /* not 0: if so many tiles were taken, need as many less as bricks were freed with them; if
+                         not, take none */
+    uint pad[2];
+} karst_lru_ask;
+K_ASSERT_SIZE(karst_lru_ask, 32);
 
-/* Stamped after `serial`? Never (0) is before everything. Serials wrap; a stamp that is more than 2^31 casts old passes
- * for a new one, which only delays its recycling. */
-K_INLINE int karst_stamp_is_after(uint stamp, uint serial) { return stamp != 0u && (int)(stamp - serial) > 0; }
+typedef struct {
+    uint num_fit;   /* slots in the list that may be recycled */
+    uint num_taken; /* of them */
+    uint num_kept;  /* tiles that may not only because they have children */
+    uint num_seen;  /* slots in the list up to the last one taken */
+} karst_lru_result;
+K_ASSERT_SIZE(karst_lru_result, 16);
 
-/* The later of two stamps. */
-K_INLINE uint karst_stamp_later(uint a, uint b)
-{
-    if (a == 0u || b == 0u)
-        return a | b;
-    return (int)(a - b) > 0 ? a : b;
-}
+/* What a look writes into the list, into the bits that no slot has. */
+#define KARST_LRU_FITS 0x80000000u
+#define KARST_LRU_KEPT 0x40000000u
+#define KARST_LRU_SLOT 0x3fffffffu
 
 #endif

@@ -34,6 +34,17 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
     return most ? (num_slots + most - 1) / most : 0;
 }
 
+bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error)
+{
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
+                                      NULL, NULL);
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot read buffer %s: %s", buffer->name, karst_cl_error_name(code));
+    return true;
+}
+
 /* Cuts the brick pool into equal segments. */
 static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
@@ -115,10 +126,11 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
            karst_slots_init(&cache->tile_slots, KARST_ROOT_TILE + 1, b->num_tiles, error) &&
            karst_slots_init(&cache->brick_slots, 1, b->num_bricks, error) &&
            karst_slots_init(&cache->root_slots, b->num_bricks, b->num_bricks + KARST_CACHE_ROOT_BRICKS, error) &&
-           karst_lru_init(&cache->tiles, context, cache->program, KARST_LRU_TILES, b, error) &&
-           karst_lru_init(&cache->bricks, context, cache->program, KARST_LRU_BRICKS, b, error) &&
-           karst_wants_init(&cache->wants, context, cache->program, b, error) &&
-           karst_evict_init(&cache->evict, context, cache->program, b, error) &&
+           karst_survey_init(&cache->survey, context, cache->program, b, error) &&
+           karst_lru_init(&cache->tiles, context, cache->program, KARST_SURVEY_TILES, b, &cache->survey, error) &&
+           karst_lru_init(&cache->bricks, context, cache->program, KARST_SURVEY_BRICKS, b, &cache->survey, error) &&
+           karst_wants_init(&cache->wants, context, cache->program, b, &cache->survey, error) &&
+           karst_evict_init(&cache->evict, context, cache->program, b, &cache->tiles, &cache->bricks, error) &&
            karst_publish_init(&cache->publish, context, cache->program, b, error) &&
            karst_churn_init(&cache->churn, error);
 }
@@ -177,6 +189,7 @@ void karst_cache_destroy(karst_cache *cache)
     karst_slots_finish(&cache->root_slots);
     karst_lru_finish(&cache->tiles);
     karst_lru_finish(&cache->bricks);
+    karst_survey_finish(&cache->survey);
     karst_wants_finish(&cache->wants);
     karst_evict_finish(&cache->evict);
     karst_publish_finish(&cache->publish);
@@ -231,8 +244,7 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error)
         !fill_all(b->tile_stamp, 0, error) || !fill_all(b->brick_stamp, 0, error) ||
         !fill_all(b->brick_fallback, 0, error) || !fill_all(b->want_brick, 0, error) ||
         !fill_all(b->want_children, 0, error) || !fill_all(b->want_chunk, 0, error) ||
-        !fill_all(b->want_rays, 0, error) ||
-        !karst_lru_reset(&cache->tiles, error) || !karst_lru_reset(&cache->bricks, error))
+        !fill_all(b->want_rays, 0, error))
         return false;
     karst_slots_reset(&cache->tile_slots);
     karst_slots_reset(&cache->brick_slots);

@@ -9,6 +9,7 @@
 #include "cache/lru.h"
 #include "cache/publish.h"
 #include "cache/slots.h"
+#include "cache/survey.h"
 #include "cache/wants.h"
 
 struct karst_cache {
@@ -18,6 +19,7 @@ struct karst_cache {
     /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it
      * holds). */
     karst_slots tile_slots, brick_slots, root_slots;
+    karst_survey survey;
     karst_lru tiles, bricks;
     karst_wants wants;
     karst_evict evict;
@@ -32,6 +34,7 @@ struct karst_cache {
     karst_commit *commit;   /* finds it; NULL until it is wanted */
     uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
     uint64_t *identities;
+    bool has_names; /* these are here */
     bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */
     int root_level;
     int64_t root_corner[3];

@@ -11,19 +11,21 @@ typedef struct {
     uint32_t chunk_local; /* work-group size of passes over chunks */
     uint32_t item_local;  /* work-group size of passes over single items */
     uint32_t scan_width;  /* work-items that scan the chunks' counts together, in one work-group */
-    uint32_t busy_chunks; /* chunks that keep the device busy */
+    uint32_t sharers;     /* work-items that share a list of unknown length, in groups of chunk_local */
 } karst_shape;
 
 static inline karst_shape karst_shape_of(const karst_context *context)
 {
     if (context->is_cpu)
-        return (karst_shape){2048, 1, 64, 1, 2 * (uint32_t)context->compute_units};
-    return (karst_shape){64, 64, 64, 256, 64 * (uint32_t)context->compute_units};
+        return (karst_shape){2048, 1, 64, 1, 8 * (uint32_t)context->compute_units};
+    return (karst_shape){64, 64, 64, 256, 2048};
 }
 
 /* Like karst_buffer_write, but returns at once: `data` must stay as it is until the next blocking read. */
 bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
                       karst_error *error);
+/* Like karst_buffer_read, but returns at once: `data` is there after the next blocking read. */
+bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
 
 static inline uint32_t karst_shape_chunks(const karst_shape *shape, uint32_t num_entries)
 {

@@ -7,9 +7,8 @@
 
 #include "cache/cache.h"
 #include "cache/shape.h"
+#include "cache/survey.h"
 #include "cache/wants_shared.h"
-
-#define KARST_WANTS_LIST 65536u /* wants in one piece of the list */
 
 /* One kind of work, best first: by class, then by node. A want that was deferred keeps its class, so that it is served
  * as soon as all before it are; its age is not kept. */
@@ -24,32 +23,29 @@ typedef struct {
     karst_context *context;
     karst_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
-    uint32_t num_chunks;              /* request chunks */
-    uint32_t num_counts[3];           /* of the survey: for tiles, bricks, request chunks */
-    cl_kernel survey, mark, list, accept;
-    karst_buffer *survey_counts; /* uint for each chunk of the survey */
-    karst_buffer *active;        /* uint: request chunks with wants, ascending */
-    karst_buffer *marks;         /* uint2 for 32 nodes of each active chunk */
-    karst_buffer *counts;        /* uint for each active chunk: first wants in it, then where they go */
-    karst_buffer *wants;         /* karst_want[KARST_WANTS_LIST] */
-    karst_buffer *identities;    /* ulong for each accepted piece of work */
-    uint32_t *host_counts, *host_active;
+    karst_survey *survey;             /* borrowed: names the request chunks to look at */
+    cl_kernel mark, list, accept;
+    karst_buffer *marks;      /* uint2 for 32 nodes of each active chunk */
+    karst_buffer *counts;     /* uint for each work-item: wants in its share */
+    karst_buffer *wants;      /* karst_want[KARST_WANTS_LIST] */
+    karst_buffer *identities; /* ulong for each accepted piece of work */
+    karst_wants_view view;    /* of this round */
     karst_want *host_wants;
+    uint32_t num_last, num_read; /* wants in the last round; read in this one before it was known how many there are */
     karst_wants_choice *loads, *subdivides, *spare;
 } karst_wants;
 
 /* Errors: KARST_FAILED. karst_wants_finish takes what a failed init left, or zeros. */
 bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_error *error);
+                      const karst_cache_buffers *pools, karst_survey *survey, karst_error *error);
 void karst_wants_finish(karst_wants *wants);
 
-/* Counts what carries the serial; *any_wants: some request chunk does. Waits for the device. */
-bool karst_wants_survey(karst_wants *wants, uint32_t serial, uint32_t *num_tiles, uint32_t *num_bricks, bool *any_wants,
-                        karst_error *error);
-/* Reads the wants of a serial and chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK
- * of either) into wants->loads and wants->subdivides. `turn` as in karst_want_delay. */
-bool karst_wants_choose(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], uint32_t max_loads,
-                        uint32_t max_subdivides, karst_error *error);
+/* Starts to make a list of the wants of a serial, behind karst_survey_begin; `turn` as in karst_want_delay.
+ * Returns at once. */
+bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], karst_error *error);
+/* After karst_survey_end: chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK of
+ * either) into wants->loads and wants->subdivides. May wait. */
+bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_subdivides, karst_error *error);
 /* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads
  * first. */
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,

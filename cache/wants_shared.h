@@ -9,6 +9,8 @@
 #define KARST_WANT_BRICK 0x1000u
 #define KARST_WANT_CHILDREN 0x2000u
 
+#define KARST_WANTS_LIST 65536u /* wants in one piece of the list */
+
 /* A node with at least one valid want. */
 typedef struct {
     uint node;

@@ -1,9 +1,10 @@
-/* What collect and publish cost in a large cache: settled, and with a thousand wants, as free slots, the usage lists'
- * heads or a sort give room for them. Wall clock in ms, medians; machines are noisy, so what counts is how it follows
- * the wants. */
+/* What collect and publish cost in a large cache: settled, and with a thousand wants, as free slots or what was not
+ * used lately give room for them. Wall clock in ms, medians; machines are noisy, so what counts is how it follows the
+ * wants. */
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "core/profile.h"
 #include "tests/support/cache_rig.h"
 
 #define NUM_BRICKS 65536
@@ -50,6 +51,21 @@ static void use(uint32_t share)
             rig.brick_stamp[brick] = rig.serial;
 }
 
+/* With KARST_BENCH_SPANS: what a collect did when, in us. */
+static void print_spans(uint64_t collect_ns)
+{
+    static karst_span spans[256];
+    uint64_t ns[KARST_NUM_STAGES];
+    if (!getenv("KARST_BENCH_SPANS") || !karst_profile_collect(rig.context, ns, NULL))
+        return;
+    size_t num = karst_profile_spans(rig.context, spans, 256);
+    for (size_t i = 0; i < num && i < 256; i++)
+        printf("    %8.1f to %8.1f  %5.1f  %s\n", (double)(spans[i].start_ns - spans[0].start_ns) * 1e-3,
+               (double)(spans[i].end_ns - spans[0].start_ns) * 1e-3,
+               (double)(spans[i].end_ns - spans[i].start_ns) * 1e-3, spans[i].name);
+    printf("    %8.1f in all\n", (double)collect_ns * 1e-3);
+}
+
 /* Times rounds with wants of either kind; `stride` scatters them, `casts` go by between rounds. */
 static void measure(const char *name, uint32_t num_wants, uint32_t stride, uint32_t share, int casts)
 {
@@ -63,7 +79,11 @@ static void measure(const char *name, uint32_t num_wants, uint32_t stride, uint3
         uint32_t first = 8 + random_below(rig.num_nodes / 2);
         ask(first, stride, num_wants / 2, false);
         ask(first, stride, num_wants - num_wants / 2, true);
+        if (round == NUM_ROUNDS - 1)
+            karst_profile_collect(rig.context, (uint64_t[KARST_NUM_STAGES]){0}, NULL);
         rig_collect(&rig, KARST_CACHE_MAX_WORK, KARST_CACHE_MAX_WORK, false);
+        if (round == NUM_ROUNDS - 1)
+            print_spans(rig.collect_ns);
         rig_produce(&rig);
         rig_publish(&rig);
         collect_ns[round] = rig.collect_ns;
@@ -133,6 +153,7 @@ int main(void)
     rig_expect(context, "karst_context_create", &error);
     rig_open(&rig, context, NUM_TILES, NUM_BRICKS, 0, 20);
     rig.skip_check = true;
+    karst_profile_trace(context, getenv("KARST_BENCH_SPANS") != NULL, NULL);
     printf("cache of %d tiles and %d bricks on %s, ms\n", NUM_TILES, NUM_BRICKS, context->name);
     fill_until(250000, 50000);
     measure("no wants", 0, 1, 50, 1);

@@ -12,7 +12,7 @@
 
 #include "tests/support/cache_rig.h"
 
-/* A rig with a tree of some levels, bricks on it, free slots, and usage lists that have been sorted and taken from. */
+/* A rig with a tree of some levels, bricks on it, and free slots. */
 static karst_context *context;
 static cache_rig rig;
 static uint32_t upper, lower, other; /* tiles: below root node 0, below upper's node 0, below root node 1 */
@@ -146,8 +146,7 @@ static void test_nodes(void **state)
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_LOST, 0u), brick, "has state 4, but brick");
     spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_AIR, lower), 0, "is constant (state 1), but has children");
     spoil_node(upper * 8, KARST_NODE_LINK(KARST_STATE_SOLID, lower), 0, "is constant (state 2), but has children");
-    spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), 12 + KARST_CACHE_ROOT_BRICKS,
-               "which is no slot");
+    spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), 12 + KARST_CACHE_ROOT_BRICKS, "which is no slot");
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), free_brick(), "which is free");
     spoil_node(node, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), a_held_brick(brick), "which belongs to node");
     spoil_node(lost, KARST_NODE_LINK(KARST_STATE_BRICK, 0u), brick, "which belongs to node"); /* two nodes, one brick */
@@ -242,53 +241,6 @@ static void test_free_slots(void **state)
     spoil_uint32(&slots->ring[slots->first], upper, "but its slot is");
 }
 
-/* Where a slot stands in a list. */
-static uint32_t place_of(const uint32_t *order, uint32_t num, uint32_t slot)
-{
-    uint32_t i = 0;
-    while (i < num && order[i] != slot)
-        i++;
-    return i;
-}
-
-static void test_usage_lists(void **state)
-{
-    (void)state;
-    karst_lru *lists[] = {&rig.cache->tiles, &rig.cache->bricks};
-    for (int kind = 0; kind < 2; kind++) {
-        karst_lru *lru = lists[kind];
-        uint32_t order[11];
-        assert_int_equal(lru->num, 11);
-        assert_true(karst_buffer_read(lru->order, 0, order, sizeof(order), NULL));
-        uint32_t twice = order[3], none = 0, beyond = 12;
-        spoil(lru->order, 5 * sizeof(uint32_t), &twice, sizeof(twice), "which is there twice");
-        spoil(lru->order, 5 * sizeof(uint32_t), &none, sizeof(none), "which is no slot");
-        spoil(lru->order, 5 * sizeof(uint32_t), &beyond, sizeof(beyond), "which is no slot");
-        spoil_uint32(&lru->cursor, 12, "has its cursor at 12 of 11");
-    }
-    /* In order as of now, everything held stands behind the cursor; swap two of different age. */
-    karst_lru *lru = &rig.cache->bricks;
-    uint32_t order[11], swapped[11], held[2], num_held = 0;
-    rig_cast(&rig);
-    assert_true(karst_lru_sort(lru, rig.serial, NULL));
-    assert_true(karst_cache_check(rig.cache, NULL));
-    assert_true(karst_buffer_read(lru->order, 0, order, sizeof(order), NULL));
-    for (uint32_t i = 0; i < 11; i++) {
-        bool is_held = rig.owners[order[i]].owner != KARST_NO_NODE;
-        if (is_held && (num_held == 0 || (num_held == 1 && rig.brick_stamp[order[i]] != rig.brick_stamp[held[0]])))
-            held[num_held++] = order[i];
-    }
-    assert_int_equal(num_held, 2);
-    memcpy(swapped, order, sizeof(order));
-    swapped[place_of(order, 11, held[0])] = held[1];
-    swapped[place_of(order, 11, held[1])] = held[0];
-    spoil(lru->order, 0, swapped, sizeof(swapped), "stands at");
-    spoil_uint32(&lru->cursor, 11, "before the cursor");
-    /* A stamp that went back in time. */
-    uint32_t stamp = rig.brick_stamp[held[0]] - 1;
-    spoil(rig.pools->brick_stamp, held[1] * sizeof(stamp), &stamp, sizeof(stamp), "behind");
-}
-
 static void test_an_open_round_is_sound_and_is_looked_at(void **state)
 {
     (void)state;
@@ -309,9 +261,11 @@ static void test_an_open_round_is_sound_and_is_looked_at(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_nodes),       cmocka_unit_test(test_tiles),
-        cmocka_unit_test(test_bricks),      cmocka_unit_test(test_free_slots),
-        cmocka_unit_test(test_usage_lists), cmocka_unit_test(test_an_open_round_is_sound_and_is_looked_at),
+        cmocka_unit_test(test_nodes),
+        cmocka_unit_test(test_tiles),
+        cmocka_unit_test(test_bricks),
+        cmocka_unit_test(test_free_slots),
+        cmocka_unit_test(test_an_open_round_is_sound_and_is_looked_at),
     };
     return cmocka_run_group_tests(tests, open_rig, close_rig);
 }

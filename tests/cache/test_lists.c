@@ -1,4 +1,4 @@
-/* The cache's lists against plain loops on the host: usage lists (count, scan, scatter), requests, free slots, the
+/* The cache's lists against plain loops on the host: surveys, usage lists, requests, free slots, the
  * memory of evictions. Sizes around the lengths of chunks, input that is random and input that is extreme; each on both
  * shapes of kernels. */
 #include <setjmp.h>
@@ -62,150 +62,163 @@ static bool fits(pattern p, uint32_t i, uint32_t num)
     }
 }
 
-static void read_order(const karst_lru *lru, uint32_t *order)
+/* Stamps of `num` slots: never, in use at `serial`, or up to `span` casts ago. */
+static void stamp_at_random(uint32_t *stamps, uint32_t num, uint32_t serial, uint32_t span, pattern in_use)
 {
-    rig_expect(karst_buffer_read(lru->order, 0, order, lru->num * sizeof(*order), NULL), "read", NULL);
-}
-
-static void assert_permutation(const uint32_t *order, uint32_t num)
-{
-    uint8_t *seen = calloc(num + 1, 1);
     for (uint32_t i = 0; i < num; i++) {
-        assert_true(order[i] >= 1 && order[i] <= num && !seen[order[i]]);
-        seen[order[i]] = 1;
+        stamps[i] = fits(in_use, i, num) ? serial : random_below(10) == 0 ? 0 : serial - random_below(span);
+        stamps[i] += stamps[i] == UINT32_MAX && serial < span; /* no cast has the serial 0 */
     }
-    free(seen);
 }
 
-/* Slots by (stamp, slot), the reference for a sort. */
-static const uint32_t *sort_stamps;
-static uint32_t sort_base;
-static int compare_slots(const void *a, const void *b)
-{
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    uint32_t s = sort_stamps[x] ? sort_stamps[x] - sort_base : 0, t = sort_stamps[y] ? sort_stamps[y] - sort_base : 0;
-    return s != t ? (s > t) - (s < t) : (x > y) - (x < y);
-}
+static uint32_t age_of(uint32_t stamp, uint32_t serial) { return stamp ? serial - stamp : UINT32_MAX; }
 
-/* Stamps tiles at random within `span` casts and sorts, several times on. */
-static void sorts_like_the_host(karst_cache *cache, uint32_t span, uint32_t base)
+/* Counts and lists of one survey against a loop. */
+static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span, pattern in_use, bool stand_ins)
 {
-    karst_lru *lru = &cache->tiles;
-    uint32_t num = lru->num;
-    assert_true(karst_lru_reset(lru, NULL));
-    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)),
-             *expected = calloc(num, sizeof(uint32_t));
-    for (uint32_t i = 0; i < num; i++)
-        expected[i] = i + 1;
-    karst_lru_begin(lru, base + 1);
-    uint32_t serial = base;
-    for (int step = 0; step < 4; step++) {
-        for (uint32_t slot = 1; slot <= num; slot++)
-            if (fits(step == 0 ? RANDOM : step == 1 ? ALL : step == 2 ? RARE : NONE, slot, num)) {
-                stamps[slot] = serial + 1 + random_below(span);
-                stamps[slot] += stamps[slot] == 0;
-            }
-        serial += span + 1;
-        assert_true(karst_buffer_write(cache->buffers.tile_stamp, 0, stamps, (num + 1) * sizeof(uint32_t), NULL));
-        assert_true(karst_lru_sort(lru, serial, NULL));
-        sort_stamps = stamps;
-        sort_base = base;
-        qsort(expected, num, sizeof(uint32_t), compare_slots);
-        read_order(lru, order);
-        assert_memory_equal(order, expected, num * sizeof(uint32_t));
+    karst_survey *survey = &rig->cache->survey;
+    const uint32_t num[2] = {rig->pools->num_tiles, rig->pools->num_bricks};
+    const uint32_t *stamps[2] = {rig->tile_stamp, rig->brick_stamp},
+                   *fallback[2] = {rig->tile_stamp, rig->brick_fallback};
+    stamp_at_random(rig->tile_stamp, num[0], serial, span, in_use);
+    stamp_at_random(rig->brick_stamp, num[1], serial, span, in_use);
+    stamp_at_random(rig->brick_fallback, num[1], serial, span, in_use);
+    uint32_t num_active = 0, *active = calloc(survey->num_request_chunks, sizeof(uint32_t));
+    for (uint32_t i = 0; i < survey->num_request_chunks; i++) {
+        rig->want_chunk[i] = fits(in_use, i, survey->num_request_chunks) ? serial : serial - 1;
+        if (rig->want_chunk[i] == serial)
+            active[num_active++] = i;
     }
-    free(stamps);
-    free(order);
-    free(expected);
+    rig_write_stamps(rig);
+    /* 0 does not look, 1 finds all that is not in use. */
+    const uint32_t ages[] = {0, 1, 2, span / 2 + 1, UINT32_MAX};
+    karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
+    ask.ages[0] = ages[random_below(5)];
+    ask.ages[1] = stand_ins ? 1 : ages[random_below(5)];
+    survey->lists[0].valid = survey->lists[1].valid = false;
+    assert_true(karst_survey_begin(survey, &ask, NULL) && karst_survey_end(survey, NULL));
+    for (uint32_t kind = 0; kind < 2; kind++) {
+        const karst_survey_list *list = &survey->lists[kind];
+        uint32_t used = 0, found = 0;
+        assert_int_equal(list->valid, ask.ages[kind] != 0);
+        assert_true(!list->valid || karst_survey_read_found(survey, kind, NULL));
+        for (uint32_t slot = 0; slot < num[kind]; slot++) {
+            uint32_t a = age_of(stamps[kind][slot], serial), b = age_of(fallback[kind][slot], serial);
+            uint32_t age = a < b ? a : b;
+            used += age == 0;
+            if (!list->valid || !(kind == 1 && stand_ins ? a != 0 && b == 0 : age >= ask.ages[kind]))
+                continue;
+            assert_true(found < list->num);
+            assert_int_equal(list->slots[found].slot, slot);
+            assert_int_equal(list->slots[found++].age, age);
+        }
+        assert_int_equal(survey->host_result.num_used[kind], used);
+        if (list->valid) {
+            assert_int_equal(list->num, found);
+            assert_int_equal(list->age, ask.ages[kind]);
+        }
+    }
+    assert_int_equal(survey->host_result.num_active, num_active);
+    uint32_t *listed = calloc(survey->num_request_chunks, sizeof(uint32_t));
+    assert_true(karst_buffer_read(survey->active, 0, listed, num_active * sizeof(uint32_t), NULL));
+    if (num_active)
+        assert_memory_equal(listed, active, num_active * sizeof(uint32_t));
+    free(active);
+    free(listed);
 }
 
-static void test_sorting(void **state)
+static void test_surveys(void **state)
 {
     (void)state;
     for (int as_gpu = 0; as_gpu < 2; as_gpu++) {
         karst_context *context = open_shape(as_gpu);
         for (size_t i = 0; i < NUM_LENGTHS; i++) {
-            karst_cache *cache = karst_cache_create(context, lengths[i] + 1, 9, 0, NULL);
-            assert_non_null(cache);
-            sorts_like_the_host(cache, 1, 0);
-            sorts_like_the_host(cache, 14, 5);
-            sorts_like_the_host(cache, 100000, UINT32_MAX - 200000);
-            for (uint32_t span = 15; span < 18 && lengths[i] < 5000; span++)
-                sorts_like_the_host(cache, span, UINT32_MAX - span);
-            sorts_like_the_host(cache, 0x10000000, 7);
-            karst_cache_destroy(cache);
+            cache_rig rig;
+            rig_open(&rig, context, lengths[i] + 1, lengths[NUM_LENGTHS - 1 - i] / 8 + 9, 0, 5);
+            for (int in_use = 0; in_use < NUM_PATTERNS; in_use++) {
+                surveys_like_the_host(&rig, 1000, 10, (pattern)in_use, false);
+                surveys_like_the_host(&rig, 5, 40, (pattern)in_use, false); /* serials that wrapped */
+                surveys_like_the_host(&rig, UINT32_MAX, 0x7fffffff, (pattern)in_use, in_use & 1);
+                surveys_like_the_host(&rig, 77, 3, (pattern)in_use, true);
+            }
+            rig_close(&rig);
         }
         karst_context_destroy(context);
     }
 }
 
-/* Takes from a list whose slots are takable, have children, are free or are used, by patterns. */
-static void takes_like_the_host(karst_cache *cache, pattern takable, pattern with_children)
+/* Slots by (age, slot), the reference for an order. */
+typedef struct {
+    uint32_t age, slot;
+} aged;
+static int compare_aged(const void *a, const void *b)
+{
+    const aged *x = a, *y = b;
+    return x->age != y->age ? (x->age < y->age) - (x->age > y->age) : (x->slot > y->slot) - (x->slot < y->slot);
+}
+
+static bool unlink_nothing(void *user, uint32_t num, karst_error *error)
+{
+    (void)user, (void)num, (void)error;
+    return true;
+}
+
+/* What a round expects changes what it costs, never what it does. */
+static void expect_anything(karst_lru *lru, uint32_t span)
+{
+    lru->expected_age = 1 + random_below(2 * span);
+    lru->expected_need = random_below(9000);
+    lru->expected_misfits = random_below(200);
+    lru->was_short = random_below(2);
+}
+
+/* Recycles tiles that are takable, have children, are free or are used, by patterns, until there are no more. */
+static void recycles_like_the_host(karst_cache *cache, pattern takable, pattern with_children, uint32_t span)
 {
     karst_lru *lru = &cache->tiles;
-    uint32_t num = lru->num;
-    assert_true(karst_lru_reset(lru, NULL));
-    karst_tile_info *infos = calloc(num + 1, sizeof(*infos));
-    karst_node *nodes = calloc((num + 1) * 8, sizeof(*nodes));
-    uint32_t *stamps = calloc(num + 1, sizeof(uint32_t)), *order = calloc(num, sizeof(uint32_t)),
-             *left = calloc(num, sizeof(uint32_t));
-    uint32_t num_left = 0, *victims = calloc(KARST_CACHE_MAX_WORK, sizeof(uint32_t)), serial = 100;
-    for (uint32_t slot = 1; slot <= num; slot++) {
-        bool take = fits(takable, slot - 1, num) && slot != KARST_ROOT_TILE,
-             parent = take && fits(with_children, slot - 1, num);
-        /* The others: free, or in use by this cast, or used since the list was in order. */
-        int other = (int)random_below(3);
-        infos[slot].in_use = take || other;
-        stamps[slot] = take ? 40 : other == 1 ? serial : 99;
+    const karst_cache_buffers *b = &cache->buffers;
+    uint32_t num = b->num_tiles, serial = 3, num_left = 0, at = 0;
+    karst_tile_info *infos = calloc(num, sizeof(*infos));
+    karst_node *nodes = calloc(num * 8, sizeof(*nodes));
+    uint32_t *stamps = calloc(num, sizeof(uint32_t)), victims[KARST_CACHE_MAX_WORK];
+    aged *left = calloc(num, sizeof(*left));
+    for (uint32_t slot = 1; slot < num; slot++) {
+        bool take = fits(takable, slot - 1, num - 1) && slot != KARST_ROOT_TILE,
+             parent = take && fits(with_children, slot - 1, num - 1);
+        infos[slot].in_use = take || random_below(2); /* the others are free, or in use by this cast */
+        stamps[slot] = !take && infos[slot].in_use ? serial : serial - 1 - random_below(span);
+        stamps[slot] -= stamps[slot] == 0;
         nodes[slot * 8 + random_below(8)].link = KARST_NODE_LINK(KARST_STATE_LOST, parent ? 1u : 0u);
         if (take && !parent)
-            left[num_left++] = slot;
+            left[num_left++] = (aged){serial - stamps[slot], slot};
     }
-    const karst_cache_buffers *b = &cache->buffers;
+    qsort(left, num_left, sizeof(*left), compare_aged);
     assert_true(karst_buffer_write(b->tile_info, 0, infos, b->tile_info->size_bytes, NULL));
     assert_true(karst_buffer_write(b->nodes, 0, nodes, b->nodes->size_bytes, NULL));
     assert_true(karst_buffer_write(b->tile_stamp, 0, stamps, b->tile_stamp->size_bytes, NULL));
-    karst_lru_begin(lru, 90); /* 40 is before that */
-    uint32_t at = 0;
     for (int step = 0; at < num_left || step < 2; step++) {
-        const uint32_t needs[] = {1, 0, 7, 100, 8192};
-        uint32_t need = needs[step < 5 ? step : 4], taken, first = need < 100 ? random_below(50) : 0;
-        assert_true(karst_lru_take(lru, serial, false, need, cache->evict.victims, first, &taken, NULL));
-        assert_int_equal(taken, need < num_left - at ? need : num_left - at);
-        assert_true(karst_buffer_read(cache->evict.victims, first * 4, victims, taken * 4, NULL));
-        if (taken)
-            assert_memory_equal(victims, left + at, taken * sizeof(uint32_t));
-        at += taken;
-        read_order(lru, order);
-        assert_permutation(order, num);
-        assert_true(lru->cursor <= num);
+        const uint32_t needs[] = {1, 7, 100, 3000, 8192};
+        uint32_t need = needs[step < 5 ? step : 4], expected = need < num_left - at ? need : num_left - at;
+        karst_survey_ask ask = {.serial = serial};
+        expect_anything(lru, span);
+        karst_lru_expect(lru, random_below(20000), &ask);
+        assert_true(karst_survey_begin(lru->survey, &ask, NULL) && karst_survey_end(lru->survey, NULL));
+        assert_true(karst_lru_recycle(lru, serial, false, need, unlink_nothing, NULL, NULL));
+        assert_int_equal(lru->host_result.num_taken, expected);
+        assert_true(karst_buffer_read(lru->victims, 0, victims, expected * sizeof(uint32_t), NULL));
+        for (uint32_t i = 0; i < expected; i++) {
+            assert_int_equal(victims[i], left[at++].slot);
+            infos[victims[i]].in_use = 0;
+        }
+        assert_true(karst_buffer_write(b->tile_info, 0, infos, b->tile_info->size_bytes, NULL));
     }
-    /* What has children stayed, in order, behind the cursor; it comes once it has none. */
-    memset(nodes, 0, b->nodes->size_bytes);
-    assert_true(karst_buffer_write(b->nodes, 0, nodes, b->nodes->size_bytes, NULL));
-    uint32_t taken;
-    assert_true(karst_lru_take(lru, serial, false, KARST_CACHE_MAX_WORK, cache->evict.victims, 0, &taken, NULL));
-    assert_true(karst_buffer_read(cache->evict.victims, 0, victims, taken * 4, NULL));
-    uint32_t parents = 0;
-    uint32_t *now = calloc(num + 1, sizeof(uint32_t));
-    assert_true(karst_buffer_read(b->tile_stamp, 0, now, (num + 1) * 4, NULL));
-    for (uint32_t i = 0; i < taken; i++)
-        assert_true(i == 0 || victims[i] > victims[i - 1]);
-    for (uint32_t slot = 2; slot <= num; slot++)
-        parents += stamps[slot] == 40;
-    assert_int_equal(taken, parents - num_left < KARST_CACHE_MAX_WORK ? parents - num_left : KARST_CACHE_MAX_WORK);
-    for (uint32_t i = 0; i < taken; i++)
-        assert_int_equal(now[victims[i]], serial);
-    free(now);
     free(infos);
     free(nodes);
     free(stamps);
-    free(order);
     free(left);
-    free(victims);
 }
 
-static void test_taking(void **state)
+static void test_recycling(void **state)
 {
     (void)state;
     for (int as_gpu = 0; as_gpu < 2; as_gpu++) {
@@ -215,7 +228,10 @@ static void test_taking(void **state)
             assert_non_null(cache);
             for (int takable = 0; takable < NUM_PATTERNS; takable++)
                 for (int with_children = 0; with_children<NUM_PATTERNS; with_children += lengths[i]> 5000 ? 3 : 1)
-                    takes_like_the_host(cache, (pattern)takable, (pattern)with_children);
+                    recycles_like_the_host(cache, (pattern)takable, (pattern)with_children,
+                                           takable & 1         ? 5
+                                           : with_children & 1 ? 5000
+                                                               : 0x7ffffff0);
             karst_cache_destroy(cache);
         }
         karst_context_destroy(context);
@@ -282,13 +298,15 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
     assert_true(karst_buffer_write(rig.pools->tile_info, 0, rig.tiles, rig.pools->tile_info->size_bytes, NULL));
     assert_true(karst_buffer_write(rig.pools->nodes, 0, rig.nodes, rig.pools->nodes->size_bytes, NULL));
     karst_wants *wants = &rig.cache->wants;
-    uint32_t counted_tiles, counted_bricks;
-    bool any;
-    assert_true(karst_wants_survey(wants, rig.serial, &counted_tiles, &counted_bricks, &any, NULL));
-    assert_int_equal(counted_tiles, used_tiles);
-    assert_int_equal(counted_bricks, used_bricks);
-    assert_int_equal(any, asked);
-    assert_true(karst_wants_choose(wants, rig.serial, rig.serial, rig.camera.voxel, limit, limit, NULL));
+    karst_survey *survey = &rig.cache->survey;
+    karst_survey_ask ask = {.serial = rig.serial};
+    assert_true(karst_survey_begin(survey, &ask, NULL));
+    assert_true(karst_wants_begin(wants, rig.serial, rig.serial, rig.camera.voxel, NULL));
+    assert_true(karst_survey_end(survey, NULL));
+    assert_int_equal(survey->host_result.num_used[0], used_tiles);
+    assert_int_equal(survey->host_result.num_used[1], used_bricks);
+    assert_int_equal(survey->host_result.num_active != 0, asked);
+    assert_true(karst_wants_choose(wants, limit, limit, NULL));
     for (int kind = 0; kind < 2; kind++) {
         const karst_wants_choice *choice = kind ? wants->subdivides : wants->loads;
         qsort(keys[kind], num[kind], sizeof(uint64_t), compare_uint64);
@@ -423,7 +441,7 @@ static void test_memory_of_evictions(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sorting), cmocka_unit_test(test_taking),     cmocka_unit_test(test_choosing),
+        cmocka_unit_test(test_surveys), cmocka_unit_test(test_recycling),  cmocka_unit_test(test_choosing),
         cmocka_unit_test(test_classes), cmocka_unit_test(test_free_slots), cmocka_unit_test(test_memory_of_evictions),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -195,7 +195,8 @@ void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool m
     rig_write_stamps(rig);
     rig_expect(karst_finish(rig->context, &error), "karst_finish", &error);
     uint64_t start_ns = karst_clock_ns();
-    rig_expect(karst_cache_collect(rig->cache, &params, &rig->work, &error), "karst_cache_collect", &error);
+    rig_expect(karst_cache_collect(rig->cache, &params, &rig->work, &error) && karst_finish(rig->context, &error),
+               "karst_cache_collect", &error);
     rig->collect_ns = karst_clock_ns() - start_ns;
     read_some(rig->work.load_nodes, 0, rig->load_nodes, rig->work.num_loads * sizeof(uint32_t));
     read_some(rig->work.load_slots, 0, rig->load_slots, rig->work.num_loads * sizeof(uint32_t));

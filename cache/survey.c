@@ -1,0 +1,131 @@
+/* Survey: launchers of survey.cl, and what is read of it. */
+#include "cache/survey.h"
+
+#include <stdlib.h>
+
+#define STAGE KARST_STAGE_COLLECT
+
+static uint32_t num_slots(const karst_survey *survey, uint32_t kind)
+{
+    return kind == KARST_SURVEY_TILES ? survey->pools->num_tiles : survey->pools->num_bricks;
+}
+
+bool karst_survey_init(karst_survey *survey, karst_context *context, karst_program *program,
+                       const karst_cache_buffers *pools, karst_error *error)
+{
+    *survey = (karst_survey){.context = context, .shape = karst_shape_of(context), .pools = pools};
+    survey->num_request_chunks = (uint32_t)(pools->want_chunk->size_bytes / sizeof(uint32_t));
+    size_t num_chunks = karst_shape_chunks(&survey->shape, survey->num_request_chunks);
+    for (uint32_t kind = 0; kind < 2; kind++) {
+        uint32_t num = num_slots(survey, kind);
+        size_t size_bytes = num * sizeof(karst_survey_slot);
+        num_chunks += karst_shape_chunks(&survey->shape, num);
+        survey->found[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
+        survey->pieces[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
+        if (!survey->found[kind] || !survey->pieces[kind])
+            return false;
+        survey->lists[kind].slots = malloc(size_bytes);
+        if (!survey->lists[kind].slots)
+            return karst_fail(error, KARST_FAILED, "out of memory for a list of %u slots", num);
+    }
+    size_t active_bytes = survey->num_request_chunks * sizeof(uint32_t);
+    survey->counts = karst_buffer_create(context, "usage_lists", num_chunks * sizeof(cl_uint2), NULL, error);
+    survey->result = karst_buffer_create(context, "usage_lists", sizeof(karst_survey_result), NULL, error);
+    survey->active = karst_buffer_create(context, "requests", active_bytes, NULL, error);
+    survey->active_pieces = karst_buffer_create(context, "requests", active_bytes, NULL, error);
+    if (!survey->counts || !survey->result || !survey->active || !survey->active_pieces)
+        return false;
+    return (survey->look = karst_program_kernel(program, "karst_survey", error)) &&
+           (survey->pack = karst_program_kernel(program, "karst_survey_pack", error));
+}
+
+void karst_survey_finish(karst_survey *survey)
+{
+    if (survey->look)
+        clReleaseKernel(survey->look);
+    if (survey->pack)
+        clReleaseKernel(survey->pack);
+    karst_buffer_destroy(survey->counts);
+    karst_buffer_destroy(survey->result);
+    karst_buffer_destroy(survey->active);
+    karst_buffer_destroy(survey->active_pieces);
+    for (uint32_t kind = 0; kind < 2; kind++) {
+        karst_buffer_destroy(survey->found[kind]);
+        karst_buffer_destroy(survey->pieces[kind]);
+        free(survey->lists[kind].slots);
+    }
+    *survey = (karst_survey){0};
+}
+
+static bool launch(karst_survey *survey, karst_error *error)
+{
+    const karst_cache_buffers *pools = survey->pools;
+    const karst_survey_ask *ask = &survey->ask;
+    uint32_t num_items = 0;
+    for (uint32_t kind = 0; kind < KARST_SURVEY_KINDS; kind++)
+        num_items += karst_shape_chunks(&survey->shape, ask->num[kind]);
+    return KARST_ARGUMENTS(
+               survey->look, error, KARST_BUFFER_ARG(pools->tile_stamp), KARST_BUFFER_ARG(pools->brick_stamp),
+               KARST_BUFFER_ARG(pools->brick_fallback), KARST_BUFFER_ARG(pools->want_chunk), KARST_VALUE_ARG(*ask),
+               KARST_BUFFER_ARG(survey->counts), KARST_BUFFER_ARG(survey->pieces[KARST_SURVEY_TILES]),
+               KARST_BUFFER_ARG(survey->pieces[KARST_SURVEY_BRICKS]), KARST_BUFFER_ARG(survey->active_pieces)) &&
+           karst_launch(survey->context, survey->look, STAGE, num_items, survey->shape.chunk_local, error) &&
+           KARST_ARGUMENTS(survey->pack, error, KARST_VALUE_ARG(*ask), KARST_BUFFER_ARG(survey->counts),
+                           KARST_BUFFER_ARG(survey->pieces[KARST_SURVEY_TILES]),
+                           KARST_BUFFER_ARG(survey->pieces[KARST_SURVEY_BRICKS]),
+                           KARST_BUFFER_ARG(survey->active_pieces), KARST_BUFFER_ARG(survey->found[KARST_SURVEY_TILES]),
+                           KARST_BUFFER_ARG(survey->found[KARST_SURVEY_BRICKS]), KARST_BUFFER_ARG(survey->active),
+                           KARST_BUFFER_ARG(survey->result)) &&
+           karst_launch(survey->context, survey->pack, STAGE, survey->shape.scan_width, survey->shape.scan_width,
+                        error);
+}
+
+bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, karst_error *error)
+{
+    karst_survey_ask *ask = &survey->ask;
+    *ask = *asked;
+    ask->num[KARST_SURVEY_TILES] = survey->pools->num_tiles;
+    ask->num[KARST_SURVEY_BRICKS] = survey->pools->num_bricks;
+    ask->num[KARST_SURVEY_REQUESTS] = survey->num_request_chunks;
+    if (!launch(survey, error))
+        return false;
+    /* Some more than there were last time: mostly these are all. */
+    for (uint32_t kind = 0; kind < 2; kind++) {
+        karst_survey_list *list = &survey->lists[kind];
+        if (!ask->ages[kind])
+            continue;
+        uint32_t ahead = list->num + list->num / 4 + 256, num = num_slots(survey, kind);
+        list->num_read = ahead < num ? ahead : num;
+        if (!karst_cache_fetch(survey->found[kind], 0, list->slots, list->num_read * sizeof(*list->slots), error))
+            return false;
+    }
+    return true;
+}
+
+bool karst_survey_end(karst_survey *survey, karst_error *error)
+{
+    karst_survey_result *result = &survey->host_result;
+    const karst_survey_ask *ask = &survey->ask;
+    if (!karst_buffer_read(survey->result, 0, result, sizeof(*result), error))
+        return false;
+    for (uint32_t kind = 0; kind < 2; kind++)
+        if (ask->ages[kind]) {
+            karst_survey_list *list = &survey->lists[kind];
+            list->num = result->num_found[kind];
+            list->age = ask->ages[kind];
+            list->stand_ins = ask->stand_ins;
+            list->valid = true;
+        }
+    return true;
+}
+
+bool karst_survey_read_found(karst_survey *survey, uint32_t kind, karst_error *error)
+{
+    karst_survey_list *list = &survey->lists[kind];
+    uint32_t have = list->num_read;
+    if (have >= list->num)
+        return true;
+    list->num_read = list->num;
+    return karst_buffer_read(survey->found[kind], have * sizeof(*list->slots), list->slots + have,
+                             (list->num - have) * sizeof(*list->slots), error);
+}
