@@ -155,6 +155,22 @@ RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_
     }
 }
 
+/* The beam of a picture that is cast at turn `turn`: they come down strips of so many rows, column by column, so that
+ * what a beam's neighbours have read is still near. */
+#define STRIP_BEAMS 4u
+RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
+{
+#if BEAM_PACKETS > 1
+    const uint across = ((uint)width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+               down = ((uint)height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    const uint above = turn / (across * STRIP_BEAMS) * STRIP_BEAMS, in_strip = turn % (across * STRIP_BEAMS);
+    const uint rows = down - above < STRIP_BEAMS ? down - above : STRIP_BEAMS;
+    return (above + in_strip % rows) * across + in_strip / rows;
+#else
+    return turn;
+#endif
+}
+
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
 #if LANES == 16
 #define BEAM_FUNCTION static K_WIDE __attribute__((noinline))
@@ -190,7 +206,8 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL karst_hit *hits)
 {
     const pools pool = POOL_FIELDS;
-    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), hits);
+    const uint beam_number = beam_at_turn((uint)get_global_id(0), pinhole.width_px, pinhole.height_px);
+    cast_pinhole_beam(&pool, view, &pinhole, beam_number, hits);
 }
 
 #ifndef CAST_NO_STREAMS
@@ -294,6 +311,7 @@ __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL const float *rays, K_GLOBAL uint *pixels)
 {
     const pools pool = POOL_FIELDS;
-    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), pixels);
+    cast_shadow_beam(&pool, view, &sun, rays, beam_at_turn((uint)get_global_id(0), sun.width_px, sun.height_px),
+                     pixels);
 }
 #endif
