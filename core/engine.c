@@ -174,14 +174,16 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     karst_engine_note_motion(engine);
 
     if (!place_root(engine, error) || !karst_engine_load_root(engine, error) || !karst_engine_draw(engine, error) ||
-        !karst_buffer_read(engine->counters, 0, counters, sizeof counters, error) ||
-        !karst_engine_answer(engine, &work, error) || !fill_pool_stats(engine, error))
+        !karst_buffer_read(engine->counters, 0, counters, sizeof counters, error))
         return false;
     stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
     stats->num_hits = counters[0];
     stats->num_provisional = counters[1];
     stats->num_incomplete = counters[2];
     stats->num_coarser = counters[3];
+    if (!karst_engine_answer(engine, &work, error) || !fill_pool_stats(engine, error))
+        return false;
+    engine->path = NULL;
 
     bool rung_moved = step_ladder(engine, &work), pace_changed = step_pace(engine, &work, moved);
     stats->settled = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&

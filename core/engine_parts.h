@@ -10,6 +10,7 @@
 #include "core/pace.h"
 #include "core/surface.h"
 #include "karst/engine.h"
+#include "karst/path.h"
 #include "karst/world.h"
 #include "producers/language/fingerprint.h"
 #include "producers/language/derive.h"
@@ -54,6 +55,7 @@ typedef struct {
     bool has_camera, steady;
     karst_camera camera; /* of the last frame */
     double step_m[3], yaw_deg, pitch_deg;
+    double turn_rad; /* of the step, about the vertical */
 } karst_engine_motion;
 
 struct karst_engine {
@@ -84,6 +86,8 @@ struct karst_engine {
 
     karst_camera camera;
     karst_engine_motion motion;
+    const karst_path *path; /* that the next frame belongs to; NULL: none is known */
+    double path_s, path_step_s;
     bool view_changed, size_changed; /* since the last frame; the former is said for both */
     int64_t root_corner[3];
     int top_level;
@@ -169,8 +173,9 @@ uint32_t karst_engine_scout_rays(const karst_engine *engine); /* of a scout */
 size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
 /* Once a frame, before it is drawn. */
 void karst_engine_note_motion(karst_engine *engine);
-/* The camera some frames ahead; false: it stands, jumps, or goes this way and that. */
-bool karst_engine_look_ahead(const karst_engine *engine, karst_camera *ahead);
+/* The camera so many frames ahead, by its path or if it goes on as it does; false: it stands, jumps, or goes this way
+ * and that. */
+bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
 
 /* engine_draw.c. Casts and shades into the display. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error);

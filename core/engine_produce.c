@@ -151,6 +151,42 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, allowanc
     return true;
 }
 
+/* How far ahead, in frames. What is seen first is wanted, subdivided, loaded: three frames at least; and what opens
+ * behind a crest is a second's work and more. */
+static const int frames_ahead[] = {6, 15, 30, 60};
+#define NUM_AHEAD (int)(sizeof frames_ahead / sizeof *frames_ahead)
+
+/* What of the budget is kept for that, once so much of the picture is at the level that is set. */
+#define AHEAD_SHARE 0.35
+#define AHEAD_FROM 0.9
+#define AHEAD_FULL 0.95
+
+static double kept_share(const karst_stats *stats)
+{
+    if (stats->num_hits == 0)
+        return AHEAD_SHARE;
+    double share = 1 - (double)stats->num_coarser / (double)stats->num_hits;
+    return AHEAD_SHARE * fmax(0, fmin(1, (share - AHEAD_FROM) / (AHEAD_FULL - AHEAD_FROM)));
+}
+
+/* The rest is for what the next frames will see, nearest first, as long as there is something to make. */
+static bool look_ahead(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    int num_rounds = 0, num_idle = 0;
+    for (int i = 0; num_idle < NUM_AHEAD && num_rounds < MAX_SCOUTS && may_go_on(engine, work, left); i++) {
+        karst_camera ahead;
+        if (!karst_engine_look_ahead(engine, frames_ahead[i % NUM_AHEAD], &ahead)) {
+            num_idle++;
+            continue;
+        }
+        if (!scout_round(engine, &ahead, left, work, error))
+            return false;
+        num_rounds++;
+        num_idle = work->num_loads + work->num_subdivides ? 0 : num_idle + 1;
+    }
+    return true;
+}
+
 bool karst_engine_load_root(karst_engine *engine, karst_error *error)
 {
     karst_work work;
@@ -173,6 +209,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     karst_stats *stats = &engine->stats;
     allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
+    const double kept_ns = kept_share(stats) * engine->budget_ns;
+    left.ns -= kept_ns;
     if (!answer_round(engine, &engine->camera.position, &left, work, error))
         return false;
     stats->num_requests += work->num_requests;
@@ -185,10 +223,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
         if (!scout_round(engine, &engine->camera, &left, &more, error))
             return false;
-    /* The rest is for what the next frames will see. */
-    karst_camera ahead;
-    return !(engine->budget_ns > 0 && may_go_on(engine, &more, &left) && karst_engine_look_ahead(engine, &ahead)) ||
-           scout_round(engine, &ahead, &left, &more, error);
+    left.ns += kept_ns;
+    return engine->budget_ns == 0 || look_ahead(engine, &left, &more, error);
 }
 
 void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)

@@ -10,10 +10,10 @@
 #define SCOUT_PIXELS 7
 /* More than the rounding of both sides can need: sides go up to 16384 pixels. */
 #define MORE_RAYS 4096
-/* How far ahead, in frames. What is seen first is wanted, subdivided, loaded: three frames. */
-#define FRAMES_AHEAD 6
 /* Motion is steady when two frames' steps differ by no more than this share. */
 #define STEADY 0.5
+/* Farther round is another view: that one turns so long is a guess. */
+#define MOST_TURNED_DEG 90
 
 size_t karst_engine_scout_bytes(size_t num_pixels)
 {
@@ -52,6 +52,12 @@ static bool is_steady(double a, double b, double difference)
     return difference <= STEADY * fmax(fabs(a), fabs(b));
 }
 
+/* The angle about the vertical from one step to the next. */
+static double turn_between(const double from[3], const double to[3])
+{
+    return atan2(from[2] * to[0] - from[0] * to[2], from[0] * to[0] + from[2] * to[2]);
+}
+
 void karst_engine_note_motion(karst_engine *engine)
 {
     karst_engine_motion *motion = &engine->motion, before = *motion;
@@ -68,24 +74,47 @@ void karst_engine_note_motion(karst_engine *engine)
     for (int axis = 0; axis < 3; axis++)
         change_m[axis] = motion->step_m[axis] - before.step_m[axis];
     double step_m = length(motion->step_m);
+    motion->turn_rad = turn_between(before.step_m, motion->step_m);
     bool moves = step_m > 0 || motion->yaw_deg != 0 || motion->pitch_deg != 0;
     motion->steady = moves && is_steady(step_m, length(before.step_m), length(change_m)) &&
                      is_steady(motion->yaw_deg, before.yaw_deg, fabs(motion->yaw_deg - before.yaw_deg)) &&
                      is_steady(motion->pitch_deg, before.pitch_deg, fabs(motion->pitch_deg - before.pitch_deg));
 }
 
-bool karst_engine_look_ahead(const karst_engine *engine, karst_camera *ahead)
+void karst_engine_follow(karst_engine *engine, const karst_path *path, double time_s, double frame_s)
+{
+    engine->path = path;
+    engine->path_s = time_s;
+    engine->path_step_s = frame_s;
+}
+
+/* Where the motion of the last two frames leads. */
+static bool extrapolate(const karst_engine *engine, int num_frames, karst_camera *ahead)
 {
     const karst_engine_motion *motion = &engine->motion;
-    double voxel_m = exp2(engine->world->voxel_log2_m), way_m[3];
-    for (int axis = 0; axis < 3; axis++)
-        way_m[axis] = FRAMES_AHEAD * motion->step_m[axis];
-    /* Within the root window, and where something of this view is still seen. */
-    if (!motion->steady || length(way_m) > engine->view_distance_voxels * voxel_m / 4)
+    double way_m[3] = {0, num_frames * motion->step_m[1], 0};
+    if (!motion->steady || fabs(num_frames * motion->yaw_deg) > MOST_TURNED_DEG)
         return false;
+    for (int i = 1; i <= num_frames; i++) {
+        double turn = i * motion->turn_rad, c = cos(turn), s = sin(turn);
+        way_m[0] += c * motion->step_m[0] + s * motion->step_m[2];
+        way_m[2] += c * motion->step_m[2] - s * motion->step_m[0];
+    }
     *ahead = engine->camera;
     ahead->position = karst_position_add_m(ahead->position, way_m, engine->world->voxel_log2_m);
-    ahead->yaw_deg += FRAMES_AHEAD * motion->yaw_deg;
-    ahead->pitch_deg = fmax(-90, fmin(90, ahead->pitch_deg + FRAMES_AHEAD * motion->pitch_deg));
+    ahead->yaw_deg += num_frames * motion->yaw_deg;
+    ahead->pitch_deg = fmax(-90, fmin(90, ahead->pitch_deg + num_frames * motion->pitch_deg));
     return true;
+}
+
+bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead)
+{
+    double way_m[3];
+    if (engine->path)
+        *ahead = karst_path_sample(engine->path, engine->path_s + num_frames * engine->path_step_s);
+    else if (!extrapolate(engine, num_frames, ahead))
+        return false;
+    /* Within the root window, and where something of this view is still seen. */
+    karst_position_difference_m(engine->camera.position, ahead->position, engine->world->voxel_log2_m, way_m);
+    return length(way_m) <= engine->view_distance_voxels * exp2(engine->world->voxel_log2_m) / 4;
 }

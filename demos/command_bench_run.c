@@ -206,7 +206,10 @@ static bool fly(run_state *state, const karst_path *path, karst_error *error)
     for (size_t i = 0; i < num; i++) {
         state->time_s = start_s + (double)i * step_s;
         karst_camera camera = karst_path_sample(path, state->time_s);
-        if (!karst_engine_set_camera(state->engine, &camera, error) || !draw(state, error))
+        if (!karst_engine_set_camera(state->engine, &camera, error))
+            return false;
+        karst_engine_follow(state->engine, path, state->time_s, step_s);
+        if (!draw(state, error))
             return false;
     }
     return true;

@@ -9,6 +9,7 @@
 
 #include "karst/engine.h"
 #include "karst/error.h"
+#include "karst/path.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -22,6 +23,10 @@ extern "C" {
 bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
 /* karst_engine_config.budget_ms from now on. Errors: KARST_USAGE (out of its range). */
 bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_error *error);
+/* Says that the next frame's camera is a path's at time_s, and that frames are frame_s apart. Then what is left of a
+ * budget in ms is for what the path will see within the next 60 frames; else for where the motion of the last ones
+ * leads. Holds for one frame, until whose end the path is borrowed. It changes no settled picture. */
+void karst_engine_follow(karst_engine *engine, const karst_path *path, double time_s, double frame_s);
 /* Whom to ask, between rounds of a frame's production, whether to go on; false: the frame ends with what is there. So a
  * viewer can give much time to a view that stands and still answer at once. Asked on the thread that draws, when the
  * picture lies in the window's framebuffer (it may be shown there and then) and the engine is at work: `goes_on` must
