@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "core/engine_parts.h"
+#include "karst/view.h"
 #include "raycast/pinhole.h"
 
 /* One ray for so many pixels across and down. A brick's voxels are half a pixel wide at least, so it is 8 pixels wide
