@@ -107,6 +107,11 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted);
 void karst_emit_colours(karst_emit *emit, karst_emitted *emitted);
 void karst_emit_surfaces(karst_emit *emit);
 
+/* ---- emit_choice.c ---- */
+/* The lines of all marked nodes, in a point block, with what only one side of a mix needs under a test. False: nothing
+ * is written, since nothing can be left out (or memory is out): the nodes' lines in order will do. */
+bool karst_emit_choice_lines(karst_emit *emit, const karst_expr *roots, size_t num_roots);
+
 /* ---- emit_brick.c ---- */
 void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted);
 
