@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define LOOK_EVERY_S 0.1
+#define LOOK_EVERY_S 0.05
 
 /* What the thread reads and writes; nobody else does meanwhile. */
 struct view_compilation {

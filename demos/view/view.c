@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define IDLE_S 0.1       /* between looks at the world file while nothing happens */
+#define IDLE_S 0.05      /* between looks at the world file while nothing happens */
 #define COMPILING_S 0.01 /* between looks at a compilation */
 #define GAMEPAD_S 0.033  /* between looks at a gamepad's sticks while nothing happens */
 #define LONGEST_STEP_S 0.25
