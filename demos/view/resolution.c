@@ -12,8 +12,11 @@
 #define LEAST_BUDGET 0.06
 /* Drawing and making together. */
 #define USE_WITH_BUDGET 0.85
-/* Standing, one waits for content alone, with a picture now and then. Keys and mouse end it. */
+/* Standing, one waits for content alone, with a picture now and then, sooner where little is there yet. Keys and mouse
+ * end it. */
 #define STILL_BUDGET_MS 500.0
+#define NEW_VIEW_BUDGET_MS 120.0
+#define NEW_VIEW 0.8 /* of what is seen stands in for something finer */
 
 static int side_px(int full_px, int share)
 {
@@ -45,7 +48,9 @@ static double budget_ms(const viewer *v, int share, bool at_rest)
     const view_resolution *r = &v->resolution;
     double target_ms = 1000 / v->settings.fps;
     if (at_rest && !v->capture.video)
-        return STILL_BUDGET_MS;
+        return (double)v->stats.num_provisional > NEW_VIEW * (double)v->stats.num_hits || v->num_frames == 0
+                   ? NEW_VIEW_BUDGET_MS
+                   : STILL_BUDGET_MS;
     double side = (double)share / VIEW_FULL_SHARE;
     double drawn_ms = r->cost_ns_px * side * side * v->width_px * v->height_px / 1e6;
     double left_ms = target_ms * USE_WITH_BUDGET - drawn_ms - r->other_ns / 1e6;

@@ -102,7 +102,7 @@ static bool open_viewer(viewer *v, karst_error *error)
     if (!choose_start(v, error) || !view_window_open(v, error) || !view_overlay_create(v, error))
         return false;
     /* Something is there at once, and says what takes long the first time. */
-    view_toast(v, "opening %s", v->world);
+    view_toast(v, "opening %s: the first time, compiling takes some seconds", v->world);
     view_hud_update(v, true);
     view_overlay_clear(v);
     view_overlay_draw(v);
