@@ -21,6 +21,7 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
 static bool drop_content(karst_engine *engine, karst_error *error)
 {
     engine->root_placed = false;
+    engine->has_content = false;
     engine->view_changed = true;
     karst_cost_init(&engine->cost);
     return karst_cache_clear(engine->cache, error);

@@ -92,6 +92,7 @@ struct karst_engine {
     int64_t root_corner[3];
     int top_level;
     bool root_placed;
+    bool has_content; /* a frame of this world has been drawn */
 
     int view;               /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
     karst_camera drawn;     /* the last frame's */

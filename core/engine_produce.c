@@ -218,9 +218,12 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     stats->tiles.num_used = work->num_used_tiles;
     stats->bricks.num_used = work->num_used_bricks;
 
-    /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. */
+    /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. Not in the first
+     * frame of a world: its picture is there, however coarse, and nobody sees it before the frame ends. */
     karst_work more = *work;
-    for (int i = 0; i < MAX_SCOUTS && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
+    int most_scouts = engine->has_content ? MAX_SCOUTS : 0;
+    engine->has_content = true;
+    for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
         if (!scout_round(engine, &engine->camera, &left, &more, error))
             return false;
     left.ns += kept_ns;

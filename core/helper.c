@@ -250,6 +250,8 @@ karst_helper *karst_helper_attach(karst_engine_config *config)
     const char *text = getenv(VARIABLE);
     bool known = text && sscanf(text, "%d:%ld", &fd, &parent) == 2;
     unsetenv(VARIABLE);
+    /* PoCL compiles in its workers: bound to CPUs, both processes' might sit on one. */
+    unsetenv("POCL_AFFINITY");
     /* Its end comes with the other's, also where that happened just before. */
     if (!known || prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || (long)getppid() != parent)
         return NULL;
