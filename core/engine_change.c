@@ -194,3 +194,52 @@ bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world
     karst_prepared_world_destroy(world);
     return done;
 }
+
+/* ---- other colours, at once ---- */
+
+bool karst_engine_prepare_colours(karst_engine *engine, karst_error *error)
+{
+    if (!engine->has_tape_colours && !karst_engine_try_tape_colours(engine, error))
+        return false;
+    engine->has_tape_colours = true;
+    return true;
+}
+
+/* Shows an open world in place of one with the same density, if that is so; takes it over then. */
+static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *shown, karst_error *error)
+{
+    karst_engine_world *old = &engine->shown;
+    if (!world->file->has_tape_colours || engine->refine ||
+        world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
+        !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
+        !karst_engine_set_view_distance(engine, &world->file->info, error))
+        return true;
+    bool is_same = false;
+    if (!karst_finish(engine->context, error) ||
+        !karst_world_file_convert(old->producer, old->file, world->file, world->seed, &is_same, error))
+        return false;
+    if (!is_same)
+        return karst_engine_set_view_distance(engine, engine->world, error);
+    world->producer = old->producer;
+    old->producer = NULL;
+    world->shader = karst_engine_tape_shader(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows,
+                                             world->producer->data[0], error);
+    karst_engine_world_close(old);
+    karst_engine_adopt_world(engine, world);
+    *world = (karst_engine_world){0};
+    *shown = engine->shader != NULL;
+    return *shown;
+}
+
+bool karst_engine_show_colours(karst_engine *engine, const karst_world_config *config, bool *shown, karst_error *error)
+{
+    karst_engine_world world;
+    *shown = false;
+    if (!engine->has_tape_colours)
+        return true;
+    if (!karst_engine_world_open(&world, config, error))
+        return false;
+    bool done = take_colours(engine, &world, shown, error);
+    karst_engine_world_close(&world);
+    return done;
+}

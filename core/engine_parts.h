@@ -2,6 +2,8 @@
 #ifndef KARST_CORE_ENGINE_PARTS_H
 #define KARST_CORE_ENGINE_PARTS_H
 
+#include <stdatomic.h>
+
 #include "cache/cache.h"
 #include "core/context.h"
 #include "core/cost.h"
@@ -93,6 +95,7 @@ struct karst_engine {
     int top_level;
     bool root_placed;
     bool has_content; /* a frame of this world has been drawn */
+    atomic_bool has_tape_colours; /* the shader of tapes is compiled */
 
     int view;               /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
     karst_camera drawn;     /* the last frame's */
@@ -124,6 +127,9 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context,
                                         const karst_cache_buffers *buffers, bool shadows, const karst_buffer *data,
                                         karst_error *error);
+/* The shader that runs any world's colours on their tape. */
+karst_shader *karst_engine_tape_shader(karst_context *context, const karst_cache_buffers *buffers, bool shadows,
+                                       const karst_buffer *data, karst_error *error);
 /* engine_ahead.c. What a helper process does for an engine of this configuration. */
 bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error);
 /* Makes producer, shader and, if wanted, refiner of an open world. */
@@ -139,6 +145,8 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
  * quick. Errors: KARST_FAILED. */
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+/* Runs the shader of tapes once beside the engine, so that it is compiled. */
+bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error);
 
 /* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
 double karst_engine_detail_px(const karst_engine *engine);

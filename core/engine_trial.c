@@ -71,12 +71,9 @@ static void trial_close(trial *t)
     karst_context_destroy(t->context);
 }
 
-/* One node is loaded and subdivided, a picture of misses is shaded: drivers compile some of a kernel when it runs for
- * the first time. */
-static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, karst_error *error)
+/* A picture of misses is shaded: drivers compile some of a kernel when it runs for the first time. */
+static bool trial_shade(trial *t, karst_shader *shader, bool shadows, karst_error *error)
 {
-    const karst_tile_info info = {.level = 4, .in_use = 1};
-    const uint32_t node = KARST_TILE_NODES, slot = 1, tile = 2;
     const karst_position origin = {{0}, {0}};
     const int64_t corner[3] = {-1, -1, -1};
     karst_cast_view view;
@@ -85,7 +82,17 @@ static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, k
     karst_cast_view_init(&view, &origin, corner, 8);
     view.serial = 1;
     view.detail = 1;
-    karst_shader_set_anchor(world->shader, &origin);
+    karst_shader_set_anchor(shader, &origin);
+    return karst_shade_pixels(shader, &view, &pinhole, &light, t->hits, shadows ? t->shadow_rays : NULL, t->pixels->mem,
+                              t->depth, t->counters, error) &&
+           karst_finish(t->context, error);
+}
+
+/* The same for all of a world: one node is loaded and subdivided, too. */
+static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, karst_error *error)
+{
+    const karst_tile_info info = {.level = 4, .in_use = 1};
+    const uint32_t node = KARST_TILE_NODES, slot = 1, tile = 2;
     t->work.num_loads = t->work.num_subdivides = 1;
     return karst_buffer_write(t->cache.tile_info, sizeof info, &info, sizeof info, error) &&
            karst_buffer_write(t->work.load_nodes, 0, &node, sizeof node, error) &&
@@ -93,9 +100,23 @@ static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, k
            karst_buffer_write(t->work.subdivide_nodes, 0, &node, sizeof node, error) &&
            karst_buffer_write(t->work.subdivide_tiles, 0, &tile, sizeof tile, error) &&
            karst_producer_answer(world->producer, &t->cache, &t->work, error) &&
-           karst_shade_pixels(world->shader, &view, &pinhole, &light, t->hits, shadows ? t->shadow_rays : NULL,
-                              t->pixels->mem, t->depth, t->counters, error) &&
-           karst_finish(t->context, error);
+           trial_shade(t, world->shader, shadows, error);
+}
+
+bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
+{
+    trial t;
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    bool done = trial_open(&t, engine->context, buffers->brick_bits, error);
+    t.cache.num_segments = buffers->num_segments;
+    karst_shader *shader =
+        done ? karst_engine_tape_shader(t.context, &t.cache, engine->shadows, t.counters, error) : NULL;
+    done = shader && trial_shade(&t, shader, engine->shadows, error);
+    if (t.context)
+        karst_finish(t.context, NULL);
+    karst_shader_destroy(shader);
+    trial_close(&t);
+    return done;
 }
 
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *opened, karst_error *error)

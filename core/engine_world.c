@@ -73,6 +73,14 @@ karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_c
     return karst_shader_create_coloured(context, buffers, shadows, &colour, error);
 }
 
+karst_shader *karst_engine_tape_shader(karst_context *context, const karst_cache_buffers *buffers, bool shadows,
+                                       const karst_buffer *data, karst_error *error)
+{
+    const karst_shade_colour colour = {
+        .source = karst_tape_colours_source, .options = karst_tape_colours_options, .data = data};
+    return karst_shader_create_coloured(context, buffers, shadows, &colour, error);
+}
+
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {

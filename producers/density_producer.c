@@ -111,17 +111,32 @@ static bool create_kernels(density_producer *producer, const karst_density_progr
            create_evaluator(producer, program, error) && create_finaliser(producer, program, error);
 }
 
-static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
+static bool make_data(density_producer *producer, const void *data, size_t data_bytes, karst_error *error)
 {
-    if (!program->data)
-        return true;
-    producer->data = karst_buffer_create(producer->context, "world", program->data_bytes, program->data, error);
-    producer->all_data[0] = producer->data;
+    karst_buffer *buffer = karst_buffer_create(producer->context, "world", data_bytes, data, error);
+    if (!buffer)
+        return false;
+    karst_buffer_destroy(producer->data);
+    producer->data = producer->all_data[0] = buffer;
     producer->base.data = producer->all_data;
     if (producer->subdivider)
-        karst_subdivider_set_data(producer->subdivider, producer->data);
-    karst_evaluator_set_data(producer->evaluator, producer->data);
-    return producer->data != NULL;
+        karst_subdivider_set_data(producer->subdivider, buffer);
+    karst_evaluator_set_data(producer->evaluator, buffer);
+    return true;
+}
+
+static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
+    return !program->data || make_data(producer, program->data, program->data_bytes, error);
+}
+
+bool karst_density_producer_replace(karst_producer *producer, const char *name, const void *data, size_t data_bytes,
+                                    karst_error *error)
+{
+    if (!make_data((density_producer *)producer, data, data_bytes, error))
+        return false;
+    producer->name = name;
+    return true;
 }
 
 bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error)

@@ -32,6 +32,11 @@ bool karst_density_program_rehearse(karst_context *context, const karst_density_
  * made of the old. */
 bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error);
 
+/* The same with data of any size, and another name. What was enqueued must be done. The old buffer is gone: who reads
+ * it, too, must be given producer->data[0] anew. */
+bool karst_density_producer_replace(karst_producer *producer, const char *name, const void *data, size_t data_bytes,
+                                    karst_error *error);
+
 /* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. */
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats);
 

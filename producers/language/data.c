@@ -50,14 +50,13 @@ bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k)
 
 /* ---- layout ---- */
 
-static void mark_needed(const karst_resolved_world *world, const uint8_t *is_known, uint8_t *needed)
+/* What roots need, added to what is needed already. */
+static void mark_needed(const karst_resolved_world *world, const karst_expr *roots, size_t num_roots,
+                        const uint8_t *is_known, uint8_t *needed)
 {
     const karst_graph *graph = world->graph;
-    needed[world->density] = 1;
-    for (int i = 0; world->has_colour && i < 3; i++)
-        needed[world->colour[i]] = 1;
-    for (int i = 0; world->has_gradient && i < 3; i++)
-        needed[world->gradient[i]] = 1;
+    for (size_t i = 0; i < num_roots; i++)
+        needed[roots[i]] = 1;
     for (uint32_t e = graph->num_nodes - 1; e > 0; e--)
         for (int k = 0; needed[e] && !is_known[e] && k < 4; k++)
             needed[graph->nodes[e].arg[k]] = 1;
@@ -114,6 +113,17 @@ static void lay_out_node(karst_world_layout *layout, record_chains *chains, kars
     }
 }
 
+/* Values, or records, of what is needed and has none yet. */
+static void lay_out(karst_world_layout *layout, record_chains *chains, const uint8_t *needed, bool values)
+{
+    for (karst_expr e = 0; e < layout->world.graph->num_nodes; e++)
+        if (needed[e] && layout->word[e] == KARST_NO_WORD && (layout->is_known[e] != 0) == values)
+            lay_out_node(layout, chains, e);
+}
+
+/* Values are counted in steps of these. */
+#define VALUES_STEP 32u
+
 bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world)
 {
     const karst_graph *graph = world->graph;
@@ -134,14 +144,21 @@ bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
             known = layout->is_known[n->arg[k]];
         layout->is_known[e] = known;
     }
-    mark_needed(world, layout->is_known, needed);
-    for (karst_expr e = 0; e < count; e++) {
+    for (karst_expr e = 0; e < count; e++)
         layout->word[e] = KARST_NO_WORD;
-        if (needed[e])
-            lay_out_node(layout, &chains, e);
-    }
+    /* The density's first, and room to spare among the values: its code is then the same whatever colours need. */
+    mark_needed(world, &world->density, 1, layout->is_known, needed);
+    lay_out(layout, &chains, needed, true);
+    lay_out(layout, &chains, needed, false);
+    if (world->has_colour)
+        mark_needed(world, world->colour, 3, layout->is_known, needed);
+    if (world->has_gradient)
+        mark_needed(world, world->gradient, 3, layout->is_known, needed);
+    lay_out(layout, &chains, needed, true);
+    layout->num_values = (layout->num_values / VALUES_STEP + 1) * VALUES_STEP;
     layout->values_word = layout->num_words;
-    layout->num_words += layout->num_values + 1;
+    layout->num_words += layout->num_values;
+    lay_out(layout, &chains, needed, false);
     return true;
 }
 

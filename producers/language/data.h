@@ -28,7 +28,8 @@ typedef struct {
      * - SIN_TURNS, COS_TURNS: karst_lattice;
      * - NOISE: its octaves, karst_octave each.
      * Of what is known but no constant, word is its number among the values, 32 bits each: a float, an int, a mask.
-     * What the float leaves of the value follows num_values floats later. */
+     * What the float leaves of the value follows num_values floats later.
+     * What the density needs stands where it stands whatever colours need, unless these have very many values. */
     uint8_t *is_known;
     uint32_t *word;
     uint32_t values_word; /* where the values begin */

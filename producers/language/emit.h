@@ -36,12 +36,12 @@ typedef struct {
     uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */
     bool is_tape;            /* `source` is the tape's interpreter: no ops are counted but those of colours */
     bool is_colour_tape;     /* the same of `colour_source` */
+    bool is_gradient_noise_alone; /* of the density */
 } karst_emitted;
 
 /* What stands at the head of programs of worlds with no noise but gradient noise: others take time to compile
  * (octave.clh). */
 #define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
-bool karst_emit_is_gradient_noise_alone(const karst_graph *graph);
 
 /* Writes the program of a world. Errors: KARST_FAILED. Free with karst_emitted_finish. */
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);

@@ -97,17 +97,19 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
     return true;
 }
 
-bool karst_emit_is_gradient_noise_alone(const karst_graph *graph)
+/* Of the nodes that are marked: what another part of the world needs is no part of this one's text. */
+static bool is_gradient_noise_alone(const karst_emit *emit)
 {
-    for (uint32_t i = 0; i < graph->num_noises; i++)
-        if (graph->noises[i].base != KARST_NOISE_GRADIENT)
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE &&
+            emit->graph->noises[emit->graph->nodes[e].extra].base != KARST_NOISE_GRADIENT)
             return false;
     return true;
 }
 
 static const char *only_gradient(const karst_emit *emit)
 {
-    return karst_emit_is_gradient_noise_alone(emit->graph) ? KARST_EMIT_ONLY_GRADIENT : "";
+    return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT : "";
 }
 
 static void preamble(karst_emit *emit)
@@ -140,6 +142,7 @@ static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error 
     } else {
         return karst_fail(error, why.status, "%s", why.message);
     }
+    emitted->is_gradient_noise_alone = is_gradient_noise_alone(emit);
     return take_text(emit, &emitted->source, error);
 }
 

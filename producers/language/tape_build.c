@@ -153,6 +153,7 @@ static uint32_t operand_of(builder *b, karst_expr e, bool as_pair)
 static const uint8_t plain_ops[KARST_NUM_OPS] = {
     [KARST_OP_AFFINE] = TAPE_AFFINE,
     [KARST_OP_NORMAL] = TAPE_NORMAL,
+    [KARST_OP_FOOTPRINT] = TAPE_FOOTPRINT,
     [KARST_OP_ADD] = TAPE_ADD,
     [KARST_OP_SUBTRACT] = TAPE_SUBTRACT,
     [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
@@ -263,6 +264,8 @@ static void add_instruction(builder *b, karst_expr e, int part)
     i->argument_type = b->graph->nodes[n->arg[0]].type;
     if (n->op == KARST_OP_NORMAL)
         i->count = n->extra;
+    if (n->op == KARST_OP_FOOTPRINT)
+        i->count = n->extra - KARST_FOOTPRINT_BIAS;
     if (n->op == KARST_OP_NOISE) {
         const karst_noise *noise = &b->graph->noises[n->extra];
         i->count = noise->num_octaves;

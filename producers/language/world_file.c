@@ -17,6 +17,13 @@ static const char bounds_source[] = "#include \"producers/language/bounds.clh\"\
 static const char bounds_source_of_gradient_noise[] =
     KARST_EMIT_ONLY_GRADIENT "#include \"producers/language/bounds.clh\"\n";
 
+/* More slots take a larger stack of each thread, whatever the world uses of them. */
+#define TAPE_COLOURS_SLOTS 64
+#define TEXT_OF(value) #value
+#define SLOTS_OPTION(slots) "-DTAPE_SLOTS=" TEXT_OF(slots)
+const char karst_tape_colours_source[] = "#include \"producers/language/tape_colour.clh\"\n";
+const char karst_tape_colours_options[] = "-DWORLD_HAS_DATA " SLOTS_OPTION(TAPE_COLOURS_SLOTS);
+
 /* ---- what is said ---- */
 
 /* All diagnostics, an empty line apart. */
@@ -229,8 +236,16 @@ static bool make_code(karst_world_file *file, karst_error *error)
     karst_error why = {0};
     if (!karst_emit_world(&file->layout, &file->code, &why))
         return fail_at(file, world->density, &why, error);
-    return make_tape(file, &world->density, 1, "density", &file->tape, error) &&
-           (!file->code.is_colour_tape || make_tape(file, world->colour, 3, "colour", &file->colour_tape, error));
+    if (!make_tape(file, &world->density, 1, "density", &file->tape, error))
+        return false;
+    if (file->code.is_colour_tape && !make_tape(file, world->colour, 3, "colour", &file->colour_tape, error))
+        return false;
+    if (world->has_colour && !file->code.is_colour_tape &&
+        !karst_tape_build(&file->layout, world->colour, 3, &file->colour_tape, &why))
+        karst_tape_finish(&file->colour_tape);
+    file->has_tape_colours =
+        world->has_colour && file->colour_tape.code && file->colour_tape.num_slots <= TAPE_COLOURS_SLOTS;
+    return true;
 }
 
 static bool complete(karst_world_file *file, karst_error *error)
@@ -316,7 +331,7 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
     snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA %s", tape_options);
     *program = (karst_density_program){.name = file->info.name,
                                        .source = file->code.source,
-                                       .bounds_source = karst_emit_is_gradient_noise_alone(file->layout.world.graph)
+                                       .bounds_source = file->code.is_gradient_noise_alone
                                                             ? bounds_source_of_gradient_noise
                                                             : bounds_source,
                                        .options = options,
@@ -374,6 +389,28 @@ bool karst_world_file_rehearse(karst_context *context, const karst_world_file *f
     void *data = karst_world_file_data(file, seed, error);
     karst_density_program program = program_of(file, build, data, options);
     bool done = data && karst_density_program_rehearse(context, &program, cache, work, error);
+    free(data);
+    return done;
+}
+
+static bool same_program(const karst_world_file *a, const karst_world_file *b)
+{
+    char a_options[KARST_WORLD_FILE_OPTIONS_BYTES], b_options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    karst_density_program a_program, b_program;
+    karst_world_file_program(a, NULL, a_options, &a_program);
+    karst_world_file_program(b, NULL, b_options, &b_program);
+    return !strcmp(a_program.source, b_program.source) && !strcmp(a_program.bounds_source, b_program.bounds_source) &&
+           !strcmp(a_options, b_options);
+}
+
+bool karst_world_file_convert(karst_producer *producer, const karst_world_file *from, const karst_world_file *to,
+                              uint32_t seed, bool *is_same, karst_error *error)
+{
+    *is_same = same_program(from, to);
+    if (!*is_same)
+        return true;
+    void *data = karst_world_file_data(to, seed, error);
+    bool done = data && karst_density_producer_replace(producer, to->info.name, data, to->data_bytes, error);
     free(data);
     return done;
 }

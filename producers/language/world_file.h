@@ -15,7 +15,8 @@ typedef struct {
     karst_world_layout layout;
     karst_emitted code;
     karst_tape tape;        /* of the density, for its bounds */
-    karst_tape colour_tape; /* if code.is_colour_tape */
+    karst_tape colour_tape; /* of the colours: if code.is_colour_tape, or has_tape_colours */
+    bool has_tape_colours;  /* they can run on the interpreter of all colours */
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
@@ -39,6 +40,9 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
 /* Options to build its colours with. */
 void karst_world_file_colour_options(const karst_world_file *file, char options[KARST_WORLD_FILE_OPTIONS_BYTES]);
+/* The interpreter of all colours, with any op and room for many values: the same program for all worlds, for showing
+ * colours before code of their own is compiled. For worlds that have has_tape_colours; the bits are the same. */
+extern const char karst_tape_colours_source[], karst_tape_colours_options[];
 /* Its producer. `max_loads`: of a round. Errors: KARST_FAILED. */
 karst_producer *karst_world_file_producer(karst_context *context, const karst_world_file *file, uint32_t seed,
                                           uint32_t max_loads, karst_error *error);
@@ -54,6 +58,11 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
                                const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,
                                karst_error *error);
+/* Makes a producer of `from` one of `to`, with `to`'s own parameters, if nothing but their data tells their densities'
+ * programs apart: *is_same says so, else nothing happens. Work that is enqueued must be done. Errors: KARST_FAILED;
+ * then it is still `from`'s. */
+bool karst_world_file_convert(karst_producer *producer, const karst_world_file *from, const karst_world_file *to,
+                              uint32_t seed, bool *is_same, karst_error *error);
 /* Gives a producer of the file the data of other parameters and seed: nothing is compiled; the caller drops what was
  * made before. A parameter that is structural cannot be changed so. Errors: KARST_FAILED. */
 bool karst_world_file_set_parameters(karst_producer *producer, const karst_world_file *file, const karst_number *values,

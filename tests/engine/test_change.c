@@ -261,6 +261,89 @@ static void test_voxel(void **state)
     karst_engine_destroy(engine);
 }
 
+/* Shows the text's colours at once, if that is possible. */
+static bool show_colours(karst_engine *engine)
+{
+    karst_error error = {0};
+    bool shown;
+    const karst_world_config config = {.world = path};
+    if (!karst_engine_show_colours(engine, &config, &shown, &error))
+        fail_msg("%s", error.message);
+    return shown;
+}
+
+#define NOISY "vec3(0.5 + 0.5 * noise(4.0 * p), red, fract(3.0 * p.y)) * (n.y > 0.2 ? 1.0 : 0.3)"
+
+/* On their tape, then compiled: the same bytes, and nothing is made again. */
+static void test_colours_at_once(void **state)
+{
+    (void)state;
+    static uint8_t taped[NUM_BYTES], compiled[NUM_BYTES], fresh[NUM_BYTES], before[NUM_BYTES];
+    karst_error error = {0};
+    bool kept = false;
+    write_world(BALL("vec3(0.2, red, 0.1)", "d"));
+    karst_engine *engine = open_engine(false);
+    uint64_t num_made = settle(engine, before);
+    write_world(BALL(NOISY, "d"));
+    assert_false(show_colours(engine)); /* not prepared */
+    if (!karst_engine_prepare_colours(engine, &error))
+        fail_msg("%s", error.message);
+    assert_true(show_colours(engine));
+    assert_int_equal(settle(engine, taped), 0);
+    fresh_picture(NULL, 0, fresh);
+    assert_memory_not_equal(before, taped, NUM_BYTES);
+    assert_memory_equal(taped, fresh, NUM_BYTES);
+    assert_true(change(engine, &kept, &error));
+    assert_true(kept);
+    assert_int_equal(settle(engine, compiled), 0);
+    assert_memory_equal(compiled, fresh, NUM_BYTES);
+
+    /* A parameter of colours that run on their tape. */
+    write_world(BALL("vec3(0.1, red, noise(p))", "d"));
+    assert_true(show_colours(engine));
+    set(engine, "red", 0.9);
+    assert_int_equal(settle(engine, taped), 0);
+    const karst_parameter red = {"red", 0.9};
+    fresh_picture(&red, 1, fresh);
+    assert_memory_equal(taped, fresh, NUM_BYTES);
+
+    /* Another density is no matter of colours; a bad text changes nothing. */
+    write_world(BALL("vec3(0.1, red, noise(p))", "d - 0.25"));
+    assert_false(show_colours(engine));
+    write_world("float density(vec3 p) { return; }");
+    bool shown;
+    const karst_world_config bad = {.world = path};
+    assert_false(karst_engine_show_colours(engine, &bad, &shown, &error));
+    assert_int_equal(error.status, KARST_BAD_WORLD);
+    assert_int_equal(settle(engine, taped), 0);
+    assert_memory_equal(taped, fresh, NUM_BYTES);
+    karst_engine_destroy(engine);
+
+    /* In the middle of it all: as much is made as by an engine that had these colours from the start. */
+    write_world(BALL("vec3(0.2, red, 0.1)", "d"));
+    engine = open_engine(false);
+    karst_stats stats;
+    uint64_t num_all = 0;
+    assert_true(karst_engine_prepare_colours(engine, &error));
+    for (int frame = 0; frame < 4; frame++) {
+        if (frame == 2) {
+            write_world(BALL(NOISY, "d"));
+            assert_true(show_colours(engine));
+        }
+        assert_true(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+        num_all += stats.num_produced;
+    }
+    const karst_world_config config = {.world = path};
+    karst_prepared_world *world = karst_engine_prepare_world(engine, &config, &error);
+    assert_true(world && karst_engine_change_world(engine, world, &kept, &error));
+    assert_true(kept);
+    num_all += settle(engine, taped);
+    assert_int_equal(num_all, num_made);
+    assert_memory_equal(taped, compiled, NUM_BYTES);
+    karst_engine_destroy(engine);
+}
+
 int main(void)
 {
     int file = mkstemps(path, 6);
@@ -268,6 +351,7 @@ int main(void)
         return 1;
     close(file);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_colours_at_once),
         cmocka_unit_test(test_parameters),
         cmocka_unit_test(test_bad_parameters_change_nothing),
         cmocka_unit_test(test_texts),

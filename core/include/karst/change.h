@@ -42,6 +42,18 @@ void karst_prepared_world_destroy(karst_prepared_world *world); /* NULL is fine 
  * KARST_FAILED. */
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error);
 
+/* Colours that are edited can be shown at once, before code of their own is compiled: on an interpreter that all worlds
+ * share, a little slower, with the same pixels in every byte. This compiles it: some 2 s of one core where the driver's
+ * store lacks it. It may be called from another thread while the engine draws frames, as karst_engine_prepare_world,
+ * but not at the same time as that. Errors: KARST_FAILED. */
+bool karst_engine_prepare_colours(karst_engine *engine, karst_error *error);
+/* Shows a world from the next frame on if it differs from the one that is shown in its colours alone (or in names, sun,
+ * sky), and the interpreter is ready; *shown says so, else nothing changes. Takes some tens of ms. Called from the
+ * engine's own thread; karst_engine_prepare_world and karst_engine_change_world then bring the compiled colours. No
+ * brick is made again. Errors: KARST_BAD_WORLD (a text that does not compile; nothing changes), KARST_FAILED (the
+ * engine can only be destroyed). */
+bool karst_engine_show_colours(karst_engine *engine, const karst_world_config *config, bool *shown, karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif
