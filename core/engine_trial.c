@@ -1,5 +1,6 @@
 /* A trial run of a world that is not shown yet, so that showing it takes no time. */
 #include "core/engine_parts.h"
+#include "karst/change.h"
 
 /* What a trial run works on: a tile, a brick and a picture of a few pixels. */
 enum { TRIAL_TILES = 4, TRIAL_BRICKS = 16, TRIAL_SIDE_PX = 16, TRIAL_PX = TRIAL_SIDE_PX * TRIAL_SIDE_PX };
@@ -134,4 +135,23 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *open
     karst_engine_world_close(&world);
     trial_close(&t);
     return done;
+}
+
+/* Linking is done anew each time, unlike building what was built before; and always the same text leaves no more behind
+ * than once. */
+void karst_engine_load_compiler(karst_engine *engine)
+{
+    static const char text[] = "float twice(float x);\n"
+                               "float twice(float x) { return 2 * sin(x); }\n"
+                               "kernel void load(global float *values) { values[0] = twice(values[0]); }\n";
+    const char *source = text;
+    cl_context context = engine->context->cl;
+    cl_device_id device = engine->context->device;
+    cl_program compiled = clCreateProgramWithSource(context, 1, &source, NULL, NULL), linked = NULL;
+    if (compiled && clCompileProgram(compiled, 1, &device, "", 0, NULL, NULL, NULL, NULL) == CL_SUCCESS)
+        linked = clLinkProgram(context, 1, &device, "", 1, &compiled, NULL, NULL, NULL);
+    if (linked)
+        clReleaseProgram(linked);
+    if (compiled)
+        clReleaseProgram(compiled);
 }

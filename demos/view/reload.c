@@ -222,9 +222,35 @@ static bool finish(viewer *v, karst_error *error)
     return good;
 }
 
+static void *load_compiler(void *user)
+{
+    viewer *v = user;
+    karst_engine_load_compiler(v->engine);
+    v->reload.done = true;
+    return NULL;
+}
+
+void view_reload_get_ready(viewer *v)
+{
+    view_reload *r = &v->reload;
+    if (!r->watching || r->running || r->has_loaded)
+        return;
+    r->has_loaded = true;
+    r->done = false;
+    r->is_loading = pthread_create(&r->thread, NULL, load_compiler, v) == 0;
+}
+
 bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error)
 {
     *changed = false;
+    if (v->reload.is_loading) {
+        v->reload.is_forced = v->reload.is_forced || force;
+        if (!v->reload.done)
+            return true;
+        pthread_join(v->reload.thread, NULL);
+        v->reload.is_loading = false;
+        force = v->reload.is_forced;
+    }
     if (v->reload.running && v->reload.done) {
         *changed = true;
         if (!finish(v, error))
@@ -239,11 +265,14 @@ bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error)
 void view_reload_end(viewer *v)
 {
     view_reload *r = &v->reload;
-    if (!r->running)
+    if (!r->running && !r->is_loading)
         return;
     if (v->window)
         glfwHideWindow(v->window); /* gone at once, whatever there is still to wait for */
     pthread_join(r->thread, NULL);
+    r->is_loading = false;
+    if (!r->running)
+        return;
     karst_prepared_world_destroy(r->compilation->prepared);
     karst_world_close(r->compilation->compiled);
     free(r->compilation);

@@ -277,6 +277,8 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
         if (!show(v, error))
             return false;
     }
+    if (v->settled)
+        view_reload_get_ready(v);
     *busy = visible && (!v->settled || v->capture.path || v->capture.recording || v->capture.video);
     if (v->capture.path && !visible)
         *busy = true;

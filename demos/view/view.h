@@ -270,6 +270,7 @@ typedef struct {
     double looked_at_s, started_s;
     pthread_t thread;
     bool running;
+    bool is_loading, has_loaded, is_forced; /* the compiler itself; is_forced: somebody asked for a reload meanwhile */
     _Atomic bool done;
     struct view_compilation *compilation;
     unsigned num_reloads, num_errors;
@@ -281,6 +282,8 @@ typedef struct {
 void view_reload_begin(viewer *v);
 /* Looks whether the file changed, or a compilation ended; true: the picture changes. Errors: the engine's. */
 bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error);
+/* While nothing happens: the first edit should not wait for the compiler to be loaded. */
+void view_reload_get_ready(viewer *v);
 void view_reload_end(viewer *v); /* waits for a compilation */
 
 /* ---- view.c ---- */

@@ -35,6 +35,12 @@ karst_prepared_world *karst_engine_prepare_world(karst_engine *engine, const kar
                                                  karst_error *error);
 void karst_prepared_world_destroy(karst_prepared_world *world); /* NULL is fine */
 
+/* Has the device's driver load what it compiles with. PoCL does that for the first program of a process that it did not
+ * keep from an earlier time, and it takes a second or two: so much sooner is a first karst_engine_prepare_world ready
+ * afterwards. To be called as that, from another thread if need be, but not beside it. Nothing is left of it; where the
+ * driver cannot do it, nothing happens. */
+void karst_engine_load_compiler(karst_engine *engine);
+
 /* Shows a prepared world from the next frame on, and takes it over, also when it fails (then the old one stays).
  * Called from the engine's own thread. The camera stays where it is, in metres. If the density is the same (the text
  * changed in colours, names, sun or comments only), all that was made stays: no brick is made again. *kept, which may
