@@ -15,7 +15,7 @@ typedef struct {
     uint32_t num_constants;
     uint32_t num_slots;                      /* at least 1 */
     uint32_t ops[2], wide_ops[2];            /* TAPE_OPS_LOW and so on */
-    bool has_steps;                          /* TAPE_HAS_STEPS */
+    bool has_steps, has_curves;              /* TAPE_HAS_STEPS, TAPE_HAS_CURVES */
     uint32_t output[KARST_TAPE_MAX_OUTPUTS]; /* operands */
     uint32_t num_outputs;
 } karst_tape;
@@ -25,6 +25,9 @@ typedef struct {
  * resolved), KARST_FAILED for lack of memory. */
 bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
                       karst_error *error);
+/* The same without curves (tape_curve.clh), which only bounds need. */
+bool karst_tape_build_plain(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots,
+                            karst_tape *tape, karst_error *error);
 void karst_tape_finish(karst_tape *tape); /* a zeroed tape is fine */
 
 /* Options of a build, for interpreters (tape.clh) that run this tape: room for its slots (TAPE_SLOTS, rounded up, so

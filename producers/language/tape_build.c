@@ -1,5 +1,5 @@
 /* From a resolved graph to a tape: which nodes run, where their arguments are read, which slot each result goes to. */
-#include "producers/language/tape.h"
+#include "producers/language/tape_internal.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,28 +14,11 @@ _Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST
                    (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW && (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
                "octave.clh has graph.h's shapes");
 
-/* What a node gives: a float (or int, or bool), and what wide ops want of AFFINE and SHIFTED, a pair. Nodes of kind
- * WIDE are pairs and nothing else: their float is the pair's first half. */
-enum { PART_VALUE, PART_PAIR, NUM_PARTS };
+static bool is_pair(const karst_tape_builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
 
-typedef struct {
-    const karst_world_layout *layout;
-    const karst_graph *graph;
-    karst_tape *tape;
-    uint8_t (*needed)[NUM_PARTS];
-    uint32_t (*last_use)[NUM_PARTS]; /* index of the last node that reads it; UINT32_MAX for outputs */
-    uint32_t (*slot)[NUM_PARTS];
-    uint32_t (*constant)[NUM_PARTS]; /* number among the tape's constants + 1 */
-    uint32_t *free_slots, num_free;
-} builder;
+bool karst_tape_is_wide(const karst_tape_builder *b, karst_expr e) { return karst_is_computed_wide(b->graph, e); }
 
-static bool is_pair(const builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
-
-static bool is_wide(const builder *b, karst_expr e) { return karst_is_computed_wide(b->graph, e); }
-
-/* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it.
- */
-static karst_expr read_by(const builder *b, karst_expr e, int k)
+karst_expr karst_tape_reads(const karst_tape_builder *b, karst_expr e, int k)
 {
     karst_expr argument = b->graph->nodes[e].arg[k];
     if (!argument || !karst_takes_place(b->layout, e, k))
@@ -45,37 +28,35 @@ static karst_expr read_by(const builder *b, karst_expr e, int k)
 }
 
 /* Whether this part of a node reads its arguments as pairs, where they are or may be some. */
-static bool reads_pairs(const builder *b, karst_expr e, int part)
+static bool reads_pairs(const karst_tape_builder *b, karst_expr e, int part)
 {
-    return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : is_wide(b, e);
+    return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : karst_tape_is_wide(b, e);
 }
 
-static int part_of(const builder *b, karst_expr argument, bool as_pair)
+int karst_tape_part(const karst_tape_builder *b, karst_expr argument, bool as_pair)
 {
     uint8_t op = b->graph->nodes[argument].op;
     return is_pair(b, argument) || (as_pair && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? PART_PAIR
                                                                                                   : PART_VALUE;
 }
 
-static bool is_number(const builder *b, karst_expr e, float value)
+static bool is_number(const karst_tape_builder *b, karst_expr e, float value)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
     return n->op == KARST_OP_CONSTANT && n->type == KARST_TYPE_FLOAT &&
            karst_number_to_float(*karst_graph_constant(b->graph, e)) == value;
 }
 
-/* The t of a product t * t * (3 - 2 * t), as smoothstep has it and noises written by hand; KARST_NO_EXPR for others.
- * Its factors apart say far less than the curve: it rises from 0 to 1. */
-static karst_expr faded_by(const builder *b, karst_expr e)
+karst_expr karst_tape_fades(const karst_tape_builder *b, karst_expr e)
 {
     const karst_expr_node *nodes = b->graph->nodes, *n = &nodes[e];
-    if (n->op != KARST_OP_MULTIPLY || n->type != KARST_TYPE_FLOAT || is_wide(b, e))
+    if (n->op != KARST_OP_MULTIPLY || n->type != KARST_TYPE_FLOAT || karst_tape_is_wide(b, e))
         return KARST_NO_EXPR;
     for (int k = 0; k < 2; k++) {
         const karst_expr_node *square = &nodes[n->arg[k]], *line = &nodes[n->arg[1 - k]];
         karst_expr t = square->arg[0];
         if (square->op != KARST_OP_MULTIPLY || square->arg[1] != t || line->op != KARST_OP_FMA || is_pair(b, t) ||
-            is_wide(b, n->arg[k]) || is_wide(b, n->arg[1 - k]) || b->layout->is_known[t] ||
+            karst_tape_is_wide(b, n->arg[k]) || karst_tape_is_wide(b, n->arg[1 - k]) || b->layout->is_known[t] ||
             !is_number(b, line->arg[2], 3))
             continue;
         if ((line->arg[0] == t && is_number(b, line->arg[1], -2)) ||
@@ -85,10 +66,10 @@ static karst_expr faded_by(const builder *b, karst_expr e)
     return KARST_NO_EXPR;
 }
 
-static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
+static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_roots)
 {
     for (uint32_t i = 0; i < num_roots; i++) {
-        int part = part_of(b, roots[i], false);
+        int part = karst_tape_part(b, roots[i], false);
         b->needed[roots[i]][part] = 1;
         b->last_use[roots[i]][part] = UINT32_MAX;
     }
@@ -97,13 +78,13 @@ static void mark(builder *b, const karst_expr *roots, uint32_t num_roots)
             if (!b->needed[e][part] || b->layout->is_known[e])
                 continue;
             for (int k = 0; k < 4; k++) {
-                karst_expr argument = read_by(b, e, k);
-                int read = part_of(b, argument, reads_pairs(b, e, part));
+                karst_expr argument = karst_tape_reads(b, e, k);
+                int read = karst_tape_part(b, argument, reads_pairs(b, e, part));
                 b->needed[argument][read] = 1;
                 if (b->last_use[argument][read] < e)
                     b->last_use[argument][read] = e;
             }
-            karst_expr t = faded_by(b, e);
+            karst_expr t = karst_tape_fades(b, e);
             b->needed[t][PART_VALUE] = 1;
             if (b->last_use[t][PART_VALUE] < e)
                 b->last_use[t][PART_VALUE] = e;
@@ -120,7 +101,7 @@ static uint32_t bits_of(const karst_number *number, uint8_t type)
     return (uint32_t)number->numerator;
 }
 
-static uint32_t constant_operand(builder *b, karst_expr e, bool as_pair)
+static uint32_t constant_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
     const karst_number *number = karst_graph_constant(b->graph, e);
@@ -134,7 +115,7 @@ static uint32_t constant_operand(builder *b, karst_expr e, bool as_pair)
     return TAPE_CONSTANT | (as_pair ? TAPE_PAIR : 0) | (b->constant[e][as_pair] - 1);
 }
 
-static uint32_t operand_of(builder *b, karst_expr e, bool as_pair)
+uint32_t karst_tape_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
     if (!e)
@@ -144,7 +125,7 @@ static uint32_t operand_of(builder *b, karst_expr e, bool as_pair)
         return constant_operand(b, e, of_floats);
     if (b->layout->is_known[e])
         return TAPE_VALUE | (of_floats ? TAPE_PAIR : 0) | b->layout->word[e];
-    int part = part_of(b, e, as_pair);
+    int part = karst_tape_part(b, e, as_pair);
     return (part == PART_PAIR ? TAPE_PAIR : 0) | b->slot[e][part];
 }
 
@@ -203,7 +184,9 @@ static const uint8_t plain_ops[KARST_NUM_OPS] = {
     [KARST_OP_BITS] = TAPE_BITS,
 };
 
-static uint8_t op_of(const builder *b, karst_expr e)
+uint8_t karst_tape_plain_op(const karst_tape_builder *b, karst_expr e) { return plain_ops[b->graph->nodes[e].op]; }
+
+static uint8_t op_of(const karst_tape_builder *b, karst_expr e)
 {
     uint8_t op = b->graph->nodes[e].op;
     if (!karst_takes_place(b->layout, e, 0))
@@ -214,7 +197,7 @@ static uint8_t op_of(const builder *b, karst_expr e)
                                   : plain_ops[op];
 }
 
-static bool can_run(const builder *b, karst_expr e, karst_error *error)
+static bool can_run(const karst_tape_builder *b, karst_expr e, karst_error *error)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
     bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
@@ -224,11 +207,11 @@ static bool can_run(const builder *b, karst_expr e, karst_error *error)
     return true;
 }
 
-static void release_arguments(builder *b, karst_expr e, int part)
+static void release_arguments(karst_tape_builder *b, karst_expr e, int part)
 {
     for (int k = 0; k < 4; k++) {
-        karst_expr argument = read_by(b, e, k);
-        int read = part_of(b, argument, reads_pairs(b, e, part));
+        karst_expr argument = karst_tape_reads(b, e, k);
+        int read = karst_tape_part(b, argument, reads_pairs(b, e, part));
         /* the value of a node comes before its pair and may be read by it again */
         bool again = part == PART_VALUE && b->needed[e][PART_PAIR];
         if (argument && b->last_use[argument][read] == e && !again && !b->layout->is_known[argument]) {
@@ -236,56 +219,69 @@ static void release_arguments(builder *b, karst_expr e, int part)
             b->last_use[argument][read] = 0; /* once, if it is read twice */
         }
     }
-    karst_expr t = faded_by(b, e);
-    if (t && b->last_use[t][PART_VALUE] == e) {
-        b->free_slots[b->num_free++] = b->slot[t][PART_VALUE];
-        b->last_use[t][PART_VALUE] = 0;
+    const karst_expr others[2] = {karst_tape_fades(b, e), karst_tape_curve_reads(b, e)};
+    for (int k = 0; k < 2; k++) {
+        int read = karst_tape_part(b, others[k], false);
+        if (others[k] && b->last_use[others[k]][read] == e && !b->layout->is_known[others[k]]) {
+            b->free_slots[b->num_free++] = b->slot[others[k]][read];
+            b->last_use[others[k]][read] = 0;
+        }
     }
 }
 
-static void add_instruction(builder *b, karst_expr e, int part)
+karst_instruction *karst_tape_append(karst_tape_builder *b, karst_instruction i)
+{
+    karst_tape *tape = b->tape;
+    if (i.op != TAPE_CURVE) {
+        bool is_wide_op = (i.flags & TAPE_IS_WIDE) != 0;
+        (is_wide_op ? tape->wide_ops : tape->ops)[i.op / 32] |= 1u << i.op % 32;
+    }
+    tape->has_steps |= i.op != TAPE_CURVE && (i.flags & TAPE_IS_STEPS) != 0;
+    tape->code[tape->num_instructions] = i;
+    return &tape->code[tape->num_instructions++];
+}
+
+static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
 {
     const karst_expr_node *n = &b->graph->nodes[e];
-    karst_tape *tape = b->tape;
-    karst_instruction *i = &tape->code[tape->num_instructions++];
+    karst_instruction i = {.op = op_of(b, e), .type = n->type, .word = b->layout->word[e]};
     bool as_pair = reads_pairs(b, e, part);
-    *i = (karst_instruction){.op = op_of(b, e), .type = n->type, .word = b->layout->word[e]};
-    i->flags = (n->kind == KARST_KIND_STEPS ? TAPE_IS_STEPS : 0) | (as_pair || part == PART_PAIR ? TAPE_IS_WIDE : 0);
+    i.flags = (n->kind == KARST_KIND_STEPS ? TAPE_IS_STEPS : 0) | (as_pair || part == PART_PAIR ? TAPE_IS_WIDE : 0);
     for (int k = 0; k < 4; k++) {
-        i->arg[k] = operand_of(b, read_by(b, e, k), as_pair);
-        i->count += n->arg[k] != 0;
+        i.arg[k] = karst_tape_operand(b, karst_tape_reads(b, e, k), as_pair);
+        i.count += n->arg[k] != 0;
     }
-    karst_expr t = faded_by(b, e);
+    karst_expr t = karst_tape_fades(b, e);
     if (t) {
-        i->arg[2] = operand_of(b, t, false);
-        i->flags |= TAPE_IS_FADE;
+        i.arg[2] = karst_tape_operand(b, t, false);
+        i.flags |= TAPE_IS_FADE;
     }
     /* a choice's type is its values' */
-    i->argument_type = b->graph->nodes[n->arg[0]].type;
+    i.argument_type = b->graph->nodes[n->arg[0]].type;
     if (n->op == KARST_OP_NORMAL)
-        i->count = n->extra;
+        i.count = n->extra;
     if (n->op == KARST_OP_FOOTPRINT)
-        i->count = n->extra - KARST_FOOTPRINT_BIAS;
+        i.count = n->extra - KARST_FOOTPRINT_BIAS;
     if (n->op == KARST_OP_NOISE) {
         const karst_noise *noise = &b->graph->noises[n->extra];
-        i->count = noise->num_octaves;
-        i->argument_type = noise->base;
-        i->type = noise->shape;
-        i->flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
+        i.count = noise->num_octaves;
+        i.argument_type = noise->base;
+        i.type = noise->shape;
+        i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
     }
+    if (b->with_curves)
+        i.flags |= (uint8_t)(b->is_curve[e] == 1 ? TAPE_IS_CURVE : b->is_seen[e] ? 0 : TAPE_IS_PASSED);
     release_arguments(b, e, part);
-    b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : tape->num_slots++;
-    i->slot = b->slot[e][part];
-    bool is_wide_op = (i->flags & TAPE_IS_WIDE) != 0;
-    (is_wide_op ? tape->wide_ops : tape->ops)[i->op / 32] |= 1u << i->op % 32;
-    tape->has_steps |= (i->flags & TAPE_IS_STEPS) != 0;
+    b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : b->tape->num_slots++;
+    i.slot = b->slot[e][part];
+    karst_tape_append(b, i);
 }
 
-bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
-                      karst_error *error)
+static bool build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, bool with_curves,
+                  karst_tape *tape, karst_error *error)
 {
     uint32_t count = layout->world.graph->num_nodes;
-    builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape};
+    karst_tape_builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape, .with_curves = with_curves};
     bool done = false;
     *tape = (karst_tape){.num_outputs = num_roots};
     b.needed = calloc(count, sizeof *b.needed);
@@ -293,24 +289,34 @@ bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots,
     b.slot = calloc(count, sizeof *b.slot);
     b.constant = calloc(count, sizeof *b.constant);
     b.free_slots = calloc(NUM_PARTS * (size_t)count, sizeof *b.free_slots);
-    tape->code = calloc(NUM_PARTS * (size_t)count, sizeof *tape->code);
+    b.source = calloc(count, sizeof *b.source);
+    b.is_curve = calloc(count, 1);
+    b.is_seen = calloc(count, 1);
     tape->constants = calloc(3 * (size_t)count, sizeof *tape->constants); /* each as a number and as a pair */
-    if (!b.needed || !b.last_use || !b.slot || !b.constant || !b.free_slots || !tape->code || !tape->constants) {
+    bool fits = b.needed && b.last_use && b.slot && b.constant && b.free_slots && b.source && b.is_curve && b.is_seen;
+    if (fits) {
+        mark(&b, roots, num_roots);
+        if (with_curves)
+            karst_tape_find_curves(&b, roots, num_roots);
+        tape->code = calloc(NUM_PARTS * (size_t)count + b.num_curve_code, sizeof *tape->code);
+    }
+    if (!tape->code || !tape->constants) {
         karst_fail(error, KARST_FAILED, "out of memory");
         goto end;
     }
-    mark(&b, roots, num_roots);
     for (karst_expr e = 1; e < count; e++) {
         for (int part = 0; part < NUM_PARTS; part++) {
             if (!b.needed[e][part] || layout->is_known[e])
                 continue;
             if (!can_run(&b, e, error))
                 goto end;
+            if (b.is_curve[e] == 1)
+                karst_tape_add_curve(&b, e);
             add_instruction(&b, e, part);
         }
     }
     for (uint32_t i = 0; i < num_roots; i++)
-        tape->output[i] = operand_of(&b, roots[i], false);
+        tape->output[i] = karst_tape_operand(&b, roots[i], false);
     tape->num_slots += tape->num_slots == 0;
     done = true;
 end:
@@ -319,9 +325,24 @@ end:
     free(b.slot);
     free(b.constant);
     free(b.free_slots);
+    free(b.source);
+    free(b.is_curve);
+    free(b.is_seen);
     if (!done)
         karst_tape_finish(tape);
     return done;
+}
+
+bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
+                      karst_error *error)
+{
+    return build(layout, roots, num_roots, true, tape, error);
+}
+
+bool karst_tape_build_plain(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots,
+                            karst_tape *tape, karst_error *error)
+{
+    return build(layout, roots, num_roots, false, tape, error);
 }
 
 void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes)
@@ -331,8 +352,9 @@ void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes
         slots *= 2;
     snprintf(options, size_bytes,
              "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
-             "-DTAPE_HAS_STEPS=%d",
-             slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps);
+             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d",
+             slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
+             tape->has_curves);
 }
 
 void karst_tape_finish(karst_tape *tape)

@@ -65,6 +65,7 @@ enum {
     TAPE_SHIFT_RIGHT,
     TAPE_CONVERT,
     TAPE_BITS,
+    TAPE_CURVE, /* head of a curve, see below */
     TAPE_NUM_OPS
 };
 
@@ -76,6 +77,7 @@ enum {
 #define TAPE_WIDE_LOW 0xffffffffu
 #define TAPE_WIDE_HIGH 0xffffffffu
 #define TAPE_HAS_STEPS 1
+#define TAPE_HAS_CURVES 1
 #endif
 #define TAPE_IS_IN(low, high, op) ((((op) < 32 ? (low) >> ((op)&31) : (high) >> ((op)&31)) & 1u) != 0u)
 #define TAPE_RUNS(op) TAPE_IS_IN(TAPE_OPS_LOW, TAPE_OPS_HIGH, op)
@@ -112,10 +114,18 @@ enum {
 #define TAPE_STEP_INDEX 0x0fffffffu
 #define TAPE_STEP_SIDE 28
 
-#define TAPE_IS_STEPS 1u  /* piecewise constant: arguments that are one number make it one number */
-#define TAPE_IS_WIDE 2u   /* computed in pairs */
-#define TAPE_IS_FADE 4u   /* a product t * t * (3 - 2 * t); argument c is t, for bounds */
-#define TAPE_DERIVATIVE 4 /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
+#define TAPE_IS_STEPS 1u    /* piecewise constant: arguments that are one number make it one number */
+#define TAPE_IS_WIDE 2u     /* computed in pairs */
+#define TAPE_IS_FADE 4u     /* a product t * t * (3 - 2 * t); argument c is t, for bounds */
+#define TAPE_IS_CURVE 8u    /* bounds come from the curve before it */
+#define TAPE_IN_CURVE 64u   /* of a curve: nothing else runs it */
+#define TAPE_IS_PASSED 128u /* bounds pass over it: only curves that have their own copy read it */
+#define TAPE_DERIVATIVE 4   /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
+
+/* A curve: the ops by which one number f, the source, decides another, bounded as one function of f (tape_curve.clh).
+ * `count` instructions that read the source in the slot of their head, then the head (TAPE_CURVE), then the instruction
+ * that gives the same to everybody else. The head's arguments: a, the source, or what moves its place; b, the result;
+ * c, the divisor of a place. Its `word`: karst_cells of that place, or TAPE_NOTHING. */
 
 typedef struct {
     uchar op;

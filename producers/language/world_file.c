@@ -222,7 +222,9 @@ static bool make_tape(karst_world_file *file, const karst_expr *roots, uint32_t 
                       karst_tape *tape, karst_error *error)
 {
     karst_error why = {0};
-    if (karst_tape_build(&file->layout, roots, num_roots, tape, &why) && tape->num_slots <= MAX_SLOTS)
+    bool is_built = tape == &file->tape ? karst_tape_build(&file->layout, roots, num_roots, tape, &why)
+                                        : karst_tape_build_plain(&file->layout, roots, num_roots, tape, &why);
+    if (is_built && tape->num_slots <= MAX_SLOTS)
         return true;
     if (tape->num_slots > MAX_SLOTS)
         karst_fail(&why, KARST_BAD_WORLD, "%s is too large: %u values are needed at a time; at most %u are possible",
@@ -241,7 +243,7 @@ static bool make_code(karst_world_file *file, karst_error *error)
     if (file->code.is_colour_tape && !make_tape(file, world->colour, 3, "colour", &file->colour_tape, error))
         return false;
     if (world->has_colour && !file->code.is_colour_tape &&
-        !karst_tape_build(&file->layout, world->colour, 3, &file->colour_tape, &why))
+        !karst_tape_build_plain(&file->layout, world->colour, 3, &file->colour_tape, &why))
         karst_tape_finish(&file->colour_tape);
     file->has_tape_colours =
         world->has_colour && file->colour_tape.code && file->colour_tape.num_slots <= TAPE_COLOURS_SLOTS;

@@ -12,24 +12,27 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                           \
-    X(JUMP)                                                                                                       \
-    X(ADD)                                                                                                        \
-    X(NEGATE)                                                                                                     \
-    X(MULTIPLY)                                                                                                   \
-    X(SQUARE)                                                                                                     \
-    X(SCALE)                                                                                                      \
-    X(DIVIDE)                                                                                                     \
-    X(DIVIDE_BY_ZERO)                                                                                             \
-    X(DECIDE)                                                                                                     \
-    X(MIN)                                                                                                        \
-    X(MAX) X(ABS) X(SELECT) X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH)     \
-        X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD)    \
-            X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY)    \
-                X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) \
-                    X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE)          \
-                        X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS)   \
-                            X(TOO_FINE)
+#define BOUNDS_RULES(X)                                                                                               \
+    X(JUMP)                                                                                                           \
+    X(ADD)                                                                                                            \
+    X(NEGATE)                                                                                                         \
+    X(MULTIPLY)                                                                                                       \
+    X(SQUARE)                                                                                                         \
+    X(SCALE)                                                                                                          \
+    X(DIVIDE)                                                                                                         \
+    X(DIVIDE_BY_ZERO)                                                                                                 \
+    X(DECIDE)                                                                                                         \
+    X(MIN)                                                                                                            \
+    X(MAX)                                                                                                            \
+    X(ABS)                                                                                                            \
+    X(SELECT)                                                                                                         \
+    X(FLOOR) X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2)      \
+        X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE)   \
+            X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS)         \
+                X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES)  \
+                    X(DOUBT_ADD) X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) \
+                        X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP)             \
+                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -50,10 +53,11 @@ enum { NUM_SAMPLES = 14 };
 /* ---- real numbers ---- */
 
 /* A tape in long double; and twice more with every result off by a little, to see what rounding does to it. What is
- * piecewise constant takes the float. */
+ * piecewise constant is the float op of what it is given. */
 enum { NUM_PASSES = 3 };
 typedef struct {
     real value[NUM_PASSES];
+    int bits[NUM_PASSES]; /* of ints and bools; of floats, of the nearest */
 } real_slot;
 
 /* x in the first pass, else off by up to one part in `parts`. */
@@ -176,28 +180,44 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
     }
 }
 
+static bool compare_reals(uint8_t op, real a, real b)
+{
+    return op == TAPE_LESS ? a < b : op == TAPE_LESS_EQUAL ? a <= b : op == TAPE_EQUAL ? a == b : a != b;
+}
+
 static void run_real(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
                      real_slot *slots)
 {
     real_slot result;
     float as_float = k_as_float((uint)tape_load(tape, i->slot)); /* floats have run before */
-    int condition = 0;
-    if (i->op == TAPE_SELECT)
-        condition =
-            tape_is_known(i->arg[0]) ? tape_known(tape, i->arg[0]) : slots[i->arg[0] & TAPE_INDEX].value[0] != 0;
+    bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
+    bool is_stepped = !is_float || ((i->flags & TAPE_IS_STEPS) && i->op != TAPE_PLACE_FLOOR);
+    bool compares = i->op >= TAPE_LESS && i->op <= TAPE_NOT_EQUAL && i->argument_type == TAPE_FLOAT_TYPE;
     for (int pass = 0; pass < NUM_PASSES; pass++) {
         real x[4];
+        int bits[4];
         for (int k = 0; k < 4; k++) {
             uint operand = i->arg[k];
-            x[k] = operand == TAPE_NOTHING ? 0
-                   : tape_is_known(operand)
-                       ? (real)k_as_float((uint)tape_known(tape, operand)) + (real)tape_known_rest(tape, operand)
-                       : slots[operand & TAPE_INDEX].value[pass];
+            real_slot nothing = {{0}, {0}};
+            const real_slot *slot =
+                operand == TAPE_NOTHING || tape_is_known(operand) ? &nothing : &slots[operand & TAPE_INDEX];
+            x[k] = slot->value[pass];
+            bits[k] = slot->bits[pass];
+            if (operand == TAPE_NOTHING || !tape_is_known(operand))
+                continue;
+            bits[k] = tape_known(tape, operand);
+            x[k] = (real)k_as_float((uint)bits[k]) + (real)tape_known_rest(tape, operand);
         }
-        result.value[pass] = i->op != TAPE_NOISE && i->type == TAPE_BOOL_TYPE
-                                 ? (real)(tape_load(tape, i->slot) != 0)
-                                 : shaken(real_op(tape, i, at, level, x, condition, as_float, pass), pass,
-                                          (i->flags & TAPE_IS_STEPS) ? 0x1p23L : 0x1p45L);
+        int exact = compares     ? -(int)compare_reals(i->op, x[0], x[1])
+                    : is_stepped ? tape_plain_op(i, bits[0], bits[1], bits[2], bits[3])
+                                 : 0;
+        if (i->op == TAPE_FLOOR || i->op == TAPE_CEIL || i->op == TAPE_RINT)
+            as_float = (float)(i->op == TAPE_FLOOR ? floorl(x[0]) : i->op == TAPE_CEIL ? ceill(x[0]) : rintl(x[0]));
+        else if (is_stepped && is_float)
+            as_float = k_as_float((uint)exact);
+        real value = real_op(tape, i, at, level, x, bits[0], as_float, pass);
+        result.value[pass] = !is_float ? 0 : shaken(value, pass, (i->flags & TAPE_IS_STEPS) ? 0x1p23L : 0x1p45L);
+        result.bits[pass] = is_float ? (int)k_as_uint((float)result.value[pass]) : exact;
     }
     slots[i->slot] = result;
 }
@@ -255,6 +275,69 @@ static void place_samples(subject *s)
     }
 }
 
+/* Teeth of a saw and what worlds make of them, of a source whose range is often about a tooth. */
+static karst_expr random_curve(random_graph *r, karst_expr source)
+{
+    karst_graph *g = &r->graph;
+    karst_expr one = karst_graph_float(g, 1), x = source;
+    if (random_chance(2))
+        x = karst_expr_2(g, KARST_OP_MULTIPLY, x, karst_graph_float(g, random_magnitude(0.02, 20)));
+    double period = random_chance(2) ? 1 : random_magnitude(0.3, 5);
+    karst_expr f = period < 1 || period > 1 ? karst_expr_2(g, KARST_OP_MOD, x, karst_graph_float(g, period))
+                                            : karst_expr_1(g, KARST_OP_FRACT, x);
+    karst_expr rest = karst_expr_2(g, KARST_OP_SUBTRACT, karst_graph_float(g, period), f),
+               half = karst_graph_float(g, period / 2), square = karst_expr_2(g, KARST_OP_MULTIPLY, f, f);
+    switch (random_below(10)) {
+    case 0: /* terraces */
+        f = karst_expr_3(g, KARST_OP_MIX, f, karst_expr_2(g, KARST_OP_MULTIPLY, square, f),
+                         karst_graph_float(g, random_unit()));
+        return karst_expr_2(g, KARST_OP_ADD, karst_expr_1(g, KARST_OP_FLOOR, x), f);
+    case 1:
+        return karst_expr_2(g, KARST_OP_MULTIPLY, square, rest);
+    case 2:
+        return karst_expr_2(g, KARST_OP_MIN, karst_expr_2(g, KARST_OP_MULTIPLY, f, karst_graph_float(g, 1.4)),
+                            karst_expr_2(g, KARST_OP_MULTIPLY, rest, karst_graph_float(g, 3)));
+    case 3:
+        return karst_expr_1(g, KARST_OP_ABS, karst_expr_2(g, KARST_OP_SUBTRACT, f, half));
+    case 4:
+        return karst_expr_3(g, KARST_OP_SELECT, karst_expr_2(g, KARST_OP_LESS, f, half), f, rest);
+    case 5: /* a staircase */
+        return karst_expr_2(g, KARST_OP_ADD, karst_expr_1(g, KARST_OP_FLOOR, x),
+                            karst_expr_2(g, KARST_OP_MULTIPLY, f, karst_graph_float(g, random_unit() - 0.5)));
+    case 6: /* two saws at once */
+    case 7:
+        x = karst_expr_2(g, KARST_OP_ADD, x, karst_graph_float(g, random_unit()));
+        return karst_expr_2(g, KARST_OP_SUBTRACT, karst_expr_1(g, KARST_OP_FRACT, x), square);
+    case 8:
+        return karst_expr_2(g, KARST_OP_MULTIPLY, karst_expr_1(g, KARST_OP_SIN, f),
+                            karst_expr_2(g, KARST_OP_ADD, f, one));
+    default:                  /* no saw at all */
+        if (random_chance(2)) /* what is left is rounding */
+            return karst_expr_2(g, KARST_OP_ADD, x, karst_expr_2(g, KARST_OP_SUBTRACT, half, x));
+        square = karst_expr_2(g, KARST_OP_MULTIPLY, x, x);
+        return karst_expr_2(g, KARST_OP_MULTIPLY, square, karst_expr_2(g, KARST_OP_SUBTRACT, x, square));
+    }
+}
+
+static void add_curves(random_graph *r)
+{
+    karst_graph *g = &r->graph;
+    r->count[KARST_TYPE_FLOAT] = 0; /* of the graph before roots were extracted */
+    for (int i = 0; i < KARST_TAPE_MAX_OUTPUTS; i++)
+        pool_add(r, r->root[i]);
+    for (int i = 0; i < KARST_TAPE_MAX_OUTPUTS; i++) {
+        karst_expr source = random_chance(3) ? r->root[i] : random_affine_leaf(r);
+        if (random_chance(3))
+            source =
+                karst_expr_2(g, random_chance(2) ? KARST_OP_MULTIPLY : KARST_OP_ADD, source, random_affine_leaf(r));
+        else if (r->with_noise && random_chance(2))
+            source = random_noise(r);
+        if (!karst_graph_is_uniform(g, source))
+            r->root[i] = random_curve(r, source);
+    }
+    set_kinds(g);
+}
+
 static void subject_make(subject *s, uint64_t seed)
 {
     *s = (subject){.level = 0};
@@ -263,6 +346,8 @@ static void subject_make(subject *s, uint64_t seed)
     s->place = random_place_make();
     uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
     random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), KARST_TAPE_MAX_OUTPUTS);
+    if (seed % 2)
+        add_curves(&s->graph);
     if (random_chance(3))
         random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
@@ -272,7 +357,8 @@ static void subject_make(subject *s, uint64_t seed)
     s->data = calloc(s->layout.num_words, sizeof *s->data);
     assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, 7, s->place.voxel_log2_m, s->data));
     karst_error error;
-    assert_true(karst_tape_build(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error));
+    assert_true(seed % 2 ? karst_tape_build(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error)
+                         : karst_tape_build_plain(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error));
     s->bound_slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof(int));
     for (int n = 0; n < NUM_SAMPLES; n++) {
         s->value_slots[n] = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof(int));
@@ -391,7 +477,9 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
         op_bound b = tape_slot_bound(&one, i->slot); /* of a pair: what differs from its base */
         if (unknown)
             return true;
-        bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
+        bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE, is_bounded = tape_is_seen(i);
+        if (i->flags & TAPE_IN_CURVE)
+            continue;
         (*num_checked)++;
         real any = 0, home = 0, size = 0;
         for (int k = 0; k < NUM_SAMPLES; k++) {
@@ -405,14 +493,15 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
             size = fmaxl(size, fabsl(value));
             any = fmaxl(any, fabsl(value - s->real_slots[k][i->slot].value[0]));
             home = fmaxl(home, fabsl(value_in(&one, i) - s->real_slots[k][i->slot].value[0]));
-            bool good = is_float ? check_value(&b, s->delta[k], value - base, v) &&
-                                       check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0] - base, v)
-                                 : check_discrete(i, &b, bits, v);
+            bool good = !is_bounded ? true
+                        : is_float  ? check_value(&b, s->delta[k], value - base, v) &&
+                                         check_value(&b, s->delta[k], s->real_slots[k][i->slot].value[0] - base, v)
+                                   : check_discrete(i, &b, bits, v);
             int other = (int)random_below(NUM_SAMPLES);
-            if (good && is_float && !has_noise(s) && other < k)
+            if (good && is_bounded && is_float && !has_noise(s) && other < k)
                 good = check_pair(&b, s->delta[k], s->delta[other], &s->real_slots[k][i->slot],
                                   &s->real_slots[other][i->slot], v);
-            if (good && is_float)
+            if (good && is_bounded && is_float)
                 good = check_doubt(&b, any, home, size, v);
             if (!good) {
                 v->instruction = n;
@@ -429,9 +518,9 @@ static void describe(const subject *s, uint64_t seed, const violation *v)
 {
     const karst_instruction *i = &s->tape.code[v->instruction];
     print_message(
-        "seed %lu: tape op %u (type %u, steps %u), instruction %u of %u, %s: %.12Lg is not in [%.12Lg, %.12Lg]\n",
-        (unsigned long)seed, i->op, i->type, (i->flags & TAPE_IS_STEPS), v->instruction, s->tape.num_instructions,
-        v->rule, v->value, v->lo, v->hi);
+        "seed %lu: tape op %u%s (type %u, steps %u), instruction %u of %u, %s: %.12Lg is not in [%.12Lg, %.12Lg]\n",
+        (unsigned long)seed, i->op, i->flags & TAPE_IS_CURVE ? " of a curve" : "", i->type, (i->flags & TAPE_IS_STEPS),
+        v->instruction, s->tape.num_instructions, v->rule, v->value, v->lo, v->hi);
     print_message("  sample %d, %d; box at %ld %ld %ld, radius %g %g %g, level %d, footprint %d\n", v->sample, v->other,
                   (long)s->place.voxel[0], (long)s->place.voxel[1], (long)s->place.voxel[2], (double)s->place.radius[0],
                   (double)s->place.radius[1], (double)s->place.radius[2], s->box.level, s->level);

@@ -212,10 +212,10 @@ static void test_sampling_alone_is_caught(void **state)
     constant_list list = {0};
     const constant_node *first = NULL;
     (void)state;
-    shipped_open(&world, "hills");
+    shipped_open(&world, "alps");
     build_tree(&world, "-DKARST_MUTANT_SAMPLING", &list);
     uint32_t num_lost = count_lost(&world, &list, 600, &first);
-    print_message("hills, by samples alone: %u of %u nodes that were looked at lost surface\n", num_lost, 600u);
+    print_message("alps, by samples alone: %u of %u nodes that were looked at lost surface\n", num_lost, 600u);
     assert_true(num_lost > 0);
     assert_true(first->by_samples);
     free(list.nodes);
