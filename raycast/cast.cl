@@ -89,14 +89,36 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
 
 /* Lane by lane into the records; `index` where `valid`. */
 #if LANES == 16
-#define STORE_HIT_(l)                                                                                          \
-    if (valid.l)                                                                                               \
-        vstore8((uint8)(as_uint(hits->t.l), (uint)hits->kind.l, (uint)hits->brick.l, (uint)hits->cell.l,       \
-                        as_uint(hits->position.x.l), as_uint(hits->position.y.l), as_uint(hits->position.z.l), \
-                        (uint)hits->node.l),                                                                   \
-                (size_t)index.l, (K_GLOBAL uint *)out);
-RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index,
-                           vint valid){EACH_LANE(STORE_HIT_)}
+/* Eight vectors become records by shuffles, not word by word. */
+typedef uint8 hit_words __attribute__((aligned(4)));
+/* Words of two vectors by turns: those of lanes 0 and 1 of each group of four, or of 2 and 3; then pairs of words. */
+#define WORDS_LO_(a, b) __builtin_shufflevector(a, b, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29)
+#define WORDS_HI_(a, b) __builtin_shufflevector(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
+#define PAIRS_LO_(a, b) __builtin_shufflevector(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29)
+#define PAIRS_HI_(a, b) __builtin_shufflevector(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31)
+#define STORE_HIT_(l, k, first, second)                                   \
+    if (valid.l)                                                          \
+        *(K_GLOBAL hit_words *)(out + index.l) = __builtin_shufflevector( \
+            first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, 16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
+/* The lanes a, b, c and d: one of each group of four. */
+#define STORE_FOUR_(pairs, half, a, b, c, d)                                                                    \
+    {                                                                                                           \
+        const vuint first = pairs(half(t, kind), half(brick, cell)), second = pairs(half(x, y), half(z, node)); \
+        STORE_HIT_(a, 0, first, second)                                                                         \
+        STORE_HIT_(b, 1, first, second)                                                                         \
+        STORE_HIT_(c, 2, first, second)                                                                         \
+        STORE_HIT_(d, 3, first, second)                                                                         \
+    }
+RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+{
+    const vuint t = v_as_uint(hits->t), kind = as_uint16(hits->kind), brick = as_uint16(hits->brick),
+                cell = as_uint16(hits->cell), x = v_as_uint(hits->position.x), y = v_as_uint(hits->position.y),
+                z = v_as_uint(hits->position.z), node = as_uint16(hits->node);
+    STORE_FOUR_(PAIRS_LO_, WORDS_LO_, s0, s4, s8, sc)
+    STORE_FOUR_(PAIRS_HI_, WORDS_LO_, s1, s5, s9, sd)
+    STORE_FOUR_(PAIRS_LO_, WORDS_HI_, s2, s6, sa, se)
+    STORE_FOUR_(PAIRS_HI_, WORDS_HI_, s3, s7, sb, sf)
+}
 #else
 RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
 {
@@ -267,9 +289,9 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 }
 #endif
 
-BEAM_FUNCTION
-    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels)
+BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                    const karst_shadow_sun *sun, K_GLOBAL const float *rays, uint beam_number,
+                                    K_GLOBAL uint *pixels)
 {
     const pools own = *pool;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
