@@ -69,6 +69,9 @@ typedef struct {
                               node index */
     uint32_t turn;         /* counts rounds; modulo 256 says which nodes' wants do not wait for others */
     uint32_t max_tiles, max_bricks; /* budget of this round; each at most KARST_CACHE_MAX_WORK counts */
+    /* With a budget_ns, loads and subdivides stand in one queue, at these prices, and as many are chosen as fit; of
+     * each kind at least one. 0: the maxima alone. */
+    double load_ns, subdivide_ns, budget_ns;
     bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, by slot */
 } karst_collect_params;
 

@@ -107,6 +107,8 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     work->num_used_bricks = survey->host_result.num_used[KARST_SURVEY_BRICKS];
     if (!karst_wants_choose(wants, params->max_bricks, params->max_tiles, error))
         return false;
+    if (params->budget_ns > 0)
+        karst_wants_fit(wants, params->load_ns, params->subdivide_ns, params->budget_ns);
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
     work->num_requests = loads->num_all + subdivides->num_all;
     work->num_deferred_budget = work->num_requests - loads->num - subdivides->num;

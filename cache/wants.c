@@ -142,6 +142,23 @@ bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_sub
     return true;
 }
 
+void karst_wants_fit(karst_wants *wants, double load_ns, double subdivide_ns, double budget_ns)
+{
+    karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
+    uint32_t l = loads->num > 0, s = subdivides->num > 0;
+    for (double left_ns = budget_ns - l * load_ns - s * subdivide_ns;;) {
+        bool has_load = l < loads->num, has_subdivide = s < subdivides->num;
+        bool is_load = has_load && (!has_subdivide || loads->classes[l] < subdivides->classes[s]);
+        left_ns -= is_load ? load_ns : subdivide_ns;
+        if ((!has_load && !has_subdivide) || left_ns < 0)
+            break;
+        l += is_load;
+        s += !is_load;
+    }
+    loads->num = l;
+    subdivides->num = s;
+}
+
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,
                         uint32_t num_subdivides, uint32_t serial, karst_error *error)
 {

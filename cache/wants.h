@@ -46,6 +46,8 @@ bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const
 /* After karst_survey_end: chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK of
  * either) into wants->loads and wants->subdivides. May wait. */
 bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_subdivides, karst_error *error);
+/* Of what was chosen, keeps as much as fits into budget_ns, the best of both kinds together; of each at least one. */
+void karst_wants_fit(karst_wants *wants, double load_ns, double subdivide_ns, double budget_ns);
 /* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads
  * first. */
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,

@@ -90,8 +90,14 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
         double round_ns = engine->goes_on ? fmin(left->ns, PATIENT_ROUND_NS) : left->ns;
         karst_cost_limits limits =
             karst_cost_plan(&engine->cost, round_ns, left->bricks < left->tiles ? left->bricks : left->tiles);
-        params.max_tiles = limits.max_tiles;
-        params.max_bricks = limits.max_bricks;
+        if (karst_cost_is_known(&engine->cost)) {
+            params.budget_ns = round_ns;
+            params.load_ns = engine->cost.bricks.expected_ns;
+            params.subdivide_ns = engine->cost.tiles.expected_ns;
+        } else {
+            params.max_tiles = limits.max_tiles;
+            params.max_bricks = limits.max_bricks;
+        }
     }
     uint32_t num_constant;
     uint64_t before_ns = made_cpu_ns(engine);

@@ -13,10 +13,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The most in motion that goes on, while half of a picture or more is at its level... */
-#define KARST_PACE_MOST_MOVING 2.0
-/* ...and else, as when a valley opens behind a crest; and from where a new view starts, after a jump. */
-#define KARST_PACE_MOST 8.0
+/* The most, in motion and for a new view. */
+#define KARST_PACE_MOST 2.0
 
 typedef struct {
     double factor; /* 1 to KARST_PACE_MOST */

@@ -337,6 +337,38 @@ static void test_choosing(void **state)
     }
 }
 
+/* Both kinds in one queue: as much as fits, nothing that stands behind what was left out, of each at least one. */
+static void test_what_fits_a_budget(void **state)
+{
+    (void)state;
+    static karst_wants_choice loads, subdivides;
+    karst_wants wants = {.loads = &loads, .subdivides = &subdivides};
+    for (int turn = 0; turn < 2000; turn++) {
+        for (uint32_t i = 0; i < 40; i++) {
+            loads.classes[i] = (uint16_t)((i ? loads.classes[i - 1] : 0u) + random_below(3));
+            subdivides.classes[i] = (uint16_t)((i ? subdivides.classes[i - 1] : 0u) + random_below(4));
+        }
+        const uint32_t num_loads = random_below(40), num_subdivides = random_below(40);
+        const double load_ns = 1 + random_below(50), subdivide_ns = 1 + random_below(50),
+                     budget_ns = random_below(2000);
+        loads.num = num_loads, subdivides.num = num_subdivides;
+        karst_wants_fit(&wants, load_ns, subdivide_ns, budget_ns);
+        const uint32_t l = loads.num, s = subdivides.num;
+        const double sum_ns = l * load_ns + s * subdivide_ns;
+        assert_true(l <= num_loads && s <= num_subdivides);
+        assert_true((l > 0) == (num_loads > 0) && (s > 0) == (num_subdivides > 0));
+        assert_true(sum_ns <= budget_ns || (l <= 1 && s <= 1));
+        /* What comes next would not have fitted; but for the first ones, none stands behind what was left out. */
+        bool load_next = l < num_loads && (s == num_subdivides || loads.classes[l] < subdivides.classes[s]);
+        if (l < num_loads || s < num_subdivides)
+            assert_true(sum_ns + (load_next ? load_ns : subdivide_ns) > budget_ns);
+        if (l < num_loads && s > 1)
+            assert_true(subdivides.classes[s - 1] <= loads.classes[l]);
+        if (s < num_subdivides && l > 1)
+            assert_true(loads.classes[l - 1] < subdivides.classes[s]);
+    }
+}
+
 /* The gap in 128 bits. */
 static uint64_t plain_gap(int64_t node, int64_t camera, int shift)
 {
@@ -442,6 +474,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_surveys), cmocka_unit_test(test_recycling),  cmocka_unit_test(test_choosing),
+        cmocka_unit_test(test_what_fits_a_budget),
         cmocka_unit_test(test_classes), cmocka_unit_test(test_free_slots), cmocka_unit_test(test_memory_of_evictions),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

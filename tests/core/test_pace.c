@@ -57,9 +57,10 @@ static void test_holds_a_flight_at_its_level(void **state)
             sum += share;
             least = fmin(least, share);
             most = fmax(most, pace.factor);
-            assert_true(pace.factor >= 1 && pace.factor <= KARST_PACE_MOST_MOVING);
+            assert_true(pace.factor >= 1 && pace.factor <= KARST_PACE_MOST);
         }
-        assert_true(sum / 900 > 0.9 && least > 0.75);
+        print_message("demand %g: %.3f on average, %.3f at least\n", demand, sum / 900, least);
+        assert_true(sum / 900 > 0.89 && least > 0.75);
         if (demand < 1)
             assert_true(most == 1);
         else
@@ -67,8 +68,7 @@ static void test_holds_a_flight_at_its_level(void **state)
     }
 }
 
-/* However much is wanted: a world that was seen is not shown coarser than twice, and what opens of a sudden not coarser
- * than after a jump. */
+/* However much is wanted: it is not asked for coarser than twice, in flight or where nearly all is new. */
 static void test_is_bounded_in_flight(void **state)
 {
     (void)state;
@@ -79,11 +79,11 @@ static void test_is_bounded_in_flight(void **state)
             .num_hits = NUM_HITS, .num_provisional = NUM_HITS * 4 / 10, .num_deferred = 1000, .moved = true};
         outcome.steady = true;
         if (i >= 500)
-            outcome.num_provisional = NUM_HITS * 7 / 10;
+            outcome.num_provisional = NUM_HITS * 9 / 10;
         karst_pace_step(&pace, &outcome);
-        assert_true(i >= 500 || pace.factor <= KARST_PACE_MOST_MOVING);
+        assert_true(pace.factor <= KARST_PACE_MOST);
     }
-    assert_true(pace.factor == KARST_PACE_MOST && !pace.new_view);
+    assert_true(pace.factor == KARST_PACE_MOST && pace.new_view);
 }
 
 /* A valley opens behind a crest: the view is coarser at once, and sharpens from there. */
@@ -112,7 +112,7 @@ static void test_a_jump_goes_from_coarse_to_fine(void **state)
 {
     (void)state;
     for (int moving = 0; moving < 2; moving++) {
-        model m = {.need = 22000, .a_frame = 75, .finest = 1000};
+        model m = {.need = 5000, .a_frame = 120, .finest = 1000};
         karst_pace pace;
         karst_pace_init(&pace);
         int whole_at = 0, full_at = 0;
@@ -122,7 +122,7 @@ static void test_a_jump_goes_from_coarse_to_fine(void **state)
             if (!whole_at && share >= 0.9)
                 whole_at = i;
             /* In the end one who stands wants all of the rest at once. */
-            bool at_the_end = !moving && before <= KARST_PACE_MOST_MOVING;
+            bool at_the_end = !moving && before <= KARST_PACE_MOST;
             assert_true(!whole_at || at_the_end || share >= (moving ? 0.85 : 0.7));
             assert_true(!whole_at || pace.factor <= before * 1.03);
             before = pace.factor;
@@ -131,7 +131,7 @@ static void test_a_jump_goes_from_coarse_to_fine(void **state)
         }
         assert_true(whole_at > 0 && whole_at <= 15);
         /* What all of it takes, and little more. */
-        assert_true(full_at > 0 && full_at < 1.3 * 22000 / 75);
+        assert_true(full_at > 0 && full_at < 1.3 * 5000 / 120);
     }
 }
 
