@@ -1,6 +1,7 @@
 /* From a world file's text to its first brick: with no kernel cache at all, alone and with a helper process as the
  * karst command has it (karst/helper.h), with a warm one, and after a change of parameters, for each shipped world.
- * Each start is a process of its own, as drivers read where their cache lies once; figures are medians of three.
+ * Each start is a process of its own, as drivers read where their cache lies once; figures are medians of three. CPU
+ * times are of that process: what it would take on a machine with nothing else to do, where it waits for no helper.
  *
  * Names of worlds may be given. The context stands before the clock starts: a program has one, whatever it shows. */
 #include <errno.h>
@@ -10,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "core/helper.h"
@@ -30,6 +32,13 @@ static void print_line(void *user, karst_log_level level, const char *line)
 }
 
 static double seconds(void) { return (double)karst_clock_ns() * 1e-9; }
+
+static double cpu_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
 
 /* Subdivides and loads one node; says when each step was done. */
 static void first_brick(karst_producer *producer, pool *p, double done_s[3])
@@ -62,7 +71,7 @@ static void start(const char *path, bool helped)
     karst_helper_set_task(helper, &(karst_engine_config){.world = path, .width_px = 64, .height_px = 48});
     karst_context_set_helper(context, helper);
 
-    double begin = seconds();
+    double begin = seconds(), begin_cpu = cpu_seconds();
     karst_world_file *file = karst_world_file_open(path, NULL, 0, NULL, &error);
     pool_expect(file, path, &error);
     double read = seconds();
@@ -71,6 +80,7 @@ static void start(const char *path, bool helped)
     double built = seconds();
     double done[3], changed[3];
     first_brick(producer, &p, done);
+    double cpu_s = cpu_seconds() - begin_cpu;
 
     karst_number *values = calloc(file->program->num_parameters + 1, sizeof *values);
     pool_expect(values, "out of memory", NULL);
@@ -78,8 +88,8 @@ static void start(const char *path, bool helped)
         values[i] = file->program->parameters[i].value;
     pool_expect(karst_world_file_set_parameters(producer, file, values, file->info.seed + 1, &error), "set", &error);
     first_brick(producer, &p, changed);
-    printf("%.4f %.4f %.4f %.4f %.4f %.4f %.4f\n", done[2] - begin, read - begin, built - read, done[0] - built,
-           done[1] - done[0], done[2] - done[1], changed[2] - done[2]);
+    printf("%.4f %.4f %.4f %.4f %.4f %.4f %.4f %.4f\n", done[2] - begin, read - begin, built - read, done[0] - built,
+           done[1] - done[0], done[2] - done[1], changed[2] - done[2], cpu_s);
     free(values);
     pool_close(&p);
     karst_producer_destroy(producer);
@@ -89,7 +99,7 @@ static void start(const char *path, bool helped)
 }
 
 typedef struct {
-    double all_s, read_s, build_s, bounds_s, evaluate_s, finalise_s, change_s;
+    double all_s, read_s, build_s, bounds_s, evaluate_s, finalise_s, change_s, cpu_s;
 } start_times;
 
 static start_times run(const char *program, const char *how, const char *path)
@@ -99,8 +109,8 @@ static start_times run(const char *program, const char *how, const char *path)
     snprintf(command, sizeof command, "'%s' %s '%s'", program, how, path);
     FILE *pipe = popen(command, "r");
     pool_expect(pipe &&
-                    fscanf(pipe, "%lf %lf %lf %lf %lf %lf %lf", &t.all_s, &t.read_s, &t.build_s, &t.bounds_s,
-                           &t.evaluate_s, &t.finalise_s, &t.change_s) == 7 &&
+                    fscanf(pipe, "%lf %lf %lf %lf %lf %lf %lf %lf", &t.all_s, &t.read_s, &t.build_s, &t.bounds_s,
+                           &t.evaluate_s, &t.finalise_s, &t.change_s, &t.cpu_s) == 8 &&
                     pclose(pipe) == 0,
                 command, NULL);
     return t;
@@ -143,8 +153,9 @@ static void bench_world(const char *program, const char *path)
     qsort(warm, NUM_RUNS, sizeof *warm, compare_times);
     const start_times *a = &alone[NUM_RUNS / 2], *c = &cold[NUM_RUNS / 2], *w = &warm[NUM_RUNS / 2];
     const char *name = strrchr(path, '/');
-    printf("%-24s %6.2f %6.2f %8.3f %7.2f %8.2f %9.2f %9.2f %8.3f %10.4f   %s\n", name ? name + 1 : path, a->all_s,
-           c->all_s, c->read_s, c->build_s, c->bounds_s, c->evaluate_s, c->finalise_s, w->all_s, w->change_s,
+    printf("%-20s %6.2f %6.2f %6.2f %6.2f %7.3f %6.2f %7.2f %9.2f %9.2f %7.3f %10.4f   %s\n",
+           name ? name + 1 : path, a->all_s, a->cpu_s, c->all_s, c->cpu_s, c->read_s, c->build_s, c->bounds_s,
+           c->evaluate_s, c->finalise_s, w->all_s, w->change_s,
            c->all_s <= COLD_MARK_S && w->all_s <= WARM_MARK_S ? "" : "over the mark");
     fflush(stdout);
 }
@@ -158,8 +169,8 @@ int main(int argc, char **argv)
         return 0;
     }
     printf("\nfrom text to the first brick, seconds (marks: %.1f cold, %.1f warm)\n", COLD_MARK_S, WARM_MARK_S);
-    printf("%-24s %6s %6s %8s %7s %8s %9s %9s %8s %10s\n", "", "alone", "cold", "= text", "build", "bounds",
-           "evaluate", "finalise", "warm", "parameter");
+    printf("%-20s %6s %6s %6s %6s %7s %6s %7s %9s %9s %7s %10s\n", "", "alone", "CPU", "cold", "CPU", "= text",
+           "build", "bounds", "evaluate", "finalise", "warm", "parameter");
     glob_t found = {0};
     for (int i = 1; i < argc; i++)
         bench_world(argv[0], argv[i]);
