@@ -334,6 +334,7 @@ static json_t *describe_viewer(const viewer *v)
     json_object_set_new(o, "share_of_side", json_real((double)v->resolution.share / VIEW_FULL_SHARE));
     json_object_set_new(o, "settled", json_boolean(v->settled));
     json_object_set_new(o, "reloads", json_integer(v->reload.num_reloads));
+    json_object_set_new(o, "colours_at_once", json_integer(v->reload.num_at_once));
     json_object_set_new(o, "reload_errors", json_integer(v->reload.num_errors));
     json_object_set_new(o, "error", json_string(v->reload.error));
     json_object_set_new(o, "message", json_string(v->toast));

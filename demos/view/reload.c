@@ -108,13 +108,30 @@ static bool has_changed(viewer *v)
     return at_rest && (mtime_ns != r->mtime_ns || size_bytes != r->size_bytes || inode != r->inode);
 }
 
-static void start(viewer *v)
+/* If the text differs in colours alone, they are shown at once, and compiled meanwhile. */
+static bool show_colours(viewer *v, const struct view_compilation *c, bool *changed, karst_error *error)
+{
+    karst_parameter parameters[VIEW_MAX_SLIDERS];
+    karst_world_config config = {
+        .world = c->world_file, .parameters = parameters, .has_seed = c->has_seed, .seed = c->seed};
+    karst_error reason = {0};
+    bool shown = false;
+    config.num_parameters = choose_parameters(c, parameters);
+    /* What is wrong with a text is said when it is compiled. */
+    if (!karst_engine_show_colours(v->engine, &config, &shown, &reason) && reason.status == KARST_FAILED)
+        return karst_fail(error, reason.status, "%s", reason.message);
+    v->reload.num_at_once += shown;
+    *changed = *changed || shown;
+    return true;
+}
+
+static bool start(viewer *v, bool *changed, karst_error *error)
 {
     view_reload *r = &v->reload;
     struct view_compilation *c = calloc(1, sizeof *c);
     if (!c) {
         view_complain(v, "out of memory");
-        return;
+        return true;
     }
     look(v, &r->mtime_ns, &r->size_bytes, &r->inode);
     c->engine = v->engine;
@@ -129,12 +146,16 @@ static void start(viewer *v)
         c->moved[c->num_moved].value = s->value;
         c->moved[c->num_moved++].original = s->original;
     }
+    if (!show_colours(v, c, changed, error)) {
+        free(c);
+        return false;
+    }
     r->done = false;
     c->done = &r->done;
     if (pthread_create(&r->thread, NULL, compile, c) != 0) {
         free(c);
         view_complain(v, "cannot start a thread to compile the world");
-        return;
+        return true;
     }
     r->compilation = c;
     r->running = true;
@@ -142,6 +163,7 @@ static void start(viewer *v)
     r->longest_ms = 0;
     r->started_s = v->now_s;
     v->hud_dirty = true;
+    return true;
 }
 
 static void say_lines(viewer *v, const char *lines)
@@ -226,6 +248,7 @@ static void *load_compiler(void *user)
 {
     viewer *v = user;
     karst_engine_load_compiler(v->engine);
+    karst_engine_prepare_colours(v->engine, NULL); /* without it edited colours only take longer */
     v->reload.done = true;
     return NULL;
 }
@@ -257,9 +280,7 @@ bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error)
             return false;
     }
     bool look_again = force || has_changed(v);
-    if (look_again && !v->reload.running)
-        start(v);
-    return true;
+    return !look_again || v->reload.running || start(v, changed, error);
 }
 
 void view_reload_end(viewer *v)

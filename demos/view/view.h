@@ -274,6 +274,7 @@ typedef struct {
     _Atomic bool done;
     struct view_compilation *compilation;
     unsigned num_reloads, num_errors;
+    unsigned num_at_once; /* of colours, before they were compiled */
     double last_s;       /* what the last one took */
     uint64_t num_frames; /* drawn while compiling, the last time */
     double longest_ms;   /* of those, and of the one that changed over */
