@@ -215,7 +215,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     karst_stats *stats = &engine->stats;
     allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
-    const double kept_ns = kept_share(stats) * engine->budget_ns;
+    karst_camera ahead; /* who stands looks nowhere else */
+    bool moves = karst_engine_look_ahead(engine, frames_ahead[0], &ahead);
+    const double kept_ns = moves ? kept_share(stats) * engine->budget_ns : 0;
     left.ns -= kept_ns;
     if (!answer_round(engine, &engine->camera.position, &left, work, error))
         return false;
