@@ -73,59 +73,71 @@ static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, 
     return karst_survey_begin(lru->survey, &ask, error) && karst_survey_end(lru->survey, error);
 }
 
-/* The age that finds twice as many as are needed: if there are so many, it is known now, else it is a little less. */
-static void expect_age(karst_lru *lru, const karst_survey_slot *sorted)
+/* 0 for what was never used, then the oldest first. */
+static uint32_t youth_of(karst_survey_slot one, uint32_t oldest) { return one.age > oldest ? 0 : oldest - one.age + 1; }
+
+/* A stable pass by one digit of the youth; only the first `limit` get a place. */
+static void sort_digit(const karst_survey_slot *from, uint32_t num, uint32_t oldest, int shift, karst_survey_slot *to,
+                       uint32_t limit)
 {
-    uint32_t place = 2 * with_some_more(lru, lru->expected_need), age = lru->expected_age;
-    if (place < lru->num)
-        age = sorted[place].age;
-    else
-        age -= age / 8 + 1;
-    lru->expected_age = age ? age : 1;
+    uint32_t sums[DIGIT_SIZE] = {0};
+    for (uint32_t i = 0; i < num; i++)
+        sums[youth_of(from[i], oldest) >> shift & (DIGIT_SIZE - 1)]++;
+    for (uint32_t digit = 0, sum = 0; digit < DIGIT_SIZE; digit++) {
+        uint32_t own = sums[digit];
+        sums[digit] = sum;
+        sum += own;
+    }
+    for (uint32_t i = 0; i < num; i++) {
+        uint32_t at = sums[youth_of(from[i], oldest) >> shift & (DIGIT_SIZE - 1)]++;
+        if (at < limit)
+            to[at] = from[i];
+    }
 }
 
-/* Oldest first; those of one age stay in the order of slots. By digits of the age, of which most often one differs. */
-static void sort(karst_lru *lru, karst_survey_slot *found, uint32_t num)
+/* The oldest of what was found, `least` or more of them if there are, go to lru->slots, oldest first; those of one age
+ * stay in the order of slots. Most often one digit is enough. */
+static void sort(karst_lru *lru, uint32_t least)
 {
-    uint32_t in_all = UINT32_MAX, in_any = 0, sums[DIGIT_SIZE];
-    lru->num = num;
+    karst_survey_list *list = &lru->survey->lists[lru->kind];
+    karst_survey_slot *from = list->slots, *to = lru->spare;
+    uint32_t oldest = 0, youngest = UINT32_MAX, num = list->num;
     for (uint32_t i = 0; i < num; i++) {
-        in_all &= found[i].age;
-        in_any |= found[i].age;
+        uint32_t age = from[i].age;
+        youngest = age < youngest ? age : youngest;
+        oldest = age != UINT32_MAX && age > oldest ? age : oldest;
     }
-    karst_survey_slot *from = found, *to = lru->spare;
-    for (int shift = 0; shift < 32; shift += DIGIT_BITS) {
-        if (((in_all ^ in_any) >> shift & (DIGIT_SIZE - 1)) == 0)
-            continue;
-        memset(sums, 0, sizeof(sums));
-        for (uint32_t i = 0; i < num; i++)
-            sums[~from[i].age >> shift & (DIGIT_SIZE - 1)]++;
-        for (uint32_t digit = 0, sum = 0; digit < DIGIT_SIZE; digit++) {
-            uint32_t own = sums[digit];
-            sums[digit] = sum;
-            sum += own;
-        }
-        for (uint32_t i = 0; i < num; i++)
-            to[sums[~from[i].age >> shift & (DIGIT_SIZE - 1)]++] = from[i];
+    uint32_t most = youngest > oldest ? 0 : oldest - youngest + 1, place = 2 * with_some_more(lru, lru->expected_need);
+    lru->num = num;
+    if (most < DIGIT_SIZE) {
+        uint32_t limit = least > place ? least : place + 1;
+        lru->num = limit < num ? limit : num;
+    }
+    for (int shift = 0; shift == 0 || (shift < 32 && most >> shift); shift += DIGIT_BITS) {
+        sort_digit(from, num, oldest, shift, to, lru->num);
         karst_survey_slot *swap = from;
         from = to;
         to = swap;
     }
-    expect_age(lru, from);
-    for (uint32_t i = 0; i < num; i++)
+    for (uint32_t i = 0; i < lru->num; i++)
         lru->slots[i] = from[i].slot;
+    /* The next round is to find twice as many as it needs: of what age that is, is known if there are so many. */
+    uint32_t age = lru->expected_age;
+    age = place < lru->num ? from[place].age : age - age / 8 - 1;
+    lru->expected_age = age ? age : 1;
     lru->sorted = true;
 }
 
-static bool read_sorted(karst_lru *lru, karst_error *error)
+/* The list and at least `least` of it in order. */
+static bool read_sorted(karst_lru *lru, uint32_t least, karst_error *error)
 {
-    if (lru->sorted)
+    const karst_survey_list *list = &lru->survey->lists[lru->kind];
+    if (lru->sorted && (lru->num == list->num || lru->num >= least))
         return true;
     if (!karst_survey_read_found(lru->survey, lru->kind, error))
         return false;
     uint64_t start_ns = karst_clock_ns();
-    karst_survey_list *list = &lru->survey->lists[lru->kind];
-    sort(lru, list->slots, list->num);
+    sort(lru, least);
     karst_profile_add_host(lru->context, STAGE, karst_clock_ns() - start_ns);
     return true;
 }
@@ -161,10 +173,10 @@ bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t n
         return false;
     if (!lru->again)
         lru->least = lru->was_short ? UINT32_MAX : with_some_more(lru, need);
-    if (!read_sorted(lru, error))
+    if (!read_sorted(lru, lru->least, error))
         return false;
     uint32_t num = lru->num < lru->least ? lru->num : lru->least;
-    lru->is_last = list->age == 1 && num == lru->num;
+    lru->is_last = list->age == 1 && num == list->num;
     lru->ask = (karst_lru_ask){.num = num,
                                .need = need,
                                .all_or_none = !lru->is_last,
@@ -193,10 +205,8 @@ bool karst_lru_recycle(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t
         lru->started = lru->arrived = false;
         if (lru->is_last || result->num_taken == need)
             break;
-        if (lru->ask.num == lru->num) {
-            if (!find(lru, serial, stand_ins, (list->age + 1) / 2, error))
-                return false;
-        }
+        if (lru->ask.num == list->num && !find(lru, serial, stand_ins, (list->age + 1) / 2, error))
+            return false;
         lru->least = lru->least > UINT32_MAX / 4 ? UINT32_MAX : 4 * lru->least;
     }
     lru->took_all_at_once = !lru->again && result->num_taken == need;

@@ -22,7 +22,7 @@ typedef struct {
     uint32_t *slots;          /* what the survey found, in order */
     karst_survey_slot *spare; /* room to sort in */
     uint32_t num;             /* slots in it */
-    bool sorted;              /* it is that of the last survey */
+    bool sorted;              /* it is of the last survey, its oldest */
     /* A look that was started: at how many slots, and what came of it. */
     karst_lru_ask ask;
     karst_lru_result host_result;
