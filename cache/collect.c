@@ -110,12 +110,12 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     if (params->budget_ns > 0)
         karst_wants_fit(wants, params->load_ns, params->subdivide_ns, params->budget_ns);
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
+    cache->tiles.expected_need = subdivides->num;
+    cache->bricks.expected_need = loads->num;
     work->num_requests = loads->num_all + subdivides->num_all;
     work->num_deferred_budget = work->num_requests - loads->num - subdivides->num;
     if (loads->num + subdivides->num == 0)
         return true;
-    cache->tiles.expected_need = subdivides->num;
-    cache->bricks.expected_need = loads->num;
     uint32_t num_free_tiles = cache->tile_slots.num, num_free_bricks = cache->brick_slots.num;
     uint32_t need_tiles = subdivides->num - (subdivides->num < num_free_tiles ? subdivides->num : num_free_tiles);
     uint32_t need_bricks = loads->num - (loads->num < num_free_bricks ? loads->num : num_free_bricks);

@@ -53,24 +53,47 @@ static uint32_t with_some_more(const karst_lru *lru, uint32_t need)
     return need + (uint32_t)((uint64_t)need * lru->expected_misfits / 64) + need / 4 + 64;
 }
 
-static void ask_for(karst_lru *lru, uint32_t age, karst_survey_ask *ask)
+/* Twice as many as that: so what is found lasts for a while, and when it gets less there is still enough. */
+static uint32_t enough(const karst_lru *lru, uint32_t need) { return 2 * with_some_more(lru, need) + 1; }
+
+static void ask_for(karst_lru *lru, uint32_t age, uint32_t most, karst_survey_ask *ask)
 {
     ask->ages[lru->kind] = age;
+    ask->most[lru->kind] = most;
     lru->survey->lists[lru->kind].valid = false;
     lru->sorted = false;
 }
 
+/* The same age as last time, or what is as old as that by now. The first holds where the same share of a pool is used
+ * again and again, the second for what a whole view left behind at once; which of them is what the last rounds tell. */
+static uint32_t expected_age(const karst_lru *lru, uint32_t serial)
+{
+    uint32_t more = lru->gets_older ? serial - lru->expected_serial : 0, most = UINT32_MAX / 2;
+    return lru->expected_age < most && more < most - lru->expected_age ? lru->expected_age + more : most;
+}
+
 void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask)
 {
-    ask_for(lru, num_free < 2 * lru->expected_need + 64 ? lru->expected_age : 0, ask);
+    uint32_t need = lru->expected_need;
+    bool is_short = need && num_free < 2 * need + 64;
+    ask_for(lru, is_short ? expected_age(lru, ask->serial) : 0, enough(lru, need), ask);
 }
 
 /* Looks once more, for what was not expected. */
-static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, karst_error *error)
+static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, uint32_t most, karst_error *error)
 {
     karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
-    ask_for(lru, age, &ask);
+    ask_for(lru, age, most, &ask);
     return karst_survey_begin(lru->survey, &ask, error) && karst_survey_end(lru->survey, error);
+}
+
+/* More than the list has: the rest of its last age, or what is half as old. */
+static bool find_more(karst_lru *lru, uint32_t serial, bool stand_ins, karst_error *error)
+{
+    const karst_survey_list *list = &lru->survey->lists[lru->kind];
+    uint32_t most = list->num < UINT32_MAX / 8 ? 4 * list->num + enough(lru, lru->expected_need) : UINT32_MAX;
+    lru->gets_older = false;
+    return find(lru, serial, stand_ins, list->num_left_out ? list->age : (list->age + 1) / 2, most, error);
 }
 
 /* 0 for what was never used, then the oldest first. */
@@ -107,7 +130,7 @@ static void sort(karst_lru *lru, uint32_t least)
         youngest = age < youngest ? age : youngest;
         oldest = age != UINT32_MAX && age > oldest ? age : oldest;
     }
-    uint32_t most = youngest > oldest ? 0 : oldest - youngest + 1, place = 2 * with_some_more(lru, lru->expected_need);
+    uint32_t most = youngest > oldest ? 0 : oldest - youngest + 1, place = enough(lru, lru->expected_need) - 1;
     lru->num = num;
     if (most < DIGIT_SIZE) {
         uint32_t limit = least > place ? least : place + 1;
@@ -121,10 +144,11 @@ static void sort(karst_lru *lru, uint32_t least)
     }
     for (uint32_t i = 0; i < lru->num; i++)
         lru->slots[i] = from[i].slot;
-    /* The next round is to find twice as many as it needs: of what age that is, is known if there are so many. */
-    uint32_t age = lru->expected_age;
-    age = place < lru->num ? from[place].age : age - age / 8 - 1;
+    /* What the next round is to find is known if there was enough, else it is a little less old. */
+    uint32_t age = place < lru->num ? from[place].age : list->age - list->age / 8 - 1;
     lru->expected_age = age ? age : 1;
+    lru->expected_serial = lru->survey->ask.serial;
+    lru->gets_older = lru->gets_older || num > 8 * place + 1024;
     lru->sorted = true;
 }
 
@@ -169,14 +193,14 @@ bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t n
 {
     const karst_survey_list *list = &lru->survey->lists[lru->kind];
     if ((!list->valid || list->stand_ins != stand_ins) &&
-        !find(lru, serial, stand_ins, stand_ins ? 1 : lru->expected_age, error))
+        !find(lru, serial, stand_ins, stand_ins ? 1 : expected_age(lru, serial), enough(lru, need), error))
         return false;
     if (!lru->again)
         lru->least = lru->was_short ? UINT32_MAX : with_some_more(lru, need);
     if (!read_sorted(lru, lru->least, error))
         return false;
     uint32_t num = lru->num < lru->least ? lru->num : lru->least;
-    lru->is_last = list->age == 1 && num == list->num;
+    lru->is_last = list->age == 1 && list->num_left_out == 0 && num == list->num;
     lru->ask = (karst_lru_ask){.num = num,
                                .need = need,
                                .all_or_none = !lru->is_last,
@@ -205,7 +229,7 @@ bool karst_lru_recycle(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t
         lru->started = lru->arrived = false;
         if (lru->is_last || result->num_taken == need)
             break;
-        if (lru->ask.num == list->num && !find(lru, serial, stand_ins, (list->age + 1) / 2, error))
+        if (lru->ask.num == list->num && !find_more(lru, serial, stand_ins, error))
             return false;
         lru->least = lru->least > UINT32_MAX / 4 ? UINT32_MAX : 4 * lru->least;
     }

@@ -31,9 +31,9 @@ typedef struct {
     bool arrived;          /* there was a wait since it was started */
     bool took_all_at_once; /* the first look of the last karst_lru_recycle found all */
     /* As in the last rounds; only what a round costs depends on these. */
-    uint32_t expected_need, expected_age;
+    uint32_t expected_need, expected_age, expected_serial;
     uint32_t expected_misfits; /* slots that had to be passed over, for 64 that were taken */
-    bool was_short;
+    bool was_short, gets_older;
 } karst_lru;
 
 /* Errors: KARST_FAILED. karst_lru_finish takes what a failed init left, or zeros. */

@@ -29,7 +29,7 @@ bool karst_survey_init(karst_survey *survey, karst_context *context, karst_progr
             return karst_fail(error, KARST_FAILED, "out of memory for a list of %u slots", num);
     }
     size_t active_bytes = survey->num_request_chunks * sizeof(uint32_t);
-    survey->counts = karst_buffer_create(context, "usage_lists", num_chunks * sizeof(cl_uint2), NULL, error);
+    survey->counts = karst_buffer_create(context, "usage_lists", num_chunks * sizeof(cl_uint4), NULL, error);
     survey->result = karst_buffer_create(context, "usage_lists", sizeof(karst_survey_result), NULL, error);
     survey->active = karst_buffer_create(context, "requests", active_bytes, NULL, error);
     survey->active_pieces = karst_buffer_create(context, "requests", active_bytes, NULL, error);
@@ -112,6 +112,7 @@ bool karst_survey_end(karst_survey *survey, karst_error *error)
         if (ask->ages[kind]) {
             karst_survey_list *list = &survey->lists[kind];
             list->num = result->num_found[kind];
+            list->num_left_out = result->num_left_out[kind];
             list->age = ask->ages[kind];
             list->stand_ins = ask->stand_ins;
             list->valid = true;

@@ -16,7 +16,8 @@ typedef struct {
     uint32_t num, num_read;   /* num_read: brought along before it was known how many there are */
     bool valid;               /* looked for in this round, as... */
     bool stand_ins;           /* ...bricks that are only in use as stand-ins, or as what is not in use */
-    uint32_t age;             /* of so many casts or more; 1: there are no others */
+    uint32_t age;             /* of so many casts or more; 1, and none left out: there are no others */
+    uint32_t num_left_out;    /* of exactly that age, the last ones */
 } karst_survey_list;
 
 typedef struct {
@@ -25,7 +26,7 @@ typedef struct {
     const karst_cache_buffers *pools; /* borrowed */
     uint32_t num_request_chunks;
     cl_kernel look, pack;
-    karst_buffer *counts;                    /* two uints for each chunk */
+    karst_buffer *counts;                    /* uint4 for each chunk */
     karst_buffer *result;                    /* karst_survey_result */
     karst_buffer *active;                    /* uint: request chunks with a want, ascending */
     karst_buffer *found[2];                  /* karst_survey_slot[num_tiles], [num_bricks]: ascending slots */
@@ -41,7 +42,7 @@ bool karst_survey_init(karst_survey *survey, karst_context *context, karst_progr
                        const karst_cache_buffers *pools, karst_error *error);
 void karst_survey_finish(karst_survey *survey);
 
-/* Starts a survey: of `ask` serial, ages and stand_ins count. Returns at once. A list that is not asked for
+/* Starts a survey: of `ask` serial, ages, most and stand_ins count. Returns at once. A list that is not asked for
  * stays as it is. */
 bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *ask, karst_error *error);
 /* Waits for it: host_result and the lists' numbers are valid. */

@@ -14,17 +14,18 @@ typedef struct {
     uint num[KARST_SURVEY_KINDS]; /* entries; slot 0 counts */
     uint serial;                  /* what carries it is in use */
     uint ages[2];   /* of tiles and bricks: find the slots that were not used for so many casts or more; 0: none */
-    uint stand_ins; /* 1: of bricks find those that are in use only as a stand-in, whatever ages[1] */
-    uint pad;
+    uint most[2];   /* of exactly that age so many, the first ones: often a whole view was last used in one cast */
+    uint stand_ins; /* 1: of bricks find those that are in use only as a stand-in, whatever ages[1] (but most[1]) */
+    uint pad[3];
 } karst_survey_ask;
-K_ASSERT_SIZE(karst_survey_ask, 32);
+K_ASSERT_SIZE(karst_survey_ask, 48);
 
 typedef struct {
     uint num_used[2];
     uint num_found[2];
-    uint num_active; /* request chunks with a want */
-    uint num_wants;  /* nodes with a valid want; written by karst_wants_list */
-    uint pad[2];
+    uint num_left_out[2]; /* of exactly the age, behind those that were found */
+    uint num_active;      /* request chunks with a want */
+    uint num_wants;       /* nodes with a valid want; written by karst_wants_list */
 } karst_survey_result;
 K_ASSERT_SIZE(karst_survey_result, 32);
 

@@ -95,11 +95,13 @@ static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span
     karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
     ask.ages[0] = ages[random_below(5)];
     ask.ages[1] = stand_ins ? 1 : ages[random_below(5)];
+    ask.most[0] = random_below(2) ? UINT32_MAX : random_below(60);
+    ask.most[1] = random_below(2) ? UINT32_MAX : random_below(60);
     survey->lists[0].valid = survey->lists[1].valid = false;
     assert_true(karst_survey_begin(survey, &ask, NULL) && karst_survey_end(survey, NULL));
     for (uint32_t kind = 0; kind < 2; kind++) {
         const karst_survey_list *list = &survey->lists[kind];
-        uint32_t used = 0, found = 0;
+        uint32_t used = 0, found = 0, exact = 0;
         assert_int_equal(list->valid, ask.ages[kind] != 0);
         assert_true(!list->valid || karst_survey_read_found(survey, kind, NULL));
         for (uint32_t slot = 0; slot < num[kind]; slot++) {
@@ -107,6 +109,9 @@ static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span
             uint32_t age = a < b ? a : b;
             used += age == 0;
             if (!list->valid || !(kind == 1 && stand_ins ? a != 0 && b == 0 : age >= ask.ages[kind]))
+                continue;
+            bool is_exact = kind == 1 && stand_ins ? true : age == ask.ages[kind] && age != UINT32_MAX;
+            if (is_exact && exact++ >= ask.most[kind])
                 continue;
             assert_true(found < list->num);
             assert_int_equal(list->slots[found].slot, slot);
@@ -116,6 +121,7 @@ static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span
         if (list->valid) {
             assert_int_equal(list->num, found);
             assert_int_equal(list->age, ask.ages[kind]);
+            assert_int_equal(list->num_left_out, exact > ask.most[kind] ? exact - ask.most[kind] : 0);
         }
     }
     assert_int_equal(survey->host_result.num_active, num_active);
@@ -167,9 +173,11 @@ static bool unlink_nothing(void *user, uint32_t num, karst_error *error)
 static void expect_anything(karst_lru *lru, uint32_t span)
 {
     lru->expected_age = 1 + random_below(2 * span);
+    lru->expected_serial = random_below(5); /* now, or not long ago, or 2^32 casts and more */
     lru->expected_need = random_below(9000);
     lru->expected_misfits = random_below(200);
     lru->was_short = random_below(2);
+    lru->gets_older = random_below(2);
 }
 
 /* Recycles tiles that are takable, have children, are free or are used, by patterns, until there are no more. */
