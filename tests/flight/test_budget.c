@@ -188,7 +188,7 @@ static void test_a_known_path_is_prepared(void **state)
     for (int follows = 0; follows < 2; follows++) {
         karst_engine_config config = flight_config("hills");
         karst_engine *engine = flight_engine(&config);
-        karst_path *path = flight_path(engine, "demos/paths/low-flight.json");
+        karst_path *path = flight_path(engine, "tests/flight/crest.json");
         karst_camera camera = karst_path_sample(path, 26);
         flight_settle(engine, &camera, &pictures[follows]);
         assert_ok(karst_engine_set_budget_ms(engine, 2, &error));
