@@ -348,6 +348,7 @@ static json_t *describe_viewer(const viewer *v)
     json_object_set_new(o, "window", json_pack("[i,i]", v->width_px, v->height_px));
     json_object_set_new(o, "panels", describe_panels(v));
     json_object_set_new(o, "full_after_s", json_real(v->full_after_s));
+    json_object_set_new(o, "sharp_after_s", json_real(v->sharp_after_s));
     json_object_set_new(o, "settled_after_s", json_real(v->settled_after_s));
     json_object_set_new(o, "compiling", json_boolean(v->reload.running));
     json_object_set_new(o, "reload_s", json_real(v->reload.last_s));

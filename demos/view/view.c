@@ -222,6 +222,10 @@ static void note_rest(viewer *v, bool moving)
     v->is_full = !moving && v->resolution.share == VIEW_FULL_SHARE;
     if (v->is_full && !was_full)
         v->full_after_s = since_s;
+    bool was_sharp = v->is_sharp;
+    v->is_sharp = v->is_full && v->stats.num_coarser == 0;
+    if (v->is_sharp && !was_sharp)
+        v->sharp_after_s = since_s;
     if (v->settled)
         v->settled_after_s = since_s;
 }

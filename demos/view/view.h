@@ -396,8 +396,9 @@ struct viewer {
     karst_view view;
     uint64_t num_frames, num_shown;
     bool settled;
-    double full_after_s, settled_after_s; /* from the last motion to all pixels, and to a settled picture */
-    bool is_full, is_shown; /* is_shown: the picture of this frame already */
+    /* from the last motion to all pixels, to the level that is set in each of them, and to a settled picture */
+    double full_after_s, sharp_after_s, settled_after_s;
+    bool is_full, is_sharp, is_shown; /* is_shown: the picture of this frame already */
     double shown_at_s;      /* the last picture */
     double now_s, moved_at_s, first_frame_s, flying_speed_m_s;
     uint64_t started_ns, num_moving, num_late; /* frames while moving; those that missed the target */
