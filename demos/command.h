@@ -116,6 +116,9 @@ bool command_write_all(int fd, const void *data, size_t size_bytes);
 /* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD with a
  * suggestion. */
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
+/* Says so if a camera stands inside solid ground, and where there is air above it: its picture is a puzzle. */
+void command_say_if_inside(command_talk *talk, const karst_world_config *world, const karst_camera *camera,
+                           int voxel_log2_m);
 /* A line for each shipped world. */
 void command_print_worlds(FILE *file);
 

@@ -1,6 +1,7 @@
 /* Which world is meant: a path, or a world file that comes with Karst. */
 #include "command.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,6 +26,32 @@ bool command_find_world(const char *name, char *world, size_t size_bytes, karst_
         return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; did you mean '%s'? There are: %s", name,
                           nearest, list);
     return karst_fail(error, KARST_BAD_WORLD, "no world is called '%s'; there are: %s", name, list);
+}
+
+void command_say_if_inside(command_talk *talk, const karst_world_config *world, const karst_camera *camera,
+                           int voxel_log2_m)
+{
+    const double footprint_m = ldexp(1, voxel_log2_m);
+    karst_world *opened = karst_world_open(world, NULL);
+    karst_sampler *sampler = opened ? karst_sampler_create(opened, NULL) : NULL;
+    if (sampler && karst_sampler_density(sampler, &camera->position, footprint_m).device > 0) {
+        double up_m = 1;
+        karst_camera above = *camera;
+        char text[512];
+        for (; up_m < 1e6; up_m = ceil(up_m * 1.25)) {
+            above.position = karst_position_add_m(camera->position, (double[3]){0, up_m, 0}, voxel_log2_m);
+            if (karst_sampler_density(sampler, &above.position, footprint_m).device < 0)
+                break;
+        }
+        karst_camera_format(&above, voxel_log2_m, text, sizeof text);
+        if (up_m < 1e6)
+            command_say(talk, "the camera is inside solid ground; there is air %.0f m above it: --camera %s", up_m,
+                        text);
+        else
+            command_say(talk, "the camera is inside solid ground: --camera X,Y,Z,YAW,PITCH moves it");
+    }
+    karst_sampler_destroy(sampler);
+    karst_world_close(opened);
 }
 
 void command_print_worlds(FILE *file)

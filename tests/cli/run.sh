@@ -188,6 +188,10 @@ result "a camera at 10^12 m is exact"
 run render asteroid -o asteroid.png -q $quick
 [ $status -eq 0 ] && [ -s asteroid.png ]
 result "the other world"
+run render hills -o inside.png --camera 0,-3000,0,0,0 $quick
+[ $status -eq 0 ] && grep -qE "inside solid ground; there is air [0-9]+ m above it: --camera 0,[0-9-]+,0,0,0" stderr &&
+    grep -q "^inside.png: " stderr
+result "a camera in rock: a picture, and where there is air"
 run render hills -o short.png --frames-max 1 $quick
 [ $status -eq 1 ] && [ -s short.png ] && grep -q 'not settled within 1 ' stderr
 result "not settled: written, said, exit 1"
