@@ -1,5 +1,5 @@
-/* Usage lists: which of the slots in a list may be recycled, and the first of them. Count, scan, scatter: no atomics,
- * and order is kept. */
+/* Recycling: which of the slots that a survey found old may go, and the first of them. Count, scan, scatter: no
+ * atomics, and order is kept. */
 #include "cache/lru_shared.h"
 
 __kernel void karst_lru_look_at_tiles(__global uint *slots, karst_lru_ask ask, __global const uint *stamps,

@@ -153,16 +153,6 @@ static void test_surveys(void **state)
     }
 }
 
-/* Slots by (age, slot), the reference for an order. */
-typedef struct {
-    uint32_t age, slot;
-} aged;
-static int compare_aged(const void *a, const void *b)
-{
-    const aged *x = a, *y = b;
-    return x->age != y->age ? (x->age < y->age) - (x->age > y->age) : (x->slot > y->slot) - (x->slot < y->slot);
-}
-
 static bool unlink_nothing(void *user, uint32_t num, karst_error *error)
 {
     (void)user, (void)num, (void)error;
@@ -189,7 +179,7 @@ static void recycles_like_the_host(karst_cache *cache, pattern takable, pattern 
     karst_tile_info *infos = calloc(num, sizeof(*infos));
     karst_node *nodes = calloc(num * 8, sizeof(*nodes));
     uint32_t *stamps = calloc(num, sizeof(uint32_t)), victims[KARST_CACHE_MAX_WORK];
-    aged *left = calloc(num, sizeof(*left));
+    rig_aged *left = calloc(num, sizeof(*left));
     for (uint32_t slot = 1; slot < num; slot++) {
         bool take = fits(takable, slot - 1, num - 1) && slot != KARST_ROOT_TILE,
              parent = take && fits(with_children, slot - 1, num - 1);
@@ -198,9 +188,9 @@ static void recycles_like_the_host(karst_cache *cache, pattern takable, pattern 
         stamps[slot] -= stamps[slot] == 0;
         nodes[slot * 8 + random_below(8)].link = KARST_NODE_LINK(KARST_STATE_LOST, parent ? 1u : 0u);
         if (take && !parent)
-            left[num_left++] = (aged){serial - stamps[slot], slot};
+            left[num_left++] = (rig_aged){serial - stamps[slot], slot};
     }
-    qsort(left, num_left, sizeof(*left), compare_aged);
+    qsort(left, num_left, sizeof(*left), rig_compare_aged);
     assert_true(karst_buffer_write(b->tile_info, 0, infos, b->tile_info->size_bytes, NULL));
     assert_true(karst_buffer_write(b->nodes, 0, nodes, b->nodes->size_bytes, NULL));
     assert_true(karst_buffer_write(b->tile_stamp, 0, stamps, b->tile_stamp->size_bytes, NULL));

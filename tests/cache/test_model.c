@@ -95,17 +95,6 @@ static int compare_wishes(const void *a, const void *b)
                                 : (x->node > y->node) - (x->node < y->node);
 }
 
-/* For sorting slots: age and then index. */
-typedef struct {
-    uint32_t age, slot;
-} aged;
-
-static int compare_aged(const void *a, const void *b)
-{
-    const aged *x = a, *y = b;
-    return x->age != y->age ? (x->age < y->age) - (x->age > y->age) : (x->slot > y->slot) - (x->slot < y->slot);
-}
-
 static uint32_t age_of(const model *m, uint32_t stamp) { return stamp ? m->serial - stamp : UINT32_MAX; }
 
 static void model_evict_tile(model *m, uint32_t tile, uint32_t frame, uint32_t *freed, uint32_t *num_freed)
@@ -134,7 +123,7 @@ static bool is_childless(const model *m, uint32_t tile)
 
 static void model_grant_tiles(model *m, uint32_t need, uint32_t frame)
 {
-    aged *list = calloc(m->num_tiles, sizeof(*list));
+    rig_aged *list = calloc(m->num_tiles, sizeof(*list));
     uint32_t *granted = m->subdivide_tiles, num = 0;
     while (num < need && m->num_free_tiles)
         granted[num++] = m->free_tiles[--m->num_free_tiles];
@@ -142,8 +131,8 @@ static void model_grant_tiles(model *m, uint32_t need, uint32_t frame)
         uint32_t num_listed = 0, num_freed = 0, *freed = calloc(m->num_bricks, sizeof(uint32_t));
         for (uint32_t tile = 2; tile < m->num_tiles; tile++)
             if (m->tiles[tile].in_use && m->tile_stamp[tile] != m->serial && is_childless(m, tile))
-                list[num_listed++] = (aged){age_of(m, m->tile_stamp[tile]), tile};
-        qsort(list, num_listed, sizeof(*list), compare_aged);
+                list[num_listed++] = (rig_aged){age_of(m, m->tile_stamp[tile]), tile};
+        qsort(list, num_listed, sizeof(*list), rig_compare_aged);
         uint32_t i;
         for (i = 0; i < num_listed && num < need; i++) {
             model_evict_tile(m, list[i].slot, frame, freed, &num_freed);
@@ -163,7 +152,7 @@ static void model_grant_tiles(model *m, uint32_t need, uint32_t frame)
 
 static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may_drop)
 {
-    aged *list = calloc(m->num_bricks, sizeof(*list));
+    rig_aged *list = calloc(m->num_bricks, sizeof(*list));
     uint32_t *granted = m->load_slots, num = 0;
     while (num < need && m->num_free_bricks)
         granted[num++] = m->free_bricks[--m->num_free_bricks];
@@ -173,9 +162,9 @@ static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may
             if (m->owners[brick].owner != KARST_NO_NODE && m->brick_stamp[brick] != m->serial &&
                 (m->brick_fallback[brick] == m->serial) == stand_ins) {
                 uint32_t a = age_of(m, m->brick_stamp[brick]), b = age_of(m, m->brick_fallback[brick]);
-                list[num_listed++] = (aged){a < b ? a : b, brick};
+                list[num_listed++] = (rig_aged){a < b ? a : b, brick};
             }
-        qsort(list, num_listed, sizeof(*list), compare_aged);
+        qsort(list, num_listed, sizeof(*list), rig_compare_aged);
         for (uint32_t i = 0; i < num_listed && num < need; i++) {
             uint32_t brick = list[i].slot, node = m->owners[brick].owner;
             karst_churn_evicted(&m->churn, identity_of(m, node, false), frame);

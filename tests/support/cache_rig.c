@@ -327,3 +327,9 @@ uint32_t rig_grow_chain(cache_rig *rig, uint32_t node, int num_levels)
         node = rig_grow(rig, node) * KARST_TILE_NODES;
     return node;
 }
+
+int rig_compare_aged(const void *a, const void *b)
+{
+    const rig_aged *x = a, *y = b;
+    return x->age != y->age ? (x->age < y->age) - (x->age > y->age) : (x->slot > y->slot) - (x->slot < y->slot);
+}

@@ -82,4 +82,10 @@ void rig_node_at(const cache_rig *rig, uint32_t node, int64_t at[3]);
 /* Ends the program if `good` is false. */
 void rig_expect(bool good, const char *what, const karst_error *error);
 
+/* A slot in the order of recycling, oldest first, for qsort: what lists are compared with. */
+typedef struct {
+    uint32_t age, slot;
+} rig_aged;
+int rig_compare_aged(const void *a, const void *b);
+
 #endif
