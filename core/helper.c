@@ -342,7 +342,7 @@ static void set_watch(karst_helper *helper, uint64_t deadline_ns)
 
 karst_claim karst_helper_begin_build(karst_helper *helper, uint64_t key)
 {
-    if (!helper || (!helper->is_child && (!helper->has_task || helper->ended)))
+    if (!helper || (!helper->is_child && !helper->has_task))
         return KARST_CLAIM_NOBODY;
     karst_claim claim = take(helper, key, false);
     if (!helper->is_child && !helper->started)

@@ -150,6 +150,24 @@ static void test_share(void **state)
     karst_helper_destroy(helper);
 }
 
+/* What it did before it ended is not done again, however late this side comes to it. */
+static void test_late(void **state)
+{
+    (void)state;
+    karst_helper *helper = open_helper("share");
+    build_slowly(helper);
+    for (int i = 0; i < 4000 && karst_helper_is_active(helper); i++)
+        pause_ms(5);
+    assert_false(karst_helper_is_active(helper));
+    for (uint64_t key = FIRST_KEY; key < FIRST_KEY + NUM_KEYS; key++) {
+        karst_claim claim = karst_helper_begin_build(helper, key);
+        assert_int_equal(claim, KARST_CLAIM_DONE);
+        karst_helper_end_build(helper, key, claim);
+    }
+    assert_int_equal(karst_helper_begin_build(helper, 2), KARST_CLAIM_MINE);
+    karst_helper_destroy(helper);
+}
+
 /* What a helper claimed and left undone is given back, sooner or later. */
 static void leave_undone(const char *how, uint64_t least_ms, uint64_t most_ms)
 {
@@ -230,8 +248,8 @@ int main(void)
         return run_as_helper();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_no_need), cmocka_unit_test(test_no_task), cmocka_unit_test(test_share),
-        cmocka_unit_test(test_die),     cmocka_unit_test(test_hang),    cmocka_unit_test(test_end),
-        cmocka_unit_test(test_parent_killed),
+        cmocka_unit_test(test_late),    cmocka_unit_test(test_die),     cmocka_unit_test(test_hang),
+        cmocka_unit_test(test_end),     cmocka_unit_test(test_parent_killed),
     };
     return cmocka_run_group_tests_name("helper process", tests, NULL, NULL);
 }
