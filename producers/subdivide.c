@@ -49,16 +49,18 @@ void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer 
     subdivider->data = data ? data->mem : NULL;
 }
 
-/* Boxes that a work-item bounds. On CPUs many, so that lanes that are done early have others to turn to; fewer where
- * that would leave cores idle. */
+/* Boxes that a work-item bounds. On CPUs many, so that lanes that are done early have others to turn to: each item's
+ * last box may take fifty times as long as the others. Fewer only where that would leave cores idle. */
 #define MOST_BATCH 128u
+#define ITEMS_A_CORE 2u
 static uint32_t batch_for(const karst_subdivider *subdivider, uint32_t num_boxes)
 {
     const karst_context *context = subdivider->context;
     uint32_t lanes = (uint32_t)context->lanes;
     if (lanes == 1)
         return 1;
-    uint32_t items = 8 * (uint32_t)context->compute_units, batch = (num_boxes / items + lanes - 1) / lanes * lanes;
+    uint32_t items = ITEMS_A_CORE * (uint32_t)context->compute_units;
+    uint32_t batch = (num_boxes / items + lanes - 1) / lanes * lanes;
     return batch < lanes ? lanes : batch > MOST_BATCH ? MOST_BATCH : batch;
 }
 
