@@ -75,7 +75,8 @@ struct karst_engine {
     karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits;
 
     int width_px, height_px;
-    size_t room_px; /* pixels that the picture's buffers hold: drawn pictures may be smaller */
+    int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
+    size_t room_px;                      /* of both */
     bool shadows, blend, refine, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
     double view_distance_m; /* as configured; 0: what the world says */
@@ -105,6 +106,8 @@ struct karst_engine {
     karst_pace pace;
     uint32_t serial, frame;
     uint32_t turn; /* of answering what was asked for */
+    uint32_t num_whole_scouts;
+    bool ahead_is_made; /* the last look ahead found next to nothing */
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
     bool have_previous;
     karst_stats stats;
@@ -176,8 +179,9 @@ void karst_engine_learn_cost(karst_engine *engine);
 /* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 
-/* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. */
-bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error);
+/* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. `whole`: the one of all
+ * pixels, while fewer are drawn; as many rays, between the last ones. */
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, karst_error *error);
 uint32_t karst_engine_scout_rays(const karst_engine *engine); /* of a scout */
 size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
 /* Once a frame, before it is drawn. */

@@ -20,6 +20,8 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
     engine->room_px = num_pixels;
+    engine->whole_width_px = engine->width_px;
+    engine->whole_height_px = engine->height_px;
     engine->surface =
         karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);

@@ -136,12 +136,12 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, const 
 }
 
 /* Looks from a camera, at the budget's cost, and does what that asks for. */
-static bool scout_round(karst_engine *engine, const karst_camera *from, allowance *left, karst_work *work,
+static bool scout_round(karst_engine *engine, const karst_camera *from, bool whole, allowance *left, karst_work *work,
                         karst_error *error)
 {
     karst_engine_made *made = &engine->made;
     uint64_t start_ns = karst_engine_cpu_ns(engine);
-    if (!karst_engine_scout(engine, from, error))
+    if (!karst_engine_scout(engine, from, whole, error))
         return false;
     /* On a GPU a scout is next to nothing, and waiting for it is not. */
     if (engine->budget_ns > 0 && engine->context->is_cpu) {
@@ -185,12 +185,45 @@ static bool look_ahead(karst_engine *engine, allowance *left, karst_work *work, 
             num_idle++;
             continue;
         }
-        if (!scout_round(engine, &ahead, left, work, error))
+        if (!scout_round(engine, &ahead, false, left, work, error))
             return false;
         num_rounds++;
         num_idle = work->num_loads + work->num_subdivides ? 0 : num_idle + 1;
     }
     return true;
+}
+
+/* Fewer pixels are drawn than there might be, and the pools have room for what all of them need. */
+static bool may_look_closer(const karst_engine *engine)
+{
+    const karst_stats *stats = &engine->stats;
+    const karst_cache_buffers *pools = karst_cache_get_buffers(engine->cache);
+    double all_px = (double)engine->room_px / ((double)engine->width_px * engine->height_px);
+    return engine->budget_ns > 0 &&
+           (engine->width_px != engine->whole_width_px || engine->height_px != engine->whole_height_px) &&
+           all_px * (double)stats->bricks.num_used < pools->num_bricks &&
+           all_px * (double)stats->tiles.num_used < pools->num_tiles;
+}
+
+/* What the picture of all pixels needs: so it is there when motion ends. */
+static bool look_closer(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    return !may_look_closer(engine) || !may_go_on(engine, work, left) ||
+           scout_round(engine, &engine->camera, true, left, work, error);
+}
+
+/* Both, by turns first, as often there is time for one look only; ahead less often while there is nothing to make. */
+static bool spend_the_rest(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    bool ahead_first = engine->frame % (engine->ahead_is_made ? 4 : 2) == 0;
+    if (!ahead_first && !look_closer(engine, left, work, error))
+        return false;
+    uint64_t before = engine->stats.num_produced;
+    if (!look_ahead(engine, left, work, error))
+        return false;
+    if (ahead_first)
+        engine->ahead_is_made = engine->stats.num_produced - before < LEAST_BRICKS;
+    return !ahead_first || look_closer(engine, left, work, error);
 }
 
 bool karst_engine_load_root(karst_engine *engine, karst_error *error)
@@ -219,6 +252,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     bool moves = karst_engine_look_ahead(engine, frames_ahead[0], &ahead);
     const double kept_ns = moves ? kept_share(stats) * engine->budget_ns : 0;
     left.ns -= kept_ns;
+    /* Whoever waits sees the picture before its content is made. */
+    if (engine->goes_on)
+        engine->goes_on(engine->patience);
     if (!answer_round(engine, &engine->camera.position, &left, work, error))
         return false;
     stats->num_requests += work->num_requests;
@@ -231,11 +267,14 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     karst_work more = *work;
     int most_scouts = engine->has_content ? MAX_SCOUTS : 0;
     engine->has_content = true;
+    /* What looks closer below tells as well, once the picture's own is made. */
+    if (may_look_closer(engine) && work->num_deferred_budget == 0)
+        most_scouts = 0;
     for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
-        if (!scout_round(engine, &engine->camera, &left, &more, error))
+        if (!scout_round(engine, &engine->camera, false, &left, &more, error))
             return false;
     left.ns += kept_ns;
-    return engine->budget_ns == 0 || look_ahead(engine, &left, &more, error);
+    return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
 }
 
 void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)
@@ -257,6 +296,7 @@ void karst_engine_learn_cost(karst_engine *engine)
         tile_ns = tile_ns < made->tile_cpu_ns ? tile_ns : made->tile_cpu_ns;
     }
     stats->time_ns_production = brick_ns + tile_ns;
+    stats->time_ns_scouts = made->scout_cpu_ns;
     karst_cost_round round = {
         .num_bricks = made->num_bricks, .num_tiles = made->num_tiles, .brick_ns = brick_ns, .tile_ns = tile_ns};
     round.num_scout_rays = made->num_scout_rays;

@@ -28,21 +28,40 @@ uint32_t karst_engine_scout_rays(const karst_engine *engine)
     return (uint32_t)scout_side(engine->width_px) * (uint32_t)scout_side(engine->height_px);
 }
 
-bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, karst_error *error)
+/* A share of the way between two rays, another one each time and evenly spread (multiples of a root of x^3 = x + 1, and
+ * of its square). */
+static float between_rays(uint32_t turn, double root) { return (float)(fmod(turn * root, 1) - 0.5); }
+
+/* Moves the picture by shares of a ray's. */
+static void shift_rays(karst_pinhole *pinhole, float right, float up)
+{
+    right *= 2 * pinhole->half_width / (float)pinhole->width_px;
+    up *= 2 * pinhole->half_height / (float)pinhole->height_px;
+    for (int axis = 0; axis < 3; axis++)
+        pinhole->forward[axis] += right * pinhole->right[axis] + up * pinhole->up[axis];
+}
+
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, karst_error *error)
 {
     karst_cast_view view;
     karst_pinhole pinhole;
-    int width_px = engine->width_px, height_px = engine->height_px;
+    int width_px = whole ? engine->whole_width_px : engine->width_px;
+    int height_px = whole ? engine->whole_height_px : engine->height_px;
     karst_cast_view_init(&view, &camera->position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
     view.detail = (float)karst_engine_detail_px(engine);
     view.stands_for = SCOUT_PIXELS * SCOUT_PIXELS;
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
     karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
-    pinhole.width_px = scout_side(width_px);
-    pinhole.height_px = scout_side(height_px);
-    pinhole.half_width *= fminf(1, (float)(pinhole.width_px * SCOUT_PIXELS) / (float)width_px);
-    pinhole.half_height *= fminf(1, (float)(pinhole.height_px * SCOUT_PIXELS) / (float)height_px);
+    pinhole.width_px = scout_side(engine->width_px);
+    pinhole.height_px = scout_side(engine->height_px);
+    if (whole) {
+        uint32_t turn = engine->num_whole_scouts++;
+        shift_rays(&pinhole, between_rays(turn, 0.7548776662466927), between_rays(turn, 0.5698402909980532));
+    } else {
+        pinhole.half_width *= fminf(1, (float)(pinhole.width_px * SCOUT_PIXELS) / (float)width_px);
+        pinhole.half_height *= fminf(1, (float)(pinhole.height_px * SCOUT_PIXELS) / (float)height_px);
+    }
     return karst_cast_pinhole(engine->caster, &view, &pinhole, engine->scout_hits, error);
 }
 

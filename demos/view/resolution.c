@@ -83,9 +83,10 @@ void view_resolution_learn(viewer *v, bool moving, uint64_t frame_ns)
     if (!s->num_pixels)
         return;
     double target_ns = 1e9 / v->settings.fps;
-    double drawn_ns = (double)(s->time_ns[KARST_STAGE_CAST] + s->time_ns[KARST_STAGE_SHADE]);
-    double made_ns = (double)(s->time_ns[KARST_STAGE_SUBDIVIDE] + s->time_ns[KARST_STAGE_EVALUATE] +
-                              s->time_ns[KARST_STAGE_FINALISE]);
+    double cast_ns = (double)s->time_ns[KARST_STAGE_CAST], looked_ns = fmin(cast_ns, (double)s->time_ns_scouts);
+    double drawn_ns = cast_ns - looked_ns + (double)s->time_ns[KARST_STAGE_SHADE];
+    double made_ns = looked_ns + (double)(s->time_ns[KARST_STAGE_SUBDIVIDE] + s->time_ns[KARST_STAGE_EVALUATE] +
+                                          s->time_ns[KARST_STAGE_FINALISE]);
     double cost_ns_px = drawn_ns / (double)s->num_pixels;
     double other_ns = fmax(0, (double)frame_ns - drawn_ns - made_ns);
     double smoothing = r->cost_ns_px > 0 ? SMOOTHING : 1;

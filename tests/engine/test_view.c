@@ -247,7 +247,7 @@ static void test_impatience_ends_a_frame(void **state)
     patience none = {.most = 0}, much = {.most = 1000};
     uint64_t hurried = make_of_new_view(20, &none), patient = make_of_new_view(5, &much);
     assert_true(hurried > 0);
-    assert_int_equal(none.num_asked, 1);
+    assert_int_equal(none.num_asked, 2); /* before the first round, which is made in any case, and behind it */
     assert_true(much.num_asked > 1);
     assert_true(patient > hurried);
     karst_engine_find_memory(engine, (uint64_t)1 << 40); /* all there is */

@@ -178,6 +178,38 @@ static void test_what_is_asked_for_is_there(void **state)
     karst_engine_destroy(engine);
 }
 
+/* While fewer pixels are drawn, a budget with room makes what all of them need: who stops finds it there. */
+static void test_a_stop_finds_its_detail(void **state)
+{
+    (void)state;
+    karst_engine_config config = flight_config("hills");
+    config.detail_px = 0.5;
+    karst_engine *engine = flight_engine(&config);
+    karst_camera camera = flight_camera(engine, "0,520,0,30,-35");
+    static flight_picture picture, settled;
+    flight_settle(engine, &camera, &picture);
+    assert_ok(karst_engine_set_drawn_size(engine, FLIGHT_WIDTH / 2, FLIGHT_HEIGHT / 2, &error));
+    assert_ok(karst_engine_set_budget_ms(engine, 8, &error));
+    karst_engine_pretend_cost(engine, 40e3, 40e3);
+    for (int frame = 0; frame < 100; frame++) {
+        camera.position =
+            karst_position_add_m(camera.position, (double[3]){8, 0, 6}, karst_engine_voxel_log2_m(engine));
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        assert_ok(karst_engine_frame(engine, &error));
+    }
+    assert_ok(karst_engine_set_drawn_size(engine, FLIGHT_WIDTH, FLIGHT_HEIGHT, &error));
+    karst_stats stats;
+    assert_ok(karst_engine_frame(engine, &error));
+    karst_engine_stats(engine, &stats);
+    double share = (double)stats.num_coarser / (double)stats.num_hits;
+    print_message("a second of flight before a stop: %.1f %% of it is coarser than set\n", 100 * share);
+    assert_true(share < 0.3); /* 70 % without */
+    flight_settle(engine, NULL, &settled);
+    flight_fresh(&config, &camera, &picture);
+    assert_same_picture(&settled, &picture);
+    karst_engine_destroy(engine);
+}
+
 /* Where a path rises beside a cliff, what opens is there sooner if the path is known; and the pictures settle to the
  * same. */
 static void test_a_known_path_is_prepared(void **state)
@@ -323,6 +355,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_production_keeps_to_the_budget),
         cmocka_unit_test(test_what_is_asked_for_is_there),
+        cmocka_unit_test(test_a_stop_finds_its_detail),
         cmocka_unit_test(test_a_known_path_is_prepared),
         cmocka_unit_test(test_budgets_out_of_range),
         cmocka_unit_test(test_a_budget_changes_no_settled_picture),

@@ -44,6 +44,8 @@ typedef struct {
     uint64_t time_ns[KARST_NUM_STAGES]; /* device time, plus host time where the stage runs there */
     uint64_t time_ns_production; /* what production took, as a budget in ms counts it: on CPUs CPU time over the cores,
                                   * where that is less than time_ns */
+    uint64_t time_ns_scouts; /* of the time for casting what rays took that only ask what to produce next, out of the
+                              * same budget; CPU time over cores. CPUs with a budget in ms only */
     karst_stats_pool tiles, bricks;     /* used: stamped by the last cast; total: slots; bytes: what the pool takes */
     uint64_t num_resident_tiles, num_resident_bricks; /* slots that hold something, used or not */
     /* churn of this frame */
