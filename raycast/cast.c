@@ -16,7 +16,7 @@ struct karst_caster {
     karst_program *program;
     cl_kernel pinhole;
     cl_kernel rays, shadows; /* NULL: left out */
-    size_t rays_per_item;
+    bool beams; /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
     cl_event written[NUM_VIEWS];
@@ -43,7 +43,7 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
     caster->cache = *cache;
     bool has_rays = !strstr(options, KARST_CAST_NO_STREAMS), has_shadows = !strstr(options, KARST_CAST_NO_SHADOWS);
     bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
-    caster->rays_per_item = beams ? RAYS_PER_GROUP : (size_t)context->lanes;
+    caster->beams = beams;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
     if (caster->program) {
@@ -139,11 +139,20 @@ static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error 
                       (unsigned long long)num_rays);
 }
 
-/* Of packets, in a picture. */
-static size_t num_groups(int width_px, int height_px)
+/* Groups of packets in a picture if each takes this many of them, side by side and one below the other. */
+static size_t num_groups(int width_px, int height_px, int across, int down)
 {
-    size_t across = ((size_t)width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
-    return across * (((size_t)height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE);
+    size_t wide_px = (size_t)(KARST_GROUP_SIDE * across), high_px = (size_t)(KARST_GROUP_SIDE * down);
+    return ((size_t)width_px + wide_px - 1) / wide_px * (((size_t)height_px + high_px - 1) / high_px);
+}
+
+/* Launches a kernel for all pixels of a picture. */
+static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px, int height_px, karst_error *error)
+{
+    size_t group_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
+    size_t size = caster->beams ? num_groups(width_px, height_px, KARST_BEAM_ACROSS, KARST_BEAM_DOWN)
+                                : num_groups(width_px, height_px, 1, 1) * group_size;
+    return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, caster->beams ? 1 : group_size, error);
 }
 
 /* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh). */
@@ -164,9 +173,7 @@ bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const
     if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
                          KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits)))
         return false;
-    size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
-    return karst_launch(caster->context, caster->pinhole, KARST_STAGE_CAST,
-                        num_groups(pinhole->width_px, pinhole->height_px) * local_size, local_size, error);
+    return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
 }
 
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
@@ -186,9 +193,11 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
                          KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
                          KARST_BUFFER_ARG(hits)))
         return false;
+    const size_t rays_per_item =
+        caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
     return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
-                        (num_rays + caster->rays_per_item - 1) / caster->rays_per_item,
-                        RAYS_PER_GROUP / caster->rays_per_item, error);
+                        (num_rays + rays_per_item - 1) / rays_per_item,
+                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
 }
 
 size_t karst_cast_shadow_bytes(int width_px, int height_px)
@@ -218,7 +227,5 @@ bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const
         !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
                          KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels)))
         return false;
-    size_t local_size = RAYS_PER_GROUP / caster->rays_per_item;
-    return karst_launch(caster->context, caster->shadows, KARST_STAGE_CAST,
-                        num_groups(pinhole->width_px, pinhole->height_px) * local_size, local_size, error);
+    return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
 }

@@ -177,14 +177,38 @@ RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_
     }
 }
 
+#if BEAM_PACKETS > 1
+/* Beams across a picture and down. */
+#define BEAMS_(size_px, groups) (((uint)(size_px) + KARST_GROUP_SIDE * (groups)-1) / (KARST_GROUP_SIDE * (groups)))
+#define BEAMS_ACROSS(width_px) BEAMS_(width_px, KARST_BEAM_ACROSS)
+#define BEAMS_DOWN(height_px) BEAMS_(height_px, KARST_BEAM_DOWN)
+#endif
+
+/* The pixels of packet p of a beam, and which of them lie in the picture. */
+RAY_INLINE vint beam_pixels(uint beam_number, int p, int width_px, int height_px, vint *x, vint *y)
+{
+#if BEAM_PACKETS > 1
+    const uint across = BEAMS_ACROSS(width_px), groups_across = BEAMS_(width_px, 1), groups_down = BEAMS_(height_px, 1);
+    const uint group = (uint)p / KARST_GROUP_PACKETS;
+    const uint column = beam_number % across * KARST_BEAM_ACROSS + group % KARST_BEAM_ACROSS,
+               row = beam_number / across * KARST_BEAM_DOWN + group / KARST_BEAM_ACROSS;
+    const bool is_there = column < groups_across && row < groups_down;
+    vint m = packet_pixels((is_there ? row * groups_across + column : 0u) * KARST_GROUP_PACKETS +
+                               (uint)p % KARST_GROUP_PACKETS,
+                           width_px, height_px, x, y);
+    return is_there ? m : (vint)(0);
+#else
+    return packet_pixels(beam_number, width_px, height_px, x, y);
+#endif
+}
+
 /* The beam of a picture that is cast at turn `turn`: they come down strips of so many rows, column by column, so that
  * what a beam's neighbours have read is still near. */
-#define STRIP_BEAMS 4u
+#define STRIP_BEAMS 2u
 RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 {
 #if BEAM_PACKETS > 1
-    const uint across = ((uint)width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
-               down = ((uint)height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    const uint across = BEAMS_ACROSS(width_px), down = BEAMS_DOWN(height_px);
     const uint above = turn / (across * STRIP_BEAMS) * STRIP_BEAMS, in_strip = turn % (across * STRIP_BEAMS);
     const uint rows = down - above < STRIP_BEAMS ? down - above : STRIP_BEAMS;
     return (above + in_strip % rows) * across + in_strip / rows;
@@ -204,7 +228,6 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
                                      const karst_pinhole *pinhole, uint beam_number, K_GLOBAL karst_hit *hits)
 {
     const pools own = *pool; /* which no store can change */
-    const uint first = beam_number * BEAM_PACKETS;
     const vfloat zero = (vfloat)(0.0f);
     const vector3 origin = {zero, zero, zero};
     beam b;
@@ -213,7 +236,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
     uint valid[BEAM_PACKETS];
     for (int p = 0; p < BEAM_PACKETS; p++) {
         vint x, y;
-        vint m = packet_pixels(first + (uint)p, pinhole->width_px, pinhole->height_px, &x, &y);
+        vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y);
         vector3 direction = pinhole_direction(pinhole, x, y);
         start_packet(&b, &start[p], p, view, &origin, &direction, (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
                      zero, (vfloat)(pinhole->cone), m);
@@ -301,7 +324,7 @@ BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast
     packet_start start[BEAM_PACKETS];
     uint casts = 0;
     for (int p = 0; p < BEAM_PACKETS; p++) {
-        vint x, y, valid = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, sun->width_px, sun->height_px, &x, &y);
+        vint x, y, valid = beam_pixels(beam_number, p, sun->width_px, sun->height_px, &x, &y);
         vint order = packet_order(x, y, sun->width_px, sun->height_px);
         vfloat width = load_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid);
         vint m = valid & v_gt(width, zero);
@@ -320,8 +343,7 @@ BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast
     cast_beam(&own, view, 0, 1, &b, start);
     for (int p = 0; p < BEAM_PACKETS; p++)
         if (b.states.done[p]) {
-            vint x, y,
-                valid = packet_pixels(beam_number * BEAM_PACKETS + (uint)p, sun->width_px, sun->height_px, &x, &y);
+            vint x, y, valid = beam_pixels(beam_number, p, sun->width_px, sun->height_px, &x, &y);
             vint order = packet_order(x, y, sun->width_px, sun->height_px);
             vfloat dark = load_ordered(rays + KARST_SHADOW_DARK * plane, order, valid);
             darken(pixels, y * sun->width_px + x, v_as_int(dark), bits_mask(b.states.done[p]));

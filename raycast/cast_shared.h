@@ -22,6 +22,11 @@ K_ASSERT_SIZE(karst_pinhole, 80);
 #define KARST_GROUP_PACKETS 16
 #define KARST_GROUP_SIDE 16 /* pixels */
 
+/* Groups side by side, and one below the other, whose packets make a beam (raycast/beam.clh): 64 packets at most. */
+#define KARST_BEAM_ACROSS 2
+#define KARST_BEAM_DOWN 2
+#define KARST_BEAM_PACKETS (KARST_GROUP_PACKETS * KARST_BEAM_ACROSS * KARST_BEAM_DOWN)
+
 /* Where pixel (x, y)'s ray stands in a stream in packet order: strips four rows high, in them blocks four columns wide.
  * A permutation of 0 .. width * height - 1 for every size; where the width is a multiple of four, each packet's rays
  * are 16 neighbours. */
