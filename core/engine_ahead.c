@@ -104,7 +104,7 @@ static bool compile_shading(ahead *a, karst_error *error)
     karst_buffer *buffer = data ? karst_buffer_create(a->context, "ahead", data_bytes, data, error) : NULL;
     free(data);
     karst_shader *shader =
-        buffer ? karst_engine_world_shader(&a->world, a->context, &a->cache, shadows, buffer, error) : NULL;
+        buffer ? karst_engine_world_shader(&a->world, a->context, shadows, buffer, error) : NULL;
     if (shader)
         karst_shader_set_anchor(shader, &origin);
     bool done = shader && karst_shade_pixels(shader, &a->view, &a->pinhole, &a->light, a->hits,

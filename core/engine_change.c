@@ -222,8 +222,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         return karst_engine_set_view_distance(engine, engine->world, error);
     world->producer = old->producer;
     old->producer = NULL;
-    world->shader = karst_engine_tape_shader(engine->context, karst_cache_get_buffers(engine->cache), engine->shadows,
-                                             world->producer->data[0], error);
+    world->shader = karst_engine_tape_shader(engine->context, engine->shadows, world->producer->data[0], error);
     karst_engine_world_close(old);
     karst_engine_adopt_world(engine, world);
     *world = (karst_engine_world){0};

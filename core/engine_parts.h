@@ -127,12 +127,11 @@ bool karst_engine_world_open(karst_engine_world *world, const karst_world_config
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
                                   karst_error *error);
 /* The shader of an open world; `data` is its producer's, or the same once more. */
-karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context,
-                                        const karst_cache_buffers *buffers, bool shadows, const karst_buffer *data,
-                                        karst_error *error);
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, bool shadows,
+                                        const karst_buffer *data, karst_error *error);
 /* The shader that runs any world's colours on their tape. */
-karst_shader *karst_engine_tape_shader(karst_context *context, const karst_cache_buffers *buffers, bool shadows,
-                                       const karst_buffer *data, karst_error *error);
+karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, const karst_buffer *data,
+                                       karst_error *error);
 /* engine_ahead.c. What a helper process does for an engine of this configuration. */
 bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error);
 /* Makes producer, shader and, if wanted, refiner of an open world. */

@@ -110,8 +110,7 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
     bool done = trial_open(&t, engine->context, buffers->brick_bits, error);
     t.cache.num_segments = buffers->num_segments;
-    karst_shader *shader =
-        done ? karst_engine_tape_shader(t.context, &t.cache, engine->shadows, t.counters, error) : NULL;
+    karst_shader *shader = done ? karst_engine_tape_shader(t.context, engine->shadows, t.counters, error) : NULL;
     done = shader && trial_shade(&t, shader, engine->shadows, error);
     if (t.context)
         karst_finish(t.context, NULL);

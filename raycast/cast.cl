@@ -1,4 +1,5 @@
 /* Entry points of casting: a stream of rays in, hit records and stamps out. See raycast/cast.h. */
+#include "raycast/normal.clh"
 #include "raycast/rays.clh"
 #include "raycast/rays_shared.h"
 #include "raycast/shadow_shared.h"
@@ -12,8 +13,8 @@
 /* What becomes of rays, lane by lane; `kind` as in karst_hit. */
 typedef struct {
     vfloat t;
-    vint kind, brick, cell, node;
-    vector3 position;
+    vint kind, brick, place, node;
+    vector3 normal;
 } packet_hits;
 
 /* What a beam keeps of its packets beside what walking needs. */
@@ -101,19 +102,19 @@ typedef uint8 hit_words __attribute__((aligned(4)));
         *(K_GLOBAL hit_words *)(out + index.l) = __builtin_shufflevector( \
             first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, 16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
 /* The lanes a, b, c and d: one of each group of four. */
-#define STORE_FOUR_(pairs, half, a, b, c, d)                                                                    \
-    {                                                                                                           \
-        const vuint first = pairs(half(t, kind), half(brick, cell)), second = pairs(half(x, y), half(z, node)); \
-        STORE_HIT_(a, 0, first, second)                                                                         \
-        STORE_HIT_(b, 1, first, second)                                                                         \
-        STORE_HIT_(c, 2, first, second)                                                                         \
-        STORE_HIT_(d, 3, first, second)                                                                         \
+#define STORE_FOUR_(pairs, half, a, b, c, d)                                                                     \
+    {                                                                                                            \
+        const vuint first = pairs(half(t, kind), half(brick, place)), second = pairs(half(x, y), half(z, node)); \
+        STORE_HIT_(a, 0, first, second)                                                                          \
+        STORE_HIT_(b, 1, first, second)                                                                          \
+        STORE_HIT_(c, 2, first, second)                                                                          \
+        STORE_HIT_(d, 3, first, second)                                                                          \
     }
 RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
 {
     const vuint t = v_as_uint(hits->t), kind = as_uint16(hits->kind), brick = as_uint16(hits->brick),
-                cell = as_uint16(hits->cell), x = v_as_uint(hits->position.x), y = v_as_uint(hits->position.y),
-                z = v_as_uint(hits->position.z), node = as_uint16(hits->node);
+                place = as_uint16(hits->place), x = v_as_uint(hits->normal.x), y = v_as_uint(hits->normal.y),
+                z = v_as_uint(hits->normal.z), node = as_uint16(hits->node);
     STORE_FOUR_(PAIRS_LO_, WORDS_LO_, s0, s4, s8, sc)
     STORE_FOUR_(PAIRS_HI_, WORDS_LO_, s1, s5, s9, sd)
     STORE_FOUR_(PAIRS_LO_, WORDS_HI_, s2, s6, sa, se)
@@ -127,19 +128,38 @@ RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vin
     karst_hit hit = {hits->t,
                      (uint)hits->kind,
                      (uint)hits->brick,
-                     (uint)hits->cell,
-                     {hits->position.x, hits->position.y, hits->position.z},
+                     (uint)hits->place,
+                     {hits->normal.x, hits->normal.y, hits->normal.z},
                      (uint)hits->node};
     out[index] = hit;
 }
 #endif
 
+/* The footprints of rays at t, as lod_slope and lod_shift have them. */
+RAY_INLINE vfloat footprints_of(const beam *b, const int from_anchor, vint ray, vfloat t)
+{
+    if (from_anchor) /* a picture's have one cone and no width */
+        return t * b->rays[0].lod_slope;
+    const vint word = ray / LANES * (int)(sizeof(packet) / sizeof(float)) + ray % LANES;
+    return k_fma(t, v_gather_float((const K_PRIVATE float *)&b->rays[0].lod_slope, word),
+                 v_gather_float((const K_PRIVATE float *)&b->rays[0].lod_shift, word));
+}
+
+/* A coordinate in a brick in 64ths of its cells. */
+RAY_INLINE vint in_64ths(vint cell, vfloat part)
+{
+    return cell << 6 | lane_min_int(v_to_int(part * 64.0f), (vint)(63));
+}
+
 /* Stores the records of a beam's rays; index: where each ray's goes, if it is a ray at all. any_hit: where along the
- * cell the surface lies does not matter. */
-RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_start start[BEAM_PACKETS],
-                           const int index[BEAM_RAYS], const uint valid[BEAM_PACKETS], int any_hit)
+ * cell the surface lies does not matter. The normals are found here as what they are read from has just been marched.
+ */
+RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, K_GLOBAL karst_hit *out,
+                           const beam *b, const packet_start start[BEAM_PACKETS], const int index[BEAM_RAYS],
+                           const uint valid[BEAM_PACKETS], const int from_anchor, int any_hit)
 {
     const findings *found = &b->found;
+    const normal_source source = {pool->bricks, pool->nodes, pool->brick_info, pool->tile_info};
     packet_hits hits;
     for (uint i = 0; i < found->num; i += LANES) {
         const vint m = v_lt(V_LANE, (vint)((int)(found->num - i)));
@@ -153,12 +173,23 @@ RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_
 #ifdef CAST_COUNT_STEPS
         hits.kind |= lane_min_int(v_gather_int(b->states.steps, ray), (vint)(KARST_STEPS_MAX)) << KARST_STEPS_SHIFT;
 #endif
-        hits.brick = v_load_int(found->brick + i);
-        hits.cell = v_load_int(found->cell + i);
+        /* lists are longer than what they hold */
+        hits.brick = v_select(m, v_load_int(found->brick + i), (vint)((int)KARST_NONE));
         hits.node = v_load_int(found->node + i);
-        hits.position.x = lane_unit(k_fma(s, v_load_float(found->step[0] + i), v_load_float(found->at[0] + i)));
-        hits.position.y = lane_unit(k_fma(s, v_load_float(found->step[1] + i), v_load_float(found->at[1] + i)));
-        hits.position.z = lane_unit(k_fma(s, v_load_float(found->step[2] + i), v_load_float(found->at[2] + i)));
+        const vint cell = v_select(m, v_load_int(found->cell + i), (vint)(0));
+        vector3 at;
+        at.x = lane_unit(k_fma(s, v_load_float(found->step[0] + i), v_load_float(found->at[0] + i)));
+        at.y = lane_unit(k_fma(s, v_load_float(found->step[1] + i), v_load_float(found->at[1] + i)));
+        at.z = lane_unit(k_fma(s, v_load_float(found->step[2] + i), v_load_float(found->at[2] + i)));
+        hits.place =
+            in_64ths(cell & 255, at.x) | in_64ths(cell >> 8 & 255, at.y) << 10 | in_64ths(cell >> 16 & 255, at.z) << 20;
+        vfloat weight = (vfloat)(0.0f);
+        if (view->blend > 0.0f)
+            weight = v_select(
+                v_eq(hits.kind & 0xff, (vint)((int)KARST_HIT_SURFACE)),
+                level_weight(view->blend, footprints_of(b, from_anchor, ray, hits.t), hits.kind >> 8 & 0xff), weight);
+        const vint missing = find_normals(&source, hits.brick, hits.node, cell, &at, weight, &hits.normal);
+        hits.kind |= missing & (int)KARST_HIT_UNBLENDED;
         store_hits(out, &hits, v_gather_int(index, ray), m);
     }
     for (int p = 0; p < BEAM_PACKETS; p++) {
@@ -171,8 +202,8 @@ RAY_INLINE void store_beam(K_GLOBAL karst_hit *out, const beam *b, const packet_
         hits.kind |= lane_min_int(v_load_int(b->states.steps + p * LANES), (vint)(KARST_STEPS_MAX))
                      << KARST_STEPS_SHIFT;
 #endif
-        hits.brick = hits.cell = hits.node = (vint)(0);
-        hits.position.x = hits.position.y = hits.position.z = (vfloat)(0.0f);
+        hits.brick = hits.place = hits.node = (vint)(0);
+        hits.normal.x = hits.normal.y = hits.normal.z = (vfloat)(0.0f);
         store_hits(out, &hits, v_load_int(index + p * LANES), bits_mask(misses));
     }
 }
@@ -244,7 +275,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         valid[p] = mask_bits(m);
     }
     cast_beam(&own, view, 1, 0, &b, start);
-    store_beam(hits, &b, start, index, valid, 0);
+    store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
 }
 
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
@@ -283,7 +314,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
                      m);
     }
     cast_beam(&own, view, 0, 0, &b, start);
-    store_beam(hits, &b, start, index, valid, any_hit);
+    store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
 }
 
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
@@ -312,9 +343,9 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 }
 #endif
 
-BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                    const karst_shadow_sun *sun, K_GLOBAL const float *rays, uint beam_number,
-                                    K_GLOBAL uint *pixels)
+BEAM_FUNCTION
+    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
+                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels)
 {
     const pools own = *pool;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;

@@ -34,19 +34,21 @@ K_ASSERT_SIZE(karst_ray, 48);
 /* Where a ray ended. `kind` KARST_HIT_MISS: t is t_max; if `incomplete` is set then the ray met a region without any
  * data. */
 typedef struct {
-    float t;           /* level-0 voxels along the ray */
-    uint kind;         /* KARST_HIT_* in bits 0..7, level in bits 8..15, bit 16: incomplete, bit 17: refined */
-    uint brick;        /* slot of the brick (0: none) */
-    uint cell;         /* x | y << 8 | z << 16 of the cell in the brick */
-    float position[3]; /* in the cell, each in [0, 1]; of a refined hit the normal instead (raycast/refine.h) */
-    uint node;         /* node index of the brick's owner at the time (tile * 8 + child) */
+    float t;         /* level-0 voxels along the ray */
+    uint kind;       /* KARST_HIT_* in bits 0..7, level in bits 8..15, bit 16: incomplete, bit 17: unblended */
+    uint brick;      /* slot of the brick (0: none) */
+    uint place;      /* x | y << 10 | z << 20 in the brick, in 64ths of its cells */
+    float normal[3]; /* of the field that was hit, unit length, towards the air; zeros: there is none (or no brick) */
+    uint node;       /* node index of the brick's owner at the time (tile * 8 + child) */
 } karst_hit;
 K_ASSERT_SIZE(karst_hit, 32);
 
 #define KARST_HIT_KIND(k) ((k)&0xffu)
 #define KARST_HIT_LEVEL(k) ((k) >> 8 & 0xffu)
 #define KARST_HIT_INCOMPLETE 0x10000u
-#define KARST_HIT_REFINED 0x20000u
+#define KARST_HIT_UNBLENDED 0x20000u /* here its level blends into the next, whose brick is missing */
+/* The cell that the place is in, on an axis. */
+#define KARST_HIT_CELL(place, axis) ((place) >> (6 + 10 * (axis)) & 15u)
 
 /* Where the anchor of a stream lies in the tree, for each level l from 0 to top_level. All exact.
  * node = floor(anchor / (KARST_BRICK_CELLS << l)) as int64 is not needed on the device: rays walk from the root tile,

@@ -31,7 +31,7 @@ typedef struct {
     const karst_shade_anchor *anchor;
     const vector3 *direction;
     int level;
-    vint lanes;                        /* whose hits blend */
+    vint lanes;                       /* whose hits blend */
     float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
 } refine_field;
 
@@ -149,8 +149,8 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
         t1 = v_select(unsure, r.t, t);
         d1 = v_select(unsure, field_density(field, t1), d0);
         /* Most of the way to zero, as the density is nearly straight here, or as near as can be told. */
-        vint nearer = v_le(k_fabs(d1), k_fabs(d0) * 0.25f) |
-                      v_le(k_fabs(d1 * voxels_per_unit), (vfloat)(REFINE_CLOSE * voxel));
+        vint nearer =
+            v_le(k_fabs(d1), k_fabs(d0) * 0.25f) | v_le(k_fabs(d1 * voxels_per_unit), (vfloat)(REFINE_CLOSE * voxel));
         r.found &= ~unsure | nearer;
         /* The secant through both, no farther again. */
         vfloat next = -d1 * step / (d1 - d0);
@@ -197,9 +197,9 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
         K_GLOBAL karst_hit *hit = hits + OF_LANE(at, l); \
         hit->t = OF_LANE(t, l);                          \
         hit->kind = (uint)OF_LANE(word, l);              \
-        hit->position[0] = OF_LANE(normal.x, l);         \
-        hit->position[1] = OF_LANE(normal.y, l);         \
-        hit->position[2] = OF_LANE(normal.z, l);         \
+        hit->normal[0] = OF_LANE(normal.x, l);           \
+        hit->normal[1] = OF_LANE(normal.y, l);           \
+        hit->normal[2] = OF_LANE(normal.z, l);           \
     }
 
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
@@ -223,7 +223,7 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
         refine_field field = {data, &anchor, &direction, here, (vint)(0), 0.0f, 0.0f};
-        if (blend > 0.0f) { /* as level_weight in raycast/surface.clh */
+        if (blend > 0.0f) { /* as level_weight in raycast/blend.clh */
             field.lanes = mine & v_eq(kind, (vint)((int)KARST_HIT_SURFACE));
             field.weight_slope = footprint * k_as_float((uint)(126 - here) << 23) / blend;
             field.weight_start = (blend - 1.0f) / blend;
@@ -238,6 +238,6 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         found |= good;
         left &= ~mine;
     }
-    word |= (int)KARST_HIT_REFINED;
+    word &= ~(int)KARST_HIT_UNBLENDED; /* the true density has both levels */
     EACH_LANE(STORE_REFINED_)
 }

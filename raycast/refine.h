@@ -29,8 +29,8 @@ typedef struct {
 karst_refiner *karst_refiner_create(karst_context *context, const karst_refine_world *world, karst_error *error);
 void karst_refiner_destroy(karst_refiner *refiner); /* NULL is fine */
 
-/* Refines the hits of a cast with this view and pinhole in place: t, and instead of the position in the cell the
- * normal. Asynchronous on the context's queue. Errors: KARST_FAILED (also: hits too small). */
+/* Refines the hits of a cast with this view and pinhole in place: t and the normal. Asynchronous on the context's
+ * queue. Errors: KARST_FAILED (also: hits too small). */
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
 

@@ -6,7 +6,6 @@
 
 struct karst_shader {
     karst_context *context;
-    karst_cache_buffers cache;
     karst_program *program;
     cl_kernel pixels;
     bool shadows;
@@ -14,10 +13,9 @@ struct karst_shader {
     karst_shade_anchor anchor;
 };
 
-karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
-                                  karst_error *error)
+karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error)
 {
-    return karst_shader_create_coloured(context, cache, shadows, NULL, error);
+    return karst_shader_create_coloured(context, shadows, NULL, error);
 }
 
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
@@ -28,8 +26,8 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
     }
 }
 
-karst_shader *karst_shader_create_coloured(karst_context *context, const karst_cache_buffers *cache, bool shadows,
-                                           const karst_shade_colour *colour, karst_error *error)
+karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+                                           karst_error *error)
 {
     karst_shader *shader = calloc(1, sizeof(*shader));
     if (!shader) {
@@ -37,11 +35,10 @@ karst_shader *karst_shader_create_coloured(karst_context *context, const karst_c
         return NULL;
     }
     char options[512];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s%s%s%s", cache->num_segments, karst_cache_brick_option(cache),
-             shadows ? " -DSHADE_SHADOWS" : "", colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
+    snprintf(options, sizeof(options), "%s%s%s", shadows ? "-DSHADE_SHADOWS" : "",
+             colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
-    shader->cache = *cache;
     shader->shadows = shadows;
     shader->data = colour && colour->data ? colour->data->mem : NULL;
     shader->program = karst_program_build(context, "raycast/shade.cl", options, &world, 1, error);
@@ -63,14 +60,6 @@ void karst_shader_destroy(karst_shader *shader)
     karst_program_destroy(shader->program);
     free(shader);
 }
-
-/* In the order of SURFACE_PARAMETERS (raycast/shade.cl). */
-#define SURFACE_ARGUMENTS(c, view)                                                                                 \
-    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]),             \
-        KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]),         \
-        KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment), \
-        KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).tile_info),            \
-        KARST_VALUE_ARG((view)->detail), KARST_VALUE_ARG((view)->blend)
 
 static bool check_size(const karst_buffer *buffer, size_t bytes_per_pixel, const karst_pinhole *pinhole,
                        karst_error *error)
@@ -94,10 +83,10 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
     size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)shader->context->lanes;
     const karst_buffer *rays = shadow_rays ? shadow_rays : depth; /* which is not looked at */
     return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(depth, sizeof(float), pinhole, error) &&
-           KARST_ARGUMENTS(shader->pixels, error, SURFACE_ARGUMENTS(shader->cache, view), KARST_VALUE_ARG(*pinhole),
-                           KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(rays),
-                           KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth), KARST_BUFFER_ARG(counters),
-                           KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+           KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
+                           KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
+                           KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
                            KARST_VALUE_ARG(view->own_detail)) &&
            karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, across * down * local_size, local_size,
                         error);

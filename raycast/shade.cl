@@ -40,12 +40,6 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
 }
 #endif
 
-#if LANES == 16
-#define FIRST_LANE(v) ((uint)(v).s0)
-#else
-#define FIRST_LANE(v) ((uint)(v))
-#endif
-
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
 #define PIXEL_(l)                        \
@@ -81,15 +75,6 @@ RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint 
     }
 }
 #endif
-
-/* What surfaces are read with: the pools, the view's detail and blend. */
-#define SURFACE_PARAMETERS                                                                           \
-    BRICK_PARAMETERS, K_GLOBAL const karst_node *nodes, K_GLOBAL const karst_brick_info *brick_info, \
-        K_GLOBAL const karst_tile_info *tile_info, float detail, float blend
-#define SURFACE_FIELDS                                                          \
-    {                                                                           \
-        BRICK_FIELDS, nodes, brick_info, tile_info, pinhole.cone *detail, blend \
-    }
 
 #ifdef SHADE_SHADOWS
 /* Writes the shadow rays of a packet: of the lanes `sunny`, towards the sun from just above the surface, which is
@@ -127,18 +112,17 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
 
 /* The pixels of a packet as they are out of all shadows, and its shadow rays. counts: hits, provisional, incomplete,
  * coarser than own_detail. */
-SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *pinhole, const karst_light *light,
-                             K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
-                             K_GLOBAL float *depth, const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
-                             float detail, float own_detail, uint packet, __local uint *counts)
+SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
+                             K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
+                             const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float detail,
+                             float own_detail, float blend, uint packet, __local uint *counts)
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
     if (v_any(valid)) {
         vector3 direction = pinhole_direction(pinhole, x, y);
-        vint place = v_select(valid, packet_order(x, y, pinhole->width_px, pinhole->height_px), (vint)(0));
-        prefetch_surface(hits, source, FIRST_LANE(place), (uint)(pinhole->width_px * pinhole->height_px));
-        surface_hits s = load_surface(hits, source, place, &direction);
+        vint place = packet_order(x, y, pinhole->width_px, pinhole->height_px);
+        surface_hits s = load_surface(hits, place, valid, &direction, pinhole->cone * detail, blend);
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light->sun_direction);
         colour c = sky_colour(light, &direction, to_sun);
@@ -184,19 +168,18 @@ SHADE_CALL void shade_packet(const surface_source *source, const karst_pinhole *
     }
 }
 
-__kernel K_WIDE void shade_pixels(SURFACE_PARAMETERS, karst_pinhole pinhole, karst_light light,
+__kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
                                   K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
                                   K_GLOBAL const ulong *data, float own_detail)
 {
-    const surface_source source = SURFACE_FIELDS;
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
     __local uint counts[KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
     __local uint *mine = counts[get_local_id(0)];
     for (int i = 0; i < 4; i++)
         mine[i] = 0;
 
-    shade_packet(&source, &pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, detail, own_detail,
+    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, detail, own_detail, blend,
                  (uint)get_global_id(0), mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)

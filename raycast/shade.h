@@ -18,14 +18,12 @@ typedef struct {
     const karst_buffer *data; /* borrowed for the shader's life */
 } karst_shade_colour;
 
-/* Builds the shading kernel; one that makes shadow rays, too, if `shadows`. The buffers stay the cache's. Errors:
- * KARST_FAILED. */
-karst_shader *karst_shader_create(karst_context *context, const karst_cache_buffers *cache, bool shadows,
-                                  karst_error *error);
+/* Builds the shading kernel; one that makes shadow rays, too, if `shadows`. Errors: KARST_FAILED. */
+karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error);
 /* The same for a world with colours of its own: the light's ground colours then only matter for what the ground throws
  * back. Whoever uses it sets the anchor of each view (karst_shader_set_anchor) before it shades. */
-karst_shader *karst_shader_create_coloured(karst_context *context, const karst_cache_buffers *cache, bool shadows,
-                                           const karst_shade_colour *colour, karst_error *error);
+karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+                                           karst_error *error);
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 

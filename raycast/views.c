@@ -8,7 +8,6 @@
 
 struct karst_views {
     karst_context *context;
-    karst_cache_buffers cache;
     karst_program *program;
     cl_kernel paint, normals, note;
     karst_buffer *born; /* frame from which on each slot's brick was to be seen; 0: unknown */
@@ -21,13 +20,10 @@ karst_views *karst_views_create(karst_context *context, const karst_cache_buffer
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    char options[64];
-    snprintf(options, sizeof(options), "-DSEGMENTS=%u%s", cache->num_segments, karst_cache_brick_option(cache));
     views->context = context;
-    views->cache = *cache;
-    views->born = karst_buffer_create(
-        context, "born", (cache->num_bricks + KARST_CACHE_ROOT_BRICKS) * sizeof(uint32_t), NULL, error);
-    views->program = views->born ? karst_program_build(context, "raycast/views.cl", options, NULL, 0, error) : NULL;
+    views->born = karst_buffer_create(context, "born", (cache->num_bricks + KARST_CACHE_ROOT_BRICKS) * sizeof(uint32_t),
+                                      NULL, error);
+    views->program = views->born ? karst_program_build(context, "raycast/views.cl", "", NULL, 0, error) : NULL;
     if (views->program) {
         views->paint = karst_program_kernel(views->program, "views_paint", error);
         views->normals = karst_program_kernel(views->program, "views_normals", error);
@@ -62,12 +58,6 @@ bool karst_views_note(karst_views *views, const karst_work *work, uint32_t frame
            karst_launch(views->context, views->note, KARST_STAGE_SHADE, work->num_loads, NOTE_LOCAL, error);
 }
 
-/* In the order of BRICK_PARAMETERS (raycast/segments.clh). */
-#define BRICK_ARGUMENTS(c)                                                                                 \
-    KARST_BUFFER_ARG((c).bricks[0]), KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]),     \
-        KARST_BUFFER_ARG((c).bricks[3]), KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), \
-        KARST_BUFFER_ARG((c).bricks[6]), KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment)
-
 static bool launch(karst_views *views, cl_kernel kernel, const karst_pinhole *pinhole, karst_error *error)
 {
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
@@ -80,16 +70,16 @@ bool karst_views_paint(karst_views *views, int paint, const karst_pinhole *pinho
                        cl_mem pixels, karst_error *error)
 {
     cl_int what = paint;
-    return KARST_ARGUMENTS(views->paint, error, BRICK_ARGUMENTS(views->cache), KARST_VALUE_ARG(*pinhole),
-                           KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(views->born), KARST_VALUE_ARG(frame),
-                           KARST_VALUE_ARG(what), KARST_VALUE_ARG(pixels)) &&
+    return KARST_ARGUMENTS(views->paint, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(views->born), KARST_VALUE_ARG(frame), KARST_VALUE_ARG(what),
+                           KARST_VALUE_ARG(pixels)) &&
            launch(views, views->paint, pinhole, error);
 }
 
 bool karst_views_normals(karst_views *views, const karst_pinhole *pinhole, karst_buffer *hits, karst_buffer *normals,
                          karst_error *error)
 {
-    return KARST_ARGUMENTS(views->normals, error, BRICK_ARGUMENTS(views->cache), KARST_VALUE_ARG(*pinhole),
-                           KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(normals)) &&
+    return KARST_ARGUMENTS(views->normals, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(normals)) &&
            launch(views, views->normals, pinhole, error);
 }

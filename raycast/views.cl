@@ -84,17 +84,16 @@ RAY_INLINE vint to_byte(vfloat value) { return v_to_int(lane_unit(value) * 255.0
     }
 #endif
 
-__kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
-                                 K_GLOBAL const uint *born, uint frame, int what, K_GLOBAL uint *pixels)
+__kernel K_WIDE void views_paint(karst_pinhole pinhole, K_GLOBAL const karst_hit *hits, K_GLOBAL const uint *born,
+                                 uint frame, int what, K_GLOBAL uint *pixels)
 {
-    surface_source source = {BRICK_FIELDS, 0, 0, 0, 0.0f, 0.0f}; /* of the level that was hit, without blending */
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    surface_hits s = load_surface(hits, &source, place, &direction);
+    surface_hits s = load_surface(hits, place, valid, &direction, 0.0f, 0.0f);
     vint at = v_select(valid, y * pinhole.width_px + x, (vint)(0));
     vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS));
     vint record = place * (int)(sizeof(karst_hit) / sizeof(int));
@@ -107,13 +106,9 @@ __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOB
     if (what == KARST_PAINT_LEVEL) {
         colour = scale_paint(level_paint(s.level), form);
     } else if (what == KARST_PAINT_BRICKS) {
-        vint cell = v_gather_int((K_GLOBAL const int *)hits, record + 3);
-        vint refined = v_ne(s.word & (int)KARST_HIT_REFINED, (vint)(0)), edge = (vint)(0);
+        vint in_brick = v_gather_int((K_GLOBAL const int *)hits, record + 3), edge = (vint)(0);
         for (int axis = 0; axis < 3; axis++) {
-            /* Refined hits keep no place in the cell: its middle. */
-            vfloat part =
-                v_select(refined, (vfloat)(0.5f), v_gather_float((K_GLOBAL const float *)hits, record + 4 + axis));
-            vfloat c = v_to_float(cell >> 8 * axis & 255) + part;
+            vfloat c = v_to_float(in_brick >> 10 * axis & 1023) * (1.0f / 64.0f);
             edge |= v_lt(lane_min(c, KARST_BRICK_CELLS - c), (vfloat)(LINE_CELLS));
         }
         vint below = v_gather_int((K_GLOBAL const int *)pixels, at);
@@ -155,17 +150,15 @@ __kernel K_WIDE void views_paint(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOB
     EACH_PAINTED_LANE(STORE_PIXEL)
 }
 
-__kernel K_WIDE void views_normals(BRICK_PARAMETERS, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
-                                   K_GLOBAL float *normals)
+__kernel K_WIDE void views_normals(karst_pinhole pinhole, K_GLOBAL const karst_hit *hits, K_GLOBAL float *normals)
 {
-    surface_source source = {BRICK_FIELDS, 0, 0, 0, 0.0f, 0.0f}; /* of the level that was hit, without blending */
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
     if (!v_any(valid))
         return;
     vector3 direction = pinhole_direction(&pinhole, x, y);
     vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    surface_hits s = load_surface(hits, &source, place, &direction);
+    surface_hits s = load_surface(hits, place, valid, &direction, 0.0f, 0.0f);
     vint at = v_select(valid, y * pinhole.width_px + x, (vint)(0));
     vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS));
     const vfloat zero = (vfloat)(0.0f);

@@ -120,7 +120,7 @@ int main(int argc, char **argv)
     karst_floor *f = karst_floor_create(context, width, height, &error);
     scene_check(f, &error);
     const bool shadows = getenv("SHADOWS") != NULL;
-    karst_shader *shader = karst_shader_create(context, &s.buffers, shadows, &error);
+    karst_shader *shader = karst_shader_create(context, shadows, &error);
     scene_check(shader, &error);
     size_t num_pixels = (size_t)width * height;
     karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4),

@@ -175,7 +175,7 @@ static void test_one_lane_leaves_the_same(void **state)
     karst_error error = {0};
     scene s = open_scene(bumps, NULL);
     karst_caster *caster = open_caster(&s, ""), *alone = open_caster(&s, KARST_CAST_NO_BEAM);
-    karst_shader *shader = karst_shader_create(contexts[0], &s.buffers, false, &error);
+    karst_shader *shader = karst_shader_create(contexts[0], false, &error);
     scene_check(shader, &error);
     karst_buffer *hits = scene_buffer(contexts[0], "hits", NUM_PIXELS * sizeof(karst_hit)),
                  *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),

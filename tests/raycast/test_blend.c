@@ -90,7 +90,7 @@ static changes fly(float blend)
     karst_error error = {0};
     scene s = open_scene(contexts[0], &gentle);
     karst_caster *caster = open_caster(&s, "");
-    karst_shader *shader = karst_shader_create(contexts[0], &s.buffers, false, &error);
+    karst_shader *shader = karst_shader_create(contexts[0], false, &error);
     scene_check(shader, &error);
     karst_buffer *hits = scene_buffer(contexts[0], "hits", NUM_PIXELS * sizeof(karst_hit)),
                  *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),

@@ -45,7 +45,7 @@ static bool same_hits(const karst_hit *a, const karst_hit *b, size_t n, bool sam
         if (!same_slots)
             x.brick = y.brick = x.node = y.node = 0;
         if (memcmp(&x, &y, sizeof(x)) != 0) {
-            fprintf(stderr, "ray %zu: %a %x %x against %a %x %x\n", i, x.t, x.kind, x.cell, y.t, y.kind, y.cell);
+            fprintf(stderr, "ray %zu: %a %x %x against %a %x %x\n", i, x.t, x.kind, x.place, y.t, y.kind, y.place);
             return false;
         }
     }

@@ -72,7 +72,7 @@ static picture take_picture(const scene *s, const karst_cast_view *view, const k
     karst_error error = {0};
     picture p = {.num_pixels = (size_t)pinhole->width_px * (size_t)pinhole->height_px};
     karst_caster *caster = open_caster(s, "");
-    karst_shader *shader = karst_shader_create(s->context, &s->buffers, shadows, &error);
+    karst_shader *shader = karst_shader_create(s->context, shadows, &error);
     scene_check(shader, &error);
     karst_buffer *hits = scene_buffer(s->context, "hits", p.num_pixels * sizeof(karst_hit));
     karst_buffer *rays =
@@ -313,7 +313,7 @@ static void without_shadows_there_is_no_kernel(void **state)
     const karst_pinhole pinhole = make_pinhole(16, 16, 50, -18, 300);
     const karst_light light = make_light(35);
     karst_caster *caster = open_caster(&s, KARST_CAST_NO_SHADOWS " " KARST_CAST_NO_STREAMS);
-    karst_shader *shader = karst_shader_create(s.context, &s.buffers, false, &error);
+    karst_shader *shader = karst_shader_create(s.context, false, &error);
     scene_check(shader, &error);
     karst_buffer *rays = scene_buffer(s.context, "rays", karst_cast_shadow_bytes(16, 16)),
                  *hits = scene_buffer(s.context, "hits", 256 * sizeof(karst_hit)),
