@@ -224,6 +224,20 @@ K_INLINE K_WIDE float survey_slope(K_GLOBAL const karst_brick_sample *slot)
     return v_max_across(steepest);
 }
 
+/* How a brick is looked at: see finalise_rows.clh for the other way. */
+#if KARST_GROUP == 1 && defined(V_HAS_BITS)
+#include "producers/finalise_rows.clh"
+#define SURVEY_SAMPLES(samples, survey) survey_rows(samples, &solid, survey)
+#define SURVEY_SURFACE(samples, survey) survey_surface_rows(samples, &solid, survey)
+#define ENCODE_SAMPLES(samples, range, slot) encode_rows(samples, range, slot, &kept_q)
+#define SURVEY_SLOPE(slot) survey_slope_rows(&kept_q)
+#else
+#define SURVEY_SAMPLES survey_samples
+#define SURVEY_SURFACE survey_surface
+#define ENCODE_SAMPLES encode_samples
+#define SURVEY_SLOPE survey_slope
+#endif
+
 K_INLINE K_GLOBAL karst_brick_sample *slot_at(uint slot, uint bricks_per_segment, K_GLOBAL karst_brick_sample *b0,
                                         K_GLOBAL karst_brick_sample *b1, K_GLOBAL karst_brick_sample *b2,
                                         K_GLOBAL karst_brick_sample *b3, K_GLOBAL karst_brick_sample *b4,
@@ -264,7 +278,11 @@ typedef struct {
 FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
 {
     sample_survey survey;
-    survey_samples(at->samples, &survey);
+#ifdef KARST_PRODUCERS_FINALISE_ROWS_CLH
+    solid_bits solid;
+    float_samples kept_q;
+#endif
+    SURVEY_SAMPLES(at->samples, &survey);
     float least = group_min_float(survey.least, cells + 0), largest = group_max_float(survey.largest, cells + 1);
     uint sides = group_or(survey.sides, cells + 2);
     karst_scrub scrub;
@@ -281,13 +299,13 @@ FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
         return;
 
     surface_survey surface;
-    survey_surface(at->samples, &surface);
+    SURVEY_SURFACE(at->samples, &surface);
     float reach = group_max_float(surface.reach, cells + 5);
     uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
     float range = karst_brick_range(largest, kept ? largest : reach, KARST_BRICK_BITS);
-    encode_samples(at->samples, range, at->q);
+    ENCODE_SAMPLES(at->samples, range, at->q);
     GROUP_BARRIER();
-    float slope_squared = group_max_float(survey_slope(at->q), cells + 8);
+    float slope_squared = group_max_float(SURVEY_SLOPE(at->q), cells + 8);
     if (LOCAL_ID == 0) {
         karst_brick_info info = {
             karst_brick_scale(range, KARST_BRICK_BITS), karst_safe_cells(slope_squared), {blocks0, blocks1}};
