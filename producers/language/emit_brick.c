@@ -113,6 +113,11 @@ static void declare_axes(karst_emit *emit)
                            num_octaves(emit, e));
         if (node->has_gradients)
             karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    noise_table g%u[%u];\n#endif\n", e, num_octaves(emit, e));
+        if (node->has_rows)
+            karst_text_add(text,
+                           "#ifdef EMIT_HAS_TABLES\n    noise_table_rows l%u[%u];\n"
+                           "    vfloat r%u[KARST_BRICK_SIDE];\n#endif\n",
+                           e, num_octaves(emit, e), e);
         const char *size = !node->axes             ? ""
                            : node->axes == (X | Y) ? "[KARST_BRICK_SIDE][EMIT_ROW_VECTORS]"
                            : node->axes & X        ? "[EMIT_ROW_VECTORS]"
@@ -191,6 +196,12 @@ static void prepare(karst_emit *emit)
                            "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
                            "        axes->g%u[k].is_made = 0;\n#endif\n",
                            num_octaves(emit, e), e);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].has_rows)
+            karst_text_add(text,
+                           "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
+                           "        emit_table_rows_at(&axes->l%u[k], &axes->n%u[k], %d);\n#endif\n",
+                           num_octaves(emit, e), e, e, shape_of(emit, e) == KARST_NOISE_SUM);
     block(emit, 0);
     block(emit, X);
     block(emit, Y);
@@ -199,12 +210,96 @@ static void prepare(karst_emit *emit)
     karst_text_add(text, "}\n\n");
 }
 
+/* Marks what the value of a node is made of in a block of all axes; false if that is more than is worth making twice.
+ */
+static bool gather(karst_emit *emit, karst_expr e, uint32_t *room)
+{
+    karst_emit_node *node = &emit->nodes[e];
+    karst_emit_input inputs[KARST_MAX_INPUTS];
+    if (node->axes != KARST_AXES || node->is_gathered)
+        return true;
+    if (*room == 0 || (emit->graph->nodes[e].op == KARST_OP_NOISE && !node->is_tensor))
+        return false;
+    --*room;
+    node->is_gathered = 1;
+    size_t count = karst_emit_inputs(emit, e, inputs);
+    for (size_t i = 0; i < count; i++)
+        if (!gather(emit, inputs[i].e, room))
+            return false;
+    return true;
+}
+
+/* The same of what moves a noise along x and z. */
+#define MAX_GATHERED 24u
+static bool gather_movements(karst_emit *emit, karst_expr noise)
+{
+    uint32_t room = MAX_GATHERED;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        emit->nodes[e].is_gathered = 0;
+    for (int i = 0; i < 3; i++) {
+        karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
+        if (by && !gather(emit, by, &room))
+            return false;
+    }
+    return true;
+}
+
+static karst_operand movement(const karst_emit *emit, karst_expr noise, int i)
+{
+    karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    return by ? karst_emit_operand(emit, by) : (karst_operand){"(vfloat)(0.0f)"};
+}
+
+/* A bent noise in all rows of a plane: first by how much it is bent there, then octave by octave. */
+static void rows_sums(karst_emit *emit, karst_expr e)
+{
+    karst_text *text = &emit->text;
+    const char *shape = karst_emit_shape_name(shape_of(emit, e));
+    char mean[32];
+    snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
+    gather_movements(emit, e);
+    karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    {\n    vfloat by_x[KARST_BRICK_SIDE], by_z[KARST_BRICK_SIDE];\n"
+                         "    for (int iy = 0; iy < KARST_BRICK_SIDE; iy++) {\n    const vint lane = V_LANE;\n"
+                         "    const int c = 0;\n    (void)c;\n"
+                         "    const affine_position at = emit_samples(axes->origin, axes->level, lane, (vint)(iy), "
+                         "(vint)(iz));\n");
+    karst_emit_begin_block(emit, (karst_block){.axes = KARST_AXES});
+    for (karst_expr i = 1; i < emit->graph->num_nodes; i++)
+        if (emit->nodes[i].is_gathered)
+            karst_emit_lines(emit, i);
+    karst_text_add(text, "    by_x[iy] = %s;\n    by_z[iy] = %s;\n    axes->r%u[iy] = (vfloat)(0.0f);\n    }\n",
+                   movement(emit, e, 0).text, movement(emit, e, 2).text, e);
+    karst_text_add(text,
+                   "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
+                   "        if (weight.weight == 0.0f) {\n            for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
+                   "                axes->r%u[i] = octave_faded_%s(%s, &weight, axes->r%u[i]);\n"
+                   "            continue;\n        }\n",
+                   num_octaves(emit, e), e, e, shape, mean, e);
+    if (shape_of(emit, e) == KARST_NOISE_SUM)
+        karst_text_add(text,
+                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, KARST_BRICK_SIDE, "
+                       "axes->r%u);\n",
+                       e, e, e);
+    else
+        karst_text_add(text,
+                       "        vfloat one[KARST_BRICK_SIDE];\n        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
+                       "            one[i] = (vfloat)(0.0f);\n"
+                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, KARST_BRICK_SIDE, one);\n"
+                       "        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
+                       "            axes->r%u[i] = octave_%s(one[i], %s, &weight, axes->r%u[i]);\n",
+                       e, e, e, shape, mean, e);
+    karst_text_add(text, "    }\n    }\n#endif\n");
+}
+
 static void plane(karst_emit *emit)
 {
     karst_text_add(&emit->text, "K_INLINE K_WIDE void world_plane(world_axes *axes, int iz)\n{\n"
                                 "    world_data data = axes->data;\n    axes->plane = iz;\n    (void)data;\n");
     block(emit, X | Z);
     block(emit, Y | Z);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].has_rows)
+            rows_sums(emit, e);
     karst_text_add(&emit->text, "}\n\n");
 }
 
@@ -282,6 +377,7 @@ static void mark_gradients(karst_emit *emit)
             emit->nodes[e].is_tensor || !karst_emit_is_gradient(emit, e) || num_octaves(emit, e) > room)
             continue;
         emit->nodes[e].has_gradients = 1;
+        emit->nodes[e].has_rows = karst_emit_has_level_rows(emit, e) && gather_movements(emit, e);
         room -= num_octaves(emit, e);
     }
 }

@@ -24,6 +24,8 @@ typedef struct {
     uint8_t is_tensor;     /* a noise that 16 lanes evaluate as a tensor product over the brick */
     uint8_t is_table;      /* Worley's noise whose cells 16 lanes hash once for the brick */
     uint8_t has_gradients; /* gradient noise for which 16 lanes look gradients up, where they take no tensor */
+    uint8_t has_rows;      /* such a noise whose octaves are added to all rows of a plane at once */
+    uint8_t is_gathered;   /* see emit_brick.c */
     karst_expr partner;    /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
@@ -83,6 +85,11 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
 /* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
 const char *karst_emit_shape_name(uint8_t shape); /* as octave.clh has it */
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
+/* True if it is bent along x and z at most, on a lattice that has the brick's axes: all lanes of a row have one y. */
+bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e);
+/* What moves an argument in its lattice: an offset, or all of an argument that has no exact place. KARST_NO_EXPR: nothing
+ * does. */
+karst_expr karst_emit_moved_by(const karst_emit *emit, karst_expr argument);
 /* Gradient noise, not a derivative. */
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);

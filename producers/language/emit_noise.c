@@ -21,9 +21,7 @@ static const karst_noise *noise_of(const karst_emit *emit, karst_expr e)
     return &emit->graph->noises[emit->graph->nodes[e].extra];
 }
 
-/* What moves an argument in its lattice: an offset, or all of an argument that has no exact place. KARST_NO_EXPR:
- * nothing does. */
-static karst_expr moved_by(const karst_emit *emit, karst_expr argument)
+karst_expr karst_emit_moved_by(const karst_emit *emit, karst_expr argument)
 {
     const karst_expr_node *n = &emit->graph->nodes[argument];
     if (n->op == KARST_OP_AFFINE)
@@ -55,10 +53,24 @@ bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e)
     const karst_expr_node *n = &emit->graph->nodes[e];
     for (int i = 0; i < 3; i++) {
         uint8_t axes = emit->graph->nodes[n->arg[i]].depends & KARST_AXES;
-        if (moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
+        if (karst_emit_moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
             return false;
     }
     return emit->nodes[e].axes == KARST_AXES;
+}
+
+bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = &emit->graph->nodes[e];
+    if (karst_emit_moved_by(emit, n->arg[1]))
+        return false;
+    for (int i = 0; i < 3; i++) {
+        karst_expr by = karst_emit_moved_by(emit, n->arg[i]);
+        if ((steps_along(emit, n->arg[i]) & ~(KARST_DEPENDS_X << i)) ||
+            (by && emit->graph->nodes[by].kind == KARST_KIND_WIDE))
+            return false;
+    }
+    return true;
 }
 
 /* Where one argument lies in the octave's lattice, as the brick form steps there or the point form computes it. */
@@ -66,7 +78,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
-    karst_expr by = moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
     karst_text_add(text, "        q.axis[%d] = ", i);
@@ -171,7 +183,8 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     if (karst_emit_slope_lines(emit, e))
         return;
     bool is_tensor = emit->nodes[e].is_tensor && !emit->block.is_point;
-    bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point;
+    bool has_rows = emit->nodes[e].has_rows && !emit->block.is_point && !emit->block.is_sample;
+    bool has_gradients = emit->nodes[e].has_gradients && !emit->block.is_point && !has_rows;
     if (is_tensor && emit->block.is_sample)
         karst_text_add(
             text,
@@ -181,6 +194,8 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     else if (is_tensor)
         karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat v%u = axes->s%u[iz * KARST_BRICK_SIDE + iy];\n#else\n", e,
                        e);
+    if (has_rows)
+        karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    vfloat v%u = axes->r%u[iy];\n#else\n", e, e);
     karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", e);
     karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
@@ -195,5 +210,6 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
         karst_text_add(text, "#else\n");
     }
     octave_line(emit, e);
-    karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "", is_tensor ? "#endif\n" : "");
+    karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "",
+                   is_tensor || has_rows ? "#endif\n" : "");
 }
