@@ -277,14 +277,14 @@ static void rows_sums(karst_emit *emit, karst_expr e)
                    num_octaves(emit, e), e, e, shape, mean, e);
     if (shape_of(emit, e) == KARST_NOISE_SUM)
         karst_text_add(text,
-                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, KARST_BRICK_SIDE, "
+                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, "
                        "axes->r%u);\n",
                        e, e, e);
     else
         karst_text_add(text,
                        "        vfloat one[KARST_BRICK_SIDE];\n        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
                        "            one[i] = (vfloat)(0.0f);\n"
-                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, KARST_BRICK_SIDE, one);\n"
+                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, one);\n"
                        "        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
                        "            axes->r%u[i] = octave_%s(one[i], %s, &weight, axes->r%u[i]);\n",
                        e, e, e, shape, mean, e);
