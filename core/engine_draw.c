@@ -24,17 +24,22 @@ static karst_light make_light(const karst_engine *engine)
     return light;
 }
 
+void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole)
+{
+    karst_cast_view_init(view, &engine->camera.position, engine->root_corner, engine->top_level);
+    view->serial = engine->serial;
+    view->detail = (float)karst_engine_detail_px(engine);
+    view->own_detail = (float)engine->detail_px;
+    view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
+    karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+}
+
 /* Cast and shade into the display. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error)
 {
     karst_cast_view view;
-    karst_cast_view_init(&view, &engine->camera.position, engine->root_corner, engine->top_level);
-    view.serial = engine->serial;
-    view.detail = (float)karst_engine_detail_px(engine);
-    view.own_detail = (float)engine->detail_px;
-    view.blend = engine->blend ? KARST_BLEND_SHARE : 0;
     karst_pinhole pinhole;
-    karst_pinhole_init(&pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+    karst_engine_picture_view(engine, &view, &pinhole);
     engine->drawn = engine->camera;
     karst_light light = make_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);

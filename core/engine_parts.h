@@ -19,6 +19,7 @@
 #include "producers/language/world_file.h"
 #include "producers/producer.h"
 #include "raycast/cast.h"
+#include "raycast/pinhole.h"
 #include "raycast/refine.h"
 #include "raycast/shade.h"
 #include "raycast/views.h"
@@ -49,12 +50,12 @@ typedef struct {
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
 typedef struct {
     uint32_t num_bricks, num_tiles, num_scout_rays;
-    uint64_t brick_cpu_ns, tile_cpu_ns, scout_cpu_ns;
+    uint64_t brick_cpu_ns, tile_cpu_ns, scout_cpu_ns, again_cpu_ns;
 } karst_engine_made;
 
 /* How the camera moves, by frame. */
 typedef struct {
-    bool has_camera, steady;
+    bool has_camera, moved, steady;
     karst_camera camera; /* of the last frame */
     double step_m[3], yaw_deg, pitch_deg;
     double turn_rad; /* of the step, about the vertical */
@@ -109,6 +110,7 @@ struct karst_engine {
     uint32_t num_whole_scouts;
     bool ahead_is_made; /* the last look ahead found next to nothing */
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
+    uint8_t *marks;                    /* of parts of the picture; karst_engine_look_again */
     bool have_previous;
     karst_stats stats;
 };
@@ -189,7 +191,13 @@ void karst_engine_note_motion(karst_engine *engine);
  * and that. */
 bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
 
-/* engine_draw.c. Casts and shades into the display. */
+/* engine_again.c. Casts the parts of the last picture that were provisional once more, as they are now, to ask for what
+ * they lack; all of it (is_whole) where that is cheaper. Standing views on CPU devices only. */
+bool karst_engine_look_again(karst_engine *engine, bool *is_whole, karst_error *error);
+size_t karst_engine_num_marks(int width_px, int height_px); /* of a picture: bytes of marks */
+
+/* engine_draw.c. What the picture's rays see, and casting and shading it into the display. */
+void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
 bool karst_engine_draw(karst_engine *engine, karst_error *error);
 
 #endif

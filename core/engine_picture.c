@@ -30,6 +30,10 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         karst_buffer_create_blank(engine->context, "hits", karst_engine_scout_bytes(num_pixels), error);
     if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits)
         return false;
+    engine->marks = malloc(karst_engine_num_marks(engine->width_px, engine->height_px));
+    if (!engine->marks)
+        return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", engine->width_px,
+                          engine->height_px);
     if (engine->shadows) {
         engine->shadow_rays = karst_buffer_create_blank(
             engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
@@ -54,11 +58,12 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->depth);
     karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
+    free(engine->marks);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
     engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = NULL;
-    engine->pixels = engine->previous_pixels = NULL;
+    engine->marks = engine->pixels = engine->previous_pixels = NULL;
 }
 
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error)

@@ -10,6 +10,8 @@
 #define UNUSED_SHARE 0.25
 /* A round takes no longer where somebody may want an end. */
 #define PATIENT_ROUND_NS 100e6
+/* Of a picture that stands; each gets further down likewise. */
+#define MAX_AGAIN 8
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
 
@@ -17,6 +19,7 @@
 typedef struct {
     uint32_t bricks, tiles;
     double ns; /* only with a budget in ms */
+    bool over; /* somebody wanted an end */
 } allowance;
 
 uint64_t karst_engine_cpu_ns(const karst_engine *engine)
@@ -120,7 +123,7 @@ static double scout_ns(const karst_engine *engine)
 }
 
 /* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
-static bool may_go_on(const karst_engine *engine, const karst_work *work, const allowance *left)
+static bool may_go_on(const karst_engine *engine, const karst_work *work, allowance *left)
 {
     if (work->num_starved_bricks || work->num_starved_tiles)
         return false;
@@ -128,7 +131,8 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, const 
         return false;
     if (work->num_deferred_budget && !(left->ns > UNUSED_SHARE * engine->budget_ns))
         return false;
-    if (engine->goes_on && !engine->goes_on(engine->patience))
+    left->over = left->over || (engine->goes_on && !engine->goes_on(engine->patience));
+    if (left->over)
         return false;
     return engine->budget_ns == 0 ||
            (karst_cost_is_known(&engine->cost) &&
@@ -154,6 +158,26 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
     if (!answer_round(engine, &from->position, left, work, error))
         return false;
     engine->stats.num_requests += work->num_loads + work->num_subdivides;
+    return true;
+}
+
+/* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell. */
+static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    bool is_whole = true;
+    for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
+        uint64_t start_ns = karst_engine_cpu_ns(engine);
+        if (!karst_engine_look_again(engine, &is_whole, error) || !karst_finish(engine->context, error))
+            return false;
+        uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
+        engine->made.again_cpu_ns += taken_ns;
+        left->ns -= (double)taken_ns;
+        if (!answer_round(engine, &engine->camera.position, left, work, error))
+            return false;
+        engine->stats.num_requests += work->num_loads + work->num_subdivides;
+        if (work->num_loads + work->num_subdivides == 0)
+            break;
+    }
     return true;
 }
 
@@ -273,6 +297,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
         if (!scout_round(engine, &engine->camera, false, &left, &more, error))
             return false;
+    if (engine->goes_on && engine->context->is_cpu && !moves && !engine->motion.moved && stats->num_provisional > 0 &&
+        !follow_up(engine, &left, &more, error))
+        return false;
     left.ns += kept_ns;
     return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
 }
@@ -296,7 +323,7 @@ void karst_engine_learn_cost(karst_engine *engine)
         tile_ns = tile_ns < made->tile_cpu_ns ? tile_ns : made->tile_cpu_ns;
     }
     stats->time_ns_production = brick_ns + tile_ns;
-    stats->time_ns_scouts = made->scout_cpu_ns;
+    stats->time_ns_scouts = made->scout_cpu_ns + made->again_cpu_ns;
     karst_cost_round round = {
         .num_bricks = made->num_bricks, .num_tiles = made->num_tiles, .brick_ns = brick_ns, .tile_ns = tile_ns};
     round.num_scout_rays = made->num_scout_rays;

@@ -95,8 +95,8 @@ void karst_engine_note_motion(karst_engine *engine)
         change_m[axis] = motion->step_m[axis] - before.step_m[axis];
     double step_m = length(motion->step_m);
     motion->turn_rad = turn_between(before.step_m, motion->step_m);
-    bool moves = step_m > 0 || motion->yaw_deg != 0 || motion->pitch_deg != 0;
-    motion->steady = moves && is_steady(step_m, length(before.step_m), length(change_m)) &&
+    motion->moved = step_m > 0 || motion->yaw_deg != 0 || motion->pitch_deg != 0;
+    motion->steady = motion->moved && is_steady(step_m, length(before.step_m), length(change_m)) &&
                      is_steady(motion->yaw_deg, before.yaw_deg, fabs(motion->yaw_deg - before.yaw_deg)) &&
                      is_steady(motion->pitch_deg, before.pitch_deg, fabs(motion->pitch_deg - before.pitch_deg));
 }

@@ -10,8 +10,13 @@
 /* Time for making content, of a frame, if drawing leaves so much; and at least, or the world would turn coarse. */
 #define MOVING_BUDGET 0.25
 #define LEAST_BUDGET 0.06
-/* Drawing and making together. */
-#define USE_WITH_BUDGET 0.85
+/* Drawing and making together: a little more after each frame that came in time, much less after one that was late, so
+ * that one in forty is. */
+#define FIRST_USE 0.85
+#define LEAST_USE 0.75
+#define MOST_USE 0.95
+#define USE_MORE 0.001
+#define USE_LESS 0.04
 /* Standing, one waits for content alone, with a picture now and then, sooner where little is there yet. Keys and mouse
  * end it. */
 #define STILL_BUDGET_MS 500.0
@@ -53,7 +58,7 @@ static double budget_ms(const viewer *v, int share, bool at_rest)
                    : STILL_BUDGET_MS;
     double side = (double)share / VIEW_FULL_SHARE;
     double drawn_ms = r->cost_ns_px * side * side * v->width_px * v->height_px / 1e6;
-    double left_ms = target_ms * USE_WITH_BUDGET - drawn_ms - r->other_ns / 1e6;
+    double left_ms = target_ms * (FIRST_USE + r->more_use) - drawn_ms - r->other_ns / 1e6;
     return fmax(target_ms * LEAST_BUDGET, fmin(target_ms * MOVING_BUDGET, left_ms));
 }
 
@@ -94,6 +99,8 @@ void view_resolution_learn(viewer *v, bool moving, uint64_t frame_ns)
     r->other_ns += smoothing * (fmin(other_ns, target_ns / 2) - r->other_ns);
     if (!moving || r->share == 0)
         return;
+    r->more_use += (double)frame_ns > target_ns ? -USE_LESS : USE_MORE;
+    r->more_use = fmax(LEAST_USE - FIRST_USE, fmin(MOST_USE - FIRST_USE, r->more_use));
     int affordable = affordable_share(v);
     if (affordable < r->share) { /* at once */
         r->moving_share = affordable;

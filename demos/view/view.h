@@ -232,6 +232,7 @@ typedef struct {
     double still_since_s;
     double cost_ns_px; /* of a pixel, smoothed */
     double other_ns;   /* of the rest of a frame, smoothed */
+    double more_use;   /* of a frame's time, than at first */
 } view_resolution;
 /* What to draw the next frame with. Errors: the engine's. */
 bool view_resolution_choose(viewer *v, bool moving, karst_error *error);

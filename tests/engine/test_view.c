@@ -1,4 +1,5 @@
 /* What viewers ask of an engine: fewer pixels, what lies under one, normals, and pictures of the engine at work. */
+#include <limits.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "core/engine_internal.h"
 #include "karst/karst.h"
 
 #define WIDTH 160
@@ -259,6 +261,34 @@ static void test_impatience_ends_a_frame(void **state)
     assert_memory_equal(painted, picture, sizeof picture);
 }
 
+/* A view that stands, with time enough: what its picture lacks is all made before it is drawn once more, though scouts
+ * see one pixel of 49 only. */
+static void test_a_second_picture_is_whole(void **state)
+{
+    (void)state;
+    patience much = {.most = UINT_MAX};
+    karst_stats stats;
+    karst_camera camera = karst_engine_default_camera(engine);
+    assert_ok(karst_engine_set_budget_ms(engine, 60000, &error));
+    karst_engine_pretend_cost(engine, 1000, 1000); /* or a slow machine might not come to an end */
+    karst_engine_set_patience(engine, waits, &much);
+    uint64_t num_provisional = 0;
+    for (int look = 0; look < 4; look++) {
+        camera.yaw_deg += 7;
+        camera.fov_deg = 3 + look;
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        assert_ok(karst_engine_frame(engine, &error));
+        for (int frame = 0; frame < 3; frame++) { /* who stands, stands for more than one */
+            assert_ok(karst_engine_frame(engine, &error));
+            karst_engine_stats(engine, &stats);
+            num_provisional += frame ? stats.num_provisional : 0;
+        }
+    }
+    assert_int_equal(num_provisional, 0);
+    karst_engine_set_patience(engine, NULL, NULL);
+    assert_ok(karst_engine_set_budget_ms(engine, 0, &error));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -269,6 +299,7 @@ int main(void)
         cmocka_unit_test(test_fewer_pixels_and_back),
         cmocka_unit_test(test_budget_has_its_range),
         cmocka_unit_test(test_impatience_ends_a_frame),
+        cmocka_unit_test(test_a_second_picture_is_whole),
     };
     return cmocka_run_group_tests(tests, open_engine, close_engine);
 }
