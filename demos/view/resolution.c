@@ -11,11 +11,11 @@
 #define MOVING_BUDGET 0.25
 #define LEAST_BUDGET 0.06
 /* Drawing and making together: a little more after each frame that came in time, much less after one that was late, so
- * that one in forty is. */
+ * that one in eighty is. */
 #define FIRST_USE 0.85
 #define LEAST_USE 0.75
-#define MOST_USE 0.95
-#define USE_MORE 0.001
+#define MOST_USE 0.94
+#define USE_MORE 0.0005
 #define USE_LESS 0.04
 /* Standing, one waits for content alone, with a picture now and then, sooner where little is there yet. Keys and mouse
  * end it. */
