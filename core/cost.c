@@ -4,8 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A measure is made of so many, or of so many rounds. */
-#define FULL_MEASURE 16u
+/* A measure is made of KARST_COST_FULL_MEASURE, or of so many rounds. */
 #define MOST_ROUNDS 4u
 /* Before a number of tiles is known, and as its room to grow. */
 #define TILES_AT_LEAST 8u
@@ -39,7 +38,7 @@ static void learn_kind(karst_cost_kind *kind, uint32_t num, uint64_t ns)
     kind->sum_num = num > UINT32_MAX - kind->sum_num ? UINT32_MAX : kind->sum_num + num;
     kind->sum_ns = ns > UINT64_MAX - kind->sum_ns ? UINT64_MAX : kind->sum_ns + ns;
     kind->sum_rounds++;
-    if (kind->sum_num < FULL_MEASURE && kind->sum_rounds < MOST_ROUNDS && kind->num_measures > 0)
+    if (kind->sum_num < KARST_COST_FULL_MEASURE && kind->sum_rounds < MOST_ROUNDS && kind->num_measures > 0)
         return;
     kind->measures_ns[kind->num_measures % KARST_COST_WINDOW] = (double)kind->sum_ns / kind->sum_num;
     /* The count stays in step with the ring, and above its size, when it would wrap around. */

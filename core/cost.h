@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #define KARST_COST_WINDOW 8
+#define KARST_COST_FULL_MEASURE 16u /* so many tell what one costs */
 
 /* What one of a kind costs: of the last measures the one that a quarter exceed. A device that is disturbed now and then
  * does not shake it, one that has become slower, or a dearer part of the world, tells after three. */

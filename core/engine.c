@@ -95,16 +95,21 @@ static bool step_ladder(karst_engine *engine, const karst_work *work)
     return karst_ladder_step(&engine->ladder, &round);
 }
 
+static karst_pace_frame pace_frame(const karst_engine *engine, bool moved)
+{
+    return (karst_pace_frame){.num_hits = engine->stats.num_hits,
+                              .num_provisional = engine->stats.num_provisional,
+                              .moved = moved,
+                              .steady = engine->motion.steady};
+}
+
 /* How much the next frame asks for, with a budget in ms. Returns true if it asks for other detail. */
 static bool step_pace(karst_engine *engine, const karst_work *work, bool moved)
 {
     double before = engine->pace.factor;
     if (engine->budget_ns > 0) {
-        const karst_pace_frame frame = {.num_hits = engine->stats.num_hits,
-                                        .num_provisional = engine->stats.num_provisional,
-                                        .num_deferred = work->num_deferred_budget,
-                                        .moved = moved,
-                                        .steady = engine->motion.steady};
+        karst_pace_frame frame = pace_frame(engine, moved);
+        frame.num_deferred = work->num_deferred_budget;
         karst_pace_step(&engine->pace, &frame);
     } else {
         karst_pace_init(&engine->pace);
@@ -181,6 +186,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->num_provisional = counters[1];
     stats->num_incomplete = counters[2];
     stats->num_coarser = counters[3];
+    /* Who is patient is given all at once. */
+    if (engine->budget_ns > 0 && !engine->goes_on) {
+        const karst_pace_frame frame = pace_frame(engine, moved);
+        karst_pace_look(&engine->pace, &frame);
+    }
     if (!karst_engine_answer(engine, &work, error) || !fill_pool_stats(engine, error))
         return false;
     engine->path = NULL;

@@ -180,10 +180,11 @@ void karst_engine_learn_cost(karst_engine *engine);
 /* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 
-/* engine_scout.c. Casts a coarse grid of rays that ask for what a camera's picture needs. `whole`: the one of all
- * pixels, while fewer are drawn; as many rays, between the last ones. */
-bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, karst_error *error);
-uint32_t karst_engine_scout_rays(const karst_engine *engine); /* of a scout */
+/* engine_scout.c. Casts a coarse grid of rays, so many pixels apart, that ask for what a camera's picture needs.
+ * `whole`: the one of all pixels, while fewer are drawn; as many rays, between the last ones. */
+#define KARST_SCOUT_PIXELS 7 /* finest */
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, int apart_px, karst_error *error);
+uint32_t karst_engine_scout_rays(const karst_engine *engine, int apart_px); /* of a scout */
 size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
 /* Once a frame, before it is drawn. */
 void karst_engine_note_motion(karst_engine *engine);

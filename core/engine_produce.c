@@ -78,6 +78,18 @@ static uint64_t made_cpu_ns(const karst_engine *engine)
     return engine->made.tile_cpu_ns + engine->made.brick_cpu_ns;
 }
 
+/* What a tile costs in this frame. Rounds of few are dearer than those of many, so that who had little to make for long
+ * expects too much; what the frame's own took says so, and is believed half way. Not so of bricks, of which some worlds
+ * have cheap ones and dear ones side by side. */
+static double tile_price_ns(const karst_engine *engine)
+{
+    const karst_engine_made *made = &engine->made;
+    double expected_ns = engine->cost.tiles.expected_ns;
+    if (made->num_tiles < KARST_COST_FULL_MEASURE || !engine->context->is_cpu || engine->cost.fixed)
+        return expected_ns;
+    return fmin(expected_ns, fmax((double)made->tile_cpu_ns / made->num_tiles, expected_ns / 2));
+}
+
 /* One round for the wants of the frame's serial. */
 static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
                          karst_error *error)
@@ -96,7 +108,7 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
         if (karst_cost_is_known(&engine->cost)) {
             params.budget_ns = round_ns;
             params.load_ns = engine->cost.bricks.expected_ns;
-            params.subdivide_ns = engine->cost.tiles.expected_ns;
+            params.subdivide_ns = tile_price_ns(engine);
         } else {
             params.max_tiles = limits.max_tiles;
             params.max_bricks = limits.max_bricks;
@@ -116,10 +128,18 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
     return true;
 }
 
+/* Of a view that is new all is coarse as yet, and large on the picture. */
+#define APART_NEW_PX (4 * KARST_SCOUT_PIXELS)
+
+static int scout_apart_px(const karst_engine *engine)
+{
+    return engine->pace.new_view ? APART_NEW_PX : KARST_SCOUT_PIXELS;
+}
+
 /* What a scout is expected to take. */
 static double scout_ns(const karst_engine *engine)
 {
-    return karst_engine_scout_rays(engine) * engine->cost.scout_rays.expected_ns;
+    return karst_engine_scout_rays(engine, scout_apart_px(engine)) * engine->cost.scout_rays.expected_ns;
 }
 
 /* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
@@ -145,15 +165,17 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
 {
     karst_engine_made *made = &engine->made;
     uint64_t start_ns = karst_engine_cpu_ns(engine);
-    if (!karst_engine_scout(engine, from, whole, error))
+    int apart_px = scout_apart_px(engine);
+    if (!karst_engine_scout(engine, from, whole, apart_px, error))
         return false;
     /* On a GPU a scout is next to nothing, and waiting for it is not. */
     if (engine->budget_ns > 0 && engine->context->is_cpu) {
         if (!karst_finish(engine->context, error))
             return false;
-        made->num_scout_rays += karst_engine_scout_rays(engine);
-        made->scout_cpu_ns += karst_engine_cpu_ns(engine) - start_ns;
-        left->ns -= scout_ns(engine);
+        uint64_t took_ns = karst_engine_cpu_ns(engine) - start_ns;
+        made->num_scout_rays += karst_engine_scout_rays(engine, apart_px);
+        made->scout_cpu_ns += took_ns;
+        left->ns -= engine->cost.fixed ? scout_ns(engine) : (double)took_ns;
     }
     if (!answer_round(engine, &from->position, left, work, error))
         return false;

@@ -6,9 +6,9 @@
 #include "karst/view.h"
 #include "raycast/pinhole.h"
 
-/* One ray for so many pixels across and down. A brick's voxels are half a pixel wide at least, so it is 8 pixels wide
- * where it is seen from the front. */
-#define SCOUT_PIXELS 7
+/* A brick's voxels are half a pixel wide at least, so it is 8 pixels wide where it is seen from the front:
+ * KARST_SCOUT_PIXELS are less. */
+#define SCOUT_PIXELS KARST_SCOUT_PIXELS
 /* More than the rounding of both sides can need: sides go up to 16384 pixels. */
 #define MORE_RAYS 4096
 /* Motion is steady when two frames' steps differ by no more than this share. */
@@ -21,11 +21,11 @@ size_t karst_engine_scout_bytes(size_t num_pixels)
     return (num_pixels / (SCOUT_PIXELS * SCOUT_PIXELS) + MORE_RAYS) * sizeof(karst_hit);
 }
 
-static int scout_side(int side_px) { return side_px >= SCOUT_PIXELS ? side_px / SCOUT_PIXELS : 1; }
+static int scout_side(int side_px, int apart_px) { return side_px >= apart_px ? side_px / apart_px : 1; }
 
-uint32_t karst_engine_scout_rays(const karst_engine *engine)
+uint32_t karst_engine_scout_rays(const karst_engine *engine, int apart_px)
 {
-    return (uint32_t)scout_side(engine->width_px) * (uint32_t)scout_side(engine->height_px);
+    return (uint32_t)scout_side(engine->width_px, apart_px) * (uint32_t)scout_side(engine->height_px, apart_px);
 }
 
 /* A share of the way between two rays, another one each time and evenly spread (multiples of a root of x^3 = x + 1, and
@@ -41,7 +41,7 @@ static void shift_rays(karst_pinhole *pinhole, float right, float up)
         pinhole->forward[axis] += right * pinhole->right[axis] + up * pinhole->up[axis];
 }
 
-bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, karst_error *error)
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, int apart_px, karst_error *error)
 {
     karst_cast_view view;
     karst_pinhole pinhole;
@@ -50,17 +50,17 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool w
     karst_cast_view_init(&view, &camera->position, engine->root_corner, engine->top_level);
     view.serial = engine->serial;
     view.detail = (float)karst_engine_detail_px(engine);
-    view.stands_for = SCOUT_PIXELS * SCOUT_PIXELS;
+    view.stands_for = (uint32_t)(apart_px * apart_px);
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
     karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
-    pinhole.width_px = scout_side(engine->width_px);
-    pinhole.height_px = scout_side(engine->height_px);
+    pinhole.width_px = scout_side(engine->width_px, apart_px);
+    pinhole.height_px = scout_side(engine->height_px, apart_px);
     if (whole) {
         uint32_t turn = engine->num_whole_scouts++;
         shift_rays(&pinhole, between_rays(turn, 0.7548776662466927), between_rays(turn, 0.5698402909980532));
     } else {
-        pinhole.half_width *= fminf(1, (float)(pinhole.width_px * SCOUT_PIXELS) / (float)width_px);
-        pinhole.half_height *= fminf(1, (float)(pinhole.height_px * SCOUT_PIXELS) / (float)height_px);
+        pinhole.half_width *= fminf(1, (float)(pinhole.width_px * apart_px) / (float)width_px);
+        pinhole.half_height *= fminf(1, (float)(pinhole.height_px * apart_px) / (float)height_px);
     }
     return karst_cast_pinhole(engine->caster, &view, &pinhole, engine->scout_hits, error);
 }

@@ -19,6 +19,8 @@
 typedef struct {
     double factor; /* 1 to KARST_PACE_MOST */
     bool new_view; /* most of what is seen is new, and not there yet */
+    bool sharpens; /* it was new, and what it was to show first was there */
+    int num_short; /* frames in a row that were short of what was asked for */
 } karst_pace;
 
 /* What one frame came to. */
@@ -30,6 +32,9 @@ typedef struct {
 } karst_pace_frame;
 
 void karst_pace_init(karst_pace *pace);
+/* Before anything is made for a frame whose hits are known: of a view that is new nothing finer is made than what it
+ * will be asked for. num_deferred is not looked at. */
+void karst_pace_look(karst_pace *pace, const karst_pace_frame *frame);
 /* Takes a frame's outcome; the factor is the next frame's. */
 void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame);
 /* Asks for all: nothing is held back any more. */

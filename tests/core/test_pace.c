@@ -135,6 +135,67 @@ static void test_a_jump_goes_from_coarse_to_fine(void **state)
     }
 }
 
+/* A jump is noticed before anything is made for it, and held although at first nothing is put off; not so a view of
+ * which most is there, one that goes on steadily, or one that stands. */
+static void test_a_jump_is_noticed_at_once(void **state)
+{
+    (void)state;
+    static const struct {
+        double share;
+        bool moved, steady, is_new;
+    } views[] = {{0, true, false, true},      {0.4, true, false, true}, {0.6, true, false, false},
+                 {0.1, true, true, true},     {0.4, true, true, false}, {0, false, false, false}};
+    for (size_t i = 0; i < sizeof views / sizeof *views; i++) {
+        karst_pace pace;
+        karst_pace_init(&pace);
+        const karst_pace_frame frame = {.num_hits = NUM_HITS,
+                                        .num_provisional = (uint64_t)((1 - views[i].share) * NUM_HITS),
+                                        .moved = views[i].moved,
+                                        .steady = views[i].steady};
+        karst_pace_look(&pace, &frame);
+        assert_int_equal(pace.new_view, views[i].is_new);
+        assert_true(pace.factor == (views[i].is_new ? KARST_PACE_MOST : 1));
+        for (int n = 0; n < 5 && views[i].is_new; n++) {
+            karst_pace_step(&pace, &frame);
+            assert_true(pace.factor == KARST_PACE_MOST);
+        }
+    }
+    /* But not for ever: what the pools do not hold is the ladder's. */
+    karst_pace pace;
+    karst_pace_init(&pace);
+    const karst_pace_frame frame = {.num_hits = NUM_HITS, .num_provisional = NUM_HITS, .moved = true};
+    karst_pace_look(&pace, &frame);
+    for (int n = 0; n < 15; n++)
+        karst_pace_step(&pace, &(karst_pace_frame){.num_hits = NUM_HITS, .num_provisional = NUM_HITS});
+    assert_true(karst_pace_at_rest(&pace));
+}
+
+/* In motion, what was new and is there sharpens faster than what flies by, waits for what was asked for and is not seen
+ * yet instead of going back, and after some frames of that counts as any other view. */
+static void test_what_was_new_sharpens(void **state)
+{
+    (void)state;
+    karst_pace pace;
+    karst_pace_init(&pace);
+    karst_pace_frame frame = {.num_hits = NUM_HITS, .num_provisional = NUM_HITS, .num_deferred = 100, .moved = true};
+    karst_pace_look(&pace, &frame);
+    frame.num_provisional = NUM_HITS / 50;
+    karst_pace_step(&pace, &frame);
+    assert_true(!pace.new_view && pace.sharpens);
+    assert_true(pace.factor < KARST_PACE_MOST * exp2(-0.12));
+    double held = pace.factor;
+    frame.num_provisional = NUM_HITS / 4;
+    frame.steady = true;
+    int num_held = 0;
+    for (; num_held < 30; num_held++) {
+        karst_pace_step(&pace, &frame);
+        if (pace.factor != held)
+            break;
+    }
+    assert_true(num_held >= 4 && num_held < 15);
+    assert_true(pace.factor > held && !pace.sharpens);
+}
+
 /* A flight that ends asks for all at once; a turn of the head to what is there, too. */
 static void test_a_stop_asks_for_all(void **state)
 {
@@ -170,6 +231,8 @@ int main(void)
         cmocka_unit_test(test_is_bounded_in_flight),
         cmocka_unit_test(test_a_sudden_valley),
         cmocka_unit_test(test_a_jump_goes_from_coarse_to_fine),
+        cmocka_unit_test(test_a_jump_is_noticed_at_once),
+        cmocka_unit_test(test_what_was_new_sharpens),
         cmocka_unit_test(test_a_stop_asks_for_all),
         cmocka_unit_test(test_comes_to_rest_without_help),
     };

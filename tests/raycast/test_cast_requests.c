@@ -140,6 +140,32 @@ static void missing_children_are_wanted(void **state)
     }
 }
 
+/* On the way down a brick is wanted only where the next one above is far, and what is asked for is, too. */
+static void stand_ins_are_wanted_far_from_what_is_asked_for(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 4, plate, ground);
+        scene_build(&s, 0);
+        karst_caster *caster = open_caster(&s, "-DSTAND_IN_LEVELS=2");
+        uint32_t above = node_under(&s, 3), node = node_under(&s, 2);
+        s.nodes[above] =
+            (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(s.nodes[above].link)), KARST_NONE};
+        s.nodes[node] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, KARST_NONE), KARST_NONE};
+        scene_upload(&s);
+        for (int level = 0; level < 2; level++) {
+            uint32_t serial = 5 + (uint32_t)level;
+            karst_hit hit = cast_down(&s, caster, level, serial);
+            assert_int_equal(hit.kind, KARST_HIT_PROVISIONAL | 4 << 8);
+            assert_int_equal(stamp_of(s.buffers.want_children, node), serial);
+            left_behind n = count_all(&s, serial);
+            assert_int_equal(n.want_brick, level == 0);
+        }
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
 static void missing_bricks_are_wanted(void **state)
 {
     (void)state;
@@ -366,6 +392,7 @@ int main(void)
         cmocka_unit_test(settled_leaves_use_only),      cmocka_unit_test(missing_children_are_wanted),
         cmocka_unit_test(missing_bricks_are_wanted),    cmocka_unit_test(unknown_is_incomplete),
         cmocka_unit_test(hidden_things_are_not_wanted), cmocka_unit_test(level_follows_footprint),
+        cmocka_unit_test(stand_ins_are_wanted_far_from_what_is_asked_for),
         cmocka_unit_test(finest_level_is_kept),         cmocka_unit_test(rays_that_end_on_stand_ins_are_counted),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
