@@ -10,6 +10,8 @@
 #define UNUSED_SHARE 0.25
 /* A round takes no longer where somebody may want an end. */
 #define PATIENT_ROUND_NS 100e6
+/* Nor does it make more than budget_bricks; but there may be so many such rounds. */
+#define PATIENT_ROUNDS 4u
 /* Of a picture that stands; each gets further down likewise. */
 #define MAX_AGAIN 8
 /* A scout is not worth its cast for less. */
@@ -90,6 +92,8 @@ static double tile_price_ns(const karst_engine *engine)
     return fmin(expected_ns, fmax((double)made->tile_cpu_ns / made->num_tiles, expected_ns / 2));
 }
 
+static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
+
 /* One round for the wants of the frame's serial. */
 static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
                          karst_error *error)
@@ -98,13 +102,13 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
                                    .frame = engine->frame,
                                    .turn = engine->turn++,
                                    .camera = *from,
-                                   .max_tiles = left->tiles,
-                                   .max_bricks = left->bricks,
+                                   .max_tiles = least(left->tiles, engine->budget_bricks),
+                                   .max_bricks = least(left->bricks, engine->budget_bricks),
                                    .may_drop_fallback = true};
     if (engine->budget_ns > 0) {
         double round_ns = engine->goes_on ? fmin(left->ns, PATIENT_ROUND_NS) : left->ns;
         karst_cost_limits limits =
-            karst_cost_plan(&engine->cost, round_ns, left->bricks < left->tiles ? left->bricks : left->tiles);
+            karst_cost_plan(&engine->cost, round_ns, least(params.max_bricks, params.max_tiles));
         if (karst_cost_is_known(&engine->cost)) {
             params.budget_ns = round_ns;
             params.load_ns = engine->cost.bricks.expected_ns;
@@ -293,6 +297,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
         karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
     karst_stats *stats = &engine->stats;
     allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
+    const bool waited_for = engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved;
+    if (waited_for)
+        left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
     karst_camera ahead; /* who stands looks nowhere else */
     bool moves = karst_engine_look_ahead(engine, frames_ahead[0], &ahead);

@@ -19,7 +19,7 @@
 #define USE_LESS 0.04
 /* Standing, one waits for content alone, with a picture now and then, sooner where little is there yet. Keys and mouse
  * end it. */
-#define STILL_BUDGET_MS 500.0
+#define STILL_BUDGET_MS 700.0
 #define NEW_VIEW_BUDGET_MS 120.0
 #define NEW_VIEW 0.8 /* of what is seen stands in for something finer */
 

@@ -28,7 +28,8 @@ bool karst_engine_set_budget_ms(karst_engine *engine, double budget_ms, karst_er
  * leads. Holds for one frame, until whose end the path is borrowed. It changes no settled picture. */
 void karst_engine_follow(karst_engine *engine, const karst_path *path, double time_s, double frame_s);
 /* Whom to ask, before a frame's production and between its rounds, whether to go on; false: the frame ends with what is
- * there, but for the first round, which is made in any case. So a viewer can give much time to a view that stands and
+ * there, but for the first round, which is made in any case. Who stands and has a budget in ms is then given up to four
+ * times budget_bricks in a frame. So a viewer can give much time to a view that stands and
  * still answer at once. Asked on the thread that draws, when the picture lies in the window's framebuffer (it may be
  * shown there and then) and the engine is at work: `goes_on` must not call it. NULL: nobody. */
 void karst_engine_set_patience(karst_engine *engine, bool (*goes_on)(void *user), void *user);
