@@ -114,7 +114,8 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
 {
     const schedule *plan = state->plan;
     for (; state->index < plan->num; state->index++) {
-        karst_camera camera = karst_path_sample(path, plan->start_s + (double)state->index * plan->step_s);
+        double time_s = plan->start_s + (double)state->index * plan->step_s;
+        karst_camera camera = karst_path_sample(path, time_s);
         if (!karst_engine_set_camera(state->engine, &camera, error))
             return false;
         if (state->flight->live && state->index == 0) {
@@ -124,6 +125,8 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
                 return false;
             state->start_ns = command_clock_ns();
         }
+        if (state->flight->live)
+            karst_engine_follow(state->engine, path, time_s, plan->step_s);
         if (!command_interrupted() && !draw(state, error))
             return false;
         if (command_interrupted())

@@ -222,6 +222,7 @@ bool view_replay_step(viewer *v)
     double time_s = karst_path_start_s(c->path) + v->now_s - c->replay_start_s;
     karst_camera camera = karst_path_sample(c->path, time_s);
     view_set_camera(v, &camera);
+    c->replay_s = time_s;
     if (time_s >= karst_path_end_s(c->path)) {
         view_replay_stop(v);
         v->leaving = v->leaving || c->replay_only;

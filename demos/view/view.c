@@ -189,6 +189,8 @@ static bool draw_frame(viewer *v, bool moving, karst_error *error)
         return false;
     view_overlay_clear(v);
     v->is_shown = false;
+    if (v->capture.path)
+        karst_engine_follow(v->engine, v->capture.path, v->capture.replay_s, 1.0 / v->settings.fps);
     if (!karst_engine_frame(v->engine, error))
         return false;
     karst_engine_stats(v->engine, &v->stats);

@@ -312,7 +312,7 @@ typedef struct {
     char path_file[PATH_MAX]; /* the last one written or given */
     /* replaying one */
     karst_path *path;
-    double replay_start_s;
+    double replay_start_s, replay_s; /* on the viewer's clock; on the path's, of the next frame */
     bool replay_only; /* leave when it ends */
     /* video */
     command_pictures *video;
