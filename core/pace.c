@@ -66,8 +66,7 @@ void karst_pace_step(karst_pace *pace, const karst_pace_frame *frame)
     pace->num_short = share >= GOAL ? 0 : pace->num_short + 1;
     if (pace->num_short > PATIENCE)
         pace->sharpens = false;
-    if (pace->new_view && share < NEW_VIEW &&
-        (frame->num_deferred > 0 || (pace->factor == KARST_PACE_MOST && pace->num_short <= PATIENCE))) {
+    if (pace->new_view && share < NEW_VIEW && frame->num_deferred > 0) {
         pace->factor = KARST_PACE_MOST;
         return;
     }
