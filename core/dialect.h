@@ -16,6 +16,8 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 #define K_INLINE inline static
+/* Before a loop of few rounds over an array: compilers here leave it a loop, and the array in memory. */
+#define K_UNROLL _Pragma("unroll")
 #define K_GLOBAL __global
 #define K_CONSTANT __constant const
 #define K_PRIVATE __private
@@ -55,6 +57,7 @@ typedef unsigned long ulong;
 _Static_assert(sizeof(long) == 8 && sizeof(int) == 4, "the dialect needs an LP64 host");
 
 #define K_INLINE static inline __attribute__((unused))
+#define K_UNROLL
 #define K_GLOBAL
 #define K_CONSTANT const
 #define K_PRIVATE

@@ -49,8 +49,8 @@ void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer 
     subdivider->data = data ? data->mem : NULL;
 }
 
-/* Boxes that a work-item bounds. On CPUs many, so that lanes that are done early have others to turn to: each item's
- * last box may take fifty times as long as the others. Fewer only where that would leave cores idle. */
+/* Boxes that a work-item bounds. On CPUs many: lanes that have no box of their own help others with theirs
+ * (refine_list.clh), but what they do may turn out not to be needed. Fewer only where that would leave cores idle. */
 #define MOST_BATCH 128u
 #define ITEMS_A_CORE 2u
 static uint32_t batch_for(const karst_subdivider *subdivider, uint32_t num_boxes)

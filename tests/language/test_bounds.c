@@ -445,8 +445,8 @@ static bool gives_pair(const karst_instruction *i) { return (i->flags & TAPE_IS_
 
 static real pair_base(const subject *s, uint32_t slot)
 {
-    const int *base = s->bound_slots + slot * TAPE_BOUND_ELEMENTS + 12;
-    return (real)k_as_float((uint)base[0]) + (real)k_as_float((uint)base[1]);
+    const tape_slot *of_pair = (const tape_slot *)s->bound_slots + slot;
+    return (real)of_pair->base.hi + (real)of_pair->base.lo;
 }
 
 static real value_in(const tape_program *tape, const karst_instruction *i)
@@ -475,7 +475,7 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
         one.code += n;
         one.num_instructions = 1;
         unknown |= tape_bounds(&one, &s->box, NULL);
-        op_bound b = tape_slot_bound(&one, i->slot); /* of a pair: what differs from its base */
+        op_bound b = tape_slot_at(&one, i->slot)->bound; /* of a pair: what differs from its base */
         if (unknown)
             return true;
         bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE, is_bounded = tape_is_seen(i);
