@@ -157,11 +157,18 @@ static void look_around(karst_world_file *file)
         return;
     snprintf(file->camera, sizeof file->camera, "%.9g,%.9g,%.9g,%.9g,%.9g,%d", look.eye_m[0], look.eye_m[1],
              look.eye_m[2], look.yaw_deg, look.pitch_deg, KARST_LOOK_FOV_DEG);
+    header->has_sun = true;
+    header->sun_azimuth_deg = look.sun_azimuth_deg;
+    header->sun_elevation_deg = look.sun_elevation_deg;
+    file->is_indoors = look.is_indoors;
     int voxel_log2_m = ilogb(look.near_m) - LOOK_VOXELS_LOG2;
     voxel_log2_m = voxel_log2_m < LOOK_FINEST_LOG2_M ? LOOK_FINEST_LOG2_M : voxel_log2_m;
     if (voxel_log2_m < header->voxel_log2_m && karst_program_set_voxel(program, voxel_log2_m))
         header->view_distance_m = fmin(ldexp(1, ilogb(look.near_m) + LOOK_VIEW_LOG2), 8192);
 }
+
+/* Where no sun reaches, so much more light from the sky shows what there is. */
+#define INDOORS_SKY 4.0f
 
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
@@ -200,6 +207,10 @@ static void set_info(karst_world_file *file)
         file->info.haze_distance_m = header->haze_distance_m > 0 ? header->haze_distance_m : 1e6 * view_distance_m;
         file->info.haze_height_m = header->haze_height_m;
         file->info.haze_globe_m = header->haze_globe_m;
+    }
+    for (int i = 0; i < 3 && file->is_indoors; i++) {
+        file->info.sky_zenith[i] *= INDOORS_SKY;
+        file->info.sky_horizon[i] *= INDOORS_SKY;
     }
 }
 

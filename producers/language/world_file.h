@@ -20,6 +20,7 @@ typedef struct {
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
+    bool is_indoors; /* of a text without a header: no sun reaches what is seen */
 } karst_world_file;
 
 /* Compiles a file or a text. `given` are parameters to set. Errors: KARST_BAD_WORLD; if `diagnostics` is not NULL, all

@@ -4,6 +4,8 @@
 
 #include <dirent.h>
 
+#include "producers/language/world_file.h"
+
 #define FOLDER "tests/language/pasted"
 enum { NUM_SAMPLES = 400 };
 
@@ -245,8 +247,38 @@ static void test_against_c(void **s)
     }
 }
 
+/* Where the usual sun reaches it stays; where another one does, that is taken; and what lies under a roof gets more
+ * light from the sky. */
+static void test_sun(void **s)
+{
+    (void)s;
+    const struct {
+        const char *name;
+        bool usual, indoors;
+    } worlds[] = {{"01_spheres_smooth.karst", true, false},
+                  {"05_menger.karst", false, false},
+                  {"08_ridged_mountains.karst", true, false},
+                  {"14_tunnel.karst", true, true},
+                  {"20_early_returns.karst", true, true}};
+    for (size_t i = 0; i < sizeof worlds / sizeof *worlds; i++) {
+        char path[256];
+        karst_error error = {0};
+        snprintf(path, sizeof path, FOLDER "/%s", worlds[i].name);
+        karst_world_file *file = karst_world_file_open(path, NULL, 0, NULL, &error);
+        if (!file)
+            fail_msg("%s: %s", path, error.message);
+        const karst_world_info *info = &file->info;
+        if ((info->sun_azimuth_deg == 135 && info->sun_elevation_deg == 40) != worlds[i].usual ||
+            file->is_indoors != worlds[i].indoors || (info->sky_zenith[2] > 1) != worlds[i].indoors)
+            fail_msg("%s: sun at %g, %g, %s", path, info->sun_azimuth_deg, info->sun_elevation_deg,
+                     file->is_indoors ? "indoors" : "outdoors");
+        karst_world_file_destroy(file);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_all), cmocka_unit_test(test_against_c)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_all), cmocka_unit_test(test_against_c),
+                                       cmocka_unit_test(test_sun)};
     return cmocka_run_group_tests_name("pasted worlds", tests, NULL, NULL);
 }
