@@ -16,9 +16,9 @@ typedef struct {
 } karst_look;
 #define KARST_LOOK_FOV_DEG 60
 
-/* Tries cameras from `nearest_m` to `farthest_m` around the origin, then suns. It takes at most some 10^7 evaluations of
- * single nodes for each, of which a point takes `num_nodes`; where that is too few, or nothing is to be seen from any
- * of them, returns false. Deterministic. `voxel_log2_m` is the oracle's. */
+/* Tries cameras from `nearest_m` to `farthest_m` around the origin, then suns. It takes at most some 10^7 evaluations
+ * of single nodes for each, of which a point takes `num_nodes`; where that is too few, or nothing is to be seen from
+ * any of them, returns false. Deterministic. `voxel_log2_m` is the oracle's. */
 bool karst_look_around(karst_oracle *oracle, uint32_t num_nodes, int voxel_log2_m, double nearest_m, double farthest_m,
                        karst_look *look);
 
