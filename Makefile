@@ -109,6 +109,9 @@ $(OBJ)/%.o: %.c $(OBJ)/flags
 # `karst --version` and karst_info name them.
 $(OBJ)/demos/command_info.o $(OBJ)/core/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
 
+# Kernels that the host compiles for itself find their world there.
+$(OBJ)/producers/host_steps.o: EXTRA = -Iproducers/host
+
 # Where installed worlds lie, for programs that are linked statically.
 $(OBJ)/core/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'
 $(OBJ)/core/data_folder.o: $(OBJ)/prefix

@@ -236,6 +236,20 @@ bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes
     return check_code(buffer, "fill", code, error);
 }
 
+void *karst_buffer_map(karst_buffer *buffer, karst_error *error)
+{
+    cl_int code = CL_SUCCESS;
+    void *mapped = clEnqueueMapBuffer(buffer->context->queue, buffer->mem, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0,
+                                      buffer->size_bytes, 0, NULL, NULL, &code);
+    return check_code(buffer, "map", code, error) ? mapped : NULL;
+}
+
+bool karst_buffer_unmap(karst_buffer *buffer, void *mapped, karst_error *error)
+{
+    cl_int code = clEnqueueUnmapMemObject(buffer->context->queue, buffer->mem, mapped, 0, NULL, NULL);
+    return check_code(buffer, "unmap", code, error);
+}
+
 #define MAX_NAMES (sizeof(((karst_stats *)0)->memory) / sizeof(karst_stats_memory))
 
 /* The entry that `name` is summed in; the last one takes all names that find no place. */

@@ -39,6 +39,7 @@ struct karst_context {
     karst_buffer *buffers; /* list of live buffers, newest first */
     struct karst_profile *profile; /* stage timer, see core/profile.h */
     bool is_fork; /* launches only programs that are new; see karst_context_fork */
+    bool only_kept; /* programs that are not kept on disk are not built: that is an error */
     cl_program new_programs[KARST_FORK_PROGRAMS];
     uint32_t num_new_programs;
     struct karst_program_backlog *program_backlog; /* still to be kept; see core/program_cache.h */
@@ -119,6 +120,10 @@ void karst_buffer_destroy(karst_buffer *buffer); /* NULL is fine */
 bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
                         karst_error *error);
 bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
+/* The contents in the host's own memory, to be read and written until unmapped; waits for what was enqueued. For CPU
+ * devices, where nothing is copied. Errors: KARST_FAILED (NULL). */
+void *karst_buffer_map(karst_buffer *buffer, karst_error *error);
+bool karst_buffer_unmap(karst_buffer *buffer, void *mapped, karst_error *error);
 bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes,
                        karst_error *error);
 /* Sums live buffers by name into stats->memory[], which it begins anew; names that find no place go into "other". */
@@ -140,6 +145,8 @@ typedef struct {
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
 void karst_program_destroy(karst_program *program);
+/* Makes a program of a fork one of the context that was forked. */
+void karst_program_move(karst_program *program, karst_context *context);
 /* A kernel of the program; release with clReleaseKernel. NULL and error if there is none of that name. */
 cl_kernel karst_program_kernel(karst_program *program, const char *name, karst_error *error);
 

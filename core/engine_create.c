@@ -147,7 +147,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
                                           config->brick_bits, error);
     if (!engine->cache || !karst_engine_allocate_picture(engine, error))
         goto failed;
-    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks};
+    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks,
+                                         engine->budget_ns > 0};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[128];

@@ -45,6 +45,7 @@ typedef struct {
 typedef struct {
     bool shadows, refine;
     uint32_t max_loads; /* of a round */
+    bool start_on_host; /* the producer: see karst_world_build */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -97,6 +98,7 @@ struct karst_engine {
     int top_level;
     bool root_placed;
     bool has_content; /* a frame of this world has been drawn */
+    bool on_host;     /* the host answers until kernels are compiled: karst_density_producer_is_on_host */
     atomic_bool has_tape_colours; /* the shader of tapes is compiled */
 
     int view;               /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */

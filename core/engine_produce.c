@@ -14,6 +14,8 @@
 #define PATIENT_ROUNDS 4u
 /* Of a picture that stands; each gets further down likewise. */
 #define MAX_AGAIN 8
+/* That a frame leaves to the compiling of kernels without which little can be made. */
+#define COMPILING_NS 150000000u
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
 
@@ -114,8 +116,8 @@ static bool answer_round(karst_engine *engine, const karst_position *from, allow
             params.load_ns = engine->cost.bricks.expected_ns;
             params.subdivide_ns = tile_price_ns(engine);
         } else {
-            params.max_tiles = limits.max_tiles;
-            params.max_bricks = limits.max_bricks;
+            params.max_tiles = limits.max_tiles < left->tiles ? limits.max_tiles : left->tiles;
+            params.max_bricks = limits.max_bricks < left->bricks ? limits.max_bricks : left->bricks;
         }
     }
     uint32_t num_constant;
@@ -276,11 +278,25 @@ static bool spend_the_rest(karst_engine *engine, allowance *left, karst_work *wo
     return !ahead_first || look_closer(engine, left, work, error);
 }
 
+/* Before a frame's picture: the host makes up for kernels that are not compiled yet only if frames have a budget, which
+ * they could not keep while they wait. */
+static bool prepare_producer(karst_engine *engine, karst_error *error)
+{
+    bool was_on_host = engine->on_host;
+    bool waits = engine->budget_ns == 0 || engine->cost.fixed;
+    if (waits && !karst_density_producer_compile(engine->producer, KARST_UNTIL_COMPILED, error))
+        return false;
+    engine->on_host = karst_density_producer_is_on_host(engine->producer);
+    if (was_on_host && !engine->on_host && !engine->cost.fixed) /* what things cost is another matter now */
+        karst_cost_init(&engine->cost);
+    return true;
+}
+
 bool karst_engine_load_root(karst_engine *engine, karst_error *error)
 {
     karst_work work;
     uint32_t num_constant;
-    if (!karst_cache_root_work(engine->cache, engine->serial, &work, error) ||
+    if (!prepare_producer(engine, error) || !karst_cache_root_work(engine->cache, engine->serial, &work, error) ||
         !produce(engine, &work, &num_constant, error))
         return false;
     count_made(engine, &work, num_constant);
@@ -301,6 +317,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     if (waited_for)
         left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
+    if (engine->on_host && !engine->has_content) /* the sooner the picture is shown; kernels make more of the time */
+        left.bricks = left.tiles = 0;
     karst_camera ahead; /* who stands looks nowhere else */
     bool moves = karst_engine_look_ahead(engine, frames_ahead[0], &ahead);
     const double kept_ns = moves ? kept_share(stats) * engine->budget_ns : 0;
@@ -308,6 +326,10 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     /* Whoever waits sees the picture before its content is made. */
     if (engine->goes_on)
         engine->goes_on(engine->patience);
+    /* Once the picture is drawn, whose own kernels are compiled first: PoCL compiles one at a time. Pictures in quick
+     * succession would only take the time away from the compiler. */
+    if (!karst_density_producer_compile(engine->producer, engine->has_content ? COMPILING_NS : 0, error))
+        return false;
     if (!answer_round(engine, &engine->camera.position, &left, work, error))
         return false;
     stats->num_requests += work->num_requests;

@@ -83,7 +83,9 @@ karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, con
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
-    const karst_world_build build = {.shape = KARST_SHAPE_AUTO, .finalise_options = karst_cache_brick_option(buffers)};
+    const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
+                                     .finalise_options = karst_cache_brick_option(buffers),
+                                     .start_on_host = wishes->start_on_host};
     world->producer =
         karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
     /* After the producer, whose data a world's colours read. */

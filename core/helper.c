@@ -36,6 +36,9 @@ typedef struct {
     _Atomic uint32_t state;
 } table_entry;
 
+/* Programs are built and launched by more than one thread. */
+static pthread_mutex_t notes_lock = PTHREAD_MUTEX_INITIALIZER; /* of programs and seen */
+
 /* What both processes see. */
 typedef struct {
     table_entry claims[MAX_CLAIMS];
@@ -51,7 +54,7 @@ struct karst_helper {
     int fd;
     bool is_child, has_task;
     /* Of this process: its programs, and the launches that need no look any more. */
-    struct {
+    struct noted_program {
         cl_program program;
         uint64_t key;
     } programs[MAX_PROGRAMS];
@@ -360,40 +363,66 @@ void karst_helper_end_build(karst_helper *helper, uint64_t key, karst_claim clai
         set_watch(helper, 0);
 }
 
+/* The place of a program among the notes, or with NULL a free one; NULL: none. Under the lock. */
+static struct noted_program *find_program(karst_helper *helper, cl_program program)
+{
+    for (uint32_t i = 0; i < MAX_PROGRAMS; i++)
+        if (helper->programs[i].program == program)
+            return &helper->programs[i];
+    return NULL;
+}
+
+static void set_program(karst_helper *helper, cl_program where, struct noted_program to)
+{
+    if (!helper)
+        return;
+    pthread_mutex_lock(&notes_lock);
+    struct noted_program *at = find_program(helper, where);
+    if (at)
+        *at = to;
+    pthread_mutex_unlock(&notes_lock);
+}
+
 void karst_helper_note_program(karst_helper *helper, cl_program program, uint64_t key)
 {
-    for (uint32_t i = 0; helper && i < MAX_PROGRAMS; i++)
-        if (!helper->programs[i].program) {
-            helper->programs[i].program = program;
-            helper->programs[i].key = key;
-            return;
-        }
+    set_program(helper, NULL, (struct noted_program){program, key});
 }
 
 void karst_helper_forget_program(karst_helper *helper, cl_program program)
 {
-    for (uint32_t i = 0; helper && i < MAX_PROGRAMS; i++)
-        if (helper->programs[i].program == program)
-            helper->programs[i].program = NULL;
+    set_program(helper, program, (struct noted_program){NULL, 0});
 }
 
 /* Of a kernel's code as the driver compiles it; 0: its program is not known. */
-static uint64_t launch_key(const karst_helper *helper, cl_kernel kernel, size_t global_size, size_t local_size)
+static uint64_t launch_key(karst_helper *helper, cl_kernel kernel, size_t global_size, size_t local_size)
 {
     cl_program program;
     char name[128];
-    uint64_t key = 0;
     if (clGetKernelInfo(kernel, CL_KERNEL_PROGRAM, sizeof program, &program, NULL) != CL_SUCCESS ||
         clGetKernelInfo(kernel, CL_KERNEL_FUNCTION_NAME, sizeof name, name, NULL) != CL_SUCCESS)
         return 0;
-    for (uint32_t i = 0; i < MAX_PROGRAMS; i++)
-        if (helper->programs[i].program == program)
-            key = helper->programs[i].key;
+    pthread_mutex_lock(&notes_lock);
+    const struct noted_program *noted = find_program(helper, program);
+    uint64_t key = noted ? noted->key : 0;
+    pthread_mutex_unlock(&notes_lock);
     if (!key)
         return 0;
     for (const char *at = name; *at; at++)
         key = (key ^ (unsigned char)*at) * 0x100000001b3u;
     return (key ^ (2 * local_size + (global_size > SMALL_GRID))) * 0x9e3779b97f4a7c15u;
+}
+
+/* Whether this process has launched that before; it counts as launched from now on. */
+static bool was_launched(karst_helper *helper, uint64_t key)
+{
+    bool found = false;
+    pthread_mutex_lock(&notes_lock);
+    for (uint32_t i = 0; i < helper->num_seen && !found; i++)
+        found = helper->seen[i] == key;
+    if (!found && helper->num_seen < MAX_KERNELS)
+        helper->seen[helper->num_seen++] = key;
+    pthread_mutex_unlock(&notes_lock);
+    return found;
 }
 
 karst_claim karst_helper_begin_launch(karst_helper *helper, cl_kernel kernel, size_t global_size, size_t local_size,
@@ -402,11 +431,8 @@ karst_claim karst_helper_begin_launch(karst_helper *helper, cl_kernel kernel, si
     *key = karst_helper_is_active(helper) ? launch_key(helper, kernel, global_size, local_size) : 0;
     if (!*key)
         return KARST_CLAIM_NOBODY;
-    for (uint32_t i = 0; i < helper->num_seen; i++)
-        if (helper->seen[i] == *key)
-            return helper->is_child ? KARST_CLAIM_DONE : KARST_CLAIM_NOBODY;
-    if (helper->num_seen < MAX_KERNELS)
-        helper->seen[helper->num_seen++] = *key;
+    if (was_launched(helper, *key))
+        return helper->is_child ? KARST_CLAIM_DONE : KARST_CLAIM_NOBODY;
     return take(helper, *key, helper->is_child);
 }
 

@@ -146,7 +146,9 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
     uint64_t hash = hash_text(hash_text(0xcbf29ce484222325u, source), all_options);
     cl_program cl = karst_program_cache_load(context, &key, all_options);
     bool was_kept = cl != NULL;
-    if (!cl) {
+    if (!cl && context->only_kept) {
+        karst_fail(error, KARST_FAILED, "%s is not kept", entry);
+    } else if (!cl) {
         karst_claim claim = karst_helper_begin_build(context->helper, hash);
         cl = compile(context, entry, all_options, source, error);
         karst_helper_end_build(context->helper, hash, claim);
@@ -184,6 +186,8 @@ void karst_program_destroy(karst_program *program)
     clReleaseProgram(program->cl);
     free(program);
 }
+
+void karst_program_move(karst_program *program, karst_context *context) { program->context = context; }
 
 cl_kernel karst_program_kernel(karst_program *program, const char *name, karst_error *error)
 {

@@ -356,6 +356,15 @@ void karst_program_cache_drop(karst_context *context)
         free_first(context);
 }
 
+void karst_program_cache_move(karst_context *from, karst_context *to)
+{
+    struct karst_program_backlog **end = &to->program_backlog;
+    while (*end)
+        end = &(*end)->next;
+    *end = from->program_backlog;
+    from->program_backlog = NULL;
+}
+
 static void keep_later(karst_context *context, const karst_program_key *key, cl_program program)
 {
     struct karst_program_backlog *entry = calloc(1, sizeof *entry);

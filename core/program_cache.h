@@ -35,6 +35,8 @@ cl_program karst_program_cache_load(karst_context *context, const karst_program_
 void karst_program_cache_store(karst_context *context, const karst_program_key *key, cl_program program);
 /* Keeps what was noted down, once the queue is idle: may take seconds. */
 void karst_program_cache_finish(karst_context *context);
+/* What was noted down for one context is now for the other. */
+void karst_program_cache_move(karst_context *from, karst_context *to);
 /* Forgets it. */
 void karst_program_cache_drop(karst_context *context);
 

@@ -1,13 +1,10 @@
 /* The density producer: subdivide, evaluate and finalise around one density program. */
 #include "producers/density_producer.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 
-#include "producers/channels.h"
-#include "producers/evaluate.h"
-#include "producers/finalise.h"
-#include "producers/subdivide.h"
+#include "producers/host_steps.h"
+#include "producers/kernels.h"
 
 /* Loads whose samples are in staging memory at a time. CPUs: 2.4 MiB, which stays in the last-level cache between
  * evaluate and finalise (32 to 512 were measured to be equally fast). Else 10 MiB: enough independent work-groups for a
@@ -20,9 +17,10 @@ typedef struct {
     karst_context *context;
     karst_channel channels[1];
     karst_channel_layout layout;
-    karst_subdivider *subdivider;
-    karst_evaluator *evaluator;
-    karst_finaliser *finaliser;
+    karst_kernels kernels; /* NULL: the host does that */
+    /* While some are: */
+    karst_density_program program; /* its own, without data */
+    karst_compilation *compilation; /* NULL: not begun */
     karst_buffer *data;        /* of the program; NULL: it has none */
     karst_buffer *all_data[2]; /* what base.data points at */
     karst_buffer *loads, *staging, *scrubs, *total;
@@ -30,19 +28,139 @@ typedef struct {
     bool total_may_have_changed;
 } density_producer;
 
+/* ---- the host, until kernels are compiled (producers/host_steps.h) ---- */
+
+/* It takes up to 30 ns for an instruction and a sample, and a thousand times that for a node: for longer tapes that is
+ * longer than to compile the kernels. */
+#define HOST_MOST_INSTRUCTIONS 2000u
+/* If it works for longer than that, kernels are wanted soon. */
+#define HOST_PATIENCE_NS 50000000u
+
+static bool has_all(const karst_kernels *k) { return k->evaluator && k->finaliser && k->subdivider; }
+
+/* Takes what has been compiled since. */
+static bool look_for_kernels(density_producer *producer, karst_error *error)
+{
+    if (!producer->compilation)
+        return true;
+    bool is_complete = karst_compilation_num_ready(producer->compilation) == KARST_NUM_KERNELS;
+    if (!karst_compilation_take(producer->compilation, &producer->kernels, error))
+        return false;
+    karst_kernels_set_data(&producer->kernels, producer->data);
+    if (is_complete) {
+        karst_compilation_destroy(producer->compilation);
+        producer->compilation = NULL;
+    }
+    return true;
+}
+
+static bool start_compiling(density_producer *producer, karst_error *error)
+{
+    karst_density_program program = producer->program;
+    if (producer->compilation || has_all(&producer->kernels))
+        return true;
+    void *data = karst_buffer_map(producer->data, error);
+    if (!data)
+        return false;
+    program.data = data;
+    program.data_bytes = producer->data->size_bytes;
+    producer->compilation = karst_compilation_start(producer->context, &program, &producer->layout, error);
+    return karst_buffer_unmap(producer->data, data, error) && producer->compilation;
+}
+
+bool karst_density_producer_is_on_host(karst_producer *producer)
+{
+    const density_producer *density = (density_producer *)producer;
+    return !has_all(&density->kernels) &&
+           !(density->compilation && karst_compilation_num_ready(density->compilation) == KARST_NUM_KERNELS);
+}
+
+bool karst_density_producer_compile(karst_producer *producer, uint64_t most_ns, karst_error *error)
+{
+    density_producer *density = (density_producer *)producer;
+    if (!start_compiling(density, error))
+        return false;
+    if (density->compilation)
+        karst_compilation_go_on(density->compilation);
+    if (density->compilation && most_ns == KARST_UNTIL_COMPILED)
+        karst_compilation_wait(density->compilation, KARST_NUM_KERNELS);
+    else if (density->compilation && most_ns > 0)
+        karst_compilation_wait_for(density->compilation, KARST_NUM_KERNELS, most_ns);
+    return look_for_kernels(density, error);
+}
+
+/* ---- the steps ---- */
+
+/* Starts to compile, and waits until so much is done. */
+static bool wait_for_kernels(density_producer *producer, uint32_t num, karst_error *error)
+{
+    if (!start_compiling(producer, error))
+        return false;
+    if (num > 1)
+        karst_compilation_go_on(producer->compilation);
+    karst_compilation_wait(producer->compilation, num);
+    return look_for_kernels(producer, error);
+}
+
 static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work,
                       karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
-    return karst_subdivide_tiles(producer->subdivider, cache, work, error);
+    if (!look_for_kernels(producer, error))
+        return false;
+    if (!producer->kernels.subdivider && producer->program.tape_instructions > HOST_MOST_INSTRUCTIONS &&
+        !wait_for_kernels(producer, 3, error))
+        return false;
+    return producer->kernels.subdivider
+               ? karst_subdivide_tiles(producer->kernels.subdivider, cache, work, error)
+               : karst_host_subdivide_tiles(cache, work, producer->data, error);
+}
+
+/* Whether the host goes on with the bricks of a chunk. */
+typedef struct {
+    density_producer *producer;
+    uint64_t start_ns;
+    karst_error *error;
+    bool failed;
+} host_turn;
+
+static bool stays_on_host(void *user)
+{
+    host_turn *turn = user;
+    density_producer *producer = turn->producer;
+    if (!producer->compilation && karst_clock_ns() - turn->start_ns > HOST_PATIENCE_NS)
+        turn->failed = !start_compiling(producer, turn->error);
+    return !turn->failed && !(producer->compilation && karst_compilation_num_ready(producer->compilation) > 0);
+}
+
+/* Sets *done to false where a kernel is to do it, which is there then. */
+static bool evaluate_on_host(density_producer *producer, uint32_t count, bool *done, karst_error *error)
+{
+    host_turn turn = {.producer = producer, .start_ns = karst_clock_ns(), .error = error};
+    *done = false;
+    if (producer->program.tape_instructions <= HOST_MOST_INSTRUCTIONS) {
+        if (!karst_host_evaluate_bricks(producer->loads, count, producer->staging, producer->data, stays_on_host, &turn,
+                                        done, error) ||
+            turn.failed)
+            return false;
+    }
+    return *done || wait_for_kernels(producer, 1, error);
 }
 
 static bool evaluate(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
                      uint32_t count, karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
-    return karst_bound_loads(producer->subdivider, cache, work, first, count, producer->loads, error) &&
-           karst_evaluate_bricks(producer->evaluator, producer->loads, count, producer->staging, error);
+    bool done = false;
+    if (!look_for_kernels(producer, error))
+        return false;
+    bool bounded =
+        producer->kernels.subdivider
+            ? karst_bound_loads(producer->kernels.subdivider, cache, work, first, count, producer->loads, error)
+            : karst_host_bound_loads(cache, work, first, count, producer->loads, producer->data, error);
+    if (!bounded || (!producer->kernels.evaluator && !evaluate_on_host(producer, count, &done, error)))
+        return false;
+    return done || karst_evaluate_bricks(producer->kernels.evaluator, producer->loads, count, producer->staging, error);
 }
 
 static bool finalise(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
@@ -50,8 +168,13 @@ static bool finalise(karst_producer *self, const karst_cache_buffers *cache, con
 {
     density_producer *producer = (density_producer *)self;
     producer->total_may_have_changed = true;
-    return karst_finalise_bricks(producer->finaliser, cache, work, first, count, producer->loads, producer->staging,
-                                 producer->scrubs, producer->total, error);
+    if (!look_for_kernels(producer, error))
+        return false;
+    return producer->kernels.finaliser
+               ? karst_finalise_bricks(producer->kernels.finaliser, cache, work, first, count, producer->loads,
+                                       producer->staging, producer->scrubs, producer->total, error)
+               : karst_host_finalise_bricks(cache, work, first, count, producer->loads, producer->staging,
+                                            producer->scrubs, producer->total, error);
 }
 
 /* A density program does not change during its life. */
@@ -64,9 +187,9 @@ static karst_voxel_box take_dirty(karst_producer *self)
 static void destroy(karst_producer *self)
 {
     density_producer *producer = (density_producer *)self;
-    karst_subdivider_destroy(producer->subdivider);
-    karst_evaluator_destroy(producer->evaluator);
-    karst_finaliser_destroy(producer->finaliser);
+    karst_compilation_destroy(producer->compilation);
+    karst_kernels_destroy(&producer->kernels);
+    karst_density_program_free(&producer->program);
     karst_buffer *buffers[] = {producer->data, producer->loads, producer->staging, producer->scrubs, producer->total};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
@@ -89,26 +212,26 @@ static bool lay_out(density_producer *producer, karst_error *error)
                        producer->layout.slot_stride, KARST_BRICK_STRIDE));
 }
 
-static bool create_evaluator(density_producer *producer, const karst_density_program *program, karst_error *error)
+/* Whether the host may answer at first: only a driver that compiles for seconds is worth it. */
+static bool may_start_on_host(const density_producer *producer, const karst_density_program *program)
 {
-    const karst_virtual_file world = {"world.clh", program->source};
-    return (producer->evaluator = karst_evaluator_create(producer->context, program->shape, &producer->layout, &world,
-                                                         program->options, error));
+    const char *options = program->finalise_options;
+    return program->start_on_host && program->data && producer->context->is_cpu &&
+           karst_context_is_pocl(producer->context) && producer->layout.staging_stride == KARST_BRICK_STRIDE &&
+           (!options || !*options);
 }
 
-static bool create_finaliser(density_producer *producer, const karst_density_program *program, karst_error *error)
-{
-    const char *options = program->finalise_options ? program->finalise_options : "";
-    return (producer->finaliser =
-                karst_finaliser_create(producer->context, program->shape, &producer->layout, options, error));
-}
-
+/* Kernels, or the host in their stead. Programs that are kept on disk take no time. */
 static bool create_kernels(density_producer *producer, const karst_density_program *program, karst_error *error)
 {
-    const karst_virtual_file bounds = {"world.clh", program->bounds_source ? program->bounds_source : program->source};
-    return (producer->subdivider =
-                karst_subdivider_create(producer->context, &bounds, program->options, error)) &&
-           create_evaluator(producer, program, error) && create_finaliser(producer, program, error);
+    karst_context *context = producer->context;
+    if (!may_start_on_host(producer, program))
+        return karst_kernels_create(&producer->kernels, context, program, &producer->layout, error);
+    context->only_kept = true;
+    karst_kernels_create(&producer->kernels, context, program, &producer->layout, NULL);
+    context->only_kept = false;
+    producer->program = *program;
+    return karst_density_program_copy(&producer->program, false) || karst_fail(error, KARST_FAILED, "out of memory");
 }
 
 static bool make_data(density_producer *producer, const void *data, size_t data_bytes, karst_error *error)
@@ -119,9 +242,7 @@ static bool make_data(density_producer *producer, const void *data, size_t data_
     karst_buffer_destroy(producer->data);
     producer->data = producer->all_data[0] = buffer;
     producer->base.data = producer->all_data;
-    if (producer->subdivider)
-        karst_subdivider_set_data(producer->subdivider, buffer);
-    karst_evaluator_set_data(producer->evaluator, buffer);
+    karst_kernels_set_data(&producer->kernels, buffer);
     return true;
 }
 
@@ -186,9 +307,11 @@ bool karst_density_program_rehearse(karst_context *context, const karst_density_
     producer->context = context;
     bool done = lay_out(producer, error) && create_buffers(producer, 1, error) &&
                 karst_buffer_write(producer->loads, 0, &load, sizeof load, error) &&
-                create_evaluator(producer, program, error) && create_data(producer, program, error) &&
-                karst_evaluate_bricks(producer->evaluator, producer->loads, 1, producer->staging, error) &&
-                karst_finish(context, error) && create_finaliser(producer, program, error) &&
+                karst_kernels_create_evaluator(&producer->kernels, context, program, &producer->layout, error) &&
+                create_data(producer, program, error) &&
+                karst_evaluate_bricks(producer->kernels.evaluator, producer->loads, 1, producer->staging, error) &&
+                karst_finish(context, error) &&
+                karst_kernels_create_finaliser(&producer->kernels, context, program, &producer->layout, error) &&
                 finalise(&producer->base, cache, work, 0, 1, error) && karst_finish(context, error);
     destroy(&producer->base);
     return done;

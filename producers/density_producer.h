@@ -16,12 +16,26 @@ typedef struct {
     size_t data_bytes; /* a multiple of 8 */
     karst_shape shape;
     uint32_t max_loads; /* the most loads in one round's work */
+    /* Its data hold a tape (language/bounds_shared.h) of the same density, and the producer may start on that: where
+     * compiling takes seconds the host answers at first, with the same bits (host_steps.h), until
+     * karst_density_producer_compile has brought kernels. */
+    bool start_on_host;
+    uint32_t tape_instructions; /* only for that */
+    const char *soon_options;   /* NULL, or options with which what evaluates is compiled sooner and runs slower */
 } karst_density_program;
 
 /* Its kernels are built with the program's options; staging memory holds max_loads bricks, or a chunk of them. Errors:
  * KARST_FAILED. */
 karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
                                                       karst_error *error);
+
+/* Whether the host answers in place of kernels that are not compiled yet. */
+bool karst_density_producer_is_on_host(karst_producer *producer);
+/* If it does: starts to compile them beside, if that was not done, and waits until they are there, but for so long at
+ * most; KARST_UNTIL_COMPILED: as long as it takes. They take over as soon as they are there. What goes wrong is said
+ * here, or by the step that would have run them. Errors: KARST_FAILED. */
+#define KARST_UNTIL_COMPILED UINT64_MAX
+bool karst_density_producer_compile(karst_producer *producer, uint64_t most_ns, karst_error *error);
 
 /* Runs the kernels that evaluate and finalise once, on a load that takes no samples, into the first load of `work`:
  * for drivers that compile a kernel when it first runs. Waits until it is done. Errors: KARST_FAILED. */

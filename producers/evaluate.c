@@ -44,6 +44,12 @@ void karst_evaluator_destroy(karst_evaluator *evaluator)
     free(evaluator);
 }
 
+void karst_evaluator_move(karst_evaluator *evaluator, karst_context *context)
+{
+    evaluator->context = context;
+    karst_program_move(evaluator->program, context);
+}
+
 void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *data)
 {
     evaluator->data = data ? data->mem : NULL;

@@ -14,6 +14,8 @@ typedef struct karst_evaluator karst_evaluator;
 karst_evaluator *karst_evaluator_create(karst_context *context, karst_shape shape, const karst_channel_layout *layout,
                                         const karst_virtual_file *world, const char *options, karst_error *error);
 void karst_evaluator_destroy(karst_evaluator *evaluator); /* NULL is fine */
+/* Makes one of a fork (karst_context_fork) one of the context that was forked. */
+void karst_evaluator_move(karst_evaluator *evaluator, karst_context *context);
 
 /* What a program with data reads (producers/density.clh); borrowed until another is set. NULL, as at first: nothing. */
 void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *data);

@@ -43,6 +43,12 @@ void karst_finaliser_destroy(karst_finaliser *finaliser)
     free(finaliser);
 }
 
+void karst_finaliser_move(karst_finaliser *finaliser, karst_context *context)
+{
+    finaliser->context = context;
+    karst_program_move(finaliser->program, context);
+}
+
 static bool launch(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
                    uint32_t count, karst_buffer *loads, karst_buffer *staging, karst_buffer *scrubs, cl_mem total,
                    uint32_t num_groups, karst_error *error)

@@ -290,7 +290,7 @@ FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
     scrub.first = group_min(survey.first_scrubbed, cells + 4);
     uint state =
         karst_state_from_samples(least, (sides & ANY_SOLID) != 0, (sides & ANY_AIR) != 0, scrub.count, at->load->doubt);
-    bool kept = at->load->keep && (state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID);
+    int kept = at->load->keep && (state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID);
     if (LOCAL_ID == 0) {
         *at->result = kept ? state | KARST_LOAD_KEPT : state;
         *at->scrub = scrub;

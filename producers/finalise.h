@@ -14,6 +14,8 @@ typedef struct karst_finaliser karst_finaliser;
 karst_finaliser *karst_finaliser_create(karst_context *context, karst_shape shape, const karst_channel_layout *layout,
                                         const char *options, karst_error *error);
 void karst_finaliser_destroy(karst_finaliser *finaliser); /* NULL is fine */
+/* Makes one of a fork (karst_context_fork) one of the context that was forked. */
+void karst_finaliser_move(karst_finaliser *finaliser, karst_context *context);
 
 /* Enqueues loads [first, first + count) of the work: `loads` and `staging` hold theirs from index 0 on. Samples that
  * are not finite are scrubbed to air; `scrubs` (karst_scrub) takes how many of each load, `total` (one

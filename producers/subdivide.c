@@ -44,6 +44,12 @@ void karst_subdivider_destroy(karst_subdivider *subdivider)
     free(subdivider);
 }
 
+void karst_subdivider_move(karst_subdivider *subdivider, karst_context *context)
+{
+    subdivider->context = context;
+    karst_program_move(subdivider->program, context);
+}
+
 void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer *data)
 {
     subdivider->data = data ? data->mem : NULL;

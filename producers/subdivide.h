@@ -12,6 +12,8 @@ typedef struct karst_subdivider karst_subdivider;
 karst_subdivider *karst_subdivider_create(karst_context *context, const karst_virtual_file *world, const char *options,
                                           karst_error *error);
 void karst_subdivider_destroy(karst_subdivider *subdivider); /* NULL is fine */
+/* Makes one of a fork (karst_context_fork) one of the context that was forked. */
+void karst_subdivider_move(karst_subdivider *subdivider, karst_context *context);
 
 /* What a program with data reads (producers/density.clh); borrowed until another is set. NULL, as at first: nothing. */
 void karst_subdivider_set_data(karst_subdivider *subdivider, const karst_buffer *data);

@@ -7,6 +7,9 @@
 #include "producers/language/tape_shared.h"
 
 #define KARST_TAPE_MAX_OUTPUTS 4
+/* Of a world that can be shown. Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room
+ * for this many. */
+#define KARST_TAPE_MOST_SLOTS 2048
 
 typedef struct {
     karst_instruction *code; /* never NULL; every instruction writes its slot */

@@ -216,9 +216,6 @@ static void set_info(karst_world_file *file)
 
 /* ---- opening ---- */
 
-/* Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room for this many. */
-#define MAX_SLOTS 2048u
-
 /* What is too large for the devices' compilers, told where its value is made. */
 static bool fail_at(const karst_world_file *file, karst_expr root, const karst_error *why, karst_error *error)
 {
@@ -235,11 +232,11 @@ static bool make_tape(karst_world_file *file, const karst_expr *roots, uint32_t 
     karst_error why = {0};
     bool is_built = tape == &file->tape ? karst_tape_build(&file->layout, roots, num_roots, tape, &why)
                                         : karst_tape_build_plain(&file->layout, roots, num_roots, tape, &why);
-    if (is_built && tape->num_slots <= MAX_SLOTS)
+    if (is_built && tape->num_slots <= KARST_TAPE_MOST_SLOTS)
         return true;
-    if (tape->num_slots > MAX_SLOTS)
-        karst_fail(&why, KARST_BAD_WORLD, "%s is too large: %u values are needed at a time; at most %u are possible",
-                   what, tape->num_slots, MAX_SLOTS);
+    if (tape->num_slots > KARST_TAPE_MOST_SLOTS)
+        karst_fail(&why, KARST_BAD_WORLD, "%s is too large: %u values are needed at a time; at most %d are possible",
+                   what, tape->num_slots, KARST_TAPE_MOST_SLOTS);
     return fail_at(file, roots[0], &why, error);
 }
 
@@ -373,6 +370,9 @@ static karst_density_program program_of(const karst_world_file *file, const kars
     program.options = options;
     program.finalise_options = build->finalise_options;
     program.shape = build->shape;
+    program.start_on_host = build->start_on_host;
+    program.tape_instructions = file->tape.num_instructions;
+    program.soon_options = file->code.is_tape ? "-DTAPE_WORLD_WHOLE" : NULL;
     return program;
 }
 

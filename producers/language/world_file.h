@@ -52,6 +52,7 @@ typedef struct {
     karst_shape shape;
     const char *options;          /* NULL: none */
     const char *finalise_options; /* NULL: none; karst_cache_brick_option */
+    bool start_on_host;           /* karst_density_program.start_on_host */
 } karst_world_build;
 karst_producer *karst_world_file_producer_built(karst_context *context, const karst_world_file *file, uint32_t seed,
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);
