@@ -214,7 +214,8 @@ int main(int argc, char **argv)
         start(argv[2], !strcmp(argv[1], "--helped"));
         return 0;
     }
-    printf("\nfrom text to the first bricks, of eight nodes, seconds (marks: %.1f cold, %.1f warm)\n", COLD_MARK_S, WARM_MARK_S);
+    printf("\nfrom text to the first bricks, of eight nodes, seconds (marks: %.1f cold, %.1f warm)\n", COLD_MARK_S,
+           WARM_MARK_S);
     printf("%-20s %7s %7s %7s %7s %9s %9s %7s %10s %8s %6s %8s %6s\n", "", "cold", "= text", "build", "bounds",
            "evaluate", "finalise", "warm", "parameter", "kernels", "CPU", "helped", "CPU");
     glob_t found = {0};

@@ -140,7 +140,7 @@ static void test_non_finite(void **state)
 static void test_long_tape(void **state)
 {
     (void)state;
-    check_world("sum", "float density(vec3 p) { float a = p.x; for (int i = 0; i < 1100; i++) "
+    check_world("sum", "float density(vec3 p) { float a = p.x; for (int i = 0; i < 2200; i++) "
                        "a = p.z / (a + float(i) + 0.5);"
                        " return 0.01 * clamp(a, -1.0, 1.0) - p.y; }", 1);
     check_world("union", "float density(vec3 p) { float d = -1e9; for (int i = 0; i < 900; i++) "
