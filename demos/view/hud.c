@@ -211,7 +211,7 @@ static void draw_frame_page(viewer *v)
         say(&p, p.x, TEXT, 0, VIEW_TEXT_DIM, karst_stage_name((karst_stage)stage));
         view_draw_bar(p.cairo, 96 * p.s, (p.y - 8) * p.s, (width - 96 - 66) * p.s, 7 * p.s,
                       sum > 0 ? stages[stage] / sum : 0, stage);
-        snprintf(text, sizeof text, "%.2f ms", stages[stage]);
+        snprintf(text, sizeof text, "%.*f ms", stages[stage] < 100 ? 2 : 1, stages[stage]);
         say(&p, width - PAD, TEXT, 1, VIEW_TEXT, text);
         p.y += LINE;
     }
@@ -440,13 +440,15 @@ bool view_hud_update(viewer *v, bool all)
     /* A window smaller than a panel shows the world alone. */
     bool room = v->width_px >= 120 * v->scale && v->height_px >= 60 * v->scale;
     bool full = v->page != VIEW_PAGE_NONE && v->engine && room;
-    bool wide = v->width_px >= 310 * v->scale && v->height_px >= 300 * v->scale;
     full = full && !v->help_shown;
+    /* Nor does one panel lie over another: pages are 280 by 310, the status line below and sliders beside them. */
+    bool page = full && has_graph && v->width_px >= (v->sliders.shown ? 590 : 310) * v->scale &&
+                v->height_px >= 330 * v->scale;
+    bool covered = page && v->height_px < 400 * v->scale;
     draw_or_hide(v, VIEW_PANEL_ERROR, *v->reload.error && room && !v->help_shown, draw_error); /* others stand below */
-    draw_or_hide(v, VIEW_PANEL_STATUS, full, draw_status);
+    draw_or_hide(v, VIEW_PANEL_STATUS, full && !covered, draw_status);
     draw_or_hide(v, VIEW_PANEL_CROSS, full, draw_cross);
-    draw_or_hide(v, VIEW_PANEL_PAGE, full && has_graph && wide,
-                 v->page == VIEW_PAGE_CACHE ? draw_cache_page : draw_frame_page);
+    draw_or_hide(v, VIEW_PANEL_PAGE, page, v->page == VIEW_PAGE_CACHE ? draw_cache_page : draw_frame_page);
     draw_or_hide(v, VIEW_PANEL_SLIDERS, v->sliders.shown && room && !v->help_shown, view_sliders_draw);
     draw_or_hide(v, VIEW_PANEL_PROMPT, v->prompt_shown && room, draw_prompt);
     draw_or_hide(v, VIEW_PANEL_HELP, v->help_shown && room, draw_help);
