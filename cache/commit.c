@@ -23,7 +23,7 @@ struct karst_commit {
 /* Slots first to end, which may lie in two segments. */
 static void commit_slots(const karst_cache_buffers *b, uint32_t first, uint32_t end)
 {
-    const size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
+    const size_t brick_bytes = KARST_BRICK_BYTES((size_t)b->brick_bits);
     while (first < end) {
         uint32_t segment = first / b->bricks_per_segment, in_segment = first % b->bricks_per_segment;
         uint32_t rest = b->bricks_per_segment - in_segment, count = end - first < rest ? end - first : rest;

@@ -19,8 +19,17 @@
 #define KARST_BRICK_SIDE (KARST_BRICK_CELLS + 1) /* samples on a side */
 #define KARST_BRICK_SAMPLES \
     (KARST_BRICK_SIDE * KARST_BRICK_SIDE * KARST_BRICK_SIDE) /* 4913, x fastest, then y, then z */
-#define KARST_BRICK_STRIDE 4928 /* samples from one slot to the next: a multiple of 64 bytes */
-#define KARST_BLOCK_CELLS 4     /* cells on a side of a block of the block mask: 4^3 blocks, 64 bits */
+#define KARST_BLOCK_CELLS 4 /* cells on a side of a block of the block mask: 4^3 blocks, 64 bits */
+
+/* A slot: the samples, padded to whole cache lines, then the fine mask, a line of its own. Its bit b = x/2 + 8*(y/2) +
+ * 64*(z/2), cells, of word b / 32: set if the 2^3 cells there have one with both signs at its corners. */
+#define KARST_BRICK_PADDED 4928
+#define KARST_FINE_CELLS 2
+#define KARST_FINE_WORDS 16
+#define KARST_FINE_BYTES 64
+#define KARST_BRICK_BYTES(bits) (KARST_BRICK_PADDED * (bits) / 8 + KARST_FINE_BYTES)
+/* Samples from one slot to the next. */
+#define KARST_BRICK_STRIDE (KARST_BRICK_PADDED + KARST_FINE_BYTES * 8 / KARST_BRICK_BITS)
 
 #define KARST_TILE_NODES 8
 #define KARST_ROOT_TILE 1u

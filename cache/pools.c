@@ -26,7 +26,7 @@ bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *dat
 size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
                                 int brick_bits)
 {
-    size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)(brick_bits ? brick_bits : 16) / 8;
+    size_t brick_bytes = KARST_BRICK_BYTES((size_t)(brick_bits ? brick_bits : 16));
     size_t limit = smaller(context->max_allocation_bytes, MAX_SEGMENT_BYTES);
     if (max_segment_bytes)
         limit = smaller(limit, max_segment_bytes);
@@ -49,7 +49,7 @@ bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, si
 static bool create_bricks(karst_cache *cache, size_t max_segment_bytes, karst_error *error)
 {
     karst_cache_buffers *b = &cache->buffers;
-    size_t brick_bytes = (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
+    size_t brick_bytes = KARST_BRICK_BYTES((size_t)b->brick_bits);
     size_t limit = smaller(cache->context->max_allocation_bytes, MAX_SEGMENT_BYTES);
     if (max_segment_bytes)
         limit = smaller(limit, max_segment_bytes);

@@ -45,7 +45,7 @@ void karst_engine_set_patience(karst_engine *engine, bool (*goes_on)(void *user)
 void karst_engine_find_memory(karst_engine *engine, uint64_t size_bytes)
 {
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
-    uint64_t num_bricks = size_bytes / ((uint64_t)KARST_BRICK_STRIDE * (uint64_t)buffers->brick_bits / 8);
+    uint64_t num_bricks = size_bytes / KARST_BRICK_BYTES((uint64_t)buffers->brick_bits);
     if (engine->context->is_cpu)
         karst_cache_commit_ahead(engine->cache, num_bricks < UINT32_MAX ? (uint32_t)num_bricks : UINT32_MAX);
 }

@@ -207,9 +207,9 @@ static bool lay_out(density_producer *producer, karst_error *error)
 {
     producer->channels[0] = (karst_channel){.name = "density", .format = KARST_FORMAT_SCALED_I16, .components = 1};
     return karst_channels_lay_out(producer->channels, 1, &producer->layout, error) &&
-           (producer->layout.slot_stride == KARST_BRICK_STRIDE ||
+           (producer->layout.slot_stride == KARST_BRICK_PADDED ||
             karst_fail(error, KARST_FAILED, "a brick of %u words does not fit the pool's slots of %u",
-                       producer->layout.slot_stride, KARST_BRICK_STRIDE));
+                       producer->layout.slot_stride, KARST_BRICK_PADDED));
 }
 
 /* Whether the host may answer at first: only a driver that compiles for seconds is worth it. */

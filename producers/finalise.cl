@@ -11,7 +11,9 @@
 #else
 #define LOCAL_ID ((int)get_local_id(0))
 #endif
-#define NUM_GROUP_CELLS 9
+#define NUM_GROUP_CELLS 7
+/* The fine mask lies behind the samples. */
+#define SLOT_SAMPLES (SLOT_STRIDE + KARST_FINE_BYTES * 8 / KARST_BRICK_BITS)
 
 #if KARST_GROUP == 1
 #define FINALISE_CALL static __attribute__((noinline)) K_WIDE
@@ -82,10 +84,14 @@ typedef struct {
     uint num_scrubbed, first_scrubbed;
 } sample_survey;
 
-typedef struct {
-    float reach; /* largest |d| at a corner of a surface cell */
-    uint blocks[2];
-} surface_survey;
+/* The words of a fine mask while it is made: the work-item's own, or the group's. */
+#if KARST_GROUP == 1
+#define FINE_SPACE
+#define mark_fine(word, bits) (*(word) |= (bits))
+#else
+#define FINE_SPACE __local
+#define mark_fine(word, bits) atomic_or(word, bits)
+#endif
 
 /* Scrubs the samples and finds least, largest and sides. */
 K_INLINE K_WIDE void survey_samples(K_GLOBAL float *samples, sample_survey *survey)
@@ -120,15 +126,34 @@ K_INLINE K_WIDE void survey_samples(K_GLOBAL float *samples, sample_survey *surv
     survey->first_scrubbed = first_scrubbed;
 }
 
-/* Bits 0 to 3 of a row of cells from x: which of its blocks has a lane on. */
-K_INLINE uint block_bits(vint on, int x)
+/* A row of cells from x, in pairs: bit i of a row of the fine mask tells whether pair i has a lane on. */
+K_INLINE K_WIDE uint pair_bits(vint on, int x)
 {
 #if LANES == 16
-    int4 blocks = (on.s048c | on.s159d | on.s26ae | on.s37bf) & (int4)(1, 2, 4, 8);
-    return (uint)(blocks.x | blocks.y | blocks.z | blocks.w);
+    int8 pairs = on.even | on.odd;
+#if defined(__AVX512VL__) && defined(__AVX512DQ__)
+    return (uint)(uchar)__builtin_ia32_cvtd2mask256(pairs);
 #else
-    return on ? 1u << x / KARST_BLOCK_CELLS : 0u;
+    int8 bits = pairs & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+    int4 half = bits.lo | bits.hi;
+    return (uint)(half.x | half.y | half.z | half.w);
 #endif
+#else
+    return on ? 1u << x / KARST_FINE_CELLS : 0u;
+#endif
+}
+
+/* The block mask that follows from a fine one. */
+K_INLINE void blocks_of_fine(const FINE_SPACE uint *fine, uint blocks[2])
+{
+    blocks[0] = blocks[1] = 0u;
+    for (int word = 0; word < KARST_FINE_WORDS; word++) {
+        uint rows = (fine[word] | fine[word] >> 8) & 0x00ff00ffu; /* two of blocks, eight bits each, then four */
+        rows = (rows | rows >> 1) & 0x00550055u;
+        rows = (rows | rows >> 1) & 0x00330033u;
+        rows = (rows | rows >> 2) & 0x000f000fu;
+        blocks[word >> 3] |= ((rows | rows >> 12) & 0xffu) << ((word & 1) * 8 + (word >> 2 & 1) * 16);
+    }
 }
 
 /* Cells are walked in columns of x and z, LANES neighbours in x at a time, up along y: each cell begins with what its
@@ -150,11 +175,11 @@ K_INLINE K_WIDE corner_survey survey_corners(K_GLOBAL const float *corner)
     return survey;
 }
 
-/* The surface cells (corners on both sides): which blocks have them, and how far their corners reach. */
-K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_survey *survey)
+/* The surface cells (corners on both sides): marks them in the fine mask, whose words start at 0, and returns the
+ * largest |d| at a corner of one. */
+K_INLINE K_WIDE float survey_surface(K_GLOBAL const float *samples, FINE_SPACE uint *fine)
 {
     vfloat reach = (vfloat)(0.0f);
-    uint blocks[2] = {0u, 0u};
 
     for (int column = LOCAL_ID * LANES; column < NUM_COLUMNS; column += KARST_GROUP * LANES) {
         int x = column % KARST_BRICK_CELLS, z = column / KARST_BRICK_CELLS;
@@ -166,15 +191,13 @@ K_INLINE K_WIDE void survey_surface(K_GLOBAL const float *samples, surface_surve
             vint mixed = v_gt(high, (vfloat)(0.0f)) & ~v_gt(low, (vfloat)(0.0f));
             if (v_any(mixed)) {
                 reach = v_select(mixed, v_max(reach, v_max(high, -low)), reach);
-                blocks[z / (2 * KARST_BLOCK_CELLS)] |=
-                    block_bits(mixed, x) << (4 * (y / KARST_BLOCK_CELLS) + 16 * (z / KARST_BLOCK_CELLS % 2));
+                const int row = y / KARST_FINE_CELLS + KARST_BRICK_CELLS / KARST_FINE_CELLS * (z / KARST_FINE_CELLS);
+                mark_fine(fine + (row >> 2), pair_bits(mixed, x) << (row & 3) * 8);
             }
             below = above;
         }
     }
-    survey->reach = v_max_across(reach);
-    survey->blocks[0] = blocks[0];
-    survey->blocks[1] = blocks[1];
+    return v_max_across(reach);
 }
 
 /* Samples to q: nearest, clamped, and never on the other side of zero. The padding at the end becomes whatever the
@@ -228,7 +251,7 @@ K_INLINE K_WIDE float survey_slope(K_GLOBAL const karst_brick_sample *slot)
 #if KARST_GROUP == 1 && defined(V_HAS_BITS)
 #include "producers/finalise_rows.clh"
 #define SURVEY_SAMPLES(samples, survey) survey_rows(samples, &solid, survey)
-#define SURVEY_SURFACE(samples, survey) survey_surface_rows(samples, &solid, survey)
+#define SURVEY_SURFACE(samples, fine) survey_surface_rows(samples, &solid, fine)
 #define ENCODE_SAMPLES(samples, range, slot) encode_rows(samples, range, slot, &kept_q)
 #define SURVEY_SLOPE(slot) survey_slope_rows(&kept_q)
 #else
@@ -253,7 +276,7 @@ K_INLINE K_GLOBAL karst_brick_sample *slot_at(uint slot, uint bricks_per_segment
                                   : segment == 5 ? b5
                                   : segment == 6 ? b6
                                                  : b7;
-    return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_STRIDE;
+    return base + (ulong)(slot - segment * bricks_per_segment) * SLOT_SAMPLES;
 }
 
 /* The i-th load of a chunk, load first + i of the work, its samples the i-th of the staging memory. */
@@ -264,6 +287,7 @@ typedef struct {
     K_GLOBAL karst_scrub *scrub;
     K_GLOBAL karst_brick_info *info;
     K_GLOBAL karst_brick_sample *q;
+    K_GLOBAL uint *fine;
 } brick_places;
 
 #if KARST_GROUP == 1
@@ -298,18 +322,24 @@ FINALISE_CALL void finalise_brick(const brick_places *at CELLS_ARGUMENT)
     if (state != KARST_STATE_BRICK && !kept)
         return;
 
-    surface_survey surface;
-    SURVEY_SURFACE(at->samples, &surface);
-    float reach = group_max_float(surface.reach, cells + 5);
-    uint blocks0 = group_or(surface.blocks[0], cells + 6), blocks1 = group_or(surface.blocks[1], cells + 7);
+#if KARST_GROUP == 1
+    uint fine[KARST_FINE_WORDS];
+    for (int word = 0; word < KARST_FINE_WORDS; word++)
+        fine[word] = 0u;
+#else
+    __local uint *fine = cells + NUM_GROUP_CELLS;
+#endif
+    float reach = group_max_float(SURVEY_SURFACE(at->samples, fine), cells + 5);
     float range = karst_brick_range(largest, kept ? largest : reach, KARST_BRICK_BITS);
     ENCODE_SAMPLES(at->samples, range, at->q);
     GROUP_BARRIER();
-    float slope_squared = group_max_float(SURVEY_SLOPE(at->q), cells + 8);
+    float slope_squared = group_max_float(SURVEY_SLOPE(at->q), cells + 6);
     if (LOCAL_ID == 0) {
-        karst_brick_info info = {
-            karst_brick_scale(range, KARST_BRICK_BITS), karst_safe_cells(slope_squared), {blocks0, blocks1}};
+        karst_brick_info info = {karst_brick_scale(range, KARST_BRICK_BITS), karst_safe_cells(slope_squared), {0u, 0u}};
+        blocks_of_fine(fine, info.blocks);
         *at->info = info;
+        for (int word = 0; word < KARST_FINE_WORDS; word++)
+            at->fine[word] = fine[word];
     }
 }
 
@@ -345,7 +375,7 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
 {
     uint brick = (uint)get_group_id(0);
 #if KARST_GROUP > 1
-    __local uint cells[NUM_GROUP_CELLS];
+    __local uint cells[NUM_GROUP_CELLS + KARST_FINE_WORDS];
 #endif
 
     if (total) {
@@ -364,7 +394,7 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
         return;
     }
 #if KARST_GROUP > 1
-    if (LOCAL_ID < NUM_GROUP_CELLS)
+    if (LOCAL_ID < NUM_GROUP_CELLS + KARST_FINE_WORDS)
         cells[LOCAL_ID] = 0u;
     GROUP_BARRIER();
 #endif
@@ -375,6 +405,8 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
     at.result = load_results + first + brick;
     at.scrub = scrubs + brick;
     at.info = brick_info + slot;
-    at.q = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7) + CHANNEL_DENSITY_SLOT;
+    K_GLOBAL karst_brick_sample *in_slot = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7);
+    at.q = in_slot + CHANNEL_DENSITY_SLOT;
+    at.fine = (K_GLOBAL uint *)(in_slot + SLOT_STRIDE);
     finalise_brick(&at CELLS);
 }

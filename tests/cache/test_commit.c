@@ -18,7 +18,7 @@ enum { NUM_SLOTS = 6000, SEGMENT_BYTES = 32 << 20 };
 
 static size_t brick_bytes(const karst_cache_buffers *b)
 {
-    return (size_t)KARST_BRICK_STRIDE * (size_t)b->brick_bits / 8;
+    return KARST_BRICK_BYTES((size_t)b->brick_bits);
 }
 
 static karst_buffer *segment_of(const karst_cache_buffers *b, uint32_t slot, size_t *offset_bytes)

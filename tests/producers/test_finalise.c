@@ -182,10 +182,12 @@ static void finalise(bench *b, const karst_load *loads, const float *samples, ui
 
 static int sign_of(double d) { return d > 0 ? 1 : d < 0 ? -1 : 0; }
 
-static void check_encoding(const float *d, const double *q, int bits, const karst_brick_info *info, const char *what)
+static void check_encoding(const float *d, const double *q, int bits, const karst_brick_info *info,
+                           const uint32_t fine[KARST_FINE_WORDS], const char *what)
 {
     double surface = 0, largest = 0;
     uint64_t blocks = 0;
+    uint32_t fine_blocks[KARST_FINE_WORDS] = {0};
     for (int i = 0; i < SAMPLES; i++)
         largest = fabs((double)d[i]) > largest ? fabs((double)d[i]) : largest;
     for (int z = 0; z < KARST_BRICK_CELLS; z++)
@@ -201,10 +203,15 @@ static void check_encoding(const float *d, const double *q, int bits, const kars
                 if (num_solid == 0 || num_solid == 8)
                     continue;
                 blocks |= (uint64_t)1 << (x / 4 + 4 * (y / 4) + 16 * (z / 4));
+                int fine_block = x / 2 + 8 * (y / 2) + 64 * (z / 2);
+                fine_blocks[fine_block / 32] |= 1u << fine_block % 32;
                 surface = reach > surface ? reach : surface;
             }
     if ((info->blocks[0] | (uint64_t)info->blocks[1] << 32) != blocks)
         fail_msg("%s: block mask %08x%08x, should be %016lx", what, info->blocks[1], info->blocks[0], blocks);
+    for (int i = 0; i < KARST_FINE_WORDS; i++)
+        if (fine[i] != fine_blocks[i])
+            fail_msg("%s: word %d of the fine mask is %08x, should be %08x", what, i, fine[i], fine_blocks[i]);
 
     double scale = info->scale, clamp = bits == 8 ? 2 : 32;
     assert_true(scale > 0 && isfinite(info->scale));
@@ -308,6 +315,7 @@ static void encode_in(int bits)
     static float samples[NUM_BRICKS * SAMPLES];
     static double first_q[NUM_BRICKS][SAMPLES], q[SAMPLES];
     static karst_brick_info first_info[NUM_BRICKS];
+    static uint32_t first_fine[NUM_BRICKS][KARST_FINE_WORDS];
     karst_load loads[NUM_BRICKS];
     uint32_t states[NUM_BRICKS];
     double tightest[NUM_FIELDS] = {0};
@@ -331,15 +339,19 @@ static void encode_in(int bits)
             assert_int_equal(states[i], expected);
             if (expected != KARST_STATE_BRICK)
                 continue;
+            uint32_t fine[KARST_FINE_WORDS];
             pool_read_samples(&b.p, i, bits, q, &info);
+            pool_read_fine(&b.p, i, bits, fine);
             if (s > 0) { /* all shapes write the same bits, so one needs the long checks */
-                if (memcmp(q, first_q[i], sizeof q) != 0 || memcmp(&info, &first_info[i], sizeof info) != 0)
+                if (memcmp(q, first_q[i], sizeof q) != 0 || memcmp(&info, &first_info[i], sizeof info) != 0 ||
+                    memcmp(fine, first_fine[i], sizeof fine) != 0)
                     fail_msg("%s: not the brick of shape 0", what);
                 continue;
             }
             memcpy(first_q[i], q, sizeof q);
             first_info[i] = info;
-            check_encoding(samples + (size_t)i * SAMPLES, q, bits, &info, what);
+            memcpy(first_fine[i], fine, sizeof fine);
+            check_encoding(samples + (size_t)i * SAMPLES, q, bits, &info, fine, what);
             double tight = check_safe_cells(q, &info, what);
             tightest[i / EACH] = tight > tightest[i / EACH] ? tight : tightest[i / EACH];
             check_safe_ways(q, &info, what);

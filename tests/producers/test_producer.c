@@ -228,7 +228,7 @@ static void test_channels(void **state)
 
     /* Density alone fills the pool's slots; nothing is kept for what is not used. */
     assert_true(karst_channels_lay_out(channels, 1, &layout, &error));
-    assert_int_equal(layout.slot_stride, KARST_BRICK_STRIDE);
+    assert_int_equal(layout.slot_stride, KARST_BRICK_PADDED);
     int length = karst_channels_options(&layout, text, sizeof text);
     assert_int_equal(length, strlen(text));
     assert_string_equal(text, "-DCHANNEL_DENSITY_STAGING=0 -DCHANNEL_DENSITY_SLOT=0 -DCHANNEL_DENSITY_STRIDE=1 "

@@ -193,10 +193,11 @@ SCENE_UNUSED static bool scene_subdivide(scene *s, uint32_t node)
     return true;
 }
 
-/* Block mask and safe step of encoded samples, from their definitions. */
-SCENE_UNUSED static karst_brick_info scene_brick_info(const int16_t *q, float scale)
+/* Block mask and safe step of a slot's encoded samples, from their definitions; its fine mask is filled in. */
+SCENE_UNUSED static karst_brick_info scene_brick_info(int16_t *q, float scale)
 {
     karst_brick_info info = {.scale = scale};
+    uint32_t fine[KARST_FINE_WORDS] = {0};
     double steepest = 0;
     const int side = KARST_BRICK_SIDE;
     for (int z = 0; z < KARST_BRICK_CELLS; z++)
@@ -224,9 +225,12 @@ SCENE_UNUSED static karst_brick_info scene_brick_info(const int16_t *q, float sc
                 if (solid != 0 && solid != 24) {
                     int block = x / 4 + 4 * (y / 4) + 16 * (z / 4);
                     info.blocks[block >> 5] |= 1u << (block & 31);
+                    block = x / 2 + 8 * (y / 2) + 64 * (z / 2);
+                    fine[block >> 5] |= 1u << (block & 31);
                 }
             }
     info.safe_cells = steepest > 0 ? (float)(0.999999 / sqrt(steepest)) : 1e30f;
+    memcpy(q + KARST_BRICK_PADDED, fine, sizeof(fine));
     return info;
 }
 

@@ -108,6 +108,15 @@ void pool_read_brick(pool *p, uint32_t index, int16_t q[KARST_BRICK_SAMPLES], ka
     get(p->cache.brick_info, slot * sizeof *info, info, sizeof *info);
 }
 
+void pool_read_fine(pool *p, uint32_t index, int bits, uint32_t fine[KARST_FINE_WORDS])
+{
+    uint32_t slot = index + 1, segment = slot / p->cache.bricks_per_segment,
+             in_segment = slot % p->cache.bricks_per_segment;
+    get(p->cache.bricks[segment],
+        in_segment * KARST_BRICK_BYTES((size_t)bits) + (size_t)KARST_BRICK_PADDED * (size_t)bits / 8, fine,
+        KARST_FINE_BYTES);
+}
+
 void pool_read_samples(pool *p, uint32_t index, int bits, double q[KARST_BRICK_SAMPLES], karst_brick_info *info)
 {
     uint32_t slot = index + 1, segment = slot / p->cache.bricks_per_segment,
@@ -118,7 +127,7 @@ void pool_read_samples(pool *p, uint32_t index, int bits, double q[KARST_BRICK_S
         int16_t words[KARST_BRICK_SAMPLES];
         float floats[KARST_BRICK_SAMPLES];
     } raw;
-    get(p->cache.bricks[segment], in_segment * KARST_BRICK_STRIDE * sample_bytes, &raw,
+    get(p->cache.bricks[segment], in_segment * KARST_BRICK_BYTES((size_t)bits), &raw,
         KARST_BRICK_SAMPLES * sample_bytes);
     get(p->cache.brick_info, slot * sizeof *info, info, sizeof *info);
     for (int i = 0; i < KARST_BRICK_SAMPLES; i++)

@@ -29,6 +29,8 @@ void pool_read_results(pool *p, uint32_t *states);
 void pool_read_brick(pool *p, uint32_t index, int16_t q[KARST_BRICK_SAMPLES], karst_brick_info *info);
 /* The same of 8, 16 or 32 bits a sample, as doubles. */
 void pool_read_samples(pool *p, uint32_t index, int bits, double q[KARST_BRICK_SAMPLES], karst_brick_info *info);
+/* Its fine mask. */
+void pool_read_fine(pool *p, uint32_t index, int bits, uint32_t fine[KARST_FINE_WORDS]);
 void pool_read_tiles(pool *p, karst_node *nodes /* 8 each */, karst_tile_info *infos);
 
 /* The i-th child of a node, and 64-bit FNV-1a of bytes. */
