@@ -217,7 +217,7 @@ static bool may_start_on_host(const density_producer *producer, const karst_dens
 {
     const char *options = program->finalise_options;
     return program->start_on_host && program->data && producer->context->is_cpu &&
-           karst_context_is_pocl(producer->context) && producer->layout.staging_stride == KARST_BRICK_STRIDE &&
+           karst_context_is_pocl(producer->context) && producer->layout.staging_stride == KARST_BRICK_PADDED &&
            (!options || !*options);
 }
 
