@@ -16,7 +16,7 @@ static const golden_hashes golden[] = {
     {"dunes", 0x4772f469b5fbab41, 0x0de87386c6bb0a30},
     {"hills", 0xdbb0ffe311a8874f, 0x38eb5a9d4c114bae},
     {"islands", 0xed3783b4ebcd5987, 0x49f7809a60960bbc},
-    {"karst", 0x70f0c0007da2a422, 0x212cba524f9b1925},
+    {"karst", 0x70f0c0007da2a422, 0xc5aa588692583ec1},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
