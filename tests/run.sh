@@ -33,8 +33,15 @@ for program; do
     log="$logs/$(echo "$name" | tr / _).log"
     case $program in *.sh) shell=sh ;; *) shell= ;; esac
     start=$(date +%s)
+    again=
     timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
     status=$?
+    # Now and then the leak checker itself crashes as it looks at a driver's threads, and has found nothing then.
+    if [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log"; then
+        again=', again: the leak checker had crashed'
+        timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
+        status=$?
+    fi
     seconds=$(($(date +%s) - start))
 
     skips=$(count '^(not )?ok [0-9]+ *# SKIP' "$log")
@@ -50,7 +57,8 @@ for program; do
         printf 'FAILED %-40s %d of %d, %d s %s\n' "$name" "$bads" $((oks + bads)) "$seconds" "$why"
         grep -vE '^ok ' "$log" | tail -n 60 | sed 's/^/    /'
     else
-        printf 'ok     %-40s %d, %d s%s\n' "$name" "$oks" "$seconds" "$([ "$skips" -gt 0 ] && echo ", $skips skipped")"
+        printf 'ok     %-40s %d, %d s%s%s\n' "$name" "$oks" "$seconds" \
+            "$([ "$skips" -gt 0 ] && echo ", $skips skipped")" "$again"
         # Why something was left out is worth a line.
         grep -E '^(not )?ok [0-9]+ *# SKIP' "$log" | sed 's/^[^#]*# SKIP/           skipped:/'
     fi
