@@ -135,8 +135,8 @@ K_INLINE K_WIDE uint pair_bits(vint on, int x)
     return (uint)(uchar)__builtin_ia32_cvtd2mask256(pairs);
 #else
     int8 bits = pairs & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-    int4 half = bits.lo | bits.hi;
-    return (uint)(half.x | half.y | half.z | half.w);
+    int4 fours = bits.lo | bits.hi;
+    return (uint)(fours.x | fours.y | fours.z | fours.w);
 #endif
 #else
     return on ? 1u << x / KARST_FINE_CELLS : 0u;
