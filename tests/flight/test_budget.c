@@ -117,6 +117,14 @@ static void test_production_keeps_to_the_budget(void **state)
     karst_engine_destroy(engine);
 }
 
+/* A frame, 10 m further. */
+static void fly_on(karst_engine *engine, karst_camera *camera)
+{
+    camera->position = karst_position_add_m(camera->position, (double[3]){8, 0, 6}, karst_engine_voxel_log2_m(engine));
+    assert_ok(karst_engine_set_camera(engine, camera, &error));
+    assert_ok(karst_engine_frame(engine, &error));
+}
+
 /* Where the budget does not follow, less is asked for, and that is there: in steady flight at most twice as wide
  * voxels, after a jump coarse at first; standing, all of it comes in the end. What is shown short of the setting is
  * counted. */
@@ -136,10 +144,7 @@ static void test_what_is_asked_for_is_there(void **state)
     double sum = 0, least = 1, most_px = 0, sum_own = 0;
     enum { FRAMES = 100 };
     for (int frame = 0; frame < FRAMES; frame++) {
-        camera.position =
-            karst_position_add_m(camera.position, (double[3]){8, 0, 6}, karst_engine_voxel_log2_m(engine));
-        assert_ok(karst_engine_set_camera(engine, &camera, &error));
-        assert_ok(karst_engine_frame(engine, &error));
+        fly_on(engine, &camera);
         karst_engine_stats(engine, &stats);
         double hits = (double)stats.num_hits, share = 1 - (double)stats.num_provisional / hits;
         assert_true(stats.num_coarser >= stats.num_provisional);
@@ -191,12 +196,8 @@ static void test_a_stop_finds_its_detail(void **state)
     assert_ok(karst_engine_set_drawn_size(engine, FLIGHT_WIDTH / 2, FLIGHT_HEIGHT / 2, &error));
     assert_ok(karst_engine_set_budget_ms(engine, 8, &error));
     karst_engine_pretend_cost(engine, 40e3, 40e3);
-    for (int frame = 0; frame < 100; frame++) {
-        camera.position =
-            karst_position_add_m(camera.position, (double[3]){8, 0, 6}, karst_engine_voxel_log2_m(engine));
-        assert_ok(karst_engine_set_camera(engine, &camera, &error));
-        assert_ok(karst_engine_frame(engine, &error));
-    }
+    for (int frame = 0; frame < 100; frame++)
+        fly_on(engine, &camera);
     assert_ok(karst_engine_set_drawn_size(engine, FLIGHT_WIDTH, FLIGHT_HEIGHT, &error));
     karst_stats stats;
     assert_ok(karst_engine_frame(engine, &error));
