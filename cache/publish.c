@@ -39,7 +39,7 @@ static bool launch_loads(karst_publish *publish, const karst_work *work, uint32_
                            KARST_BUFFER_ARG(work->load_slots), KARST_BUFFER_ARG(work->load_results),
                            KARST_VALUE_ARG(num), KARST_VALUE_ARG(serial), KARST_BUFFER_ARG(pools->nodes),
                            KARST_BUFFER_ARG(pools->tile_info), KARST_BUFFER_ARG(pools->brick_owner),
-                           KARST_BUFFER_ARG(pools->brick_stamp)) &&
+                           KARST_BUFFER_ARG(pools->brick_stamp), KARST_BUFFER_ARG(pools->want_brick)) &&
            karst_launch(publish->context, publish->loads, STAGE, num, publish->shape.item_local, error);
 }
 

@@ -5,7 +5,7 @@
 __kernel void karst_publish_loads(__global const uint *load_nodes, __global const uint *load_slots,
                                   __global const uint *load_results, uint num, uint serial, __global karst_node *nodes,
                                   __global karst_tile_info *tile_info, __global karst_brick_owner *brick_owner,
-                                  __global uint *brick_stamp)
+                                  __global uint *brick_stamp, __global uint *want_brick)
 {
     uint item = (uint)get_global_id(0);
     if (item >= num)
@@ -24,6 +24,7 @@ __kernel void karst_publish_loads(__global const uint *load_nodes, __global cons
         nodes[node].link = KARST_NODE_LINK(result, KARST_NONE);
     } else if (result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID) {
         nodes[node].link = KARST_NODE_LINK(result, children);
+        want_brick[node] = 0; /* answered: who wants a brick of it all the same has to say so once more */
     }
 }
 

@@ -110,6 +110,37 @@ static void test_a_constant_result_orphans_children_which_are_recycled_in_time(v
     rig_close(&rig);
 }
 
+static uint32_t clear_when_loaded(int level, const int64_t node[3], bool for_load)
+{
+    (void)level;
+    (void)node;
+    return for_load ? KARST_STATE_CLEAR_AIR : KARST_STATE_LOST;
+}
+
+/* A frame has many rounds for one serial: what was answered in one is not done again in the next. */
+static void test_what_came_out_clear_is_answered(void **state)
+{
+    (void)state;
+    cache_rig rig;
+    rig_open(&rig, context, 16, 16, 0, 5);
+    rig.content = clear_when_loaded;
+    rig_cast(&rig);
+    rig_want_brick(&rig, ROOT_NODE(0));
+    rig_want_children(&rig, ROOT_NODE(1));
+    rig_round(&rig);
+    assert_int_equal(rig_state(&rig, ROOT_NODE(0)), KARST_STATE_CLEAR_AIR);
+    rig_round(&rig);
+    assert_int_equal(rig.work.num_requests, 0);
+    assert_int_equal(rig.nodes[ROOT_NODE(0)].brick, KARST_NONE);
+    /* Whoever asks once more, now that it is known to be clear, gets its brick. */
+    rig_want_brick(&rig, ROOT_NODE(0));
+    rig_round(&rig);
+    assert_int_equal(rig.work.num_loads, 1);
+    assert_int_equal(rig_state(&rig, ROOT_NODE(0)), KARST_STATE_CLEAR_AIR);
+    assert_int_not_equal(rig.nodes[ROOT_NODE(0)].brick, KARST_NONE);
+    rig_close(&rig);
+}
+
 static void test_loaded_and_subdivided_at_once(void **state)
 {
     (void)state;
@@ -571,6 +602,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_lost_brick_comes_back_without_its_subtree_being_touched),
         cmocka_unit_test(test_a_constant_result_orphans_children_which_are_recycled_in_time),
+        cmocka_unit_test(test_what_came_out_clear_is_answered),
         cmocka_unit_test(test_loaded_and_subdivided_at_once),
         cmocka_unit_test(test_slots_that_were_not_used_are_handed_out_next),
         cmocka_unit_test(test_a_root_shift_keeps_what_both_windows_share),
