@@ -131,8 +131,8 @@ static inline void shipped_samples(shipped_world *world, const int64_t origin[3]
 }
 
 /* Moves a place up or down (towards the origin of a globe, where that is down) to where the density changes sign, as
- * far as halving finds it within +- reach voxels. */
-static inline void shipped_to_surface(shipped_world *world, int64_t voxel[3], int64_t reach)
+ * far as halving finds it within +- reach voxels; else it stays where it is, and that is false. */
+static inline bool shipped_to_surface(shipped_world *world, int64_t voxel[3], int64_t reach)
 {
     static const uint32_t none[3];
     int64_t low[3], high[3];
@@ -142,7 +142,7 @@ static inline void shipped_to_surface(shipped_world *world, int64_t voxel[3], in
     high[1] += reach;
     float below = shipped_density(world, low, none, 0), above = shipped_density(world, high, none, 0);
     if (!((below > 0) != (above > 0)))
-        return;
+        return false;
     while (high[1] - low[1] > 1) {
         voxel[1] = low[1] + (high[1] - low[1]) / 2;
         if ((shipped_density(world, voxel, none, 0) > 0) == (below > 0))
@@ -150,6 +150,7 @@ static inline void shipped_to_surface(shipped_world *world, int64_t voxel[3], in
         else
             high[1] = voxel[1];
     }
+    return true;
 }
 
 /* Runs `test` once for each shipped world, or for $KARST_TEST_WORLD alone; the state is the world's name. Under
