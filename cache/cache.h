@@ -106,8 +106,9 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
 
 /* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
  * the node constant (its slot stays free; children it had are orphaned), a clear one leaves the children and needs no
- * slot either, unless it was kept, and is wanted no longer; a subdivided node gets its tile. Slots that were not used are the next to be handed
- * out. *num_bricks_constant counts air and solid only; either count may be NULL. Only call it between casts. */
+ * slot either, unless it was kept, and is wanted no longer; a subdivided node gets its tile. Slots that were not used
+ * are the next to be handed out. *num_bricks_constant counts air and solid only; either count may be NULL. Only call it
+ * between casts. */
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);
 

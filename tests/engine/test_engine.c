@@ -18,7 +18,7 @@
 #define NUM_PIXELS (WIDTH * HEIGHT)
 #define MAX_FRAMES 120 /* to settle, whatever the pools' size */
 #define CALM_FRAMES 8  /* observed afterwards */
-/* A load needs a slot before it is known whether its brick stays: where none is left, the last few may never be tried. */
+/* A load needs a slot before it is known whether its brick stays: where none is left, the last may never be tried. */
 #define SPARE_BRICKS 8
 
 typedef struct {
