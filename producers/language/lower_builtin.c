@@ -342,14 +342,23 @@ bool karst_is_builtin(const char *name)
     return exact.distance == 0;
 }
 
+const char *karst_builtin_name(size_t number)
+{
+    if (number < COUNT(each))
+        return each[number].name;
+    number -= COUNT(each);
+    if (number < COUNT(comparisons))
+        return comparisons[number].name;
+    number -= COUNT(comparisons);
+    if (number < COUNT(noises))
+        return noises[number].name;
+    number -= COUNT(noises);
+    return number < COUNT(others) ? others[number] : NULL;
+}
+
 void karst_offer_builtins(karst_nearest *nearest)
 {
-    for (size_t i = 0; i < COUNT(each); i++)
-        karst_nearest_offer(nearest, each[i].name);
-    for (size_t i = 0; i < COUNT(comparisons); i++)
-        karst_nearest_offer(nearest, comparisons[i].name);
-    for (size_t i = 0; i < COUNT(noises); i++)
-        karst_nearest_offer(nearest, noises[i].name);
-    for (size_t i = 0; i < COUNT(others); i++)
-        karst_nearest_offer(nearest, others[i]);
+    const char *name;
+    for (size_t i = 0; (name = karst_builtin_name(i)) != NULL; i++)
+        karst_nearest_offer(nearest, name);
 }

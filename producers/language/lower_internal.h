@@ -148,6 +148,8 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
 bool karst_lower_builtin(karst_lower_state *s, const char *name, karst_value *arguments, uint32_t count, uint32_t where,
                          karst_value *result);
 bool karst_is_builtin(const char *name);
+/* Each in turn, from 0; NULL past the last. What the prelude defines is not among them. */
+const char *karst_builtin_name(size_t number);
 void karst_offer_builtins(karst_nearest *nearest);
 /* "an int", for messages. */
 const char *karst_a_type(karst_lower_state *s, const karst_type *type);

@@ -17,6 +17,7 @@
 #include "producers/language/language.h"
 #include "producers/language/oracle.h"
 #include "producers/language/octave.clh"
+#include "tests/language/built_ins.h"
 #include "tests/language/wild_graph.h"
 
 #define NUM_SAMPLES KARST_BRICK_SAMPLES
@@ -347,7 +348,7 @@ static void check_world(const karst_resolved_world *world, const karst_number *c
 /* EMIT_GRAPHS of them, from number EMIT_FIRST. */
 static void test_random_graphs(void **state)
 {
-    uint32_t first = setting("EMIT_FIRST", 0), count = setting("EMIT_GRAPHS", 6);
+    uint32_t first = setting("EMIT_FIRST", 0), count = setting("EMIT_GRAPHS", 20);
     (void)state;
     for (uint32_t i = first; i < first + count; i++) {
         karst_arena arena;
@@ -370,19 +371,24 @@ static void test_random_graphs(void **state)
 
 /* ---- world files ---- */
 
+static void check_program(karst_program_graph *program, const char *name)
+{
+    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        values[i] = program->parameters[i].value;
+    print_message("%s\n", name);
+    check_world(&program->world, (const karst_number *const[2]){values, NULL}, program->header.voxel_log2_m, 0);
+    free(values);
+    karst_program_graph_destroy(program);
+}
+
 static void check_file(const char *path)
 {
     karst_error error = {0};
     bool ok;
     karst_program_graph *program = karst_language_compile_file(path, NULL, 0, &ok, &error);
     expect(ok, &error);
-    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
-    for (uint32_t i = 0; i < program->num_parameters; i++)
-        values[i] = program->parameters[i].value;
-    print_message("%s\n", path);
-    check_world(&program->world, (const karst_number *const[2]){values, NULL}, program->header.voxel_log2_m, 0);
-    free(values);
-    karst_program_graph_destroy(program);
+    check_program(program, path);
 }
 
 /* EMIT_FILES: only those whose name holds this. */
@@ -426,6 +432,35 @@ static void test_noises(void **state)
     check_folder("tests/language/noises");
 }
 
+/* Every function of the language, a few dozen a world: the density is a hash of all their bits. */
+static void test_every_function(void **state)
+{
+    enum { A_WORLD = 56 };
+    static char text[1 << 16];
+    (void)state;
+    for (size_t first = 0; first < NUM_BUILT_INS; first += A_WORLD) {
+        karst_error error = {0};
+        bool ok;
+        char name[32];
+        size_t length = (size_t)sprintf(text, "/*{ \"seed\": 7 }*/\n"
+                                              "int hash(int h, float a) {\n"
+                                              "    h = (h ^ (a == a ? floatBitsToInt(a) : 5)) * 16777619;\n"
+                                              "    return h ^ h >> 15;\n"
+                                              "}\n"
+                                              "float density(vec3 at) {\n"
+                                              "    vec3 p = at / 16.0;\n"
+                                              "    int h = 0;\n");
+        for (size_t i = first; i < first + A_WORLD && i < NUM_BUILT_INS; i++)
+            length += (size_t)snprintf(text + length, sizeof text - length, "    h = hash(h, %s);\n", built_ins[i]);
+        length += (size_t)snprintf(text + length, sizeof text - length, "    return float(h >> 8 & 0xffffff);\n}\n");
+        assert_true(length < sizeof text - 1);
+        snprintf(name, sizeof name, "functions from %zu", first);
+        karst_program_graph *program = karst_language_compile(name, text, length, NULL, 0, &ok, &error);
+        expect(program && ok, &error);
+        check_program(program, name);
+    }
+}
+
 /* ---- the mean that octaves fade to ---- */
 
 static void test_means_of_noise(void **state)
@@ -460,7 +495,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_means_of_noise), cmocka_unit_test(test_random_graphs),
         cmocka_unit_test(test_shipped_worlds), cmocka_unit_test(test_pasted_worlds),
-        cmocka_unit_test(test_noises),
+        cmocka_unit_test(test_noises),         cmocka_unit_test(test_every_function),
     };
     return cmocka_run_group_tests(tests, open_devices, close_devices);
 }
