@@ -52,7 +52,10 @@ static void compare_graph(uint64_t seed, tally *t)
     assert_true(karst_world_data_fill(&layout, graph.parameters, 7, place.voxel_log2_m, data));
     assert_true(karst_tape_build(&layout, &world.density, 1, &tape, &error));
     assert_true(tape.num_slots <= TAPE_SLOTS);
-    int *slots = calloc((size_t)tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+    uint32_t stride = tape.num_slots * TAPE_VALUE_ELEMENTS;
+    int *slots = calloc(tape.num_slots * (TAPE_BOUND_ELEMENTS + NUM_POINTS * TAPE_VALUE_ELEMENTS), sizeof *slots);
+    affine_position all[NUM_POINTS];
+    uint values[NUM_POINTS];
     tape_program program = {.code = tape.code,
                             .num_instructions = tape.num_instructions,
                             .constants = tape.constants,
@@ -79,9 +82,23 @@ static void compare_graph(uint64_t seed, tally *t)
             at.fraction[axis] = (uint32_t)sum;
         }
         tape_values(&program, &at, NULL, box.level);
-        uint whole = (uint)tape_load(&program, tape.output[0]);
-        tape_short_values(&program, brief.steps + brief.first, TAPE_SHORT_MOST - brief.first, &at, box.level);
-        t->num_wrong += whole != (uint)tape_load(&program, tape.output[0]);
+        values[k] = (uint)tape_load(&program, tape.output[0]);
+        all[k] = at;
+        tape_values_of_rows(&program, brief.steps + brief.first, TAPE_SHORT_MOST - brief.first, stride, &at, 1,
+                            box.level);
+        t->num_wrong += values[k] != (uint)tape_load(&program, tape.output[0]);
+    }
+    for (int is_short = 0; is_short < 2; is_short++) {
+        if (is_short)
+            tape_values_of_rows(&program, brief.steps + brief.first, TAPE_SHORT_MOST - brief.first, stride, all,
+                                NUM_POINTS, box.level);
+        else
+            tape_values_of_rows(&program, NULL, tape.num_instructions, stride, all, NUM_POINTS, box.level);
+        for (int k = 0; k < NUM_POINTS; k++) {
+            tape_program row = program;
+            row.slots += k * stride;
+            t->num_wrong += values[k] != (uint)tape_load(&row, tape.output[0]);
+        }
     }
     free(slots);
     free(data);
