@@ -23,6 +23,8 @@
 #define KARST_EMIT_MAX_OCTAVES 2048u
 /* Octaves of a brick that are tensor products; others cost ten times as much. */
 #define KARST_EMIT_MAX_TENSORS 48u
+/* Noises that they may belong to: each keeps the sums of a whole brick, 20 KiB of working memory. */
+#define KARST_EMIT_MAX_TENSOR_NOISES 16u
 /* Octaves of Worley's noise whose cells a brick hashes once; others cost several times as much. */
 #define KARST_EMIT_MAX_TABLES 8u
 /* Octaves of a brick whose gradients stand in tables (noise/table.clh), 1,216 bytes each; others hash every corner. */

@@ -341,15 +341,16 @@ static void sample(karst_emit *emit)
     karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
-/* The first noises that may be tensors, for as long as there is room: a noise takes 20 KiB of a brick's memory. */
+/* The first noises that may be tensors, for as long as there is room. */
 static void mark_tensors(karst_emit *emit)
 {
-    uint32_t room = KARST_EMIT_MAX_TENSORS;
-    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+    uint32_t room = KARST_EMIT_MAX_TENSORS, num_noises = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes && num_noises < KARST_EMIT_MAX_TENSOR_NOISES; e++) {
         if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || !karst_emit_may_be_tensor(emit, e) ||
             num_octaves(emit, e) > room)
             continue;
         emit->nodes[e].is_tensor = 1;
+        num_noises++;
         room -= num_octaves(emit, e);
     }
 }

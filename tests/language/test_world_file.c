@@ -60,6 +60,35 @@ static karst_world_file *compile(const char *text, karst_error *error)
 
 #define LARGE(first) "    float d = " first ";\n    for (int i = 0; i < 3000; i++) d = sin(d + p.x * float(i));\n"
 
+static int count_of(const char *text, const char *word)
+{
+    int count = 0;
+    while ((text = strstr(text, word))) {
+        text++;
+        count++;
+    }
+    return count;
+}
+
+/* However many noises might be tensors, the sums of those that are fit a thread's stack. */
+static void test_many_tensors(void **state)
+{
+    char text[256];
+    karst_error error = {0};
+    (void)state;
+    for (int num = 1; num <= 64; num *= 2) {
+        snprintf(text, sizeof text,
+                 "float density(vec3 p) {\n    float d = -p.y;\n"
+                 "    for (int i = 1; i <= %d; i++) d += noise(p / (64.0 + float(i)));\n    return d;\n}\n",
+                 num);
+        karst_world_file *file = compile(text, &error);
+        assert_true(file && !file->code.is_tape);
+        int most = (int)KARST_EMIT_MAX_TENSOR_NOISES;
+        assert_int_equal(count_of(file->code.source, "[EMIT_TENSOR_SUMS];\n"), num < most ? num : most);
+        karst_world_file_destroy(file);
+    }
+}
+
 /* What is too large for code runs on its tape. */
 static void test_too_large(void **state)
 {
@@ -119,6 +148,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shipped_worlds),
+        cmocka_unit_test(test_many_tensors),
         cmocka_unit_test(test_too_large),
         cmocka_unit_test(test_no_user_text),
     };
