@@ -218,7 +218,10 @@ bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
         max_frames = DEFAULT_MAX_FRAMES;
     *settled = false;
     for (uint32_t frame = 0; frame < max_frames && !*settled; frame++) {
-        if (!karst_engine_frame(engine, error))
+        engine->settles = true;
+        bool drawn = karst_engine_frame(engine, error);
+        engine->settles = false;
+        if (!drawn)
             return false;
         *settled = engine->stats.settled;
         if (progress && !progress(user, &engine->stats))

@@ -45,7 +45,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
 
     bool counting = engine->view == KARST_PAINT_STEPS;
-    if (!karst_cast_pinhole(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, error))
+    if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
+                            error))
         return false;
     if (engine->shown.refiner) {
         karst_shade_anchor anchor = {.pad = 0};

@@ -74,7 +74,7 @@ struct karst_engine {
     karst_producer *producer;
     karst_caster *caster;
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits, *asked;
 
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
@@ -86,6 +86,7 @@ struct karst_engine {
     double budget_ns; /* 0: bricks only */
     bool (*goes_on)(void *user); /* karst_engine_set_patience */
     void *patience;
+    bool settles; /* a frame of karst_engine_settle */
     karst_cost cost;
     karst_engine_made made;
 
@@ -112,7 +113,6 @@ struct karst_engine {
     uint32_t num_whole_scouts;
     bool ahead_is_made; /* the last look ahead found next to nothing */
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
-    uint8_t *marks;                    /* of parts of the picture; karst_engine_look_again */
     bool have_previous;
     karst_stats stats;
 };
@@ -194,10 +194,9 @@ void karst_engine_note_motion(karst_engine *engine);
  * and that. */
 bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
 
-/* engine_again.c. Casts the parts of the last picture that were provisional once more, as they are now, to ask for what
- * they lack; all of it (is_whole) where that is cheaper. Standing views on CPU devices only. */
-bool karst_engine_look_again(karst_engine *engine, bool *is_whole, karst_error *error);
-size_t karst_engine_num_marks(int width_px, int height_px); /* of a picture: bytes of marks */
+/* engine_again.c. Casts the parts of the frame's picture that asked for anything once more, to ask for what they lack
+ * now. Standing views on CPU devices only. */
+bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 
 /* engine_draw.c. What the picture's rays see, and casting and shading it into the display. */
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);

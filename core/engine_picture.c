@@ -28,12 +28,11 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
     engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
     engine->scout_hits =
         karst_buffer_create_blank(engine->context, "hits", karst_engine_scout_bytes(num_pixels), error);
-    if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits)
+    engine->asked = karst_buffer_create(
+        engine->context, "asked", karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL,
+        error);
+    if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits || !engine->asked)
         return false;
-    engine->marks = malloc(karst_engine_num_marks(engine->width_px, engine->height_px));
-    if (!engine->marks)
-        return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", engine->width_px,
-                          engine->height_px);
     if (engine->shadows) {
         engine->shadow_rays = karst_buffer_create_blank(
             engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
@@ -58,12 +57,12 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->depth);
     karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
-    free(engine->marks);
+    karst_buffer_destroy(engine->asked);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = NULL;
-    engine->marks = engine->pixels = engine->previous_pixels = NULL;
+    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = engine->asked = NULL;
+    engine->pixels = engine->previous_pixels = NULL;
 }
 
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error)

@@ -148,6 +148,9 @@ static double scout_ns(const karst_engine *engine)
     return karst_engine_scout_rays(engine, scout_apart_px(engine)) * engine->cost.scout_rays.expected_ns;
 }
 
+/* Without a clock, and nobody looks at what comes before the settled picture. */
+static bool is_settling(const karst_engine *engine) { return engine->settles && engine->budget_ns == 0; }
+
 /* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
 static bool may_go_on(const karst_engine *engine, const karst_work *work, allowance *left)
 {
@@ -155,7 +158,7 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, allowa
         return false;
     if (left->bricks < LEAST_BRICKS || left->tiles < LEAST_BRICKS)
         return false;
-    if (work->num_deferred_budget && !(left->ns > UNUSED_SHARE * engine->budget_ns))
+    if (work->num_deferred_budget && !is_settling(engine) && !(left->ns > UNUSED_SHARE * engine->budget_ns))
         return false;
     left->over = left->over || (engine->goes_on && !engine->goes_on(engine->patience));
     if (left->over)
@@ -192,10 +195,9 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
 /* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell. */
 static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
 {
-    bool is_whole = true;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
         uint64_t start_ns = karst_engine_cpu_ns(engine);
-        if (!karst_engine_look_again(engine, &is_whole, error) || !karst_finish(engine->context, error))
+        if (!karst_engine_look_again(engine, error) || !karst_finish(engine->context, error))
             return false;
         uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
         engine->made.again_cpu_ns += taken_ns;
@@ -313,7 +315,7 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
         karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
     karst_stats *stats = &engine->stats;
     allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
-    const bool waited_for = engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved;
+    const bool waited_for = is_settling(engine) || (engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved);
     if (waited_for)
         left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
@@ -348,7 +350,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
         if (!scout_round(engine, &engine->camera, false, &left, &more, error))
             return false;
-    if (engine->goes_on && engine->context->is_cpu && !moves && !engine->motion.moved && stats->num_provisional > 0 &&
+    bool stands = is_settling(engine) || (engine->goes_on && !moves && !engine->motion.moved);
+    if (stands && most_scouts && engine->context->is_cpu && stats->num_provisional > 0 &&
         !follow_up(engine, &left, &more, error))
         return false;
     left.ns += kept_ns;

@@ -17,6 +17,7 @@ struct karst_caster {
     cl_kernel pinhole;
     cl_kernel rays, shadows; /* NULL: left out */
     bool beams; /* a work-item casts a beam, not `lanes` rays */
+    karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
     karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
     cl_event written[NUM_VIEWS];
@@ -45,6 +46,7 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
     bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
     caster->beams = beams;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
+    caster->asked = karst_buffer_create(context, "view", sizeof(uint32_t), NULL, error);
     caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
     if (caster->program) {
         caster->pinhole = karst_program_kernel(caster->program, "cast_pinhole", error);
@@ -53,7 +55,8 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
         if (has_shadows)
             caster->shadows = karst_program_kernel(caster->program, "cast_shadows", error);
     }
-    if (!caster->view || !caster->pinhole || (has_rays && !caster->rays) || (has_shadows && !caster->shadows)) {
+    if (!caster->view || !caster->asked || !caster->pinhole || (has_rays && !caster->rays) ||
+        (has_shadows && !caster->shadows)) {
         karst_caster_destroy(caster);
         return NULL;
     }
@@ -77,6 +80,7 @@ void karst_caster_destroy(karst_caster *caster)
         clReleaseKernel(caster->shadows);
     karst_program_destroy(caster->program);
     karst_buffer_destroy(caster->view);
+    karst_buffer_destroy(caster->asked);
     free(caster);
 }
 
@@ -155,7 +159,7 @@ static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px,
     return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, caster->beams ? 1 : group_size, error);
 }
 
-/* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh). */
+/* The pools, in the order of POOL_PARAMETERS (raycast/walk.clh), of which `asked` is the last. */
 #define POOL_ARGUMENTS(c)                                                                                           \
     KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
         KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),          \
@@ -165,16 +169,45 @@ static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px,
         KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk), KARST_BUFFER_ARG((c).want_rays),     \
         KARST_BUFFER_ARG((c).tile_info)
 
-bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        karst_buffer *hits, karst_error *error)
+static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_buffer *hits, const karst_buffer *asked, cl_uint notes, karst_error *error)
 {
+    if (notes != KARST_CAST_NOTES_NOTHING &&
+        asked->size_bytes < karst_cast_asked_bytes(caster->context, pinhole->width_px, pinhole->height_px))
+        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold what a picture of %dx%d asks for",
+                          asked->size_bytes, pinhole->width_px, pinhole->height_px);
     if (!check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) ||
         !upload_view(caster, view, error))
         return false;
-    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
-                         KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits)))
+    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits),
+                         KARST_VALUE_ARG(notes)))
         return false;
     return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
+}
+
+bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, hits, caster->asked, KARST_CAST_NOTES_NOTHING, error);
+}
+
+bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_buffer *asked, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, hits, asked, KARST_CAST_NOTES_ASKED, error);
+}
+
+bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      karst_buffer *hits, karst_buffer *asked, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, hits, asked, KARST_CAST_WHO_ASKED, error);
+}
+
+size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px)
+{
+    /* A word for each work-item, of which beams need fewest; and the first, which is nobody's. */
+    return (1 + num_groups(width_px, height_px, 1, 1) * (RAYS_PER_GROUP / (size_t)context->lanes)) * sizeof(uint32_t);
 }
 
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
@@ -190,9 +223,9 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
     if (!upload_view(caster, view, error))
         return false;
     cl_int any = any_hit;
-    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
-                         KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays), KARST_VALUE_ARG(any),
-                         KARST_BUFFER_ARG(hits)))
+    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
+                         KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
         return false;
     const size_t rays_per_item =
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
@@ -225,8 +258,9 @@ bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const
                             .height_px = pinhole->height_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
     if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
-        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->view),
-                         KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels)))
+        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
+                         KARST_VALUE_ARG(pixels)))
         return false;
     return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
 }

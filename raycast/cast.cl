@@ -279,9 +279,16 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
 }
 
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
-                                  K_GLOBAL karst_hit *hits)
+                                  K_GLOBAL karst_hit *hits, uint notes)
 {
-    const pools pool = POOL_FIELDS;
+    pools pool = POOL_FIELDS;
+    if (notes != KARST_CAST_NOTES_NOTHING)
+        pool.asked += 1 + get_global_id(0);
+    if (notes == KARST_CAST_WHO_ASKED) {
+        if (*pool.asked != view->serial)
+            return;
+        *pool.asked = 0;
+    }
     const uint beam_number = beam_at_turn((uint)get_global_id(0), pinhole.width_px, pinhole.height_px);
     cast_pinhole_beam(&pool, view, &pinhole, beam_number, hits);
 }

@@ -44,8 +44,17 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
  * small). */
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error);
-/* The same for a buffer of karst_ray. any_hit: t and position may stop at the entry of the surface's cell. Neighbours
- * in the buffer travel together. */
+/* The same, noting in `asked` which parts of the picture asked for anything. */
+bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_buffer *asked, karst_error *error);
+/* Casts the parts once more that asked for anything when that picture, or this, was cast last: with the same view,
+ * serial included, and pinhole. Where nothing was evicted since, the others would ask for nothing now. */
+bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      karst_buffer *hits, karst_buffer *asked, karst_error *error);
+/* What `asked` takes; zeros at first. Thread-safe. */
+size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px);
+/* The same as karst_cast_pinhole for a buffer of karst_ray. any_hit: t and position may stop at the entry of the
+ * surface's cell. Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
 

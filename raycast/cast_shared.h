@@ -27,6 +27,12 @@ K_ASSERT_SIZE(karst_pinhole, 80);
 #define KARST_BEAM_DOWN 2
 #define KARST_BEAM_PACKETS (KARST_GROUP_PACKETS * KARST_BEAM_ACROSS * KARST_BEAM_DOWN)
 
+/* What a cast of a picture notes: nothing; which of its work-items want something; the same, and those that did not
+ * last time are left out. */
+#define KARST_CAST_NOTES_NOTHING 0u
+#define KARST_CAST_NOTES_ASKED 1u
+#define KARST_CAST_WHO_ASKED 2u
+
 /* Where pixel (x, y)'s ray stands in a stream in packet order: strips four rows high, in them blocks four columns wide.
  * A permutation of 0 .. width * height - 1 for every size; where the width is a multiple of four, each packet's rays
  * are 16 neighbours. */

@@ -254,6 +254,33 @@ static void test_lanes_change_nothing(void **state)
     release(&wide);
 }
 
+/* A view that settles looks again only where something was asked for: so its last picture lacks nothing. The picture
+ * is that of whole frames, one by one. */
+static void test_looking_again_misses_nothing(void **state)
+{
+    (void)state;
+    karst_engine_config config = base_config("hills");
+    config.no_shadows = true; /* whose rays do not look again */
+    karst_engine *engine = create(&config);
+    picture looked_again = take(engine);
+    karst_engine_destroy(engine);
+    assert_int_equal(looked_again.num_frames, 3); /* the first, the one that is looked at again, the settled one */
+
+    engine = create(&config);
+    karst_stats stats = {0};
+    while (!stats.settled && stats.frame < MAX_FRAMES) {
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+    }
+    picture whole = take(engine);
+    assert_true(stats.settled && stats.frame > looked_again.num_frames);
+    assert_memory_equal(looked_again.rgba, whole.rgba, NUM_PIXELS * 4);
+    assert_memory_equal(looked_again.depth_m, whole.depth_m, NUM_PIXELS * sizeof(float));
+    release(&looked_again);
+    release(&whole);
+    karst_engine_destroy(engine);
+}
+
 static void expect_failure(karst_engine_config config, karst_status status, const char *words)
 {
     karst_error error = {0};
@@ -296,6 +323,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bad_configurations_say_what_to_do), cmocka_unit_test(test_calm_at_any_pool_size_hills),
         cmocka_unit_test(test_calm_at_any_pool_size_asteroid),    cmocka_unit_test(test_history_leaves_no_trace),
+        cmocka_unit_test(test_looking_again_misses_nothing),
         cmocka_unit_test(test_segments_change_nothing),           cmocka_unit_test(test_lanes_change_nothing),
     };
     return cmocka_run_group_tests_name("engine", tests, NULL, NULL);

@@ -76,8 +76,9 @@ bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, ka
 
 /* One frame: cast, shade, display; collect, produce within the budget, publish. Errors: KARST_FAILED. */
 bool karst_engine_frame(karst_engine *engine, karst_error *error);
-/* Frames until settled, at most max_frames (0: 1000). `progress` (may be NULL) is called after each frame; returning
- * false ends the loop. *settled says how it ended. */
+/* Frames until settled, at most max_frames (0: 1000), as for somebody who waits for the last: without a budget in ms
+ * each may produce four times budget_bricks. `progress` (may be NULL) is called after each frame; returning false ends
+ * the loop. *settled says how it ended. */
 bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
                          bool (*progress)(void *user, const karst_stats *stats), void *user, bool *settled,
                          karst_error *error);
