@@ -27,13 +27,18 @@
     X(ABS)                                                                                                            \
     X(SELECT)                                                                                                         \
     X(FLOOR)                                                                                                          \
-    X(CEIL) X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG)        \
-        X(ATAN_CUT) X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE)          \
-            X(INTEGER) X(STICKY) X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS)         \
-                X(PLACE_ROUNDING) X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES)  \
-                    X(DOUBT_ADD) X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) \
+    X(CEIL)                                                                                                           \
+    X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT)    \
+        X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) \
+            X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING)            \
+                X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD)       \
+                    X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE)              \
                         X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP)             \
-                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW)
+                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW)    \
+                                X(INT_ADD) X(INT_SUBTRACT) X(INT_MULTIPLY) X(INT_DIVIDE) X(INT_MODULO) X(INT_AND)     \
+                                    X(INT_OR) X(INT_XOR) X(INT_NOT) X(INT_SHIFT) X(INT_LESS) X(INT_LESS_EQUAL)        \
+                                        X(INT_EQUAL) X(EQUAL_BOOLS) X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT)     \
+                                            X(INT_SIGN) X(INT_TO_FLOAT) X(FLOAT_BITS) X(BITS_FLOAT)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
