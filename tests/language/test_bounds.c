@@ -12,33 +12,37 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                               \
-    X(JUMP)                                                                                                           \
-    X(ADD)                                                                                                            \
-    X(NEGATE)                                                                                                         \
-    X(MULTIPLY)                                                                                                       \
-    X(SQUARE)                                                                                                         \
-    X(SCALE)                                                                                                          \
-    X(DIVIDE)                                                                                                         \
-    X(DIVIDE_BY_ZERO)                                                                                                 \
-    X(DECIDE)                                                                                                         \
-    X(MIN)                                                                                                            \
-    X(MAX)                                                                                                            \
-    X(ABS)                                                                                                            \
-    X(SELECT)                                                                                                         \
-    X(FLOOR)                                                                                                          \
-    X(CEIL)                                                                                                           \
-    X(RINT) X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT)    \
-        X(ATAN) X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) \
-            X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING)            \
-                X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD)       \
-                    X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE)              \
-                        X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP)             \
-                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW)    \
-                                X(INT_ADD) X(INT_SUBTRACT) X(INT_MULTIPLY) X(INT_DIVIDE) X(INT_MODULO) X(INT_AND)     \
-                                    X(INT_OR) X(INT_XOR) X(INT_NOT) X(INT_SHIFT) X(INT_LESS) X(INT_LESS_EQUAL)        \
-                                        X(INT_EQUAL) X(EQUAL_BOOLS) X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT)     \
-                                            X(INT_SIGN) X(INT_TO_FLOAT) X(FLOAT_BITS) X(BITS_FLOAT)
+#define BOUNDS_RULES(X)                                                                                             \
+    X(JUMP)                                                                                                         \
+    X(ADD)                                                                                                          \
+    X(NEGATE)                                                                                                       \
+    X(MULTIPLY)                                                                                                     \
+    X(SQUARE)                                                                                                       \
+    X(SCALE)                                                                                                        \
+    X(DIVIDE)                                                                                                       \
+    X(DIVIDE_BY_ZERO)                                                                                               \
+    X(DECIDE)                                                                                                       \
+    X(MIN)                                                                                                          \
+    X(MAX)                                                                                                          \
+    X(ABS)                                                                                                          \
+    X(SELECT)                                                                                                       \
+    X(FLOOR)                                                                                                        \
+    X(CEIL)                                                                                                         \
+    X(RINT)                                                                                                         \
+    X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN)  \
+        X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY)       \
+            X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING)          \
+                X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD)     \
+                    X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE)            \
+                        X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP)           \
+                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW)  \
+                                X(INT_ADD) X(INT_SUBTRACT) X(INT_MULTIPLY) X(INT_DIVIDE) X(INT_MODULO) X(INT_AND)   \
+                                    X(INT_OR) X(INT_XOR) X(INT_NOT) X(INT_SHIFT) X(INT_LESS) X(INT_LESS_EQUAL)      \
+                                        X(INT_EQUAL) X(EQUAL_BOOLS) X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT)   \
+                                            X(INT_SIGN) X(INT_TO_FLOAT) X(FLOAT_BITS) X(BITS_FLOAT) X(EQUAL)        \
+                                                X(LESS_EQUAL) X(NOT) X(AND) X(OR) X(WIDE_NARROW) X(WIDE_DIVIDE)     \
+                                                    X(WIDE_MIN) X(WIDE_MAX) X(WIDE_ABS) X(WIDE_SELECT) X(WIDE_CELL) \
+                                                        X(WIDE_FLOOR) X(WIDE_TURNS)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -102,6 +106,15 @@ static real cells_part(const affine_position *at, const karst_cells *cells, int 
     return (real)units / (real)whole;
 }
 
+/* Of a place with an offset, whose cells are exact: where a device's sum lies on the other side of a whole number, this
+ * one is a step away. */
+static real floor_of_place(const affine_position *at, const karst_cells *cells, real offset)
+{
+    real steps = floorl(cells_part(at, cells, 0) + offset);
+    steps = steps < -0x1p54L ? -0x1p54L : steps > 0x1p54L ? 0x1p54L : steps;
+    return (real)(float)((real)affine_cells(at, cells).cell + steps);
+}
+
 static real mod_real(real a, real b)
 {
     if (b == 0)
@@ -116,6 +129,8 @@ static real real_op(const tape_program *tape, const karst_instruction *i, const 
 {
     real a = x[0], b = x[1], c = x[2], d = x[3];
     bool is_whole = i->op == TAPE_PLACE_FLOOR || (i->op >= TAPE_FLOOR && i->op <= TAPE_RINT);
+    if (i->op == TAPE_PLACE_FLOOR && i->arg[0] != TAPE_NOTHING)
+        return floor_of_place(at, (const karst_cells *)(tape->data + i->word), a);
     if ((i->flags & TAPE_IS_STEPS) && (is_whole || pass == 0))
         return (real)as_float;
     switch (i->op) {
