@@ -28,6 +28,9 @@ static inline bool random_chance(uint32_t one_in) { return random_below(one_in) 
 static inline double random_unit(void) { return random_bits() * 0x1p-32; }
 static inline double random_magnitude(double least, double most) { return least * pow(most / least, random_unit()); }
 
+/* More than half of the nodes are bools, ints and uints. */
+static bool random_prefers_whole;
+
 enum { GRAPH_PARAMETERS = 2, GRAPH_MAX_POOL = 256 };
 
 /* Where a graph is looked at: a box of level-0 voxels. */
@@ -351,10 +354,11 @@ static inline void random_graph_make(random_graph *r, const random_place *place,
     pool_add(r, karst_expr_convert(g, KARST_TYPE_INT, r->pool[0][3]));
     pool_add(r, karst_expr_convert(g, KARST_TYPE_UINT, karst_expr_1(g, KARST_OP_FLOOR, r->pool[0][4])));
     while (g->num_nodes < num_nodes) {
-        uint32_t what = random_below(10);
-        karst_expr e = what == 0   ? random_bool_node(r)
-                       : what == 1 ? random_int_node(r, random_chance(2) ? KARST_TYPE_INT : KARST_TYPE_UINT)
-                                   : random_float_node(r);
+        uint32_t what = random_below(random_prefers_whole ? 4 : 10);
+        karst_expr e = what == 0 ? random_bool_node(r)
+                       : what == 1 || (what == 2 && random_prefers_whole)
+                           ? random_int_node(r, random_chance(2) ? KARST_TYPE_INT : KARST_TYPE_UINT)
+                           : random_float_node(r);
         pool_add(r, e);
     }
     uint32_t found = 0;

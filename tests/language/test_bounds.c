@@ -12,37 +12,38 @@
 #include <cmocka.h>
 
 /* Every rule that can be broken. */
-#define BOUNDS_RULES(X)                                                                                             \
-    X(JUMP)                                                                                                         \
-    X(ADD)                                                                                                          \
-    X(NEGATE)                                                                                                       \
-    X(MULTIPLY)                                                                                                     \
-    X(SQUARE)                                                                                                       \
-    X(SCALE)                                                                                                        \
-    X(DIVIDE)                                                                                                       \
-    X(DIVIDE_BY_ZERO)                                                                                               \
-    X(DECIDE)                                                                                                       \
-    X(MIN)                                                                                                          \
-    X(MAX)                                                                                                          \
-    X(ABS)                                                                                                          \
-    X(SELECT)                                                                                                       \
-    X(FLOOR)                                                                                                        \
-    X(CEIL)                                                                                                         \
-    X(RINT)                                                                                                         \
-    X(MOD) X(FRACT) X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN)  \
-        X(COMPARE) X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY)       \
-            X(WIDE_ERROR) X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING)          \
-                X(MOD_BY_ZERO) X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD)     \
-                    X(DOUBT_SCALE) X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE)            \
-                        X(WORLEY_LIPSCHITZ) X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP)           \
-                            X(CURVE_SLOPE) X(CURVE_JUMPS) X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW)  \
-                                X(INT_ADD) X(INT_SUBTRACT) X(INT_MULTIPLY) X(INT_DIVIDE) X(INT_MODULO) X(INT_AND)   \
-                                    X(INT_OR) X(INT_XOR) X(INT_NOT) X(INT_SHIFT) X(INT_LESS) X(INT_LESS_EQUAL)      \
-                                        X(INT_EQUAL) X(EQUAL_BOOLS) X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT)   \
-                                            X(INT_SIGN) X(INT_TO_FLOAT) X(FLOAT_BITS) X(BITS_FLOAT) X(EQUAL)        \
-                                                X(LESS_EQUAL) X(NOT) X(AND) X(OR) X(WIDE_NARROW) X(WIDE_DIVIDE)     \
-                                                    X(WIDE_MIN) X(WIDE_MAX) X(WIDE_ABS) X(WIDE_SELECT) X(WIDE_CELL) \
-                                                        X(WIDE_FLOOR) X(WIDE_TURNS)
+#define BOUNDS_RULES(X)                                                                                                \
+    X(JUMP)                                                                                                            \
+    X(ADD)                                                                                                             \
+    X(NEGATE)                                                                                                          \
+    X(MULTIPLY)                                                                                                        \
+    X(SQUARE)                                                                                                          \
+    X(SCALE)                                                                                                           \
+    X(DIVIDE)                                                                                                          \
+    X(DIVIDE_BY_ZERO)                                                                                                  \
+    X(DECIDE)                                                                                                          \
+    X(MIN)                                                                                                             \
+    X(MAX)                                                                                                             \
+    X(ABS)                                                                                                             \
+    X(SELECT)                                                                                                          \
+    X(FLOOR)                                                                                                           \
+    X(CEIL)                                                                                                            \
+    X(RINT)                                                                                                            \
+    X(MOD)                                                                                                             \
+    X(FRACT)                                                                                                           \
+    X(MIX) X(SQRT) X(SQRT_OF_ZERO) X(LENGTH) X(EXTREMUM) X(SIN) X(EXP2) X(LOG) X(ATAN_CUT) X(ATAN) X(COMPARE)          \
+        X(CENTRE) X(PLACE_FLOOR) X(PLACE_MOD) X(TURNS) X(NOISE_SLOPE) X(FADE) X(INTEGER) X(STICKY) X(WIDE_ERROR)       \
+            X(WIDE_REBASE) X(WIDE_MULTIPLY) X(WIDE_SQRT) X(STICKY_NUMBERS) X(PLACE_ROUNDING) X(MOD_BY_ZERO)            \
+                X(NOISE_DERIVATIVE) X(DOUBT_JUMP) X(DOUBT_ROUNDING) X(DOUBT_SLOPES) X(DOUBT_ADD) X(DOUBT_SCALE)        \
+                    X(MIX_BEYOND) X(CURVE) X(DOUBT_EITHER) X(DOUBT_LATTICE) X(DOUBT_FADE) X(WORLEY_LIPSCHITZ)          \
+                        X(WORLEY_NEIGHBOURS) X(TOO_FINE) X(SPLIT_WHERE) X(SPLIT_STEP) X(CURVE_SLOPE) X(CURVE_JUMPS)    \
+                            X(CURVE_DOUBT) X(SPLIT_SLACK) X(PART) X(LENGTH_OVERFLOW) X(INT_ADD) X(INT_SUBTRACT)        \
+                                X(INT_MULTIPLY) X(INT_DIVIDE) X(INT_MODULO) X(INT_AND) X(INT_OR) X(INT_XOR) X(INT_NOT) \
+                                    X(INT_SHIFT) X(INT_LESS) X(INT_LESS_EQUAL) X(INT_EQUAL) X(EQUAL_BOOLS)             \
+                                        X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT) X(INT_SIGN) X(INT_TO_FLOAT)      \
+                                            X(FLOAT_BITS) X(BITS_FLOAT) X(EQUAL) X(LESS_EQUAL) X(NOT) X(AND) X(OR)     \
+                                                X(WIDE_NARROW) X(WIDE_DIVIDE) X(WIDE_MIN) X(WIDE_MAX) X(WIDE_ABS)      \
+                                                    X(WIDE_SELECT) X(WIDE_CELL) X(WIDE_FLOOR) X(WIDE_TURNS)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -52,196 +53,13 @@ static enum broken broken;
 #define NOISE_MUTANT(rule) (broken == BREAK_NOISE_##rule)
 #define NOISE_MARGIN (broken == BREAK_NOISE_MARGIN ? 0x1p-24f : 0x1p-22f)
 
+#include "producers/language/language.h"
 #include "producers/language/tape.clh"
+#include "tests/language/built_ins.h"
 #include "tests/language/random_graph.h"
-
-__extension__ typedef __int128 int128;
-typedef long double real;
+#include "tests/language/real_tape.h"
 
 enum { NUM_SAMPLES = 14 };
-
-/* ---- real numbers ---- */
-
-/* A tape in long double; and twice more with every result off by a little, to see what rounding does to it. What is
- * piecewise constant is the float op of what it is given. */
-enum { NUM_PASSES = 3 };
-typedef struct {
-    real value[NUM_PASSES];
-    int bits[NUM_PASSES]; /* of ints and bools; of floats, of the nearest */
-} real_slot;
-
-/* x in the first pass, else off by up to one part in `parts`. */
-static real shaken(real x, int pass, real parts)
-{
-    return pass ? x * (1 + (random_chance(2) ? 1 : -1) * (real)(0.5 + 0.5 * random_unit()) / parts) : x;
-}
-
-static real affine_real(const affine_position *at, const karst_linear *form)
-{
-    int128 sum = (int128)((unsigned __int128)(uint64_t)form->offset_high << 64 | form->offset_low);
-    for (int i = 0; i < 3; i++)
-        sum += (int128)form->factor[i] * at->voxel[i] + (((int128)form->factor[i] * (int128)at->fraction[i]) >> 32);
-    return (real)sum * (real)form->scale[0] * (real)form->scale[1];
-}
-
-/* The part of a cell, to all its bits. */
-static real lattice_part(const affine_position *at, const karst_lattice *form, int pass)
-{
-    int128 sum = form->fraction;
-    for (int i = 0; i < 3; i++)
-        sum +=
-            (int128)form->frequency[i] * at->voxel[i] + (((int128)form->frequency[i] * (int128)at->fraction[i]) >> 32);
-    return ((real)(int64_t)((uint64_t)sum & 0xffffffffffffffULL) + pass) * 0x1p-56L; /* rounded down thrice */
-}
-static real cells_part(const affine_position *at, const karst_cells *cells, int pass)
-{
-    const karst_period *p = &cells->period;
-    if (!p->period)
-        return lattice_part(at, &cells->lattice, pass);
-    int128 units = ((int128)at->voxel[p->axis] * ((int128)1 << 32) + at->fraction[p->axis]) -
-                   ((int128)p->offset_voxel * ((int128)1 << 32) + p->offset_fraction);
-    int128 whole = (int128)p->period << 32;
-    units = (p->negative ? -units : units) % whole;
-    units = (units < 0 ? units + whole : units) * p->repeats % whole;
-    return (real)units / (real)whole;
-}
-
-/* Of a place with an offset, whose cells are exact: where a device's sum lies on the other side of a whole number, this
- * one is a step away. */
-static real floor_of_place(const affine_position *at, const karst_cells *cells, real offset)
-{
-    real steps = floorl(cells_part(at, cells, 0) + offset);
-    steps = steps < -0x1p54L ? -0x1p54L : steps > 0x1p54L ? 0x1p54L : steps;
-    return (real)(float)((real)affine_cells(at, cells).cell + steps);
-}
-
-static real mod_real(real a, real b)
-{
-    if (b == 0)
-        return 0;
-    real rest = fmodl(a, b); /* exact */
-    return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
-}
-static real clamp_real(real a, real lo, real hi) { return a < lo ? lo : a > hi ? hi : a; }
-
-static real real_op(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
-                    const real x[4], int condition, float as_float, int pass)
-{
-    real a = x[0], b = x[1], c = x[2], d = x[3];
-    bool is_whole = i->op == TAPE_PLACE_FLOOR || (i->op >= TAPE_FLOOR && i->op <= TAPE_RINT);
-    if (i->op == TAPE_PLACE_FLOOR && i->arg[0] != TAPE_NOTHING)
-        return floor_of_place(at, (const karst_cells *)(tape->data + i->word), a);
-    if ((i->flags & TAPE_IS_STEPS) && (is_whole || pass == 0))
-        return (real)as_float;
-    switch (i->op) {
-    case TAPE_AFFINE:
-        return affine_real(at, (const karst_linear *)(tape->data + i->word));
-    case TAPE_ADD:
-        return a + b;
-    case TAPE_SUBTRACT:
-        return a - b;
-    case TAPE_MULTIPLY:
-        return a * b;
-    case TAPE_DIVIDE:
-        return a / b;
-    case TAPE_FMA:
-        return a * b + c;
-    case TAPE_NEGATE:
-        return -a;
-    case TAPE_MIN:
-        return b < a ? b : a;
-    case TAPE_MAX:
-        return b > a ? b : a;
-    case TAPE_ABS:
-        return fabsl(a);
-    case TAPE_FRACT:
-        return a - floorl(a);
-    case TAPE_MOD:
-        return mod_real(a, b);
-    case TAPE_MIX:
-        return a + c * shaken(b - a, pass, 0x1p45L);
-    case TAPE_SQRT:
-        return a < 0 ? 0 : sqrtl(a);
-    case TAPE_LENGTH:
-        return sqrtl(a * a + b * b + (i->count > 2 ? c * c : 0) + (i->count > 3 ? d * d : 0));
-    case TAPE_SIN:
-        return sinl(a);
-    case TAPE_COS:
-        return cosl(a);
-    case TAPE_EXP2:
-        return exp2l(clamp_real(a, -126, 126));
-    case TAPE_LOG:
-        return logl(clamp_real(a, 0x1p-126L, 0x1.fffffep127L));
-    case TAPE_ATAN:
-        return a == 0 && b == 0 ? 0 : atan2l(a == 0 ? 0 : a, b);
-    case TAPE_PLACE_FRACT:
-        a += cells_part(at, (const karst_cells *)(tape->data + i->word), pass);
-        return a - floorl(a);
-    case TAPE_PLACE_MOD:
-        return mod_real(cells_part(at, (const karst_cells *)(tape->data + i->word), pass) * b + a, b);
-    case TAPE_SIN_TURNS:
-        return sinl(2 * 3.14159265358979323846264L *
-                    (lattice_part(at, (const karst_lattice *)(tape->data + i->word), pass) + a));
-    case TAPE_COS_TURNS:
-        return cosl(2 * 3.14159265358979323846264L *
-                    (lattice_part(at, (const karst_lattice *)(tape->data + i->word), pass) + a));
-    case TAPE_SELECT:
-        return condition ? b : c;
-    case TAPE_NOISE: { /* floats know it to NOISE_VALUE_ERROR, which bounds allow for */
-        wide offset[3];
-        for (int k = 0; k < 3; k++) {
-            offset[k].hi = (float)x[k];
-            offset[k].lo =
-                i->arg[k] != TAPE_NOTHING && (i->arg[k] & TAPE_PAIR) ? (float)(x[k] - (real)offset[k].hi) : 0.0f;
-        }
-        return (real)tape_noise(tape, i, at, level, offset);
-    }
-    default:
-        return (real)as_float;
-    }
-}
-
-static bool compare_reals(uint8_t op, real a, real b)
-{
-    return op == TAPE_LESS ? a < b : op == TAPE_LESS_EQUAL ? a <= b : op == TAPE_EQUAL ? a == b : a != b;
-}
-
-static void run_real(const tape_program *tape, const karst_instruction *i, const affine_position *at, int level,
-                     real_slot *slots)
-{
-    real_slot result;
-    float as_float = k_as_float((uint)tape_load(tape, i->slot)); /* floats have run before */
-    bool is_float = i->op == TAPE_NOISE || i->type == TAPE_FLOAT_TYPE;
-    bool is_stepped = !is_float || ((i->flags & TAPE_IS_STEPS) && i->op != TAPE_PLACE_FLOOR);
-    bool compares = i->op >= TAPE_LESS && i->op <= TAPE_NOT_EQUAL && i->argument_type == TAPE_FLOAT_TYPE;
-    for (int pass = 0; pass < NUM_PASSES; pass++) {
-        real x[4];
-        int bits[4];
-        for (int k = 0; k < 4; k++) {
-            uint operand = i->arg[k];
-            real_slot nothing = {{0}, {0}};
-            const real_slot *slot =
-                operand == TAPE_NOTHING || tape_is_known(operand) ? &nothing : &slots[operand & TAPE_INDEX];
-            x[k] = slot->value[pass];
-            bits[k] = slot->bits[pass];
-            if (operand == TAPE_NOTHING || !tape_is_known(operand))
-                continue;
-            bits[k] = tape_known(tape, operand);
-            x[k] = (real)k_as_float((uint)bits[k]) + (real)tape_known_rest(tape, operand);
-        }
-        int exact = compares     ? -(int)compare_reals(i->op, x[0], x[1])
-                    : is_stepped ? tape_plain_op(i, bits[0], bits[1], bits[2], bits[3])
-                                 : 0;
-        if (i->op == TAPE_FLOOR || i->op == TAPE_CEIL || i->op == TAPE_RINT)
-            as_float = (float)(i->op == TAPE_FLOOR ? floorl(x[0]) : i->op == TAPE_CEIL ? ceill(x[0]) : rintl(x[0]));
-        else if (is_stepped && is_float)
-            as_float = k_as_float((uint)exact);
-        real value = real_op(tape, i, at, level, x, bits[0], as_float, pass);
-        result.value[pass] = !is_float ? 0 : shaken(value, pass, (i->flags & TAPE_IS_STEPS) ? 0x1p23L : 0x1p45L);
-        result.bits[pass] = is_float ? (int)k_as_uint((float)result.value[pass]) : exact;
-    }
-    slots[i->slot] = result;
-}
 
 /* ---- one graph ---- */
 
@@ -359,27 +177,15 @@ static void add_curves(random_graph *r)
     set_kinds(g);
 }
 
-static void subject_make(subject *s, uint64_t seed)
+static void subject_fill(subject *s, const karst_resolved_world *world, const karst_number *parameters,
+                         const karst_expr *roots, size_t num_roots, bool with_curves)
 {
-    *s = (subject){.level = 0};
-    random_state = seed * 0x9e3779b97f4a7c15ULL + 12345;
-    random_bits();
-    s->place = random_place_make();
-    uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
-    random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), KARST_TAPE_MAX_OUTPUTS);
-    if (seed % 2)
-        add_curves(&s->graph);
-    if (random_chance(3))
-        random_graph_widen(&s->graph);
-    const karst_expr *root = s->graph.root;
-    karst_resolved_world world = {
-        .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
-    assert_true(karst_world_layout_init(&s->layout, &world));
-    s->data = calloc(s->layout.num_words, sizeof *s->data);
-    assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, 7, s->place.voxel_log2_m, s->data));
     karst_error error;
-    assert_true(seed % 2 ? karst_tape_build(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error)
-                         : karst_tape_build_plain(&s->layout, root, KARST_TAPE_MAX_OUTPUTS, &s->tape, &error));
+    assert_true(karst_world_layout_init(&s->layout, world));
+    s->data = calloc(s->layout.num_words, sizeof *s->data);
+    assert_true(karst_world_data_fill(&s->layout, parameters, 7, s->place.voxel_log2_m, s->data));
+    assert_true(with_curves ? karst_tape_build(&s->layout, roots, num_roots, &s->tape, &error)
+                            : karst_tape_build_plain(&s->layout, roots, num_roots, &s->tape, &error));
     s->bound_slots = calloc((size_t)s->tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof(int));
     for (int n = 0; n < NUM_SAMPLES; n++) {
         s->value_slots[n] = calloc((size_t)s->tape.num_slots * TAPE_VALUE_ELEMENTS, sizeof(int));
@@ -391,6 +197,49 @@ static void subject_make(subject *s, uint64_t seed)
     s->level = s->box.level < 0 ? -1 : (int)random_below((uint32_t)s->box.level + 3) - 1; /* up to the parent's */
 }
 
+/* Graphs from this seed on are mostly of bools and ints. */
+#define SEEDS_OF_WHOLE_NUMBERS ((uint64_t)1 << 40)
+
+static void subject_make(subject *s, uint64_t seed)
+{
+    *s = (subject){.level = 0};
+    random_state = seed * 0x9e3779b97f4a7c15ULL + 12345;
+    random_bits();
+    s->place = random_place_make();
+    uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
+    random_prefers_whole = seed >= SEEDS_OF_WHOLE_NUMBERS;
+    random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), KARST_TAPE_MAX_OUTPUTS);
+    if (seed % 2)
+        add_curves(&s->graph);
+    if (random_chance(3))
+        random_graph_widen(&s->graph);
+    const karst_expr *root = s->graph.root;
+    karst_resolved_world world = {
+        .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
+    subject_fill(s, &world, s->graph.parameters, root, KARST_TAPE_MAX_OUTPUTS, seed % 2);
+}
+
+/* Density of a text, over a box about where built_ins.h has its expressions, or far away. */
+static void subject_of_text(subject *s, const karst_program_graph *program, uint64_t seed)
+{
+    *s = (subject){.level = 0};
+    random_state = seed * 0x9e3779b97f4a7c15ULL + 54321;
+    random_bits();
+    karst_arena_init(&s->graph.arena, 1 << 10, NULL, NULL);
+    s->graph.with_noise = program->world.graph->num_noises > 0;
+    s->place = random_place_make();
+    s->place.voxel_log2_m = program->header.voxel_log2_m;
+    bool is_far = random_chance(5);
+    for (int axis = 0; axis < 3; axis++) {
+        if (!is_far)
+            s->place.voxel[axis] = (int64_t)ldexp(4 * random_unit() - 2, -s->place.voxel_log2_m);
+        s->place.radius[axis] = (float)random_magnitude(1e-3, 30);
+    }
+    karst_number values[KARST_HEADER_MAX_PARAMETERS + 16];
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        values[i] = program->parameters[i].value;
+    subject_fill(s, &program->world, values, &program->world.density, 1, seed % 2);
+}
 static tape_program program_of(const subject *s, int *slots)
 {
     return (tape_program){.code = s->tape.code,
@@ -485,6 +334,17 @@ static bool check_doubt(const op_bound *b, real any, real home, real size, viola
     return any + home <= v->hi;
 }
 
+/* How many bounds of each op have been held against values, plain and in pairs; and of boxes by size, in tens. */
+enum { NUM_SIZES = 16 };
+static long seen_ops[TAPE_CURVE + 1][2], seen_sizes[NUM_SIZES];
+
+static void count_seen(const subject *s, const karst_instruction *i)
+{
+    int size = (int)floorf(log10f(s->place.radius[0])) + 6;
+    seen_ops[i->op][gives_pair(i)]++;
+    seen_sizes[size < 0 ? 0 : size < NUM_SIZES ? size : NUM_SIZES - 1]++;
+}
+
 /* false: something escaped. *num_checked counts nodes whose bounds said anything. */
 static bool subject_holds(subject *s, violation *v, long *num_checked)
 {
@@ -502,6 +362,8 @@ static bool subject_holds(subject *s, violation *v, long *num_checked)
         if (i->flags & TAPE_IN_CURVE)
             continue;
         (*num_checked)++;
+        if (is_bounded)
+            count_seen(s, i);
         real any = 0, home = 0, size = 0;
         for (int k = 0; k < NUM_SAMPLES; k++) {
             one.slots = s->value_slots[k];
@@ -579,6 +441,27 @@ static uint64_t number_from(const char *name, uint64_t otherwise)
     return text && *text ? strtoull(text, NULL, 10) : otherwise;
 }
 
+/* Nothing is left out: each op, in pairs too where there are pairs, and each size of boxes. */
+static void check_seen(void)
+{
+    for (int op = 0; op < TAPE_CURVE; op++) {
+        bool can_pair = op == TAPE_AFFINE || (op >= TAPE_ADD && op <= TAPE_ABS) || op == TAPE_MIX || op == TAPE_SQRT ||
+                        op == TAPE_LENGTH || op == TAPE_SELECT;
+        if (op == TAPE_NORMAL || op == TAPE_FOOTPRINT) /* of colours, which have no bounds */
+            continue;
+        if (getenv("KARST_VERBOSE"))
+            print_message("op %d: %ld, %ld in pairs\n", op, seen_ops[op][0], seen_ops[op][1]);
+        if (seen_ops[op][0] < 200 || (can_pair && seen_ops[op][1] < 50))
+            fail_msg("op %d: only %ld bounds, and %ld in pairs, were looked at", op, seen_ops[op][0], seen_ops[op][1]);
+    }
+    for (int size = 0; size < 15; size++) { /* from 10^-6 to 10^9 voxels */
+        if (getenv("KARST_VERBOSE"))
+            print_message("boxes of 10^%d voxels: %ld\n", size - 6, seen_sizes[size]);
+        if (seen_sizes[size] < 500)
+            fail_msg("only %ld bounds over boxes of 10^%d voxels were looked at", seen_sizes[size], size - 6);
+    }
+}
+
 static void test_bounds_of_random_graphs_hold(void **state)
 {
     (void)state;
@@ -586,9 +469,45 @@ static void test_bounds_of_random_graphs_hold(void **state)
     broken = BREAK_NOTHING;
     long num = escapes(number_from("KARST_SEED", 1), count, 10, true, &num_checked);
     num += escapes(SEED_OF_OVERFLOW, 1, 10, true, &num_checked);
-    print_message("%ld nodes over %ld graphs\n", num_checked, count + 1);
+    num += escapes(SEEDS_OF_WHOLE_NUMBERS, count / 2, 10, true, &num_checked);
+    print_message("%ld nodes over %ld graphs\n", num_checked, count + 1 + count / 2);
     assert_int_equal(num, 0);
     assert_true(num_checked > 8 * count); /* most graphs are bounded for a good while */
+    if (count >= 10000)
+        check_seen();
+}
+
+/* Every function of the language, by itself. */
+static void test_bounds_of_every_function_hold(void **state)
+{
+    (void)state;
+    enum { NUM_PLACES = 16 };
+    long num_checked = 0;
+    broken = BREAK_NOTHING;
+    for (size_t n = 0; n < NUM_BUILT_INS; n++) {
+        karst_error error = {0};
+        char text[512];
+        bool ok;
+        long before = num_checked;
+        int length = snprintf(text, sizeof text, "float density(vec3 p) { return %s; }\n", built_ins[n]);
+        karst_program_graph *program =
+            karst_language_compile("function.karst", text, (size_t)length, NULL, 0, &ok, &error);
+        assert_true(program && ok);
+        for (uint64_t k = 0; k < NUM_PLACES; k++) {
+            subject s;
+            violation v;
+            subject_of_text(&s, program, n * NUM_PLACES + k);
+            if (!subject_holds(&s, &v, &num_checked)) {
+                describe(&s, k, &v);
+                fail_msg("%s", built_ins[n]);
+            }
+            subject_finish(&s);
+        }
+        if (num_checked - before < NUM_PLACES)
+            fail_msg("%s: next to nothing is bounded", built_ins[n]);
+        karst_program_graph_destroy(program);
+    }
+    print_message("%ld nodes of %zu expressions\n", num_checked, NUM_BUILT_INS);
 }
 
 /* A planet's surface under a node of centimetres: bounds are as wide as the surface's slope makes them, not as floats
@@ -650,7 +569,8 @@ static void test_every_rule_is_needed(void **state)
     for (int rule = 1; rule < NUM_BROKEN; rule++) {
         long num_checked = 0;
         broken = (enum broken)rule;
-        if (!escapes(1, count, 1, false, &num_checked) && !escapes(SEED_OF_OVERFLOW, 1, 1, false, &num_checked)) {
+        if (!escapes(1, count, 1, false, &num_checked) && !escapes(SEED_OF_OVERFLOW, 1, 1, false, &num_checked) &&
+            !escapes(SEEDS_OF_WHOLE_NUMBERS, count, 1, false, &num_checked)) {
             print_message("nothing escapes without the rule %s\n", names[rule]);
             missed++;
         } else if (getenv("KARST_VERBOSE")) {
@@ -665,6 +585,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_of_random_graphs_hold),
+        cmocka_unit_test(test_bounds_of_every_function_hold),
         cmocka_unit_test(test_pairs_are_bounded_to_a_part_of_a_voxel),
         cmocka_unit_test(test_every_rule_is_needed),
     };
