@@ -191,13 +191,13 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
             number(report, "ceilings", "noise_samples_per_s", "median") * 1e-6);
     fprintf(
         file,
-        "production while settling, a core: %.0f bricks/s, %.1f Mvoxel/s; evaluate alone %.1f Mvoxel/s, %.2f x bare "
+        "production while settling, a core: %.0f bricks/s, %.1f Mvoxel/s; loads alone %.1f Mvoxel/s, %.2f x bare "
         "noise, 1 voxel for %.1f fma; bounds %.2f us a node\n",
         number(report, "production", "bricks_per_core_s", "median"),
         number(report, "production", "voxels_per_core_s", "median") * 1e-6,
-        number(report, "production", "evaluate_voxels_per_core_s", "median") * 1e-6,
-        number(report, "production", "evaluate_per_noise", "median"),
-        1 / number(report, "production", "evaluate_voxels_per_fma", "median"),
+        number(report, "production", "load_voxels_per_core_s", "median") * 1e-6,
+        number(report, "production", "load_per_noise", "median"),
+        1 / number(report, "production", "load_voxels_per_fma", "median"),
         number(report, "production", "bounds_core_us_per_node", "median"));
     fprintf(file, "  %.0f bricks (%.0f constant after all) and %.0f tiles in %.0f frames\n",
             number(report, "production", "bricks", NULL), number(report, "production", "bricks_constant", NULL),

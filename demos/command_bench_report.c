@@ -249,17 +249,17 @@ static void add_production(const bench *b, json_t *root, double *scratch)
             finalise_s += (double)frame->stage_ns[KARST_STAGE_FINALISE] * 1e-9;
             subdivide_s += (double)frame->stage_ns[KARST_STAGE_SUBDIVIDE] * 1e-9;
         }
-        double production_s = evaluate_s + finalise_s + subdivide_s, cores = b->num_cores;
+        double load_s = evaluate_s + finalise_s, production_s = load_s + subdivide_s, cores = b->num_cores;
         double samples = bricks * karst_brick_num_samples();
         rates[0][run] = production_s > 0 ? bricks / (production_s * cores) : 0;
         rates[1][run] = production_s > 0 ? samples / (production_s * cores) : 0;
-        rates[2][run] = evaluate_s > 0 ? samples / (evaluate_s * cores) : 0;
+        rates[2][run] = load_s > 0 ? samples / (load_s * cores) : 0;
         rates[3][run] = nodes > 0 ? subdivide_s * cores / nodes * 1e6 : 0;
         rates[4][run] = rates[2][run] * cores / noise[run];
         rates[5][run] = rates[2][run] * cores / fma[run];
     }
-    static const char *const names[] = {"bricks_per_core_s",       "voxels_per_core_s",  "evaluate_voxels_per_core_s",
-                                        "bounds_core_us_per_node", "evaluate_per_noise", "evaluate_voxels_per_fma"};
+    static const char *const names[] = {"bricks_per_core_s",       "voxels_per_core_s", "load_voxels_per_core_s",
+                                        "bounds_core_us_per_node", "load_per_noise",    "load_voxels_per_fma"};
     json_t *production = json_object();
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         json_object_set_new(production, names[i], describe_spread(rates[i], b->runs_done));

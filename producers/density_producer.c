@@ -6,11 +6,14 @@
 #include "producers/host_steps.h"
 #include "producers/kernels.h"
 
-/* Loads whose samples are in staging memory at a time. CPUs: 2.4 MiB, which stays in the last-level cache between
- * evaluate and finalise (32 to 512 were measured to be equally fast). Else 10 MiB: enough independent work-groups for a
- * large GPU. */
+/* Loads at a time. In one step: a launch has its price, and nothing speaks against large ones. In two, those whose
+ * samples are in staging memory. CPUs: 2.4 MiB, which stays in the last-level cache between evaluate and finalise (32
+ * to 512 were measured to be equally fast). Else 10 MiB: enough independent work-groups for a large GPU. */
+#define MAX_CHUNK_IN_ONE 1024
 #define MAX_CHUNK_CPU 128
 #define MAX_CHUNK 512
+/* Of the host's; those that it has not done when it makes way for kernels are evaluated in vain. */
+#define HOST_CHUNK 8
 
 typedef struct {
     karst_producer base;
@@ -18,13 +21,15 @@ typedef struct {
     karst_channel channels[1];
     karst_channel_layout layout;
     karst_kernels kernels; /* NULL: the host does that */
+    bool is_in_one;        /* a loader makes loads */
     /* While some are: */
     karst_density_program program; /* its own, without data */
     karst_compilation *compilation; /* NULL: not begun */
     karst_buffer *data;        /* of the program; NULL: it has none */
     karst_buffer *all_data[2]; /* what base.data points at */
-    karst_buffer *loads, *staging, *scrubs, *total;
-    karst_scrub_total known; /* *total as last read */
+    karst_load_books books;  /* least: only if loads are made in one */
+    karst_buffer *staging;   /* of a chunk in two steps, or of the host's; NULL: there is neither */
+    karst_scrub_total known; /* *books.total as last read */
     bool total_may_have_changed;
 } density_producer;
 
@@ -36,7 +41,7 @@ typedef struct {
 /* If it works for longer than that, kernels are wanted soon. */
 #define HOST_PATIENCE_NS 50000000u
 
-static bool has_all(const karst_kernels *k) { return k->evaluator && k->finaliser && k->subdivider; }
+static bool has_all(const karst_kernels *k) { return (k->loader || k->evaluator) && k->subdivider; }
 
 /* Takes what has been compiled since. */
 static bool look_for_kernels(density_producer *producer, karst_error *error)
@@ -109,7 +114,7 @@ static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, co
     if (!look_for_kernels(producer, error))
         return false;
     if (!producer->kernels.subdivider && producer->program.tape_instructions > HOST_MOST_INSTRUCTIONS &&
-        !wait_for_kernels(producer, 3, error))
+        !wait_for_kernels(producer, 2, error))
         return false;
     return producer->kernels.subdivider
                ? karst_subdivide_tiles(producer->kernels.subdivider, cache, work, error)
@@ -133,48 +138,64 @@ static bool stays_on_host(void *user)
     return !turn->failed && !(producer->compilation && karst_compilation_num_ready(producer->compilation) > 0);
 }
 
-/* Sets *done to false where a kernel is to do it, which is there then. */
-static bool evaluate_on_host(density_producer *producer, uint32_t count, bool *done, karst_error *error)
+/* Makes the first of the loads, *done of them. If that is not all, there is a kernel for the rest then. */
+static bool load_on_host(density_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
+                         uint32_t first, uint32_t count, uint32_t *done, karst_error *error)
 {
     host_turn turn = {.producer = producer, .start_ns = karst_clock_ns(), .error = error};
-    *done = false;
-    if (producer->program.tape_instructions <= HOST_MOST_INSTRUCTIONS) {
-        if (!karst_host_evaluate_bricks(producer->loads, count, producer->staging, producer->data, stays_on_host, &turn,
-                                        done, error) ||
+    const karst_load_books *books = &producer->books;
+    bool finished = producer->program.tape_instructions <= HOST_MOST_INSTRUCTIONS;
+    for (*done = 0; finished && *done < count;) {
+        uint32_t at = first + *done, num = count - *done < HOST_CHUNK ? count - *done : HOST_CHUNK;
+        if (!karst_host_bound_loads(cache, work, at, num, books->loads, producer->data, error) ||
+            !karst_host_evaluate_bricks(books->loads, num, producer->staging, producer->data, stays_on_host, &turn,
+                                        &finished, error) ||
             turn.failed)
             return false;
+        if (finished && !karst_host_finalise_bricks(cache, work, at, num, books->loads, producer->staging,
+                                                    books->scrubs, books->total, error))
+            return false;
+        *done += finished ? num : 0;
     }
-    return *done || wait_for_kernels(producer, 1, error);
+    return *done == count || wait_for_kernels(producer, 1, error);
 }
 
-static bool evaluate(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                     uint32_t count, karst_error *error)
+static bool load_in_one(density_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
+                        uint32_t first, uint32_t count, karst_error *error)
 {
-    density_producer *producer = (density_producer *)self;
-    bool done = false;
-    if (!look_for_kernels(producer, error))
+    const karst_kernels *kernels = &producer->kernels;
+    const karst_load_books *books = &producer->books;
+    uint32_t done = 0;
+    if (!kernels->loader && !load_on_host(producer, cache, work, first, count, &done, error))
         return false;
-    bool bounded =
-        producer->kernels.subdivider
-            ? karst_bound_loads(producer->kernels.subdivider, cache, work, first, count, producer->loads, error)
-            : karst_host_bound_loads(cache, work, first, count, producer->loads, producer->data, error);
-    if (!bounded || (!producer->kernels.evaluator && !evaluate_on_host(producer, count, &done, error)))
-        return false;
-    return done || karst_evaluate_bricks(producer->kernels.evaluator, producer->loads, count, producer->staging, error);
+    first += done;
+    count -= done;
+    return count == 0 ||
+           (karst_load_bricks(kernels->loader, cache, work, first, count, books, error) &&
+            (kernels->subdivider
+                 ? karst_bound_clear_loads(kernels->subdivider, cache, work, first, count, books->least, error)
+                 : karst_host_bound_clear_loads(cache, work, first, count, books->least, producer->data, error)));
 }
 
-static bool finalise(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                     uint32_t count, karst_error *error)
+static bool load_in_two_steps(density_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
+                              uint32_t first, uint32_t count, karst_error *error)
+{
+    const karst_kernels *kernels = &producer->kernels;
+    const karst_load_books *books = &producer->books;
+    return karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error) &&
+           karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, error) &&
+           karst_finalise_bricks(kernels->finaliser, cache, work, first, count, books->loads, producer->staging,
+                                 books->scrubs, books->total, error);
+}
+
+static bool load(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                 uint32_t count, karst_error *error)
 {
     density_producer *producer = (density_producer *)self;
     producer->total_may_have_changed = true;
-    if (!look_for_kernels(producer, error))
-        return false;
-    return producer->kernels.finaliser
-               ? karst_finalise_bricks(producer->kernels.finaliser, cache, work, first, count, producer->loads,
-                                       producer->staging, producer->scrubs, producer->total, error)
-               : karst_host_finalise_bricks(cache, work, first, count, producer->loads, producer->staging,
-                                            producer->scrubs, producer->total, error);
+    return look_for_kernels(producer, error) &&
+           (producer->is_in_one ? load_in_one(producer, cache, work, first, count, error)
+                                : load_in_two_steps(producer, cache, work, first, count, error));
 }
 
 /* A density program does not change during its life. */
@@ -190,7 +211,9 @@ static void destroy(karst_producer *self)
     karst_compilation_destroy(producer->compilation);
     karst_kernels_destroy(&producer->kernels);
     karst_density_program_free(&producer->program);
-    karst_buffer *buffers[] = {producer->data, producer->loads, producer->staging, producer->scrubs, producer->total};
+    const karst_load_books *books = &producer->books;
+    karst_buffer *buffers[] = {producer->data, producer->staging, books->loads,
+                               books->least,   books->scrubs,     books->total};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     free(producer);
@@ -198,8 +221,7 @@ static void destroy(karst_producer *self)
 
 static const karst_producer_ops density_ops = {.kind = "density",
                                                .subdivide = subdivide,
-                                               .evaluate = evaluate,
-                                               .finalise = finalise,
+                                               .load = load,
                                                .take_dirty = take_dirty,
                                                .destroy = destroy};
 
@@ -216,7 +238,7 @@ static bool lay_out(density_producer *producer, karst_error *error)
 static bool may_start_on_host(const density_producer *producer, const karst_density_program *program)
 {
     const char *options = program->finalise_options;
-    return program->start_on_host && program->data && producer->context->is_cpu &&
+    return program->start_on_host && program->data && producer->is_in_one && producer->context->is_cpu &&
            karst_context_is_pocl(producer->context) && producer->layout.staging_stride == KARST_BRICK_PADDED &&
            (!options || !*options);
 }
@@ -266,14 +288,22 @@ bool karst_density_producer_set_data(karst_producer *producer, const void *data,
     return karst_buffer_write(density->data, 0, data, density->data->size_bytes, error);
 }
 
-static bool create_buffers(density_producer *producer, uint32_t max_chunk, karst_error *error)
+static bool create_books(density_producer *producer, uint32_t max_chunk, karst_error *error)
 {
     karst_context *context = producer->context;
-    size_t staging_bytes = (size_t)max_chunk * producer->layout.staging_stride * sizeof(float);
-    return (producer->loads = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_load), NULL, error)) &&
-           (producer->staging = karst_buffer_create(context, "staging", staging_bytes, NULL, error)) &&
-           (producer->scrubs = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_scrub), NULL, error)) &&
-           (producer->total = karst_buffer_create(context, "staging", sizeof(karst_scrub_total), NULL, error));
+    karst_load_books *books = &producer->books;
+    return (books->loads = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_load), NULL, error)) &&
+           (books->scrubs = karst_buffer_create(context, "staging", max_chunk * sizeof(karst_scrub), NULL, error)) &&
+           (books->total = karst_buffer_create(context, "staging", sizeof(karst_scrub_total), NULL, error)) &&
+           (!producer->is_in_one ||
+            (books->least = karst_buffer_create(context, "staging", max_chunk * sizeof(float), NULL, error)));
+}
+
+/* For so many bricks. */
+static bool create_staging(density_producer *producer, uint32_t num, karst_error *error)
+{
+    size_t bytes = (size_t)num * producer->layout.staging_stride * sizeof(float);
+    return num == 0 || (producer->staging = karst_buffer_create(producer->context, "staging", bytes, NULL, error));
 }
 
 karst_producer *karst_density_producer_create_program(karst_context *context, const karst_density_program *program,
@@ -284,13 +314,20 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    uint32_t most = context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK,
+    producer->is_in_one = karst_density_program_is_in_one(program, context);
+    uint32_t most = producer->is_in_one ? MAX_CHUNK_IN_ONE : context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK,
              max_chunk = program->max_loads < most ? program->max_loads : most;
     producer->base = (karst_producer){
         .ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
     producer->context = context;
+    max_chunk = producer->base.max_chunk;
     if (!lay_out(producer, error) || !create_kernels(producer, program, error) ||
-        !create_data(producer, program, error) || !create_buffers(producer, producer->base.max_chunk, error)) {
+        !create_data(producer, program, error) || !create_books(producer, max_chunk, error) ||
+        !create_staging(producer,
+                        !producer->is_in_one            ? max_chunk
+                        : has_all(&producer->kernels) ? 0
+                                                        : HOST_CHUNK,
+                        error)) {
         destroy(&producer->base);
         return NULL;
     }
@@ -304,15 +341,22 @@ bool karst_density_program_rehearse(karst_context *context, const karst_density_
     density_producer *producer = calloc(1, sizeof *producer);
     if (!producer)
         return karst_fail(error, KARST_FAILED, "out of memory");
+    karst_kernels *kernels = &producer->kernels;
+    const karst_load_books *books = &producer->books;
     producer->context = context;
-    bool done = lay_out(producer, error) && create_buffers(producer, 1, error) &&
-                karst_buffer_write(producer->loads, 0, &load, sizeof load, error) &&
-                karst_kernels_create_evaluator(&producer->kernels, context, program, &producer->layout, error) &&
-                create_data(producer, program, error) &&
-                karst_evaluate_bricks(producer->kernels.evaluator, producer->loads, 1, producer->staging, error) &&
-                karst_finish(context, error) &&
-                karst_kernels_create_finaliser(&producer->kernels, context, program, &producer->layout, error) &&
-                finalise(&producer->base, cache, work, 0, 1, error) && karst_finish(context, error);
+    producer->is_in_one = karst_density_program_is_in_one(program, context);
+    bool done = lay_out(producer, error) && create_books(producer, 1, error) &&
+                create_staging(producer, producer->is_in_one ? 0 : 1, error) &&
+                karst_buffer_write(books->loads, 0, &load, sizeof load, error) &&
+                karst_kernels_create_for_loads(kernels, context, program, &producer->layout, error) &&
+                create_data(producer, program, error);
+    if (done && producer->is_in_one)
+        done = karst_load_bricks(kernels->loader, cache, work, 0, 0, books, error);
+    else if (done)
+        done = karst_evaluate_bricks(kernels->evaluator, books->loads, 1, producer->staging, error) &&
+               karst_finalise_bricks(kernels->finaliser, cache, work, 0, 1, books->loads, producer->staging,
+                                     books->scrubs, books->total, error);
+    done = done && karst_finish(context, error);
     destroy(&producer->base);
     return done;
 }
@@ -328,7 +372,7 @@ static const karst_scrub_total *scrub_total(karst_producer *self)
 {
     density_producer *producer = (density_producer *)self;
     if (producer->total_may_have_changed &&
-        karst_buffer_read(producer->total, 0, &producer->known, sizeof producer->known, NULL))
+        karst_buffer_read(producer->books.total, 0, &producer->known, sizeof producer->known, NULL))
         producer->total_may_have_changed = false;
     return &producer->known;
 }

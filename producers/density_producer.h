@@ -15,6 +15,8 @@ typedef struct {
     const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
     size_t data_bytes; /* a multiple of 8 */
     karst_shape shape;
+    bool in_two_steps; /* evaluate and finalise in two kernels also where one work-item has all of a brick, as ever
+                          where it has not: for tests, which look into staging memory */
     uint32_t max_loads; /* the most loads in one round's work */
     /* Its data hold a tape (language/bounds_shared.h) of the same density, and the producer may start on that: where
      * compiling takes seconds the host answers at first, with the same bits (host_steps.h), until
@@ -37,8 +39,8 @@ bool karst_density_producer_is_on_host(karst_producer *producer);
 #define KARST_UNTIL_COMPILED UINT64_MAX
 bool karst_density_producer_compile(karst_producer *producer, uint64_t most_ns, karst_error *error);
 
-/* Runs the kernels that evaluate and finalise once, on a load that takes no samples, into the first load of `work`:
- * for drivers that compile a kernel when it first runs. Waits until it is done. Errors: KARST_FAILED. */
+/* Runs the kernels that make loads once, on none or one that takes no samples, into the first load of `work`: for
+ * drivers that compile a kernel when it first runs. Waits until it is done. Errors: KARST_FAILED. */
 bool karst_density_program_rehearse(karst_context *context, const karst_density_program *program,
                                     const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
 
@@ -51,7 +53,8 @@ bool karst_density_producer_set_data(karst_producer *producer, const void *data,
 bool karst_density_producer_replace(karst_producer *producer, const char *name, const void *data, size_t data_bytes,
                                     karst_error *error);
 
-/* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. */
+/* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. NULL
+ * where loads are made in one. */
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats);
 
 #endif

@@ -75,7 +75,7 @@ bool karst_host_subdivide_tiles(const karst_cache_buffers *cache, const karst_wo
     uint64_t start_ns = karst_clock_ns();
     work_item = 0;
     if (m.good)
-        karst_bound_nodes(list, slots, 0, count, count, 0, nodes, tile_info, NULL, words);
+        karst_bound_nodes(list, slots, 0, count, count, BOXES_OF_TILES, nodes, tile_info, NULL, NULL, NULL, words);
     karst_profile_add_host(data->context, KARST_STAGE_SUBDIVIDE, karst_clock_ns() - start_ns);
     return unmap_all(&m);
 }
@@ -92,7 +92,26 @@ bool karst_host_bound_loads(const karst_cache_buffers *cache, const karst_work *
     uint64_t start_ns = karst_clock_ns();
     work_item = 0;
     if (m.good)
-        karst_bound_nodes(list, NULL, first, count, count, 1, nodes, tile_info, to, words);
+        karst_bound_nodes(list, NULL, first, count, count, BOXES_OF_LOADS, nodes, tile_info, to, NULL, NULL, words);
+    karst_profile_add_host(data->context, KARST_STAGE_EVALUATE, karst_clock_ns() - start_ns);
+    return unmap_all(&m);
+}
+
+bool karst_host_bound_clear_loads(const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                                  uint32_t count, karst_buffer *least, karst_buffer *data, karst_error *error)
+{
+    mapping m = {.good = true, .error = error};
+    const uint *list = map(&m, work->load_nodes);
+    karst_node *nodes = map(&m, cache->nodes);
+    karst_tile_info *tile_info = map(&m, cache->tile_info);
+    const float *from = map(&m, least);
+    uint *results = map(&m, work->load_results);
+    world_data words = map(&m, data);
+    uint64_t start_ns = karst_clock_ns();
+    work_item = 0;
+    if (m.good)
+        karst_bound_nodes(list, NULL, first, count, count, BOXES_OF_LOADED, nodes, tile_info, NULL, from, results,
+                          words);
     karst_profile_add_host(data->context, KARST_STAGE_EVALUATE, karst_clock_ns() - start_ns);
     return unmap_all(&m);
 }

@@ -16,21 +16,32 @@ static bool create_subdivider(karst_kernels *kernels, karst_context *context, co
     return (kernels->subdivider = karst_subdivider_create(context, &bounds, program->options, error));
 }
 
-bool karst_kernels_create_evaluator(karst_kernels *kernels, karst_context *context,
+bool karst_density_program_is_in_one(const karst_density_program *program, const karst_context *context)
+{
+    return !program->in_two_steps && karst_shape_group_size(program->shape, context->is_cpu) == 1;
+}
+
+static bool create_loader(karst_loader **loader, karst_context *context, const karst_density_program *program,
+                          const karst_channel_layout *layout, const char *more_options, karst_error *error)
+{
+    const karst_virtual_file world = {"world.clh", program->source};
+    char options[1024];
+    snprintf(options, sizeof options, "%s %s %s", program->options,
+             program->finalise_options ? program->finalise_options : "", more_options);
+    return (*loader = karst_loader_create(context, layout, &world, options, error));
+}
+
+bool karst_kernels_create_for_loads(karst_kernels *kernels, karst_context *context,
                                     const karst_density_program *program, const karst_channel_layout *layout,
                                     karst_error *error)
 {
     const karst_virtual_file world = {"world.clh", program->source};
-    return (kernels->evaluator =
-                karst_evaluator_create(context, program->shape, layout, &world, program->options, error));
-}
-
-bool karst_kernels_create_finaliser(karst_kernels *kernels, karst_context *context,
-                                    const karst_density_program *program, const karst_channel_layout *layout,
-                                    karst_error *error)
-{
     const char *options = program->finalise_options ? program->finalise_options : "";
-    return (kernels->finaliser = karst_finaliser_create(context, program->shape, layout, options, error));
+    if (karst_density_program_is_in_one(program, context))
+        return create_loader(&kernels->loader, context, program, layout, "", error);
+    return (kernels->evaluator =
+                karst_evaluator_create(context, program->shape, layout, &world, program->options, error)) &&
+           (kernels->finaliser = karst_finaliser_create(context, program->shape, layout, options, error));
 }
 
 bool karst_kernels_create(karst_kernels *kernels, karst_context *context, const karst_density_program *program,
@@ -38,8 +49,7 @@ bool karst_kernels_create(karst_kernels *kernels, karst_context *context, const 
 {
     *kernels = (karst_kernels){0};
     if (create_subdivider(kernels, context, program, error) &&
-        karst_kernels_create_evaluator(kernels, context, program, layout, error) &&
-        karst_kernels_create_finaliser(kernels, context, program, layout, error))
+        karst_kernels_create_for_loads(kernels, context, program, layout, error))
         return true;
     karst_kernels_destroy(kernels);
     return false;
@@ -48,6 +58,7 @@ bool karst_kernels_create(karst_kernels *kernels, karst_context *context, const 
 void karst_kernels_destroy(karst_kernels *kernels)
 {
     karst_subdivider_destroy(kernels->subdivider);
+    karst_loader_destroy(kernels->loader);
     karst_evaluator_destroy(kernels->evaluator);
     karst_finaliser_destroy(kernels->finaliser);
     *kernels = (karst_kernels){0};
@@ -57,6 +68,8 @@ void karst_kernels_set_data(karst_kernels *kernels, const karst_buffer *data)
 {
     if (kernels->subdivider)
         karst_subdivider_set_data(kernels->subdivider, data);
+    if (kernels->loader)
+        karst_loader_set_data(kernels->loader, data);
     if (kernels->evaluator)
         karst_evaluator_set_data(kernels->evaluator, data);
 }
@@ -78,12 +91,12 @@ struct karst_compilation {
     bool failed;
     karst_error error;
     karst_kernels kernels;
-    karst_evaluator *soon; /* what evaluates until that of `kernels` is there */
+    karst_loader *soon; /* what loads until that of `kernels` is there */
     /* the taker's */
     uint32_t num_taken;
 };
 
-/* What the kernels work on for once: a node that is loaded and subdivided. */
+/* What the kernels work on for once: a node that is subdivided, and none that is loaded. */
 enum { TRIAL_TILES = 4, TRIAL_BRICKS = 2, NUM_BUFFERS = 14 };
 
 typedef struct {
@@ -92,7 +105,8 @@ typedef struct {
     uint32_t num_buffers;
     karst_cache_buffers cache;
     karst_work work;
-    karst_buffer *data, *loads, *staging, *scrubs, *total;
+    karst_buffer *data;
+    karst_load_books books;
 } trial;
 
 static bool make(trial *t, karst_buffer **buffer, size_t size_bytes, const void *initial, karst_error *error)
@@ -105,7 +119,6 @@ static bool make(trial *t, karst_buffer **buffer, size_t size_bytes, const void 
 
 static bool open_trial(trial *t, const karst_compilation *c, karst_error *error)
 {
-    const karst_load load = {.state = KARST_STATE_AIR}; /* takes no samples */
     const uint32_t node = KARST_TILE_NODES, slot = 1, tile = 2;
     const karst_tile_info infos[TRIAL_TILES] = {[1] = {.level = 4, .in_use = 1}};
     *t = (trial){.context = c->fork};
@@ -122,10 +135,10 @@ static bool open_trial(trial *t, const karst_compilation *c, karst_error *error)
         !make(t, &t->work.load_results, sizeof(uint32_t), NULL, error) ||
         !make(t, &t->work.subdivide_nodes, sizeof node, &node, error) ||
         !make(t, &t->work.subdivide_tiles, sizeof tile, &tile, error) ||
-        !make(t, &t->loads, sizeof load, &load, error) ||
-        !make(t, &t->staging, c->layout.staging_stride * sizeof(float), NULL, error) ||
-        !make(t, &t->scrubs, sizeof(karst_scrub), NULL, error) ||
-        !make(t, &t->total, sizeof(karst_scrub_total), NULL, error) ||
+        !make(t, &t->books.loads, sizeof(karst_load), NULL, error) ||
+        !make(t, &t->books.least, sizeof(float), NULL, error) ||
+        !make(t, &t->books.scrubs, sizeof(karst_scrub), NULL, error) ||
+        !make(t, &t->books.total, sizeof(karst_scrub_total), NULL, error) ||
         (c->program.data && !make(t, &t->data, c->program.data_bytes, c->program.data, error)))
         return false;
     for (int i = 1; i < KARST_MAX_BRICK_SEGMENTS; i++)
@@ -142,50 +155,28 @@ static void count_ready(karst_compilation *c, uint32_t num)
 }
 
 /* A kernel runs there with the trial's data, of which it keeps nothing. */
-static bool run_evaluator(const karst_compilation *c, karst_evaluator *evaluator, trial *t, karst_error *error)
+static bool try_loader(karst_compilation *c, karst_loader **loader, const char *more_options, trial *t,
+                       karst_error *error)
 {
-    karst_evaluator_set_data(evaluator, t->data);
-    bool done = karst_evaluate_bricks(evaluator, t->loads, 1, t->staging, error) && karst_finish(c->fork, error);
-    karst_evaluator_set_data(evaluator, NULL);
+    if (!create_loader(loader, c->fork, &c->program, &c->layout, more_options, error))
+        return false;
+    karst_loader_set_data(*loader, t->data);
+    bool done =
+        karst_load_bricks(*loader, &t->cache, &t->work, 0, 0, &t->books, error) && karst_finish(c->fork, error);
+    karst_loader_set_data(*loader, NULL);
     return done;
 }
 
-static bool try_soon_evaluator(karst_compilation *c, trial *t, karst_error *error)
-{
-    char options[1024];
-    karst_density_program soon = c->program;
-    karst_kernels kernels = {0};
-    snprintf(options, sizeof options, "%s %s", soon.options, soon.soon_options);
-    soon.options = options;
-    bool good = karst_kernels_create_evaluator(&kernels, c->fork, &soon, &c->layout, error);
-    c->soon = kernels.evaluator;
-    return good && run_evaluator(c, c->soon, t, error);
-}
-
-static bool try_evaluator(karst_compilation *c, trial *t, karst_error *error)
-{
-    return karst_kernels_create_evaluator(&c->kernels, c->fork, &c->program, &c->layout, error) &&
-           run_evaluator(c, c->kernels.evaluator, t, error);
-}
-
 /* Where a slower one is there already, the real one comes last. */
-static bool try_first_evaluator(karst_compilation *c, trial *t, karst_error *error)
+static bool try_first_loader(karst_compilation *c, trial *t, karst_error *error)
 {
-    return c->program.soon_options ? try_soon_evaluator(c, t, error) : try_evaluator(c, t, error);
+    const char *soon_options = c->program.soon_options;
+    return try_loader(c, soon_options ? &c->soon : &c->kernels.loader, soon_options ? soon_options : "", t, error);
 }
 
-static bool try_last_evaluator(karst_compilation *c, trial *t, karst_error *error)
+static bool try_last_loader(karst_compilation *c, trial *t, karst_error *error)
 {
-    return !c->program.soon_options || try_evaluator(c, t, error);
-}
-
-static bool try_finaliser(karst_compilation *c, trial *t, karst_error *error)
-{
-    karst_kernels *k = &c->kernels;
-    return karst_kernels_create_finaliser(k, c->fork, &c->program, &c->layout, error) &&
-           karst_finalise_bricks(k->finaliser, &t->cache, &t->work, 0, 1, t->loads, t->staging, t->scrubs, t->total,
-                                 error) &&
-           karst_finish(c->fork, error);
+    return !c->program.soon_options || try_loader(c, &c->kernels.loader, "", t, error);
 }
 
 static bool try_subdivider(karst_compilation *c, trial *t, karst_error *error)
@@ -221,7 +212,7 @@ static void set_wanted(karst_compilation *c, uint32_t num)
 static void *compile(void *user)
 {
     static bool (*const steps[KARST_NUM_KERNELS])(karst_compilation *, trial *, karst_error *) = {
-        try_first_evaluator, try_finaliser, try_subdivider, try_last_evaluator};
+        try_first_loader, try_subdivider, try_last_loader};
     karst_compilation *c = user;
     trial t;
     bool good = open_trial(&t, c, &c->error);
@@ -339,7 +330,7 @@ void karst_compilation_destroy(karst_compilation *c)
     pthread_cond_destroy(&c->changed);
     pthread_mutex_destroy(&c->lock);
     karst_kernels_destroy(&c->kernels);
-    karst_evaluator_destroy(c->soon);
+    karst_loader_destroy(c->soon);
     if (c->fork)
         karst_program_cache_move(c->fork, c->context);
     karst_context_destroy(c->fork);
@@ -353,31 +344,26 @@ bool karst_compilation_take(karst_compilation *c, karst_kernels *kernels, karst_
     if (num == KARST_NUM_KERNELS && c->failed)
         return karst_fail(error, c->error.status, "%s", c->error.message);
     for (; c->num_taken < num; c->num_taken++) {
-        karst_evaluator *evaluator = NULL;
+        karst_loader *loader = NULL;
         switch (c->num_taken) {
         case 0:
-            evaluator = c->soon ? c->soon : c->kernels.evaluator;
-            *(c->soon ? &c->soon : &c->kernels.evaluator) = NULL;
+            loader = c->soon ? c->soon : c->kernels.loader;
+            *(c->soon ? &c->soon : &c->kernels.loader) = NULL;
             break;
         case 1:
-            kernels->finaliser = c->kernels.finaliser;
-            c->kernels.finaliser = NULL;
-            karst_finaliser_move(kernels->finaliser, c->context);
-            break;
-        case 2:
             kernels->subdivider = c->kernels.subdivider;
             c->kernels.subdivider = NULL;
             karst_subdivider_move(kernels->subdivider, c->context);
             break;
         default:
-            evaluator = c->kernels.evaluator;
-            c->kernels.evaluator = NULL;
+            loader = c->kernels.loader;
+            c->kernels.loader = NULL;
             break;
         }
-        if (evaluator) {
-            karst_evaluator_move(evaluator, c->context);
-            karst_evaluator_destroy(kernels->evaluator);
-            kernels->evaluator = evaluator;
+        if (loader) {
+            karst_loader_move(loader, c->context);
+            karst_loader_destroy(kernels->loader);
+            kernels->loader = loader;
         }
     }
     return true;

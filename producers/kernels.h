@@ -6,23 +6,26 @@
 #include "producers/density_producer.h"
 #include "producers/evaluate.h"
 #include "producers/finalise.h"
+#include "producers/load.h"
 #include "producers/subdivide.h"
 
+/* Loads are made by a loader, or in two steps by an evaluator and a finaliser: the other is NULL. */
 typedef struct {
     karst_subdivider *subdivider;
+    karst_loader *loader;
     karst_evaluator *evaluator;
     karst_finaliser *finaliser;
 } karst_kernels;
+
+/* Whether it is a loader's. */
+bool karst_density_program_is_in_one(const karst_density_program *program, const karst_context *context);
 
 /* Builds them; drivers may compile the rest when they first run. What was built before a failure is destroyed. Errors:
  * KARST_FAILED. */
 bool karst_kernels_create(karst_kernels *kernels, karst_context *context, const karst_density_program *program,
                           const karst_channel_layout *layout, karst_error *error);
-/* One of them. */
-bool karst_kernels_create_evaluator(karst_kernels *kernels, karst_context *context,
-                                    const karst_density_program *program, const karst_channel_layout *layout,
-                                    karst_error *error);
-bool karst_kernels_create_finaliser(karst_kernels *kernels, karst_context *context,
+/* All but the subdivider. */
+bool karst_kernels_create_for_loads(karst_kernels *kernels, karst_context *context,
                                     const karst_density_program *program, const karst_channel_layout *layout,
                                     karst_error *error);
 void karst_kernels_destroy(karst_kernels *kernels); /* zeroed ones are fine */
@@ -33,17 +36,17 @@ void karst_kernels_set_data(karst_kernels *kernels, const karst_buffer *data);
 bool karst_density_program_copy(karst_density_program *program, bool with_data);
 void karst_density_program_free(karst_density_program *program); /* a zeroed one is fine */
 
-/* A thread that builds them and runs each once, in a fork of the context (karst_context_fork), so that nothing is left
- * to be compiled afterwards. First what evaluates (with soon_options, if there are any), then finalises, then bounds,
- * which takes longest, and what evaluates without them. */
+/* A thread that builds them, for a program whose loads are made in one, and runs each once, in a fork of the context
+ * (karst_context_fork), so that nothing is left to be compiled afterwards. First what loads (with soon_options, if
+ * there are any), then bounds, which takes longest, and what loads without them. */
 typedef struct karst_compilation karst_compilation;
 
 /* Starts it; keeps copies of program and layout. It stops after the first step, until it is told to go on. Errors:
  * KARST_FAILED. */
 karst_compilation *karst_compilation_start(karst_context *context, const karst_density_program *program,
                                            const karst_channel_layout *layout, karst_error *error);
-/* How many steps are done: 1, there is an evaluator; KARST_NUM_KERNELS, all is there, or it failed. */
-#define KARST_NUM_KERNELS 4u
+/* How many steps are done: 1, there is a loader; 2, and a subdivider; KARST_NUM_KERNELS, all is there, or it failed. */
+#define KARST_NUM_KERNELS 3u
 uint32_t karst_compilation_num_ready(const karst_compilation *compilation);
 void karst_compilation_go_on(karst_compilation *compilation);
 /* Waits until so many are done. */

@@ -29,9 +29,26 @@ typedef struct {
     ulong count;
     long voxel[3]; /* of the first: its level-0 voxel */
     int level;     /* and its brick's level */
-    uint pad;
+    uint num_done; /* loads of the launch that is under way (load.cl); 0 in between */
 } karst_scrub_total;
 K_ASSERT_SIZE(karst_scrub_total, 40);
+
+/* Node coordinates of node index `node`, from its tile; returns its level. */
+K_INLINE int karst_node_corner(K_GLOBAL const karst_tile_info *tile_info, uint node, long corner[3])
+{
+    K_GLOBAL const karst_tile_info *info = tile_info + node / KARST_TILE_NODES;
+    corner[0] = info->corner[0] + (node & 1u);
+    corner[1] = info->corner[1] + (node >> 1 & 1u);
+    corner[2] = info->corner[2] + (node >> 2 & 1u);
+    return info->level;
+}
+
+/* Whether the brick of a node is wanted that is known to be clear: karst_load.keep. */
+K_INLINE uint karst_node_is_clear(karst_node node)
+{
+    uint state = KARST_NODE_STATE(node.link);
+    return state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID;
+}
 
 /* The sample (0, 0, 0) of node `n` (one axis) of a level, in level-0 voxels. */
 K_INLINE long karst_node_origin(long n, int level) { return (long)((ulong)n << (level + KARST_BRICK_CELLS_LOG2)); }

@@ -9,8 +9,7 @@ bool karst_producer_answer(karst_producer *producer, const karst_cache_buffers *
         return false;
     for (uint32_t first = 0; first < work->num_loads; first += producer->max_chunk) {
         uint32_t left = work->num_loads - first, count = left < producer->max_chunk ? left : producer->max_chunk;
-        if (!ops->evaluate(producer, cache, work, first, count, error) ||
-            !ops->finalise(producer, cache, work, first, count, error))
+        if (!ops->load(producer, cache, work, first, count, error))
             return false;
     }
     return true;

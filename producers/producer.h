@@ -17,21 +17,18 @@ typedef struct {
 typedef struct karst_producer karst_producer;
 
 /* What each kind of producer fills in. `self` is the producer. All enqueue on the context's queue and return at once.
- * evaluate and finalise handle the loads [first, first + count) of the work, count at most karst_producer.max_chunk: a
- * chunk's samples lie in staging memory of the producer's until the next evaluate. karst_producer_answer calls them in
- * the right order. */
+ * load handles the loads [first, first + count) of the work, count at most karst_producer.max_chunk.
+ * karst_producer_answer calls them in the right order. */
 typedef struct {
     const char *kind; /* "density" */
     /* Writes tile_info (level, corner) and the eight nodes of each new tile: state air or solid (proven) or lost (wants
      * a brick), never unknown; without children or brick. */
     bool (*subdivide)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work,
                       karst_error *error);
-    /* Writes the samples of each load, unencoded; loads that are proven constant beforehand are left out. */
-    bool (*evaluate)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                     uint32_t count, karst_error *error);
-    /* Encodes them into the slots, writes brick_info and load_results. */
-    bool (*finalise)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                     uint32_t count, karst_error *error);
+    /* Evaluates the samples of each load and finalises them: encodes them into the slots, writes brick_info and
+     * load_results. */
+    bool (*load)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                 uint32_t count, karst_error *error);
     /* The box in which content changed since the last call; empty: nowhere. */
     karst_voxel_box (*take_dirty)(karst_producer *self);
     void (*destroy)(karst_producer *self);
@@ -41,7 +38,7 @@ struct karst_producer {
     const karst_producer_ops *ops;
     const char *name;    /* of the world, for people */
     uint64_t version;    /* changes with the content */
-    uint32_t max_chunk;  /* loads that its staging memory holds */
+    uint32_t max_chunk;  /* loads that it takes at a time */
     karst_buffer **data; /* device buffers that its kernels read (parameters); NULL-terminated, may be NULL */
 };
 

@@ -73,16 +73,20 @@ static uint32_t batch_for(const karst_subdivider *subdivider, uint32_t num_boxes
 /* What a launch has no use for is NULL. */
 static const cl_mem nothing = NULL;
 
+/* What boxes are, see subdivide.cl. */
+enum { BOXES_OF_TILES, BOXES_OF_LOADS, BOXES_OF_LOADED };
+
 bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                            karst_error *error)
 {
-    uint32_t first = 0, count = work->num_subdivides * KARST_TILE_NODES, is_loads = 0,
+    uint32_t first = 0, count = work->num_subdivides * KARST_TILE_NODES, kind = BOXES_OF_TILES,
              batch = batch_for(subdivider, count);
     return count == 0 || (KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->subdivide_nodes),
                                           KARST_BUFFER_ARG(work->subdivide_tiles), KARST_VALUE_ARG(first),
-                                          KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch), KARST_VALUE_ARG(is_loads),
+                                          KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch), KARST_VALUE_ARG(kind),
                                           KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
-                                          KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(subdivider->data)) &&
+                                          KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(nothing),
+                                          KARST_VALUE_ARG(subdivider->data)) &&
                           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_SUBDIVIDE,
                                        (count + batch - 1) / batch, subdivider->group_size, error));
 }
@@ -90,11 +94,27 @@ bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffe
 bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                        uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error)
 {
-    uint32_t is_loads = 1, batch = (uint32_t)subdivider->context->lanes; /* all take the same time */
+    uint32_t kind = BOXES_OF_LOADS, batch = (uint32_t)subdivider->context->lanes; /* all take the same time */
     return KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(nothing),
                            KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch),
-                           KARST_VALUE_ARG(is_loads), KARST_BUFFER_ARG(cache->nodes),
-                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(loads),
+                           KARST_VALUE_ARG(kind), KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
+                           KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(nothing), KARST_VALUE_ARG(nothing),
+                           KARST_VALUE_ARG(subdivider->data)) &&
+           karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, (count + batch - 1) / batch,
+                        subdivider->group_size, error);
+}
+
+/* Half of a view's loads have no surface, so that a work-item finds about this many vectors' worth. */
+#define LOADED_VECTORS 2u
+
+bool karst_bound_clear_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                             uint32_t first, uint32_t count, const karst_buffer *least, karst_error *error)
+{
+    uint32_t kind = BOXES_OF_LOADED, batch = LOADED_VECTORS * 2 * (uint32_t)subdivider->context->lanes;
+    return KARST_ARGUMENTS(subdivider->nodes, error, KARST_BUFFER_ARG(work->load_nodes), KARST_VALUE_ARG(nothing),
+                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_VALUE_ARG(batch),
+                           KARST_VALUE_ARG(kind), KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
+                           KARST_VALUE_ARG(nothing), KARST_BUFFER_ARG(least), KARST_BUFFER_ARG(work->load_results),
                            KARST_VALUE_ARG(subdivider->data)) &&
            karst_launch(subdivider->context, subdivider->nodes, KARST_STAGE_EVALUATE, (count + batch - 1) / batch,
                         subdivider->group_size, error);

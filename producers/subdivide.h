@@ -26,5 +26,9 @@ bool karst_subdivide_tiles(karst_subdivider *subdivider, const karst_cache_buffe
  * KARST_STAGE_EVALUATE. */
 bool karst_bound_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
                        uint32_t first, uint32_t count, karst_buffer *loads, karst_error *error);
+/* Enqueues the proofs for loads [first, first + count) that were made in one (load.h) and came out clear: results of
+ * those that are constant become so. `least` is theirs from index 0 on. Time goes to KARST_STAGE_EVALUATE. */
+bool karst_bound_clear_loads(karst_subdivider *subdivider, const karst_cache_buffers *cache, const karst_work *work,
+                             uint32_t first, uint32_t count, const karst_buffer *least, karst_error *error);
 
 #endif

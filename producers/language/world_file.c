@@ -370,6 +370,7 @@ static karst_density_program program_of(const karst_world_file *file, const kars
     program.options = options;
     program.finalise_options = build->finalise_options;
     program.shape = build->shape;
+    program.in_two_steps = build->in_two_steps;
     program.start_on_host = build->start_on_host;
     program.tape_instructions = file->tape.num_instructions;
     program.soon_options = file->code.is_tape ? "-DTAPE_WORLD_WHOLE" : NULL;

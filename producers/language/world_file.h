@@ -50,6 +50,7 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
 /* The same in another shape than the device's own, or with more options of the build (NULL: neither). */
 typedef struct {
     karst_shape shape;
+    bool in_two_steps;            /* karst_density_program.in_two_steps */
     const char *options;          /* NULL: none */
     const char *finalise_options; /* NULL: none; karst_cache_brick_option */
     bool start_on_host;           /* karst_density_program.start_on_host */

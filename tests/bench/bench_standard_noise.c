@@ -53,7 +53,8 @@ static void form_open(form *f, const char *density, int which)
         free(f->file->code.source);
         f->file->code.source = source;
     }
-    f->producer = karst_world_file_producer(f->context, f->file, 1, NUM_BRICKS, &error);
+    const karst_world_build build = {.in_two_steps = true};
+    f->producer = karst_world_file_producer_built(f->context, f->file, 1, NUM_BRICKS, &build, &error);
     pool_expect(f->producer, "producer", &error);
     pool_open(&f->bricks, f->context, NUM_BRICKS, 1);
 }
@@ -78,8 +79,8 @@ static double evaluate(form *f)
     f->bricks.work.num_subdivides = 0;
     for (uint32_t first = 0; first < NUM_BRICKS; first += f->producer->max_chunk) {
         uint32_t left = NUM_BRICKS - first, count = left < f->producer->max_chunk ? left : f->producer->max_chunk;
-        pool_expect(f->producer->ops->evaluate(f->producer, &f->bricks.cache, &f->bricks.work, first, count, &error),
-                    "evaluate", &error);
+        pool_expect(f->producer->ops->load(f->producer, &f->bricks.cache, &f->bricks.work, first, count, &error),
+                    "load", &error);
         f->num_last = count;
     }
     pool_expect(karst_profile_collect(f->context, ns, &error), "profile", &error);

@@ -59,7 +59,7 @@ static void choose_nodes(const karst_world_file *file, pool_node nodes[NUM_NODES
 }
 
 /* Subdivides and loads them; says when each step was done. */
-static void first_brick(karst_producer *producer, const karst_world_file *file, pool *p, double done_s[3])
+static void first_brick(karst_producer *producer, const karst_world_file *file, pool *p, double done_s[2])
 {
     karst_error error = {0};
     pool_node nodes[NUM_NODES];
@@ -68,12 +68,9 @@ static void first_brick(karst_producer *producer, const karst_world_file *file, 
     pool_expect(producer->ops->subdivide(producer, &p->cache, &p->work, &error), "subdivide", &error);
     clFinish(p->context->queue);
     done_s[0] = seconds();
-    pool_expect(producer->ops->evaluate(producer, &p->cache, &p->work, 0, NUM_NODES, &error), "evaluate", &error);
+    pool_expect(producer->ops->load(producer, &p->cache, &p->work, 0, NUM_NODES, &error), "load", &error);
     clFinish(p->context->queue);
     done_s[1] = seconds();
-    pool_expect(producer->ops->finalise(producer, &p->cache, &p->work, 0, NUM_NODES, &error), "finalise", &error);
-    clFinish(p->context->queue);
-    done_s[2] = seconds();
 }
 
 /* What they came to, as bytes; there must be a brick. */
@@ -116,7 +113,7 @@ static void start(const char *path, bool helped)
     karst_producer *producer = karst_world_file_producer_built(context, file, file->info.seed, 16, &build, &error);
     pool_expect(producer, path, &error);
     double built = seconds();
-    double done[3], compiled[3], changed[3];
+    double done[2], compiled[2], changed[2];
     first_brick(producer, file, &p, done);
     uint64_t hash = brick_hash(&p);
     double compile = seconds();
@@ -132,9 +129,8 @@ static void start(const char *path, bool helped)
     double change = seconds();
     pool_expect(karst_world_file_set_parameters(producer, file, values, file->info.seed + 1, &error), "set", &error);
     first_brick(producer, file, &p, changed);
-    printf("%.4f %.4f %.4f %.4f %.4f %.4f %.4f %.4f %.4f\n", done[2] - begin, read - begin, built - read,
-           done[0] - built, done[1] - done[0], done[2] - done[1], changed[2] - change,
-           done[2] - begin + compiled[2] - compile, cpu_s);
+    printf("%.4f %.4f %.4f %.4f %.4f %.4f %.4f %.4f\n", done[1] - begin, read - begin, built - read, done[0] - built,
+           done[1] - done[0], changed[1] - change, done[1] - begin + compiled[1] - compile, cpu_s);
     free(values);
     pool_close(&p);
     karst_producer_destroy(producer);
@@ -144,7 +140,7 @@ static void start(const char *path, bool helped)
 }
 
 typedef struct {
-    double all_s, read_s, build_s, bounds_s, evaluate_s, finalise_s, change_s;
+    double all_s, read_s, build_s, bounds_s, load_s, change_s;
     double kernels_s, cpu_s; /* until the kernels have made it, too */
 } start_times;
 
@@ -155,8 +151,8 @@ static start_times run(const char *program, const char *how, const char *path)
     snprintf(command, sizeof command, "'%s' %s '%s'", program, how, path);
     FILE *pipe = popen(command, "r");
     pool_expect(pipe &&
-                    fscanf(pipe, "%lf %lf %lf %lf %lf %lf %lf %lf %lf", &t.all_s, &t.read_s, &t.build_s, &t.bounds_s,
-                           &t.evaluate_s, &t.finalise_s, &t.change_s, &t.kernels_s, &t.cpu_s) == 9 &&
+                    fscanf(pipe, "%lf %lf %lf %lf %lf %lf %lf %lf", &t.all_s, &t.read_s, &t.build_s, &t.bounds_s,
+                           &t.load_s, &t.change_s, &t.kernels_s, &t.cpu_s) == 8 &&
                     pclose(pipe) == 0,
                 command, NULL);
     return t;
@@ -199,9 +195,9 @@ static void bench_world(const char *program, const char *path)
     qsort(warm, NUM_RUNS, sizeof *warm, compare_times);
     const start_times *a = &alone[NUM_RUNS / 2], *c = &cold[NUM_RUNS / 2], *w = &warm[NUM_RUNS / 2];
     const char *name = strrchr(path, '/');
-    printf("%-20s %7.3f %7.3f %7.3f %7.3f %9.3f %9.3f %7.3f %10.4f %8.2f %6.2f %8.2f %6.2f   %s\n",
-           name ? name + 1 : path, c->all_s, c->read_s, c->build_s, c->bounds_s, c->evaluate_s, c->finalise_s, w->all_s,
-           w->change_s, a->kernels_s, a->cpu_s, c->kernels_s, c->cpu_s,
+    printf("%-20s %7.3f %7.3f %7.3f %7.3f %7.3f %7.3f %10.4f %8.2f %6.2f %8.2f %6.2f   %s\n",
+           name ? name + 1 : path, c->all_s, c->read_s, c->build_s, c->bounds_s, c->load_s, w->all_s, w->change_s,
+           a->kernels_s, a->cpu_s, c->kernels_s, c->cpu_s,
            c->all_s <= COLD_MARK_S && w->all_s <= WARM_MARK_S ? "" : "over the mark");
     fflush(stdout);
 }
@@ -216,8 +212,8 @@ int main(int argc, char **argv)
     }
     printf("\nfrom text to the first bricks, of eight nodes, seconds (marks: %.1f cold, %.1f warm)\n", COLD_MARK_S,
            WARM_MARK_S);
-    printf("%-20s %7s %7s %7s %7s %9s %9s %7s %10s %8s %6s %8s %6s\n", "", "cold", "= text", "build", "bounds",
-           "evaluate", "finalise", "warm", "parameter", "kernels", "CPU", "helped", "CPU");
+    printf("%-20s %7s %7s %7s %7s %7s %7s %10s %8s %6s %8s %6s\n", "", "cold", "= text", "build", "bounds", "load",
+           "warm", "parameter", "kernels", "CPU", "helped", "CPU");
     glob_t found = {0};
     for (int i = 1; i < argc; i++)
         bench_world(argv[0], argv[i]);

@@ -137,12 +137,12 @@ if wants production; then
     echo; echo "Production while a view settles (800x600, 2 pixels a voxel), per core, in encoded samples"
     for world in fbm warped; do
         bench $world "$out/$world.karst" --camera 0,400,0,30,-15 --size 800x600 --detail 2 --no-shadows --runs 3 --rounds 9 || continue
-        line "$world, 8 octaves: evaluate" "$(calc "$(get $world production.evaluate_voxels_per_core_s.median) * 1e-6")" "Mvoxel/s"
+        line "$world, 8 octaves: loads" "$(calc "$(get $world production.load_voxels_per_core_s.median) * 1e-6")" "Mvoxel/s"
         if [ $world = fbm ]; then
             line "  of the FMA ceiling, at 4 FMA a sample and octave" \
-                "$(calc "32 * $(get $world production.evaluate_voxels_per_fma.median)")" "" 0.2 at-least
+                "$(calc "32 * $(get $world production.load_voxels_per_fma.median)")" "" 0.2 at-least
         else
-            line "  x bare pointwise noise" "$(get $world production.evaluate_per_noise.median)" "" 0.9 at-least
+            line "  x bare pointwise noise" "$(get $world production.load_per_noise.median)" "" 0.9 at-least
         fi
     done
     if bench hills-production hills --size 800x600 --no-shadows --runs 3 --rounds 9; then

@@ -64,8 +64,8 @@ done
 for figure in requests produced evicted reproduced deferred; do wanted="$wanted settling.churn_per_frame.$figure"; done
 for place in ceilings.floor_ms ceilings.fma_per_s ceilings.memory_bytes_per_s ceilings.noise_samples_per_s \
     ratios.settled_frame_per_floor ratios.used_bricks_per_hit_brick production.bricks_per_core_s \
-    production.voxels_per_core_s production.evaluate_voxels_per_core_s production.bounds_core_us_per_node \
-    production.evaluate_per_noise start.opened_ms start.hole_free_ms start.complete_ms; do
+    production.voxels_per_core_s production.load_voxels_per_core_s production.bounds_core_us_per_node \
+    production.load_per_noise start.opened_ms start.hole_free_ms start.complete_ms; do
     wanted="$wanted $place.median $place.min $place.max"
 done
 for pool in tiles bricks; do

@@ -156,7 +156,8 @@ static void check_large(int num_boxes, uint32_t least_ops)
     assert_true(file->code.is_tape && file->tape.num_instructions >= least_ops);
     karst_context *context = karst_context_create(getenv("KARST_DEVICE"), 0, NULL, &error);
     pool_expect(context, "context", &error);
-    karst_producer *producer = karst_world_file_producer(context, file, file->info.seed, 8, &error);
+    const karst_world_build build = {.in_two_steps = true};
+    karst_producer *producer = karst_world_file_producer_built(context, file, file->info.seed, 8, &build, &error);
     pool_expect(producer, "producer", &error);
     karst_number none = {0};
     karst_oracle *oracle =

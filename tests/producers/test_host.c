@@ -191,7 +191,7 @@ static void test_failure(void **state)
     choose_nodes(file, nodes);
     answer(host, nodes, &found);
     assert_false(karst_density_producer_compile(host, KARST_UNTIL_COMPILED, &error));
-    assert_non_null(strstr(error.message, "producers/evaluate.cl"));
+    assert_non_null(strstr(error.message, "producers/load.cl"));
     karst_producer_destroy(host);
 
     /* One that is left while it is compiled, and one that was never begun. */

@@ -54,20 +54,29 @@ static karst_context *make_context(int lanes)
     return context;
 }
 
-static karst_producer *make_producer(karst_context *context, karst_shape shape, const char *options, uint32_t max_loads)
+typedef struct {
+    int lanes;
+    karst_shape shape;
+    bool in_two_steps;
+} way; /* to produce */
+
+static karst_producer *make_producer(karst_context *context, const way *how, const char *options, uint32_t max_loads)
 {
     karst_error error = {0};
-    karst_density_program program = {
-        .name = "half space", .source = half_space, .options = options, .shape = shape, .max_loads = max_loads};
+    karst_density_program program = {.name = "half space",
+                                     .source = half_space,
+                                     .options = options,
+                                     .shape = how->shape,
+                                     .in_two_steps = how->in_two_steps,
+                                     .max_loads = max_loads};
     karst_producer *producer = karst_density_producer_create_program(context, &program, &error);
     pool_expect(producer, "producer", &error);
     return producer;
 }
 
-static const struct {
-    int lanes;
-    karst_shape shape;
-} shapes[] = {{16, KARST_SHAPE_ROWS}, {1, KARST_SHAPE_ROWS}, {1, KARST_SHAPE_GROUPS}, {16, KARST_SHAPE_GROUPS}};
+static const way shapes[] = {{16, KARST_SHAPE_ROWS, false},   {1, KARST_SHAPE_ROWS, false},
+                             {16, KARST_SHAPE_ROWS, true},    {1, KARST_SHAPE_ROWS, true},
+                             {1, KARST_SHAPE_GROUPS, false}, {16, KARST_SHAPE_GROUPS, false}};
 #define NUM_SHAPES (sizeof shapes / sizeof *shapes)
 
 /* What a node of the half space is by its bounds. */
@@ -91,7 +100,7 @@ static void test_subdivide(void **state)
         karst_tile_info infos[COUNT];
         karst_error error = {0};
         karst_context *context = make_context(shapes[s].lanes);
-        karst_producer *producer = make_producer(context, shapes[s].shape, "", COUNT);
+        karst_producer *producer = make_producer(context, &shapes[s], "", COUNT);
         pool p;
         pool_open(&p, context, COUNT, 1);
         pool_ask(&p, parents, COUNT);
@@ -128,11 +137,12 @@ static void test_loads(void **state)
         uint32_t states[COUNT];
         karst_error error = {0};
         karst_context *context = make_context(shapes[s].lanes);
-        karst_producer *producer = make_producer(context, shapes[s].shape, "", COUNT);
+        karst_producer *producer = make_producer(context, &shapes[s], "", COUNT);
         uint32_t stride, num_bricks = 0;
         karst_buffer *staging = karst_density_producer_staging(producer, &stride);
         assert_true(producer->max_chunk < COUNT);
-        assert_true(staging->size_bytes == (size_t)producer->max_chunk * stride * sizeof(float));
+        assert_true((staging == NULL) == (shapes[s].shape == KARST_SHAPE_ROWS && !shapes[s].in_two_steps));
+        assert_true(!staging || staging->size_bytes == (size_t)producer->max_chunk * stride * sizeof(float));
         for (int i = 0; i < COUNT; i++)
             nodes[i] = (pool_node){{i - 100, i % 3 - 2, -i}, i % 7};
         pool p;
@@ -178,7 +188,7 @@ static void test_not_finite(void **state)
         int level;
         karst_context *context = make_context(shapes[s].lanes);
         /* 0 / 0 at x = 100 */
-        karst_producer *producer = make_producer(context, shapes[s].shape,
+        karst_producer *producer = make_producer(context, &shapes[s],
                                                  "-DSPOIL(d,x)=((d)*v_to_float((x)-100)/v_to_float((x)-100))", COUNT);
         pool p;
         assert_false(karst_density_producer_first_non_finite(producer, voxel, &level));
