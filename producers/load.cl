@@ -7,6 +7,7 @@
 
 #define KARST_GROUP 1
 #define SAMPLES_SPACE K_PRIVATE
+#define SAMPLES_ARE_SPENT
 #include "producers/evaluate.clh"
 #include "producers/finalise.clh"
 

@@ -317,10 +317,21 @@ static void row(karst_emit *emit)
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
 }
 
+bool karst_emit_face_in_rows(const karst_emit *emit)
+{
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE && !emit->nodes[e].is_tensor)
+            return false;
+    return true;
+}
+
 /* Samples of the face (ix is KARST_BRICK_CELLS): all nodes, but noise steps along the brick, and what lies along y or z
  * is there, as tensors are. */
 static void sample(karst_emit *emit)
 {
+    const char *floats = karst_emit_face_in_rows(emit) ? "ROW_FLOATS" : "FLOATS";
+    if (karst_emit_face_in_rows(emit))
+        karst_text_add(&emit->text, "#ifdef EMIT_HOISTED\n#define WORLD_FACE_IN_ROWS\n#endif\n");
     karst_text_add(&emit->text,
                    "K_INLINE K_WIDE vfloat world_sample(world_axes *axes, vint ix, vint iy, vint iz)\n{\n"
                    "    world_data data = axes->data;\n    (void)data;\n"
@@ -335,7 +346,7 @@ static void sample(karst_emit *emit)
             for (size_t i = 0; parts[i]; i++)
                 karst_text_add(&emit->text, "    const %s %c%u = EMIT_%s(axes->%s%c%u, i%s);\n",
                                karst_emit_type(emit, e), parts[i], e,
-                               emit->graph->nodes[e].type == KARST_TYPE_FLOAT ? "FLOATS" : "INTS",
+                               emit->graph->nodes[e].type == KARST_TYPE_FLOAT ? floats : "INTS",
                                karst_emit_axes_name(axes), parts[i], e, karst_emit_axes_name(axes));
     }
     karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);

@@ -93,6 +93,8 @@ karst_expr karst_emit_moved_by(const karst_emit *emit, karst_expr argument);
 /* Gradient noise, not a derivative. */
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
+/* Whether the face of a brick is best made in rows along y: where no noise is, but tensors. */
+bool karst_emit_face_in_rows(const karst_emit *emit);
 /* The beginning of a loop over octaves, up to its `weight`. */
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */

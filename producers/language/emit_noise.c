@@ -189,8 +189,8 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
         karst_text_add(
             text,
             "#ifdef EMIT_HOISTED\n"
-            "    vfloat v%u = EMIT_FLOATS(axes->s%u + EMIT_TENSOR_ROWS, iz * (vint)(NOISE_TENSOR_SIDE) + iy);\n#else\n",
-            e, e);
+            "    vfloat v%u = EMIT_%s(axes->s%u + EMIT_TENSOR_ROWS, iz * (vint)(NOISE_TENSOR_SIDE) + iy);\n#else\n",
+            e, karst_emit_face_in_rows(emit) ? "ROW_FLOATS" : "FLOATS", e);
     else if (is_tensor)
         karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat v%u = axes->s%u[iz * KARST_BRICK_SIDE + iy];\n#else\n", e,
                        e);
