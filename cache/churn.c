@@ -31,6 +31,11 @@ void karst_churn_evicted(karst_churn *churn, uint64_t identity, uint32_t frame)
     churn->last_frame = frame;
 }
 
+void karst_churn_expect(const karst_churn *churn, uint64_t identity)
+{
+    __builtin_prefetch(&churn->entries[identity % KARST_CHURN_ENTRIES], 1);
+}
+
 bool karst_churn_is_recent(const karst_churn *churn, uint64_t identity, uint32_t frame)
 {
     const struct karst_churn_entry *entry = &churn->entries[identity % KARST_CHURN_ENTRIES];

@@ -26,6 +26,8 @@ void karst_churn_finish(karst_churn *churn); /* zeroed is fine */
 void karst_churn_forget(karst_churn *churn);
 /* `identity`: see identity_shared.h. Frames may wrap. */
 void karst_churn_evicted(karst_churn *churn, uint64_t identity, uint32_t frame);
+/* Has memory fetch what is known of it: where many are asked one after another, each would wait. */
+void karst_churn_expect(const karst_churn *churn, uint64_t identity);
 bool karst_churn_is_recent(const karst_churn *churn, uint64_t identity, uint32_t frame);
 /* Was anything evicted lately? */
 bool karst_churn_any_is_recent(const karst_churn *churn, uint32_t frame);

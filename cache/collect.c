@@ -42,6 +42,8 @@ static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint
     if (!cache->has_names && !karst_finish(cache->context, error))
         return false;
     for (uint32_t i = 0; i < num; i++)
+        karst_churn_expect(&cache->churn, cache->identities[i]);
+    for (uint32_t i = 0; i < num; i++)
         if (i < work->num_loads || i >= num_chosen_loads)
             work->num_reproduced += karst_churn_is_recent(&cache->churn, cache->identities[i], frame);
     return true;
@@ -86,22 +88,68 @@ bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work
            karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
 }
 
-bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
+/* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled. Their
+ * names come along where they may be asked for. */
+static bool accept(karst_cache *cache, const karst_collect_params *params, karst_error *error)
 {
-    *work = empty_work(cache);
-    if (params->serial == 0)
-        return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
-    karst_cache_abandon(cache);
-    cache->serial = params->serial;
+    karst_wants *wants = &cache->wants;
+    const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
+    if (cache->mapped.nodes) {
+        karst_wants_accept_mapped(wants, params->serial, cache->identities);
+        return true;
+    }
+    return upload(cache->load_nodes, loads->nodes, loads->num, error) &&
+           upload(cache->subdivide_nodes, subdivides->nodes, subdivides->num, error) &&
+           karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num,
+                              params->serial, error) &&
+           ((!cache->has_names && !karst_churn_any_is_recent(&cache->churn, params->frame)) ||
+            karst_cache_fetch(wants->identities, 0, cache->identities,
+                              (loads->num + subdivides->num) * sizeof(uint64_t), error));
+}
 
+static bool send_lists(karst_cache *cache, const karst_work *work, bool has_nodes, karst_error *error)
+{
+    const karst_wants_choice *loads = cache->wants.loads, *subdivides = cache->wants.subdivides;
+    return (has_nodes || (upload(cache->load_nodes, loads->nodes, work->num_loads, error) &&
+                          upload(cache->subdivide_nodes, subdivides->nodes, work->num_subdivides, error))) &&
+           upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
+           upload(cache->subdivide_tiles, cache->granted_tiles, work->num_subdivides, error) &&
+           /* A load that no producer answers stays "unknown", and its slot free. */
+           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
+}
+
+/* The work to the device. Where the host recycled, the device has nothing to do by now, and PoCL's would start at the
+ * first command and get in the way of those that follow (20 us for each instead of 1): so all of them wait until the
+ * last is enqueued. */
+static bool send_work(karst_cache *cache, const karst_work *work, karst_error *error)
+{
+    bool is_mapped = cache->mapped.nodes != NULL, ok;
+    cl_int code = CL_SUCCESS;
+    cl_event gate = NULL;
+    if (is_mapped && karst_context_is_pocl(cache->context))
+        gate = clCreateUserEvent(cache->context->cl, &code);
+    ok = karst_mapped_end_behind(&cache->mapped, gate, error) && send_lists(cache, work, !is_mapped, error);
+    if (gate) {
+        code = clSetUserEventStatus(gate, CL_COMPLETE);
+        clReleaseEvent(gate);
+    }
+    if (ok && code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot hold back commands: %s", karst_cl_error_name(code));
+    return ok;
+}
+
+static bool collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
+{
     karst_survey *survey = &cache->survey;
     karst_wants *wants = &cache->wants;
     karst_survey_ask ask = {.serial = params->serial};
     karst_lru_expect(&cache->tiles, cache->tile_slots.num, &ask);
     karst_lru_expect(&cache->bricks, cache->brick_slots.num, &ask);
+    bool is_short = ask.ages[KARST_SURVEY_TILES] || ask.ages[KARST_SURVEY_BRICKS];
+    bool maps = cache->may_map && (is_short || karst_churn_any_is_recent(&cache->churn, params->frame));
     if (!karst_survey_begin(survey, &ask, error) ||
         !karst_wants_begin(wants, params->serial, params->turn, params->camera.voxel, error) ||
-        !karst_survey_end(survey, error))
+        (maps && !karst_mapped_begin(&cache->mapped, error)) || !karst_survey_end(survey, error))
         return false;
     work->num_used_tiles = survey->host_result.num_used[KARST_SURVEY_TILES];
     work->num_used_bricks = survey->host_result.num_used[KARST_SURVEY_BRICKS];
@@ -119,17 +167,12 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     uint32_t num_free_tiles = cache->tile_slots.num, num_free_bricks = cache->brick_slots.num;
     uint32_t need_tiles = subdivides->num - (subdivides->num < num_free_tiles ? subdivides->num : num_free_tiles);
     uint32_t need_bricks = loads->num - (loads->num < num_free_bricks ? loads->num : num_free_bricks);
-    cache->has_names = need_tiles || need_bricks; /* there will be a wait */
+    bool recycles = need_tiles || need_bricks, maps_late = recycles && cache->may_map && !maps;
+    cache->has_names = recycles || maps; /* there will be a wait, or the host makes them */
 
-    /* Nodes that are worked on are in use, whether or not a ray stamped their tile: nothing of theirs is recycled
-     * below. Tiles go first, since their bricks become free. */
-    if (!upload(cache->load_nodes, loads->nodes, loads->num, error) ||
-        !upload(cache->subdivide_nodes, subdivides->nodes, subdivides->num, error) ||
-        !karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num,
-                            params->serial, error) ||
-        ((cache->has_names || karst_churn_any_is_recent(&cache->churn, params->frame)) &&
-         !karst_cache_fetch(wants->identities, 0, cache->identities, (loads->num + subdivides->num) * sizeof(uint64_t),
-                            error)) ||
+    /* Tiles go first, since their bricks become free. */
+    if ((maps_late && (!karst_mapped_begin(&cache->mapped, error) || !karst_finish(cache->context, error))) ||
+        !accept(cache, params, error) ||
         !karst_evict_start(&cache->evict, params->serial, need_tiles, need_bricks, error) ||
         !grant_tiles(cache, params, subdivides->num, work, error) ||
         !grant_bricks(cache, params, loads->num, work, error))
@@ -139,9 +182,16 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     work->num_subdivides = cache->num_granted_tiles;
     work->num_starved_bricks = loads->num - work->num_loads;
     work->num_starved_tiles = subdivides->num - work->num_subdivides;
-    /* A load that no producer answers stays "unknown", and its slot free. */
-    return upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
-           upload(cache->subdivide_tiles, cache->granted_tiles, work->num_subdivides, error) &&
-           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error) &&
-           count_reproduced(cache, loads->num, params->frame, work, error);
+    return count_reproduced(cache, loads->num, params->frame, work, error) && send_work(cache, work, error);
+}
+
+bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
+{
+    *work = empty_work(cache);
+    if (params->serial == 0)
+        return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
+    karst_cache_abandon(cache);
+    cache->serial = params->serial;
+    bool ok = collect(cache, params, work, error);
+    return karst_mapped_end(&cache->mapped, ok ? error : NULL) && ok;
 }

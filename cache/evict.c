@@ -6,10 +6,15 @@
 #define STAGE KARST_STAGE_COLLECT
 
 bool karst_evict_init(karst_evict *evict, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks, karst_error *error)
+                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks, const karst_mapped *mapped,
+                      karst_error *error)
 {
-    *evict = (karst_evict){
-        .context = context, .shape = karst_shape_of(context), .pools = pools, .tiles = tiles, .bricks = bricks};
+    *evict = (karst_evict){.context = context,
+                           .shape = karst_shape_of(context),
+                           .pools = pools,
+                           .tiles = tiles,
+                           .bricks = bricks,
+                           .mapped = mapped};
     size_t num = KARST_CACHE_MAX_WORK;
     evict->evicted_tiles = karst_buffer_create(context, "work_lists", num * sizeof(karst_evicted_tile), NULL, error);
     evict->evicted_bricks = karst_buffer_create(context, "work_lists", num * sizeof(karst_evicted_brick), NULL, error);
@@ -36,9 +41,54 @@ void karst_evict_finish(karst_evict *evict)
     *evict = (karst_evict){0};
 }
 
+/* What a tile's unlinking touches beside itself: its bricks' owners and its parent. */
+static void ask_for_tile(const karst_mapped *m, uint32_t tile)
+{
+    uint32_t parent = m->tile_info[tile].parent;
+    for (uint32_t i = 0; i < KARST_TILE_NODES; i++)
+        __builtin_prefetch(&m->brick_owner[m->nodes[tile * KARST_TILE_NODES + i].brick], 1);
+    if (parent != KARST_NO_NODE) {
+        __builtin_prefetch(&m->nodes[parent], 1);
+        __builtin_prefetch(&m->tile_info[parent / KARST_TILE_NODES]);
+    }
+}
+
+static void unlink_mapped_tiles(karst_evict *evict, uint32_t num)
+{
+    const karst_mapped *m = evict->mapped;
+    const uint32_t *victims = evict->tiles->host_victims;
+    uint64_t start_ns = karst_clock_ns();
+    for (uint32_t i = 0; i < num; i++) {
+        if (i + KARST_MAPPED_AHEAD < num)
+            ask_for_tile(m, victims[i + KARST_MAPPED_AHEAD]);
+        karst_evict_tile(victims[i], m->nodes, m->tile_info, m->brick_owner, &evict->host_tiles[i]);
+    }
+    karst_profile_add_host(evict->context, STAGE, karst_clock_ns() - start_ns);
+}
+
+static void unlink_mapped_bricks(karst_evict *evict, uint32_t num)
+{
+    const karst_mapped *m = evict->mapped;
+    const uint32_t *victims = evict->bricks->host_victims;
+    uint64_t start_ns = karst_clock_ns();
+    for (uint32_t i = 0; i < num; i++) {
+        if (i + KARST_MAPPED_AHEAD < num) {
+            uint32_t node = m->brick_owner[victims[i + KARST_MAPPED_AHEAD]].owner;
+            __builtin_prefetch(&m->nodes[node], 1);
+            __builtin_prefetch(&m->tile_info[node / KARST_TILE_NODES]);
+        }
+        karst_evict_brick(victims[i], m->nodes, m->tile_info, m->brick_owner, &evict->host_bricks[i]);
+    }
+    karst_profile_add_host(evict->context, STAGE, karst_clock_ns() - start_ns);
+}
+
 static bool unlink_tiles(void *user, uint32_t num, karst_error *error)
 {
     karst_evict *evict = user;
+    if (evict->mapped->nodes) {
+        unlink_mapped_tiles(evict, num);
+        return true;
+    }
     const karst_cache_buffers *pools = evict->pools;
     const karst_lru *lru = evict->tiles;
     return KARST_ARGUMENTS(evict->unlink_tiles, error, KARST_BUFFER_ARG(lru->victims), KARST_BUFFER_ARG(lru->result),
@@ -52,6 +102,10 @@ static bool unlink_tiles(void *user, uint32_t num, karst_error *error)
 static bool unlink_bricks(void *user, uint32_t num, karst_error *error)
 {
     karst_evict *evict = user;
+    if (evict->mapped->nodes) {
+        unlink_mapped_bricks(evict, num);
+        return true;
+    }
     const karst_cache_buffers *pools = evict->pools;
     const karst_lru *lru = evict->bricks;
     return KARST_ARGUMENTS(evict->unlink_bricks, error, KARST_BUFFER_ARG(lru->victims), KARST_BUFFER_ARG(lru->result),
@@ -65,6 +119,8 @@ bool karst_evict_start(karst_evict *evict, uint32_t serial, uint32_t need_tiles,
                        karst_error *error)
 {
     evict->tiles->started = evict->bricks->started = false;
+    if (evict->mapped->nodes)
+        return true; /* there is nothing to wait for */
     if (need_tiles && !karst_lru_start(evict->tiles, serial, false, need_tiles, NULL, unlink_tiles, evict, error))
         return false;
     return need_bricks == 0 || karst_lru_start(evict->bricks, serial, false, need_bricks,
@@ -75,6 +131,8 @@ bool karst_evict_start(karst_evict *evict, uint32_t serial, uint32_t need_tiles,
 static void note_tiles(const karst_evicted_tile *tiles, uint32_t num, uint32_t frame, karst_churn *churn,
                        karst_slots *brick_slots, uint32_t *slots, uint32_t *num_bricks_freed)
 {
+    for (uint32_t i = 0; i < num; i++)
+        karst_churn_expect(churn, tiles[i].name);
     for (uint32_t i = 0; i < num; i++) {
         slots[i] = tiles[i].slot;
         karst_churn_evicted(churn, tiles[i].name, frame);

@@ -13,6 +13,7 @@ typedef struct {
     karst_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     karst_lru *tiles, *bricks;        /* borrowed */
+    const karst_mapped *mapped;       /* borrowed: where pools are mapped, the host recycles */
     cl_kernel unlink_tiles, unlink_bricks;
     karst_buffer *evicted_tiles;  /* karst_evicted_tile[KARST_CACHE_MAX_WORK] */
     karst_buffer *evicted_bricks; /* karst_evicted_brick[KARST_CACHE_MAX_WORK] */
@@ -22,7 +23,8 @@ typedef struct {
 
 /* Errors: KARST_FAILED. karst_evict_finish takes what a failed init left, or zeros. */
 bool karst_evict_init(karst_evict *evict, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks, karst_error *error);
+                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks,
+                      const karst_mapped *mapped, karst_error *error);
 void karst_evict_finish(karst_evict *evict);
 
 /* Starts what the next two are expected to do, without a wait: nothing needs to be known of tiles to go on to bricks.

@@ -2,6 +2,7 @@
 #ifndef KARST_CACHE_IDENTITY_SHARED_H
 #define KARST_CACHE_IDENTITY_SHARED_H
 
+#include "cache/layout_shared.h"
 #include "core/dialect.h"
 
 #define KARST_IDENTITY_TILE 1u
@@ -24,6 +25,16 @@ K_INLINE ulong karst_identity(uint kind, int level, long x, long y, long z)
     h = karst_identity_mix(h + (ulong)y);
     h = karst_identity_mix(h ^ (ulong)z);
     return h ? h : 1UL;
+}
+
+/* The name of a node's brick, or of the tile of its children. */
+K_INLINE ulong karst_node_identity(int of_children, uint node, K_GLOBAL const karst_tile_info *tile_info)
+{
+    long x = tile_info->corner[0] + (node & 1), y = tile_info->corner[1] + (node >> 1 & 1);
+    long z = tile_info->corner[2] + (node >> 2 & 1);
+    int level = tile_info->level;
+    return of_children ? karst_identity(KARST_IDENTITY_TILE, level - 1, 2 * x, 2 * y, 2 * z)
+                       : karst_identity(KARST_IDENTITY_BRICK, level, x, y, z);
 }
 
 #endif

@@ -9,7 +9,7 @@
 #define DIGIT_SIZE (1u << DIGIT_BITS)
 
 bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_survey *survey, karst_error *error)
+                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped, karst_error *error)
 {
     bool tiles = kind == KARST_SURVEY_TILES;
     *lru = (karst_lru){.context = context,
@@ -17,6 +17,7 @@ bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *progr
                        .kind = kind,
                        .pools = pools,
                        .survey = survey,
+                       .mapped = mapped,
                        .expected_age = 16};
     size_t num = tiles ? pools->num_tiles : pools->num_bricks;
     lru->victims = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
@@ -26,7 +27,8 @@ bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *progr
         return false;
     lru->slots = malloc(num * sizeof(uint32_t));
     lru->spare = malloc(num * sizeof(*lru->spare));
-    if (!lru->slots || !lru->spare)
+    lru->host_victims = malloc(KARST_CACHE_MAX_WORK * sizeof(uint32_t));
+    if (!lru->slots || !lru->spare || !lru->host_victims)
         return karst_fail(error, KARST_FAILED, "out of memory for a list of %zu slots", num);
     return (lru->look =
                 karst_program_kernel(program, tiles ? "karst_lru_look_at_tiles" : "karst_lru_look_at_bricks", error)) &&
@@ -42,6 +44,7 @@ void karst_lru_finish(karst_lru *lru)
     karst_buffer_destroy(lru->victims);
     karst_buffer_destroy(lru->result);
     karst_buffer_destroy(lru->freed);
+    free(lru->host_victims);
     free(lru->slots);
     free(lru->spare);
     *lru = (karst_lru){0};
@@ -84,7 +87,9 @@ static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, 
 {
     karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
     ask_for(lru, age, most, &ask);
-    return karst_survey_begin(lru->survey, &ask, error) && karst_survey_end(lru->survey, error);
+    bool is_mapped = lru->mapped->nodes != NULL;
+    return (!is_mapped || karst_mapped_end(lru->mapped, error)) && karst_survey_begin(lru->survey, &ask, error) &&
+           (!is_mapped || karst_mapped_begin(lru->mapped, error)) && karst_survey_end(lru->survey, error);
 }
 
 /* More than the list has: the rest of its last age, or what is half as old. */
@@ -188,6 +193,36 @@ static bool launch_look(karst_lru *lru, const karst_lru *behind, karst_error *er
            karst_launch(lru->context, lru->take, STAGE, lru->shape.scan_width, lru->shape.scan_width, error);
 }
 
+/* The same by the host. What the survey found carries no stamp of this serial, but tiles may have got one since. */
+static void look_at_mapped(karst_lru *lru)
+{
+    const karst_mapped *m = lru->mapped;
+    const karst_lru_ask *ask = &lru->ask;
+    karst_lru_result *result = &lru->host_result;
+    uint64_t start_ns = karst_clock_ns();
+    for (uint32_t i = 0; i < ask->num && result->num_fit < ask->need; i++) {
+        uint32_t slot = lru->slots[i],
+                 ahead = lru->slots[i + KARST_MAPPED_AHEAD < ask->num ? i + KARST_MAPPED_AHEAD : i];
+        uint32_t what;
+        if (lru->kind == KARST_SURVEY_TILES) {
+            __builtin_prefetch(&m->nodes[ahead * KARST_TILE_NODES]);
+            __builtin_prefetch(&m->tile_info[ahead]);
+            __builtin_prefetch(&m->tile_stamp[ahead]);
+            what = karst_lru_look_at_tile(slot, m->tile_stamp[slot], ask->serial, m->nodes, m->tile_info);
+        } else {
+            __builtin_prefetch(&m->brick_owner[ahead]);
+            what = slot != KARST_NONE && m->brick_owner[slot].owner != KARST_NO_NODE ? KARST_LRU_FITS : 0;
+        }
+        result->num_kept += what == KARST_LRU_KEPT;
+        if (what == KARST_LRU_FITS) {
+            lru->host_victims[result->num_fit++] = slot;
+            result->num_seen = i + 1;
+        }
+    }
+    result->num_taken = ask->all_or_none && result->num_fit < ask->need ? 0 : result->num_fit;
+    karst_profile_add_host(lru->context, STAGE, karst_clock_ns() - start_ns);
+}
+
 bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, const karst_lru *behind,
                      karst_lru_unlink unlink, void *user, karst_error *error)
 {
@@ -210,6 +245,11 @@ bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t n
     lru->started = true;
     lru->arrived = false;
     lru->host_result = (karst_lru_result){0};
+    if (lru->mapped->nodes) {
+        look_at_mapped(lru);
+        lru->arrived = true;
+        return unlink(user, lru->host_result.num_taken, error);
+    }
     return launch_look(lru, behind, error) && unlink(user, need, error) &&
            karst_cache_fetch(lru->result, 0, &lru->host_result, sizeof(lru->host_result), error);
 }

@@ -9,14 +9,7 @@ __kernel void karst_lru_look_at_tiles(__global uint *slots, karst_lru_ask ask, _
     if (item >= ask.num)
         return;
     uint tile = slots[item];
-    /* All is read before anything is decided: what is waited for is memory. */
-    uint children = 0, in_use = tile_info[tile].in_use, stamp = stamps[tile];
-    for (uint i = 0; i < KARST_TILE_NODES; i++)
-        children |= KARST_NODE_CHILDREN(nodes[tile * KARST_TILE_NODES + i].link);
-    uint what = tile <= KARST_ROOT_TILE || stamp == ask.serial || !in_use ? 0u
-                : children                                                ? KARST_LRU_KEPT
-                                                                          : KARST_LRU_FITS;
-    slots[item] = tile | what;
+    slots[item] = tile | karst_lru_look_at_tile(tile, stamps[tile], ask.serial, nodes, tile_info);
 }
 
 __kernel void karst_lru_look_at_bricks(__global uint *slots, karst_lru_ask ask, __global const uint *stamps,

@@ -6,6 +6,7 @@
 
 #include "cache/cache.h"
 #include "cache/lru_shared.h"
+#include "cache/mapped.h"
 #include "cache/shape.h"
 #include "cache/survey.h"
 
@@ -15,10 +16,12 @@ typedef struct {
     uint32_t kind;                    /* KARST_SURVEY_TILES or _BRICKS */
     const karst_cache_buffers *pools; /* borrowed */
     karst_survey *survey;             /* borrowed: finds what is old */
+    karst_mapped *mapped;             /* borrowed: where pools are mapped, the host looks and nothing is launched */
     karst_buffer *victims;            /* uint[KARST_CACHE_MAX_WORK] */
     karst_buffer *freed;              /* uint[KARST_CACHE_MAX_WORK]: of tiles, the bricks that went with each */
     karst_buffer *result;             /* karst_lru_result */
     cl_kernel look, take;
+    uint32_t *host_victims;   /* of a look by the host */
     uint32_t *slots;          /* what the survey found, in order */
     karst_survey_slot *spare; /* room to sort in */
     uint32_t num;             /* slots in it */
@@ -38,13 +41,15 @@ typedef struct {
 
 /* Errors: KARST_FAILED. karst_lru_finish takes what a failed init left, or zeros. */
 bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_survey *survey, karst_error *error);
+                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped,
+                    karst_error *error);
 void karst_lru_finish(karst_lru *lru);
 
 /* What a survey should find for this pool, if as much is asked for as in the last round and num_free slots are free. */
 void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask);
 
-/* What is to be launched on lru->victims; nothing is to happen to those from lru->result->num_taken on. */
+/* What is to be launched on lru->victims; nothing is to happen to those from lru->result->num_taken on. Where pools are
+ * mapped: to be done to the first `num` of lru->host_victims. */
 typedef bool (*karst_lru_unlink)(void *user, uint32_t num, karst_error *error);
 
 /* Of the slots that may be recycled (in use, not stamped with `serial`, tiles without children) the first `need`, 1 to

@@ -30,4 +30,17 @@ K_ASSERT_SIZE(karst_lru_result, 16);
 #define KARST_LRU_KEPT 0x40000000u
 #define KARST_LRU_SLOT 0x3fffffffu
 
+/* May a tile be recycled (KARST_LRU_FITS), or not only because it has children (KARST_LRU_KEPT)? */
+K_INLINE uint karst_lru_look_at_tile(uint tile, uint stamp, uint serial, K_GLOBAL const karst_node *nodes,
+                                     K_GLOBAL const karst_tile_info *tile_info)
+{
+    /* All is read before anything is decided: what is waited for is memory. */
+    uint children = 0, in_use = tile_info[tile].in_use;
+    for (uint i = 0; i < KARST_TILE_NODES; i++)
+        children |= KARST_NODE_CHILDREN(nodes[tile * KARST_TILE_NODES + i].link);
+    if (tile <= KARST_ROOT_TILE || stamp == serial || !in_use)
+        return 0u;
+    return children ? KARST_LRU_KEPT : KARST_LRU_FITS;
+}
+
 #endif

@@ -127,10 +127,13 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
            karst_slots_init(&cache->brick_slots, 1, b->num_bricks, error) &&
            karst_slots_init(&cache->root_slots, b->num_bricks, b->num_bricks + KARST_CACHE_ROOT_BRICKS, error) &&
            karst_survey_init(&cache->survey, context, cache->program, b, error) &&
-           karst_lru_init(&cache->tiles, context, cache->program, KARST_SURVEY_TILES, b, &cache->survey, error) &&
-           karst_lru_init(&cache->bricks, context, cache->program, KARST_SURVEY_BRICKS, b, &cache->survey, error) &&
-           karst_wants_init(&cache->wants, context, cache->program, b, &cache->survey, error) &&
-           karst_evict_init(&cache->evict, context, cache->program, b, &cache->tiles, &cache->bricks, error) &&
+           karst_lru_init(&cache->tiles, context, cache->program, KARST_SURVEY_TILES, b, &cache->survey, &cache->mapped,
+                          error) &&
+           karst_lru_init(&cache->bricks, context, cache->program, KARST_SURVEY_BRICKS, b, &cache->survey,
+                          &cache->mapped, error) &&
+           karst_wants_init(&cache->wants, context, cache->program, b, &cache->survey, &cache->mapped, error) &&
+           karst_evict_init(&cache->evict, context, cache->program, b, &cache->tiles, &cache->bricks, &cache->mapped,
+                            error) &&
            karst_publish_init(&cache->publish, context, cache->program, b, error) &&
            karst_churn_init(&cache->churn, error);
 }
@@ -166,6 +169,8 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
         return NULL;
     }
     cache->context = context;
+    cache->may_map = context->is_cpu;
+    cache->mapped.pools = &cache->buffers;
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;
     cache->buffers.brick_bits = brick_bits ? brick_bits : 16;
@@ -195,11 +200,10 @@ void karst_cache_destroy(karst_cache *cache)
     karst_publish_finish(&cache->publish);
     karst_churn_finish(&cache->churn);
     karst_program_destroy(cache->program);
-    karst_buffer *buffers[] = {
-        b->nodes,          b->tile_info,      b->brick_info,       b->brick_owner,         b->tile_stamp,
-        b->brick_stamp,    b->brick_fallback, b->want_brick,       b->want_children,       b->want_chunk,
-        b->want_rays,      cache->load_nodes, cache->load_slots,   cache->load_results,    cache->subdivide_nodes,
-        cache->subdivide_tiles};
+    karst_buffer *buffers[] = {b->nodes,          b->tile_info,        b->brick_info,          b->brick_owner,
+                               b->tile_stamp,     b->brick_stamp,      b->brick_fallback,      b->want_brick,
+                               b->want_children,  b->want_chunk,       b->want_rays,           cache->load_nodes,
+                               cache->load_slots, cache->load_results, cache->subdivide_nodes, cache->subdivide_tiles};
     for (size_t i = 0; i < sizeof(buffers) / sizeof(buffers[0]); i++)
         karst_buffer_destroy(buffers[i]);
     for (uint32_t i = 0; i < b->num_segments; i++)

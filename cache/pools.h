@@ -24,6 +24,8 @@ struct karst_cache {
     karst_wants wants;
     karst_evict evict;
     karst_publish publish;
+    karst_mapped mapped;
+    bool may_map; /* CPUs: rounds that recycle do it on the host */
     karst_churn churn;
     karst_buffer *load_nodes, *load_slots, *load_results, *subdivide_nodes, *subdivide_tiles;
     /* The open round: between collect and publish. */

@@ -1,5 +1,6 @@
 /* Wants: launchers of wants.cl, and the choice of the best. */
 #include "cache/wants.h"
+#include "cache/identity_shared.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -7,9 +8,10 @@
 #define STAGE KARST_STAGE_COLLECT
 
 bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_survey *survey, karst_error *error)
+                      const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped, karst_error *error)
 {
-    *wants = (karst_wants){.context = context, .shape = karst_shape_of(context), .pools = pools, .survey = survey};
+    *wants = (karst_wants){
+        .context = context, .shape = karst_shape_of(context), .pools = pools, .survey = survey, .mapped = mapped};
     size_t num_chunks = survey->num_request_chunks;
     wants->marks = karst_buffer_create(context, "requests", num_chunks * (KARST_REQUEST_CHUNK / 32) * sizeof(cl_uint2),
                                        NULL, error);
@@ -130,7 +132,10 @@ bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_sub
     for (uint32_t first = 0; first < num_all; first += KARST_WANTS_LIST, have = 0) {
         uint32_t num = num_all - first < KARST_WANTS_LIST ? num_all - first : KARST_WANTS_LIST;
         karst_want *list = wants->host_wants;
-        if ((first > 0 && !launch_list(wants, first, error)) ||
+        bool is_mapped = wants->mapped->nodes != NULL;
+        if ((first > 0 &&
+             ((is_mapped && !karst_mapped_end(wants->mapped, error)) || !launch_list(wants, first, error) ||
+              (is_mapped && !karst_mapped_begin(wants->mapped, error)))) ||
             (have < num &&
              !karst_buffer_read(wants->wants, have * sizeof(*list), list + have, (num - have) * sizeof(*list), error)))
             return false;
@@ -168,4 +173,22 @@ bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t n
                            KARST_BUFFER_ARG(wants->pools->tile_stamp), KARST_BUFFER_ARG(wants->identities)) &&
            karst_launch(wants->context, wants->accept, STAGE, num_loads + num_subdivides, wants->shape.item_local,
                         error);
+}
+
+void karst_wants_accept_mapped(const karst_wants *wants, uint32_t serial, uint64_t *identities)
+{
+    const karst_mapped *mapped = wants->mapped;
+    uint64_t start_ns = karst_clock_ns();
+    for (int of_children = 0; of_children < 2; of_children++) {
+        const karst_wants_choice *choice = of_children ? wants->subdivides : wants->loads;
+        for (uint32_t i = 0; i < choice->num; i++) {
+            uint32_t ahead = choice->nodes[i + KARST_MAPPED_AHEAD < choice->num ? i + KARST_MAPPED_AHEAD : i];
+            uint32_t node = choice->nodes[i], tile = node / KARST_TILE_NODES;
+            __builtin_prefetch(&mapped->tile_info[ahead / KARST_TILE_NODES]);
+            __builtin_prefetch(&mapped->tile_stamp[ahead / KARST_TILE_NODES], 1);
+            mapped->tile_stamp[tile] = serial;
+            *identities++ = karst_node_identity(of_children, node, &mapped->tile_info[tile]);
+        }
+    }
+    karst_profile_add_host(wants->context, STAGE, karst_clock_ns() - start_ns);
 }

@@ -25,6 +25,19 @@ static uint2 own_share(__global const karst_survey_result *result)
     return (uint2)(min(num, item * share), min(num, (item + 1) * share));
 }
 
+/* Has memory fetch what the look at a chunk reads, some chunks ahead: where wants lie all over, each would wait for its
+ * own. OpenCL's prefetch does nothing in PoCL. */
+#define MARK_AHEAD 3u
+static void expect_chunk(uint first, __global const uint *want_brick, __global const uint *want_children)
+{
+#if defined(__x86_64__) && KARST_DEVICE_CPU
+    for (uint i = 0; i < KARST_REQUEST_CHUNK; i += 16) {
+        __builtin_prefetch((const void *)(size_t)&want_brick[first + i]);
+        __builtin_prefetch((const void *)(size_t)&want_children[first + i]);
+    }
+#endif
+}
+
 /* For each active request chunk two bits for each of its nodes (x: brick, y: children); for each work-item how many
  * nodes have either. */
 __kernel void karst_wants_mark(__global const uint *active, __global const karst_survey_result *result,
@@ -36,6 +49,8 @@ __kernel void karst_wants_mark(__global const uint *active, __global const karst
     uint sum = 0;
     for (uint item = share.x; item < share.y; item++) {
         uint first = active[item] * KARST_REQUEST_CHUNK;
+        if (item + MARK_AHEAD < share.y)
+            expect_chunk(active[item + MARK_AHEAD] * KARST_REQUEST_CHUNK, want_brick, want_children);
         for (uint i = 0; i < KARST_REQUEST_CHUNK; i += 32) {
             uint2 word = (uint2)(0, 0);
             for (uint j = 0; j < 32; j += LANES) {
@@ -110,9 +125,5 @@ __kernel void karst_wants_accept(__global const uint *load_nodes, uint num_loads
     uint node = load ? load_nodes[item] : subdivide_nodes[item - num_loads];
     uint tile = node / KARST_TILE_NODES;
     tile_stamp[tile] = serial; /* several items may write this same value */
-    long x = tile_info[tile].corner[0] + (node & 1), y = tile_info[tile].corner[1] + (node >> 1 & 1);
-    long z = tile_info[tile].corner[2] + (node >> 2 & 1);
-    int level = tile_info[tile].level;
-    identities[item] = load ? karst_identity(KARST_IDENTITY_BRICK, level, x, y, z)
-                            : karst_identity(KARST_IDENTITY_TILE, level - 1, 2 * x, 2 * y, 2 * z);
+    identities[item] = karst_node_identity(!load, node, &tile_info[tile]);
 }

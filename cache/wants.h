@@ -6,6 +6,7 @@
 #define KARST_CACHE_WANTS_H
 
 #include "cache/cache.h"
+#include "cache/mapped.h"
 #include "cache/shape.h"
 #include "cache/survey.h"
 #include "cache/wants_shared.h"
@@ -24,6 +25,7 @@ typedef struct {
     karst_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     karst_survey *survey;             /* borrowed: names the request chunks to look at */
+    karst_mapped *mapped;             /* borrowed */
     cl_kernel mark, list, accept;
     karst_buffer *marks;      /* uint2 for 32 nodes of each active chunk */
     karst_buffer *counts;     /* uint for each work-item: wants in its share */
@@ -37,7 +39,8 @@ typedef struct {
 
 /* Errors: KARST_FAILED. karst_wants_finish takes what a failed init left, or zeros. */
 bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_survey *survey, karst_error *error);
+                      const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped,
+                      karst_error *error);
 void karst_wants_finish(karst_wants *wants);
 
 /* Starts to make a list of the wants of a serial, behind karst_survey_begin; `turn` as in karst_want_delay.
@@ -52,6 +55,9 @@ void karst_wants_fit(karst_wants *wants, double load_ns, double subdivide_ns, do
  * first. */
 bool karst_wants_accept(karst_wants *wants, karst_buffer *load_nodes, uint32_t num_loads, karst_buffer *subdivide_nodes,
                         uint32_t num_subdivides, uint32_t serial, karst_error *error);
+/* The same by the host where pools are mapped, of what stands in wants->loads and ->subdivides; names go to
+ * `identities`. */
+void karst_wants_accept_mapped(const karst_wants *wants, uint32_t serial, uint64_t *identities);
 
 /* Adds to a choice those of `more` that have the flag, keeping the best `limit`; `more` stands in the order of nodes,
  * behind all that the choice was made from before. `spare` is room for the result and trades places with it. */
