@@ -175,6 +175,57 @@ static void test_the_oracles_doubles_lie_within_bounds(void **state)
     assert_true(num_known > 400);
 }
 
+/* What floats lack of the oracle's doubles is no more than what the bounds of the very point compute as their error. */
+static void test_floats_are_as_good_as_their_error_says(void **state)
+{
+    (void)state;
+    int num_known = 0, num_inexact = 0;
+    double log_sum = 0, nearest = 0;
+    for (uint64_t seed = 1; seed <= 1000; seed++) {
+        subject s;
+        karst_error error;
+        subject_make(&s, 40000 + seed, seed % 3 == 0);
+        s.level = seed % 4 ? -1 : s.level; /* else the error is also that of another footprint, and much larger */
+        karst_oracle *oracle =
+            karst_oracle_create(&s.world, s.graph.parameters, WORLD_SEED, s.place.voxel_log2_m, &error);
+        assert_non_null(oracle);
+        for (karst_expr e = 1; seed % 3 != 0 && e < s.graph.graph.num_nodes; e++)
+            if (oracle->known[e] && s.graph.graph.nodes[e].type == KARST_TYPE_FLOAT)
+                oracle->slots[e].d = (double)oracle->slots[e].f;
+        int *slots = calloc((size_t)s.tape.num_slots * TAPE_BOUND_ELEMENTS, sizeof *slots);
+        tape_program program = program_of(&s, slots);
+        for (int k = 0; k < NUM_POINTS; k++) {
+            karst_position p = random_point(&s.place);
+            op_box box = {.level = s.level};
+            for (int axis = 0; axis < 3; axis++) {
+                box.centre.voxel[axis] = p.voxel[axis];
+                box.centre.fraction[axis] = p.fraction[axis];
+            }
+            if (tape_bounds(&program, &box, NULL))
+                continue;
+            double allowed = (double)tape_load_bound(&program, s.tape.output[0]).d;
+            karst_oracle_value value = karst_oracle_density(oracle, &p, s.level);
+            double off = fabs((double)value.device - value.precise);
+            num_known++;
+            if (!(off <= allowed))
+                fail_msg("graph %lu, point %d: %.12g as float, %.12g as double, are more than %g apart",
+                         (unsigned long)(40000 + seed), k, (double)value.device, value.precise, allowed);
+            if (off > 0 && isfinite(allowed) && s.level < 0) {
+                num_inexact++;
+                log_sum += log2(allowed / off);
+                nearest = fmax(nearest, off / allowed);
+            }
+        }
+        free(slots);
+        karst_oracle_destroy(oracle);
+        subject_finish(&s);
+    }
+    print_message("%d points; of %d that are inexact the error is 2^-%.1f of what is allowed (geometric mean), %.2f of "
+                  "it at most\n",
+                  num_known, num_inexact, log_sum / num_inexact, nearest);
+    assert_true(num_known > 10000 && num_inexact > 3000);
+}
+
 /* A result may lie where a dying argument did; a slot that is still wanted stays. */
 static void test_slots_are_few_and_safe(void **state)
 {
@@ -538,6 +589,7 @@ int main(void)
         cmocka_unit_test(test_values_are_the_oracles),
         cmocka_unit_test(test_values_in_pairs_are_the_oracles),
         cmocka_unit_test(test_the_oracles_doubles_lie_within_bounds),
+        cmocka_unit_test(test_floats_are_as_good_as_their_error_says),
         cmocka_unit_test(test_slots_are_few_and_safe),
         cmocka_unit_test(test_devices_agree_with_the_host),
         cmocka_unit_test(test_a_device_needs_no_more_than_a_tape_runs),

@@ -14,6 +14,7 @@
 
 #include "karst/position.h"
 #include "producers/language/language.h"
+#include "producers/language/oracle.h"
 #include "producers/language/tape.h"
 #include "producers/language/world_file.h"
 #include "tests/language/random_graph.h"
@@ -163,6 +164,68 @@ static void test_shipped_worlds(void **state)
     globfree(&found);
 }
 
+/* What floats lack of the oracle's doubles is no more than what the bounds of the very point compute as their error. */
+static void check_error(const char *path)
+{
+    enum { NUM_POINTS = 2000 };
+    world w;
+    karst_error error = {0};
+    double log_sum = 0, nearest = 0;
+    int num_inexact = 0, num_full = 0;
+    world_open(&w, path);
+    karst_number *values = calloc(w.program->num_parameters + 1, sizeof *values);
+    for (uint32_t i = 0; i < w.program->num_parameters; i++)
+        values[i] = w.program->parameters[i].value;
+    karst_oracle *oracle =
+        karst_oracle_create(&w.program->world, values, w.program->header.seed, w.program->header.voxel_log2_m, &error);
+    assert_non_null(oracle);
+    tape_program program = program_of(&w);
+    random_state = 7;
+    for (int n = 0; n < NUM_POINTS; n++) {
+        op_box box = random_box(&w);
+        karst_position at;
+        if (n % 4) /* else the error is also that of another footprint, and much larger */
+            box.level = -1;
+        for (int axis = 0; axis < 3; axis++) {
+            box.radius[axis] = 0;
+            box.centre.fraction[axis] = n % 2 ? random_bits() : 0;
+            at.voxel[axis] = box.centre.voxel[axis];
+            at.fraction[axis] = box.centre.fraction[axis];
+        }
+        num_full += box.level < 0;
+        if (tape_bounds(&program, &box, NULL))
+            fail_msg("%s: the bounds of a point are not known", path);
+        double allowed = (double)tape_load_bound(&program, w.tape.output[0]).d;
+        karst_oracle_value value = karst_oracle_density(oracle, &at, box.level);
+        double off = fabs((double)value.device - value.precise);
+        if (!(off <= allowed))
+            fail_msg("%s: at %ld, %ld, %ld, level %d: %.12g as float, %.12g as double, are more than %g apart", path,
+                     at.voxel[0], at.voxel[1], at.voxel[2], box.level, (double)value.device, value.precise, allowed);
+        if (off > 0 && box.level < 0) {
+            num_inexact++;
+            log_sum += log2(allowed / off);
+            nearest = fmax(nearest, off / allowed);
+        }
+    }
+    print_message(
+        "%s: %d of %d points inexact at full detail, by 2^-%.1f of what is allowed (geometric mean), %.3f at most\n",
+        path, num_inexact, num_full, num_inexact ? log_sum / num_inexact : 0, nearest);
+    assert_true(num_inexact > 1000); /* or floats had nothing to be wrong about */
+    karst_oracle_destroy(oracle);
+    free(values);
+    world_close(&w);
+}
+
+static void test_floats_are_as_good_as_their_error_says(void **state)
+{
+    (void)state;
+    glob_t found;
+    assert_int_equal(glob("demos/worlds/*.karst", 0, NULL, &found), 0);
+    for (size_t i = 0; i < found.gl_pathc; i++)
+        check_error(found.gl_pathv[i]);
+    globfree(&found);
+}
+
 /* ---- what is concluded from linear forms ---- */
 
 typedef struct {
@@ -302,6 +365,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shipped_worlds),
+        cmocka_unit_test(test_floats_are_as_good_as_their_error_says),
         cmocka_unit_test(test_linear_forms_tell_the_truth),
     };
     return cmocka_run_group_tests_name("bounds of worlds", tests, NULL, NULL);
