@@ -17,6 +17,7 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
     float *density = samples + CHANNEL_DENSITY_STAGING;
     for (int i = KARST_BRICK_SAMPLES; i < KARST_BRICK_PADDED; i++)
         density[i] = 0.0f; /* the slot's padding is the same whatever was there before */
+    fetch_slot(at->q); /* from afar; once more when it is about to be written */
     evaluate_brick(WORLD_DATA(data, origin, level, density));
     at->samples = density;
     finalise_brick(at);
