@@ -130,9 +130,10 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
                                    const karst_virtual_file *files, size_t num_files, karst_error *error)
 {
     char all_options[MAX_OPTIONS];
-    int length = snprintf(all_options, sizeof(all_options), "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s",
+    int length = snprintf(all_options, sizeof(all_options), "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
                           context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
-                          context->is_cpu ? 1 : 0, options ? options : "");
+                          context->is_cpu ? 1 : 0, getenv("KARST_PLAIN_VECTORS") ? "-DKARST_PLAIN_VECTORS " : "",
+                          options ? options : "");
     if (length < 0 || (size_t)length >= sizeof(all_options)) {
         karst_fail(error, KARST_FAILED, "cannot build %s: its options are too long", entry);
         return NULL;

@@ -275,12 +275,40 @@ static void test_across_lanes(void **state)
     }
 }
 
+/* As on a CPU without AVX-512. */
+static int set_up_plain(void **state) { return setenv("KARST_PLAIN_VECTORS", "1", 1) || set_up(state); }
+
+static int tear_down_plain(void **state)
+{
+    unsetenv("KARST_PLAIN_VECTORS");
+    return tear_down(state);
+}
+
+static void test_plain_vectors_leave_avx512_out(void **state)
+{
+    fixture *f = *state;
+    const karst_virtual_file file = {"test.cl", "#include \"core/lanes.clh\"\n"
+                                                "#if defined(V_ANY_BY_MASK) || defined(V_HAS_LOOK_UP) || "
+                                                "defined(__AVX512F__) || defined(__AVX512VL__)\n"
+                                                "#error not left out\n"
+                                                "#endif\n"
+                                                "__kernel void run(__global int *out) { out[0] = 1; }\n"};
+    karst_error error = {0};
+    karst_program *program = karst_program_build(f->context, "test.cl", NULL, &file, 1, &error);
+    if (!program)
+        fail_msg("%s", error.message);
+    karst_program_destroy(program);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up, tear_down),
         cmocka_unit_test(test_ties_and_nan_in_min_and_max),
         cmocka_unit_test_setup_teardown(test_across_lanes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_plain_vectors_leave_avx512_out, set_up_plain, tear_down_plain),
+        cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_plain, tear_down_plain),
+        cmocka_unit_test_setup_teardown(test_across_lanes, set_up_plain, tear_down_plain),
     };
     return cmocka_run_group_tests_name("dialect", tests, NULL, NULL);
 }
