@@ -6,7 +6,7 @@
 #include "raycast/light.h"
 #include "raycast/pinhole.h"
 
-static karst_light make_light(const karst_engine *engine)
+karst_light karst_engine_light(const karst_engine *engine)
 {
     const karst_world_info *world = engine->world;
     double voxel_m = exp2(world->voxel_log2_m);
@@ -41,7 +41,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     engine->drawn = engine->camera;
-    karst_light light = make_light(engine);
+    karst_light light = karst_engine_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
 
     bool counting = engine->view == KARST_PAINT_STEPS;
@@ -63,7 +63,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, pixels,
                                      engine->depth, engine->counters, error);
     if (shaded && engine->shadows)
-        shaded = karst_cast_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels, error);
+        shaded = karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,
+                                            engine->shadows_asked, error);
     if (shaded && engine->view)
         shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);
     /* The surface is mapped: end it even if shading failed. */

@@ -74,7 +74,7 @@ struct karst_engine {
     karst_producer *producer;
     karst_caster *caster;
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits, *asked;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits, *asked, *shadows_asked;
 
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
@@ -195,10 +195,12 @@ void karst_engine_note_motion(karst_engine *engine);
 bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
 
 /* engine_again.c. Casts the parts of the frame's picture that asked for anything once more, to ask for what they lack
- * now. Standing views on CPU devices only. */
+ * now; and likewise its shadow rays, as the picture had them. Standing views on CPU devices only. */
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
+bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
 
-/* engine_draw.c. What the picture's rays see, and casting and shading it into the display. */
+/* engine_draw.c. Sun, haze and sky; what the picture's rays see; and casting and shading it into the display. */
+karst_light karst_engine_light(const karst_engine *engine);
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
 bool karst_engine_draw(karst_engine *engine, karst_error *error);
 

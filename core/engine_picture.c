@@ -36,7 +36,8 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
     if (engine->shadows) {
         engine->shadow_rays = karst_buffer_create_blank(
             engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
-        if (!engine->shadow_rays)
+        engine->shadows_asked = karst_buffer_create(engine->context, "asked", engine->asked->size_bytes, NULL, error);
+        if (!engine->shadow_rays || !engine->shadows_asked)
             return false;
     }
     if (engine->count_changed_pixels) {
@@ -58,10 +59,12 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->asked);
+    karst_buffer_destroy(engine->shadows_asked);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = engine->asked = NULL;
+    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = NULL;
+    engine->asked = engine->shadows_asked = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
 

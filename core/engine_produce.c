@@ -13,7 +13,7 @@
 /* Nor does it make more than budget_bricks; but there may be so many such rounds. */
 #define PATIENT_ROUNDS 4u
 /* Of a picture that stands; each gets further down likewise. */
-#define MAX_AGAIN 8
+#define MAX_AGAIN 16
 /* That a frame leaves to the compiling of kernels without which little can be made. */
 #define COMPILING_NS 150000000u
 /* A scout is not worth its cast for less. */
@@ -192,12 +192,15 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
     return true;
 }
 
-/* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell. */
+/* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell: those of the camera,
+ * and once they end where they should, those to the sun. */
 static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
 {
+    const bool sunwards = engine->shadows && engine->stats.num_provisional == 0;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
         uint64_t start_ns = karst_engine_cpu_ns(engine);
-        if (!karst_engine_look_again(engine, error) || !karst_finish(engine->context, error))
+        if (!(sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again)(engine, error) ||
+            !karst_finish(engine->context, error))
             return false;
         uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
         engine->made.again_cpu_ns += taken_ns;
@@ -351,7 +354,7 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
         if (!scout_round(engine, &engine->camera, false, &left, &more, error))
             return false;
     bool stands = is_settling(engine) || (engine->goes_on && !moves && !engine->motion.moved);
-    if (stands && most_scouts && engine->context->is_cpu && stats->num_provisional > 0 &&
+    if (stands && most_scouts && engine->context->is_cpu && work->num_requests > 0 &&
         !follow_up(engine, &left, &more, error))
         return false;
     left.ns += kept_ns;

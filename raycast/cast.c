@@ -169,14 +169,20 @@ static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px,
         KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk), KARST_BUFFER_ARG((c).want_rays),     \
         KARST_BUFFER_ARG((c).tile_info)
 
+static bool check_asked(const karst_caster *caster, const karst_buffer *asked, const karst_pinhole *pinhole,
+                        cl_uint notes, karst_error *error)
+{
+    return notes == KARST_CAST_NOTES_NOTHING ||
+           asked->size_bytes >= karst_cast_asked_bytes(caster->context, pinhole->width_px, pinhole->height_px) ||
+           karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold what a picture of %dx%d asks for",
+                      asked->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
 static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                          karst_buffer *hits, const karst_buffer *asked, cl_uint notes, karst_error *error)
 {
-    if (notes != KARST_CAST_NOTES_NOTHING &&
-        asked->size_bytes < karst_cast_asked_bytes(caster->context, pinhole->width_px, pinhole->height_px))
-        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold what a picture of %dx%d asks for",
-                          asked->size_bytes, pinhole->width_px, pinhole->height_px);
-    if (!check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) ||
+    if (!check_asked(caster, asked, pinhole, notes, error) ||
+        !check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) ||
         !upload_view(caster, view, error))
         return false;
     if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
@@ -247,8 +253,9 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
                       rays->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
-bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
+static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         const karst_light *light, const karst_buffer *rays, cl_mem pixels,
+                         const karst_buffer *asked, cl_uint notes, karst_error *error)
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
@@ -258,9 +265,30 @@ bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const
                             .height_px = pinhole->height_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
     if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
-        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+        !check_asked(caster, asked, pinhole, notes, error) ||
+        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
-                         KARST_VALUE_ARG(pixels)))
+                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes)))
         return false;
     return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
+}
+
+bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, KARST_CAST_NOTES_NOTHING, error);
+}
+
+bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                const karst_light *light, const karst_buffer *rays, cl_mem pixels,
+                                karst_buffer *asked, karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, KARST_CAST_NOTES_ASKED, error);
+}
+
+bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
+                              karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, KARST_CAST_WHO_ASKED, error);
 }

@@ -278,17 +278,25 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
     store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
 }
 
+/* Where this work-item notes that it wants something; 0: it need not be cast. */
+RAY_INLINE int note_asked(pools *pool, K_GLOBAL const karst_cast_view *view, uint notes)
+{
+    if (notes != KARST_CAST_NOTES_NOTHING)
+        pool->asked += 1 + get_global_id(0);
+    if (notes != KARST_CAST_WHO_ASKED)
+        return 1;
+    if (*pool->asked != view->serial)
+        return 0;
+    *pool->asked = 0;
+    return 1;
+}
+
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
                                   K_GLOBAL karst_hit *hits, uint notes)
 {
     pools pool = POOL_FIELDS;
-    if (notes != KARST_CAST_NOTES_NOTHING)
-        pool.asked += 1 + get_global_id(0);
-    if (notes == KARST_CAST_WHO_ASKED) {
-        if (*pool.asked != view->serial)
-            return;
-        *pool.asked = 0;
-    }
+    if (!note_asked(&pool, view, notes))
+        return;
     const uint beam_number = beam_at_turn((uint)get_global_id(0), pinhole.width_px, pinhole.height_px);
     cast_pinhole_beam(&pool, view, &pinhole, beam_number, hits);
 }
@@ -379,7 +387,7 @@ BEAM_FUNCTION
     if (!casts)
         return;
     cast_beam(&own, view, 0, 1, &b, start);
-    for (int p = 0; p < BEAM_PACKETS; p++)
+    for (int p = 0; p < BEAM_PACKETS && pixels; p++)
         if (b.states.done[p]) {
             vint x, y, valid = beam_pixels(beam_number, p, sun->width_px, sun->height_px, &x, &y);
             vint order = packet_order(x, y, sun->width_px, sun->height_px);
@@ -388,12 +396,14 @@ BEAM_FUNCTION
         }
 }
 
-/* Shadow rays of a picture: raycast/shadow_shared.h. */
+/* Shadow rays of a picture: raycast/shadow_shared.h. Once more they leave its pixels alone. */
 __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_shadow_sun sun,
-                                  K_GLOBAL const float *rays, K_GLOBAL uint *pixels)
+                                  K_GLOBAL const float *rays, K_GLOBAL uint *pixels, uint notes)
 {
-    const pools pool = POOL_FIELDS;
+    pools pool = POOL_FIELDS;
+    if (!note_asked(&pool, view, notes))
+        return;
     cast_shadow_beam(&pool, view, &sun, rays, beam_at_turn((uint)get_global_id(0), sun.width_px, sun.height_px),
-                     pixels);
+                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels);
 }
 #endif

@@ -256,15 +256,14 @@ static void test_lanes_change_nothing(void **state)
 
 /* A view that settles looks again only where something was asked for: so its last picture lacks nothing. The picture
  * is that of whole frames, one by one. */
-static void test_looking_again_misses_nothing(void **state)
+static void check_looking_again(bool no_shadows, uint32_t num_frames)
 {
-    (void)state;
     karst_engine_config config = base_config("hills");
-    config.no_shadows = true; /* whose rays do not look again */
+    config.no_shadows = no_shadows;
     karst_engine *engine = create(&config);
     picture looked_again = take(engine);
     karst_engine_destroy(engine);
-    assert_int_equal(looked_again.num_frames, 3); /* the first, the one that is looked at again, the settled one */
+    assert_int_equal(looked_again.num_frames, num_frames);
 
     engine = create(&config);
     karst_stats stats = {0};
@@ -302,6 +301,13 @@ static void test_plain_vectors_change_nothing(void **state)
     assert_int_equal(plain.stats.tiles.num_used, fast.stats.tiles.num_used);
     release(&fast);
     release(&plain);
+}
+
+static void test_looking_again_misses_nothing(void **state)
+{
+    (void)state;
+    check_looking_again(true, 3); /* the first, the one that is looked at again, the settled one */
+    check_looking_again(false, 4); /* and before that the one whose shadows are */
 }
 
 static void expect_failure(karst_engine_config config, karst_status status, const char *words)
