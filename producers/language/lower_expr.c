@@ -80,8 +80,9 @@ karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, 
     karst_value v = karst_lower_expression(s, e);
     if (v.type != karst_type_vector(KARST_TYPE_BOOL, 1))
         karst_source_error(s->source, e->where,
-                           karst_type_is_plain(v.type) && v.type->size == 1 ? "write x != 0"
-                                                                            : "use all(...) or any(...)",
+                           e->kind == KARST_AST_ASSIGN                        ? "= assigns: write == to compare"
+                           : karst_type_is_plain(v.type) && v.type->size == 1 ? "write x != 0"
+                                                                              : "use all(...) or any(...)",
                            "%s is a bool, not %s", context, karst_a_type(s, v.type));
     return v.e[0];
 }
@@ -121,6 +122,8 @@ static _Noreturn void bad_operands(karst_lower_state *s, uint32_t op, karst_valu
         (a.type->size == b.type->size || a.type->size == 1 || b.type->size == 1) && a.type->scalar != b.type->scalar)
         hint = karst_format(s->arena, "write %s(...) around one of them",
                             karst_type_vector(a.type->scalar, b.type->size)->name);
+    else if ((spelt[0] == '<' || spelt[0] == '>') && spelt[1] != spelt[0])
+        hint = "compare components, or use lessThan(a, b) and the like with all(...) or any(...)";
     karst_source_error(s->source, where, hint, "'%s' does not go between %s and %s", spelt, a.type->name, b.type->name);
 }
 
@@ -477,6 +480,9 @@ static _Noreturn void unknown_name(karst_lower_state *s, const char *name, uint3
     for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
         if (!strcmp(karst_lower_name(s, f->name), name))
             hint = karst_format(s->arena, "it is a function: write %s(...)", name);
+    if (!strncmp(name, "gl_", 3))
+        karst_source_error(s->source, where, "compute it from p, the place that is asked for",
+                           "a world has no screen and no vertices, so there is no '%s'", name);
     if (!strncmp(name, "iChannel", 8))
         karst_source_error(s->source, where, "use noise(p) or write a function",
                            "a world has no textures, so there is no '%s'", name);
@@ -492,7 +498,13 @@ static bool find_variable(karst_lower_state *s, const karst_ast_expr *e, karst_v
         return false;
     if (g && !g->written && !g->ast->value && !g->warned) {
         g->warned = true;
-        karst_source_warn(s->source, e->where, NULL, "'%s' is read but not set: it is 0", karst_lower_name(s, e->name));
+        const char *name = karst_lower_name(s, e->name);
+        const char *hint = karst_format(s->arena,
+                                        "give it a value, or remove it and write \"params\": { \"%s\": 1 } "
+                                        "into the header",
+                                        name);
+        karst_source_warn(s->source, e->where, g->type == karst_type_vector(KARST_TYPE_FLOAT, 1) ? hint : NULL,
+                          "'%s' is read but not set: it is 0", name);
     }
     *value = (karst_value){.type = v ? v->type : g->type, .e = s->slots + (v ? v->slot : g->slot)};
     return true;

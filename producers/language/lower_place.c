@@ -23,7 +23,8 @@ static uint32_t swizzle(karst_lower_state *s, const char *name, const karst_type
             continue;
         for (i = 0; i < n; i++)
             if (part[i] >= type->size)
-                karst_source_error(s->source, where, NULL, "%s has no component '%c'", karst_a_type(s, type), name[i]);
+                karst_source_error(s->source, where, karst_format(s->arena, "it has %.*s", (int)type->size, sets[set]),
+                                   "%s has no component '%c'", karst_a_type(s, type), name[i]);
         return (uint32_t)n;
     }
     return 0;

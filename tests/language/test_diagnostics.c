@@ -82,7 +82,8 @@ static const struct {
      "}\n",
      "world.karst:2:14: error: a vec3 has no component 'q'\n"
      "      return p.q;\n"
-     "               ^"},
+     "               ^\n"
+     "  it has stp"},
     {"mixed_components",
      "float density(vec3 p) {\n"
      "    return p.xg;\n"
@@ -97,7 +98,8 @@ static const struct {
      "}\n",
      "world.karst:2:17: error: a vec2 has no component 'z'\n"
      "      return p.xy.z;\n"
-     "                  ^"},
+     "                  ^\n"
+     "  it has xy"},
     {"swizzle_twice",
      "float density(vec3 p) {\n"
      "    p.xx = vec2(1.0);\n"
@@ -423,7 +425,33 @@ static const struct {
      "}\n",
      "world.karst:3:12: warning: 'glow' is read but not set: it is 0\n"
      "      return glow - p.y;\n"
-     "             ^"},
+     "             ^\n"
+     "  give it a value, or remove it and write \"params\": { \"glow\": 1 } into the header"},
+    {"place_on_the_screen",
+     "float density(vec3 p) {\n"
+     "    return gl_FragCoord.x - p.y;\n"
+     "}\n",
+     "world.karst:2:12: error: a world has no screen and no vertices, so there is no 'gl_FragCoord'\n"
+     "      return gl_FragCoord.x - p.y;\n"
+     "             ^\n"
+     "  compute it from p, the place that is asked for"},
+    {"assignment_for_comparison",
+     "float density(vec3 p) {\n"
+     "    if (p.x = 1.0) return 1.0;\n"
+     "    return -p.y;\n"
+     "}\n",
+     "world.karst:2:13: error: the condition of 'if' is a bool, not a float\n"
+     "      if (p.x = 1.0) return 1.0;\n"
+     "              ^\n"
+     "  = assigns: write == to compare"},
+    {"order_of_vectors",
+     "float density(vec3 p) {\n"
+     "    return p > vec3(0.0) ? 1.0 : -p.y;\n"
+     "}\n",
+     "world.karst:2:14: error: '>' does not go between vec3 and vec3\n"
+     "      return p > vec3(0.0) ? 1.0 : -p.y;\n"
+     "               ^\n"
+     "  compare components, or use lessThan(a, b) and the like with all(...) or any(...)"},
     {"bad_number",
      "float density(vec3 p) {\n"
      "    return 1.0x;\n"
