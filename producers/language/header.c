@@ -40,7 +40,9 @@ static const char *text_of(reader *r, json_t *value, const char *key)
 {
     if (!json_is_string(value))
         fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is a text in quotes", key));
-    return karst_format(r->source->arena, "%s", json_string_value(value));
+    char *text = karst_format(r->source->arena, "%s", json_string_value(value));
+    karst_source_plain(text);
+    return text;
 }
 
 static double number_of(reader *r, json_t *value, const char *key, double low, double high)

@@ -104,6 +104,31 @@ void karst_source_place(const karst_source *source, uint32_t where, uint32_t *li
         *column += ((unsigned char)source->text[i] & 0xc0) != 0x80;
 }
 
+/* How long the character is that must not be shown as it is; 0: it may be. */
+static size_t hidden_length(const unsigned char *c)
+{
+    if (c[0] < ' ' || c[0] == 127)
+        return 1;
+    if (c[0] == 0xc2 && c[1] >= 0x80 && c[1] < 0xa0)
+        return 2;
+    /* U+200E, U+200F, U+202A to U+202E, U+2066 to U+2069 */
+    bool is_mark =
+        c[0] == 0xe2 && ((c[1] == 0x80 && (c[2] == 0x8e || c[2] == 0x8f || (c[2] >= 0xaa && c[2] <= 0xae))) ||
+                         (c[1] == 0x81 && c[2] >= 0xa6 && c[2] <= 0xa9));
+    return is_mark ? 3 : 0;
+}
+
+void karst_source_plain(char *text)
+{
+    char *to = text;
+    while (*text) {
+        size_t length = hidden_length((const unsigned char *)text);
+        *to++ = !length ? *text : *text == '\t' || *text == '\n' || *text == '\r' ? ' ' : '?';
+        text += length ? length : 1;
+    }
+    *to = 0;
+}
+
 /* The source line and a caret below it, two spaces in; a window of it if it is long. */
 static const char *show_line(const karst_source *source, uint32_t where)
 {
@@ -123,12 +148,10 @@ static const char *show_line(const karst_source *source, uint32_t where)
     size_t n = 0, before = 0;
     for (uint32_t i = begin; i < end; i++) {
         unsigned char c = (unsigned char)source->text[i];
-        line[n++] = c < ' ' || c == 127 ? (c == '\t' ? ' ' : '?') : (char)c;
+        line[n++] = c ? (char)c : '?';
         before += i < where && (c & 0xc0) != 0x80;
     }
     line[n] = 0;
-    if (strspn(line, " ") == n)
-        return "";
     /* Bytes that are not UTF-8 (there is at most one such line) are not passed on. */
     for (size_t i = 0; i < n;) {
         size_t step = utf8_length((unsigned char *)line + i, n - i);
@@ -138,6 +161,9 @@ static const char *show_line(const karst_source *source, uint32_t where)
         }
         i += step;
     }
+    karst_source_plain(line);
+    if (!line[strspn(line, " ")])
+        return "";
     memset(caret, ' ', before);
     caret[before] = '^';
     caret[before + 1 <= SHOWN_COLUMNS ? before + 1 : SHOWN_COLUMNS] = 0;
@@ -146,9 +172,7 @@ static const char *show_line(const karst_source *source, uint32_t where)
 
 static void report(karst_source *source, uint32_t where, bool is_error, const char *hint, char *message)
 {
-    for (char *c = message; *c; c++)
-        if ((unsigned char)*c < ' ' || *c == 127)
-            *c = '?';
+    karst_source_plain(message);
     if (where < source->user_begin && source->blame)
         where = source->blame;
     karst_diagnostic *d = karst_arena_alloc(source->arena, sizeof *d);

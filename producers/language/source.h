@@ -41,6 +41,10 @@ typedef struct {
     jmp_buf *escape;
 } karst_source;
 
+/* Takes out of a text, in place, what a terminal would obey and what turns writing around: control characters (blanks
+ * for tabs and line ends) and marks of direction become '?'. UTF-8 stays UTF-8. */
+void karst_source_plain(char *text);
+
 /* Copies both texts. Errors (reported through the source itself): too large, not UTF-8, a NUL byte, empty. */
 void karst_source_init(karst_source *source, karst_arena *arena, jmp_buf *escape, const char *name, const char *prelude,
                        const char *text, size_t length);

@@ -145,6 +145,33 @@ static void test_bytes(void **s)
     }
 }
 
+/* What terminals obey, and what turns writing around, comes out of nothing that is shown. */
+static void test_nothing_that_terminals_obey(void **s)
+{
+    (void)s;
+    static const char header[] =
+        "/*{ \"name\": \"a\\u001b[2J\\u009b\\u202e\\u2066z\", \"author\": \"\xe2\x80\xae\","
+        " \"description\": \"one\\ntwo\\t\xe2\x82\xac\", \"\\u009b1m\": 1,"
+        " \"params\": { \"k\": { \"value\": 1, \"label\": \"\\u0007\", \"unit\": \"\\u0085\" } } }*/\n"
+        "float density(vec3 p) { return k; }\n";
+    static const char line[] = "float density(vec3 p) { return q; } // \x1b[2J \xc2\x9b \xe2\x80\xae "
+                               "\xe2\x81\xa9 \x7f \xe2\x82\xac\n";
+    bool ok;
+    karst_program_graph *program = survive("a header for terminals", header, sizeof header - 1, &ok);
+    assert_true(ok);
+    assert_string_equal(program->header.name, "a?[2J???z");
+    assert_string_equal(program->header.author, "?");
+    assert_string_equal(program->header.description, "one two \xe2\x82\xac");
+    assert_string_equal(program->parameters[0].label, "?");
+    assert_string_equal(program->parameters[0].unit, "?");
+    assert_non_null(strstr(program->diagnostics->message, "?1m")); /* an unknown key */
+    karst_program_graph_destroy(program);
+    program = survive("a line for terminals", line, sizeof line - 1, &ok);
+    assert_false(ok);
+    assert_non_null(strstr(last_of(program)->text, "; } // ?[2J ? ? ? ? \xe2\x82\xac\n"));
+    karst_program_graph_destroy(program);
+}
+
 /* Every beginning of a world, and every world with a byte changed: no crash, whatever it gives. */
 static void test_mangled(void **s)
 {
@@ -212,6 +239,7 @@ int main(int argc, char **argv)
     if (argc == 3 && strcmp(argv[1], "write") == 0)
         return write_all(argv[2]);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_texts), cmocka_unit_test(test_bytes),
+                                       cmocka_unit_test(test_nothing_that_terminals_obey),
                                        cmocka_unit_test(test_mangled), cmocka_unit_test(test_files)};
     return cmocka_run_group_tests_name("hostile worlds", tests, NULL, NULL);
 }
