@@ -17,6 +17,8 @@ typedef struct {
     karst_range *ranges;
     karst_lipschitz *steepness;
     uint8_t *is_density; /* whether the density needs the node */
+    uint32_t *line_ends; /* offsets into the source's text */
+    uint32_t num_line_ends;
     void (*print)(void *user, const char *line);
     void *user;
 } report;
@@ -32,9 +34,35 @@ static void say(const report *r, const char *format, ...)
     r->print(r->user, line);
 }
 
+/* A text may have a million lines, and as many places are asked for as there are operations. */
+static bool find_lines(report *r)
+{
+    const karst_source *source = &r->program->source;
+    r->line_ends = malloc((source->length + 1) * sizeof *r->line_ends);
+    for (uint32_t i = 0; r->line_ends && i < source->length; i++)
+        if (source->text[i] == '\n')
+            r->line_ends[r->num_line_ends++] = i;
+    return r->line_ends != NULL;
+}
+
+static uint32_t lines_before(const report *r, uint32_t where)
+{
+    uint32_t low = 0, high = r->num_line_ends;
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (r->line_ends[middle] < where)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* As karst_source_place counts: the user's text and the prelude each from 1. */
 static uint32_t line_of(const report *r, karst_expr e)
 {
-    return karst_program_line(r->program, r->graph->nodes[e].where);
+    uint32_t where = r->graph->nodes[e].where, user_begin = r->program->source.user_begin;
+    return 1 + lines_before(r, where) - lines_before(r, where >= user_begin ? user_begin : 0);
 }
 
 static void say_head(const report *r)
@@ -137,8 +165,8 @@ static void say_bounds(const report *r)
     uint32_t num_unbounded = 0, last_line = 0;
     for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
         const char *why = why_unbounded(r, e);
-        uint32_t line = line_of(r, e);
-        if (!why || !r->is_density[e] || line == last_line)
+        uint32_t line = why && r->is_density[e] ? line_of(r, e) : last_line;
+        if (line == last_line)
             continue;
         last_line = line;
         if (num_unbounded++ < 8)
@@ -237,7 +265,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     r.ranges = calloc(r.graph->num_nodes, sizeof *r.ranges);
     r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
     r.is_density = calloc(r.graph->num_nodes, 1);
-    bool done = r.ranges && r.steepness && r.is_density;
+    bool done = r.ranges && r.steepness && r.is_density && find_lines(&r);
     if (done) {
         mark_density(&r);
         karst_graph_ranges(r.graph, &r.settings, r.ranges);
@@ -257,5 +285,6 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     free(r.ranges);
     free(r.steepness);
     free(r.is_density);
+    free(r.line_ends);
     return done;
 }

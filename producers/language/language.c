@@ -280,13 +280,6 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
     return program;
 }
 
-uint32_t karst_program_line(const karst_program_graph *program, uint32_t where)
-{
-    uint32_t line, column;
-    karst_source_place(&program->source, where, &line, &column);
-    return line;
-}
-
 void karst_program_graph_destroy(karst_program_graph *program)
 {
     if (!program)

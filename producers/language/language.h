@@ -62,8 +62,6 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
 /* Resolves a good program once more, for another finest voxel than its header's, which it sets. false: it stays as it
  * was, as the world would then be too large. Nothing may hold its resolved graph. One thread at a time per program. */
 bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m);
-/* The line of the text that a node's `where` is in. */
-uint32_t karst_program_line(const karst_program_graph *program, uint32_t where);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
 
 #endif

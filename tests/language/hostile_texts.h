@@ -482,6 +482,8 @@ static const hostile_text hostile_texts[] = {
      BODY(
          "float a=length(p)-6.4e6;for(int i=0;i<7000;i++)a=(length(p.xy)-float(i)*1e6)*1e6/(a+float(i)*1e6);return a;"),
      "", 0, "", "", 0, "", NULL},
+    {"many divisions behind a million line ends", "/*", "\n", 1000000,
+     "*/" BODY("float a=p.x;for(int i=0;i<15000;i++)a=p.y/(a+float(i));return a;"), "", 0, "", NULL},
     {"colours without end", DENSITY "vec3 colour(vec3 p, vec3 n){vec3 c=p;", "c=sin(c.yzx+n*#.);", 4000, "return c;}",
      "", 0, "", NULL},
 };

@@ -10,6 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "producers/language/check.h"
 #include "producers/language/world_file.h"
 
 enum { MOST_MS = 2000, MOST_MIB = 500 };
@@ -60,7 +61,10 @@ typedef struct {
     karst_error error;
 } outcome;
 
-/* Compiles all there is to compile of a world in a process of its own: what it cost is in `usage`. false: it died. */
+static void hear(void *user, const char *line) { *(size_t *)user += strlen(line); }
+
+/* Compiles all there is to compile of a world, and reports on it as karst check does, in a process of its own: what it
+ * cost is in `usage`. false: it died. */
 static bool compile_apart(const built *b, outcome *shared, struct rusage *usage)
 {
     memset(shared, 0, sizeof *shared);
@@ -72,6 +76,9 @@ static bool compile_apart(const built *b, outcome *shared, struct rusage *usage)
         shared->compiled = file != NULL;
         shared->sound = !file || (karst_graph_check(&file->program->graph, &fault) &&
                                   karst_graph_check(&file->program->resolved, &fault));
+        size_t heard = 0;
+        if (file && (!karst_language_check(file->program, hear, &heard, &shared->error) || !heard))
+            shared->sound = false;
         karst_world_file_destroy(file);
         _exit(0);
     }
