@@ -101,7 +101,7 @@ bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
  * (unlinked from its parent or owner, checked by generation both ways). Waits for the device once, and once more if
- * something is evicted. Time goes to KARST_STAGE_COLLECT. */
+ * something is evicted and the device is no CPU, or nothing like it was expected. Time goes to KARST_STAGE_COLLECT. */
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error);
 
 /* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes

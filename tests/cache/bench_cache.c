@@ -12,6 +12,8 @@
 #define NUM_ROUNDS 101 /* at most; free slots are used up after some */
 #define FEW_ROUNDS 15
 #define NUM_WANTS 1000
+/* Of a collect's median. All lines count; frames of flights are like those of 10 and 100 wants. */
+#define MARK_NS 500000
 
 static cache_rig rig;
 static uint64_t random_state = 1;
@@ -94,10 +96,11 @@ static void measure(const char *name, int num_rounds, uint32_t num_wants, uint32
     }
     qsort(collect_ns, num_rounds, sizeof(collect_ns[0]), compare);
     qsort(publish_ns, num_rounds, sizeof(publish_ns[0]), compare);
-    printf("%-52s collect %7.3f  p95 %7.3f  p99 %7.3f  publish %7.3f   (%u produced, %u evicted a round)\n", name,
-           (double)collect_ns[num_rounds / 2] * 1e-6, (double)collect_ns[num_rounds * 95 / 100] * 1e-6,
-           (double)collect_ns[num_rounds * 99 / 100] * 1e-6, (double)publish_ns[num_rounds / 2] * 1e-6,
-           num_produced / (uint32_t)num_rounds, num_evicted / (uint32_t)num_rounds);
+    printf("%-52s collect %7.3f %-7s  p95 %7.3f  p99 %7.3f  publish %7.3f   (%u produced, %u evicted a round)\n", name,
+           (double)collect_ns[num_rounds / 2] * 1e-6, collect_ns[num_rounds / 2] < MARK_NS ? "met" : "not met",
+           (double)collect_ns[num_rounds * 95 / 100] * 1e-6, (double)collect_ns[num_rounds * 99 / 100] * 1e-6,
+           (double)publish_ns[num_rounds / 2] * 1e-6, num_produced / (uint32_t)num_rounds,
+           num_evicted / (uint32_t)num_rounds);
     fflush(stdout);
 }
 
@@ -156,7 +159,8 @@ int main(void)
     rig_open(&rig, context, NUM_TILES, NUM_BRICKS, 0, 20);
     rig.skip_check = true;
     karst_profile_trace(context, getenv("KARST_BENCH_SPANS") != NULL, NULL);
-    printf("cache of %d tiles and %d bricks on %s, ms\n", NUM_TILES, NUM_BRICKS, context->name);
+    printf("cache of %d tiles and %d bricks on %s, ms; mark: collect under 0.5\n", NUM_TILES, NUM_BRICKS,
+           context->name);
     fill_until(250000, 50000);
     measure("no wants", NUM_ROUNDS, 0, 1, 50, 1);
     measure("10 wants side by side, slots free", FEW_ROUNDS, 10, 1, 50, 1);
