@@ -153,10 +153,11 @@ fi
 # ---- tests of the kernels ----
 passed=0 failed=0 failures=
 if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
-    # The most telling first: should time run out, the rest is left out.
-    tests="core/test_dialect noise/test_lanes worlds/test_same_bits worlds/test_golden language/test_emit language/test_tape
-        producers/test_finalise producers/test_producer cache/test_lists cache/test_changes raycast/test_cast
-        raycast/test_cast_exact raycast/test_shade engine/test_engine core/test_program core/test_profile core/test_context
+    # The most telling first, should time run out; but those that compile a world or many (some 10 to 60 s each where
+    # that is slow) behind those that take seconds.
+    tests="core/test_dialect noise/test_lanes producers/test_finalise cache/test_lists cache/test_changes raycast/test_cast
+        producers/test_producer raycast/test_cast_exact worlds/test_same_bits worlds/test_golden language/test_emit
+        language/test_tape raycast/test_shade engine/test_engine core/test_program core/test_profile core/test_context
         core/test_display producers/test_thin cache/test_model cache/test_scenarios raycast/test_cast_requests"
     programs=
     for test in $tests; do
