@@ -50,7 +50,7 @@ result "help bench names every option"
 # ---- a view ----
 run bench hills $quick --runs 2 --json still.json --csv still.csv
 [ $status -eq 0 ] && [ ! -s stderr ] && grep -q 'settled frame / floor' stdout && grep -q '^memory .*bricks' stdout &&
-    grep -q 'evaluate alone' stdout && grep -q 'start of the process' stdout && ! grep -q nan stdout
+    grep -q 'loads alone' stdout && grep -q 'start of the process' stdout && ! grep -q nan stdout
 result "a view: the table"
 awk -f "$flatten" still.json > flat
 wanted="karst_bench version world camera device display cores width_px height_px shadows path runs rounds \
