@@ -53,8 +53,8 @@ void karst_loader_set_data(karst_loader *loader, const karst_buffer *data)
     loader->data = data ? data->mem : NULL;
 }
 
-bool karst_load_bricks(karst_loader *loader, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                       uint32_t count, const karst_load_books *books, karst_error *error)
+static bool launch(karst_loader *loader, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                   uint32_t count, const karst_load_books *books, cl_mem total, size_t num_items, karst_error *error)
 {
     karst_buffer *const *b = cache->bricks;
     return KARST_ARGUMENTS(loader->bricks, error, KARST_BUFFER_ARG(work->load_nodes),
@@ -62,10 +62,17 @@ bool karst_load_bricks(karst_loader *loader, const karst_cache_buffers *cache, c
                            KARST_BUFFER_ARG(cache->nodes), KARST_BUFFER_ARG(cache->tile_info),
                            KARST_BUFFER_ARG(work->load_results), KARST_BUFFER_ARG(books->least),
                            KARST_BUFFER_ARG(cache->brick_info), KARST_BUFFER_ARG(books->loads),
-                           KARST_BUFFER_ARG(books->scrubs), KARST_BUFFER_ARG(books->total),
+                           KARST_BUFFER_ARG(books->scrubs), KARST_VALUE_ARG(total),
                            KARST_VALUE_ARG(cache->bricks_per_segment), KARST_BUFFER_ARG(b[0]), KARST_BUFFER_ARG(b[1]),
                            KARST_BUFFER_ARG(b[2]), KARST_BUFFER_ARG(b[3]), KARST_BUFFER_ARG(b[4]),
                            KARST_BUFFER_ARG(b[5]), KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7]),
                            KARST_VALUE_ARG(loader->data)) &&
-           karst_launch(loader->context, loader->bricks, KARST_STAGE_EVALUATE, count ? count : 1, 1, error);
+           karst_launch(loader->context, loader->bricks, KARST_STAGE_EVALUATE, num_items, 1, error);
+}
+
+bool karst_load_bricks(karst_loader *loader, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
+                       uint32_t count, const karst_load_books *books, karst_error *error)
+{
+    return launch(loader, cache, work, first, count, books, NULL, count ? count : 1, error) &&
+           (count == 0 || launch(loader, cache, work, first, count, books, books->total->mem, 1, error));
 }

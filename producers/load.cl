@@ -24,7 +24,8 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
 }
 
 /* Work-item i answers load first + i of the work. What proves a load without a surface constant comes later
- * (karst_bound_nodes), so nothing is in doubt here. The last one that is done adds up what was scrubbed. */
+ * (karst_bound_nodes), so nothing is in doubt here. A second launch, with a `total` that is not NULL, adds up what the
+ * first scrubbed. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 karst_load_bricks(K_GLOBAL const uint *restrict load_nodes, K_GLOBAL const uint *restrict load_slots, uint first,
                   uint count, K_GLOBAL const karst_node *restrict nodes,
@@ -37,6 +38,11 @@ karst_load_bricks(K_GLOBAL const uint *restrict load_nodes, K_GLOBAL const uint 
                   world_data data)
 {
     uint brick = (uint)get_global_id(0);
+    if (total) {
+        if (brick == 0u)
+            tally(loads, scrubs, count, total);
+        return;
+    }
     if (brick >= count)
         return;
     uint node = load_nodes[first + brick], slot = load_slots[first + brick];
@@ -58,10 +64,4 @@ karst_load_bricks(K_GLOBAL const uint *restrict load_nodes, K_GLOBAL const uint 
     at.q = in_slot + CHANNEL_DENSITY_SLOT;
     at.fine = (K_GLOBAL uint *)(in_slot + SLOT_STRIDE);
     load_brick(WORLD_DATA(data, origin, level, &at));
-
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
-    if (atomic_inc(&total->num_done) + 1u == count) {
-        total->num_done = 0u;
-        tally(loads, scrubs, count, total);
-    }
 }

@@ -29,7 +29,7 @@ typedef struct {
     ulong count;
     long voxel[3]; /* of the first: its level-0 voxel */
     int level;     /* and its brick's level */
-    uint num_done; /* loads of the launch that is under way (load.cl); 0 in between */
+    uint pad;
 } karst_scrub_total;
 K_ASSERT_SIZE(karst_scrub_total, 40);
 
