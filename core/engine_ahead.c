@@ -121,10 +121,14 @@ static bool compile_cast(ahead *a, karst_error *error)
     char options[128];
     karst_engine_cast_options(a->config, options, sizeof options);
     karst_caster *caster = karst_caster_create_with(a->context, &a->cache, options, error);
-    bool done = caster &&
-                (a->config->no_shadows || karst_cast_shadows(caster, &a->view, &a->pinhole, &a->light, a->shadow_rays,
-                                                             a->pixels->mem, error)) &&
+    karst_sunward *sunward =
+        caster && !a->config->no_shadows ? karst_sunward_create(a->context, &a->cache, error) : NULL;
+    bool done = caster && (a->config->no_shadows || sunward) &&
+                (!sunward || (karst_sunward_aim(sunward, a->light.sun_direction, error) &&
+                              karst_cast_shadows(caster, &a->view, &a->pinhole, &a->light, a->shadow_rays,
+                                                 a->pixels->mem, error))) &&
                 karst_cast_pinhole(caster, &a->view, &a->pinhole, a->hits, error) && karst_finish(a->context, error);
+    karst_sunward_destroy(sunward);
     karst_caster_destroy(caster);
     return done;
 }

@@ -155,10 +155,15 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_engine_cast_options(config, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
+    if (engine->shadows &&
+        !(engine->sunward =
+              karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
+        goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
                                   error))
         goto failed;
+    karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
     return engine;
 
@@ -177,6 +182,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_engine_world_close(&engine->shown);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
+    karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);

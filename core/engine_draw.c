@@ -63,7 +63,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, pixels,
                                      engine->depth, engine->counters, error);
     if (shaded && engine->shadows)
-        shaded = karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,
+        shaded = karst_sunward_aim(engine->sunward, light.sun_direction, error) &&
+                 karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,
                                             engine->shadows_asked, error);
     if (shaded && engine->view)
         shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);

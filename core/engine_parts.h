@@ -73,6 +73,7 @@ struct karst_engine {
     karst_cache *cache;
     karst_producer *producer;
     karst_caster *caster;
+    karst_sunward *sunward; /* NULL without shadows */
     karst_shader *shader;
     karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits, *asked, *shadows_asked;
 

@@ -34,6 +34,12 @@ uint64_t karst_engine_cpu_ns(const karst_engine *engine)
     return ns / (uint64_t)(engine->context->compute_units > 0 ? engine->context->compute_units : 1);
 }
 
+/* Who keeps something of each brick is told. */
+static bool note_bricks(karst_engine *engine, const karst_work *work, karst_error *error)
+{
+    return !engine->sunward || karst_sunward_note(engine->sunward, work, error);
+}
+
 /* Answers and publishes. On CPUs tiles and bricks are waited for in turn, to tell their CPU time apart. */
 static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_constant, karst_error *error)
 {
@@ -43,7 +49,7 @@ static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_
     if (work->num_loads + work->num_subdivides == 0)
         return true;
     if (!engine->context->is_cpu) {
-        if (!karst_producer_answer(engine->producer, buffers, work, error))
+        if (!karst_producer_answer(engine->producer, buffers, work, error) || !note_bricks(engine, work, error))
             return false;
     } else {
         karst_work tiles = *work, bricks = *work;
@@ -54,7 +60,8 @@ static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_
         if (!karst_producer_answer(engine->producer, buffers, &tiles, error) || !karst_finish(engine->context, error))
             return false;
         uint64_t between_ns = karst_engine_cpu_ns(engine);
-        if (!karst_producer_answer(engine->producer, buffers, &bricks, error) || !karst_finish(engine->context, error))
+        if (!karst_producer_answer(engine->producer, buffers, &bricks, error) ||
+            !note_bricks(engine, &bricks, error) || !karst_finish(engine->context, error))
             return false;
         made->tile_cpu_ns += between_ns - start_ns;
         made->brick_cpu_ns += karst_engine_cpu_ns(engine) - between_ns;

@@ -16,6 +16,7 @@ struct karst_caster {
     karst_program *program;
     cl_kernel pinhole;
     cl_kernel rays, shadows; /* NULL: left out */
+    const karst_sunward *sunward; /* borrowed; NULL: none */
     bool beams; /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
     karst_buffer *view;               /* on the device; written in queue order */
@@ -253,6 +254,8 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
                       rays->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
+void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward) { caster->sunward = sunward; }
+
 static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                          const karst_light *light, const karst_buffer *rays, cl_mem pixels,
                          const karst_buffer *asked, cl_uint notes, karst_error *error)
@@ -264,11 +267,13 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                             .width_px = pinhole->width_px,
                             .height_px = pinhole->height_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    const bool known = caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
+    cl_mem bricks = known ? karst_sunward_bricks(caster->sunward)->mem : NULL;
     if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
         !check_asked(caster, asked, pinhole, notes, error) ||
         !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
-                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes)))
+                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes), KARST_VALUE_ARG(bricks)))
         return false;
     return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
 }

@@ -360,9 +360,11 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 
 BEAM_FUNCTION
     void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels)
+                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels,
+                          K_GLOBAL const karst_sunward_brick *sunward)
 {
-    const pools own = *pool;
+    pools own = *pool;
+    own.sunward = sunward;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
     const vfloat zero = (vfloat)(0.0f);
     const vector3 direction = {(vfloat)(sun->direction[0]), (vfloat)(sun->direction[1]), (vfloat)(sun->direction[2])};
@@ -398,12 +400,13 @@ BEAM_FUNCTION
 
 /* Shadow rays of a picture: raycast/shadow_shared.h. Once more they leave its pixels alone. */
 __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_shadow_sun sun,
-                                  K_GLOBAL const float *rays, K_GLOBAL uint *pixels, uint notes)
+                                  K_GLOBAL const float *rays, K_GLOBAL uint *pixels, uint notes,
+                                  K_GLOBAL const karst_sunward_brick *sunward)
 {
     pools pool = POOL_FIELDS;
     if (!note_asked(&pool, view, notes))
         return;
     cast_shadow_beam(&pool, view, &sun, rays, beam_at_turn((uint)get_global_id(0), sun.width_px, sun.height_px),
-                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels);
+                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward);
 }
 #endif

@@ -10,6 +10,7 @@
 #include "raycast/rays_shared.h"
 #include "raycast/shade_shared.h"
 #include "raycast/shadow_shared.h"
+#include "raycast/sunward.h"
 
 /* The last part of each level in which it turns into the next one, unless a view is to do without: at one pixel a
  * voxel, some 65 voxels of 1000 from the camera. Many frames of walking and some of flying, while few rays look at two
@@ -62,6 +63,10 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
 size_t karst_cast_shadow_bytes(int width_px, int height_px);
 /* Errors: KARST_FAILED if the buffer is too small for them. */
 bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole *pinhole, karst_error *error);
+/* From now on shadow rays look at bricks by these records while they are aimed at the light's sun: faster, and the same
+ * but for rays that touch a surface within the rounding of floats. They are of all bricks of the caster's pools, and
+ * outlive the caster; NULL: none. */
+void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward);
 /* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
