@@ -214,9 +214,11 @@ static void test_files(void **s)
 /* Texts that only show that a cap bites take a fuzzer's time. */
 static bool is_quick(const hostile_text *t, size_t length)
 {
-    static const char *const caps[] = {"steps to compile",      "different operations", "unrolls",
-                                       "more than 16384 times", "1000000 words",        "too large",
+    static const char *const caps[] = {"steps to compile", "different operations", "unrolls",
+                                       "more than",        "1000000 words",        "too large",
                                        "nested deeper"};
+    if (!t->said && !strncmp(t->name, "many ", 5))
+        return false;
     for (size_t i = 0; t->said && i < sizeof caps / sizeof *caps; i++)
         if (strstr(t->said, caps[i]))
             return false;
