@@ -360,9 +360,10 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
         if (!scout_round(engine, &engine->camera, false, &left, &more, error))
             return false;
-    bool stands = is_settling(engine) || (engine->goes_on && !moves && !engine->motion.moved);
-    if (stands && most_scouts && engine->context->is_cpu && work->num_requests > 0 &&
-        !follow_up(engine, &left, &more, error))
+    /* On a GPU a viewer's next picture is as fast as looking again. */
+    bool stands = is_settling(engine) ||
+                  (engine->context->is_cpu && engine->goes_on && !moves && !engine->motion.moved);
+    if (stands && most_scouts && work->num_requests > 0 && !follow_up(engine, &left, &more, error))
         return false;
     left.ns += kept_ns;
     return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
