@@ -10,7 +10,7 @@
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
- *   command_pictures.c   many pictures: numbered PNGs, or a video through ffmpeg
+ *   command_pictures.c   many pictures: numbered PNGs or EXRs, or a video through ffmpeg
  *   command_accuracy*.c  karst accuracy; see command_accuracy.h
  *   command_bench*.c   karst bench; see command_bench.h
  *   command_check.c    karst check
@@ -85,12 +85,18 @@ typedef struct {
     bool colour;          /* on a terminal, unless NO_COLOR is set */
     bool progress_shown;  /* a progress line stands there now */
     uint64_t shown_at_ns; /* when */
+    char said[1024];      /* the first mistake in a world's text that was said: file:line:column: what */
 } command_talk;
 
 void command_talk_init(command_talk *talk);
 /* One line, unless quiet. */
 void command_say(command_talk *talk, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void command_say_error(command_talk *talk, const char *message);
+/* A line of what a world's text is told (file:line:column: error: what, or what stands under that), as it is, so that
+ * editors find the place. */
+void command_say_diagnostic(command_talk *talk, const char *line);
+/* The last line of a failed command: the message, or less if it is a mistake that has been said. */
+void command_say_failure(command_talk *talk, const char *message);
 /* Replaces the progress line, at most ten times a second; nothing unless on a terminal and not quiet. */
 void command_progress(command_talk *talk, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void command_end_progress(command_talk *talk);
@@ -105,8 +111,13 @@ uint64_t command_clock_ns(void); /* monotonic */
 bool command_check_output(const char *path, const char *option, bool binary, karst_error *error);
 /* Writes a text whole or not at all; "-": stdout. Errors: KARST_FAILED. */
 bool command_write_text(const char *path, const char *text, karst_error *error);
-/* A PNG, likewise. */
-bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error);
+/* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
+ * a suffix are PNGs. Errors: KARST_USAGE. */
+bool command_check_picture(const char *path, karst_error *error);
+/* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR with depth and normals if `path` ends
+ * in .exr, else a PNG; "-": a PNG to stdout. Errors: KARST_FAILED. */
+bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                           karst_error *error);
 
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
@@ -182,7 +193,8 @@ bool command_pictures_check(const char *output, bool only_one, int width_px, int
 command_pictures *command_pictures_open(const char *output, int width_px, int height_px, double fps,
                                         karst_error *error);
 /* Pictures in their order, from index 0; each is on disk, or in ffmpeg's hands, when it returns. */
-bool command_pictures_add(command_pictures *pictures, size_t index, const uint8_t *rgba, karst_error *error);
+bool command_pictures_add(command_pictures *pictures, size_t index, karst_engine *engine, const uint8_t *rgba,
+                          karst_error *error);
 /* A video appears now, whole. Also ends `pictures` if it fails. */
 bool command_pictures_finish(command_pictures *pictures, karst_error *error);
 /* Leaves no video behind; single pictures stay. NULL is fine. */

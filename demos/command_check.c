@@ -56,7 +56,16 @@ static void keep_line(void *user, karst_log_level level, const char *line)
     memcpy(text + kept->length - 1, "\n", 2);
 }
 
-static bool check(const char *name, const check_options *o, karst_error *error)
+static void say_lines(command_talk *talk, char *lines)
+{
+    for (char *line = lines, *end; line && *line; line = end + 1) {
+        end = strchr(line, '\n');
+        *end = '\0';
+        command_say_diagnostic(talk, line);
+    }
+}
+
+static bool check(const char *name, const check_options *o, command_talk *talk, karst_error *error)
 {
     char path[PATH_MAX];
     if (!command_find_world(name, path, sizeof path, error))
@@ -70,8 +79,8 @@ static bool check(const char *name, const check_options *o, karst_error *error)
                                        .seed = (uint32_t)o->seed,
                                        .log = &log};
     karst_world *world = karst_world_open(&config, error);
-    if ((!world || o->quiet) && kept.text)
-        fputs(kept.text, stderr);
+    if (!world || o->quiet)
+        say_lines(talk, kept.text);
     free(kept.text);
     bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error));
     karst_world_close(world);
@@ -80,7 +89,6 @@ static bool check(const char *name, const check_options *o, karst_error *error)
 
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    (void)talk;
     check_options o = {0};
     const command_option options[] = {
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "another value for a parameter; may be given again",
@@ -100,5 +108,5 @@ bool command_check(int argc, char **argv, command_talk *talk, karst_error *error
     }
     if (num_words == 0)
         return karst_fail(error, KARST_USAGE, "which world? For example: karst check hills");
-    return check(name, &o, error);
+    return check(name, &o, talk, error);
 }

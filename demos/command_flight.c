@@ -132,7 +132,7 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
         if (command_interrupted())
             return karst_fail(error, KARST_FAILED, "interrupted after %zu of %zu pictures", state->index, plan->num);
         if (!karst_engine_read_pixels(state->engine, rgba, size_bytes, error) ||
-            !command_pictures_add(pictures, state->index, rgba, error))
+            !command_pictures_add(pictures, state->index, state->engine, rgba, error))
             return false;
     }
     return true;

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -111,10 +112,44 @@ static bool copy_to_stdout(const char *path, karst_error *error)
     return copied;
 }
 
-bool command_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error)
+static bool ends_in(const char *path, const char *suffix)
+{
+    size_t length = strlen(path), end = strlen(suffix);
+    return length > end && strcasecmp(path + length - end, suffix) == 0;
+}
+
+bool command_check_picture(const char *path, karst_error *error)
+{
+    static const char *const others[] = {".jpg",  ".jpeg", ".tif", ".tiff", ".bmp", ".gif",
+                                         ".webp", ".ppm",  ".hdr", ".mp4",  ".mkv", ".mov"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (ends_in(path, others[i]))
+            return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s",
+                              path, i < 9 ? "" : "; a video (.mp4, .mkv, .mov) needs a --path");
+    return true;
+}
+
+static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                      karst_error *error)
+{
+    size_t num_pixels = (size_t)width_px * (size_t)height_px;
+    float *depth_m = malloc(num_pixels * sizeof *depth_m), *normals = malloc(3 * num_pixels * sizeof *normals);
+    bool written = depth_m && normals
+                       ? karst_engine_read_depth(engine, depth_m, num_pixels, error) &&
+                             karst_engine_read_normals(engine, normals, 3 * num_pixels, error) &&
+                             karst_image_write_exr(path, rgba, depth_m, normals, width_px, height_px, error)
+                       : karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
+    free(depth_m);
+    free(normals);
+    return written;
+}
+
+bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                           karst_error *error)
 {
     if (!is_stdout(path))
-        return karst_image_write_png(path, rgba, width_px, height_px, error);
+        return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, error)
+                                     : karst_image_write_png(path, rgba, width_px, height_px, error);
     /* The library writes files; a pipe gets the bytes of one. */
     const char *folder = getenv("TMPDIR");
     char scratch[4096], picture[4200];

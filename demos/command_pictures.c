@@ -1,4 +1,4 @@
-/* Many pictures: numbered PNGs, or a video through ffmpeg. */
+/* Many pictures: numbered PNGs or EXRs, or a video through ffmpeg. */
 #include "command.h"
 
 #include <errno.h>
@@ -101,6 +101,8 @@ bool command_pictures_check(const char *output, bool only_one, int width_px, int
 {
     if (video_suffix(output))
         return check_video(output, width_px, height_px, error);
+    if (!command_check_picture(output, error))
+        return false;
     const char *at;
     int digits;
     if (strcmp(output, "-") == 0 && !only_one)
@@ -247,12 +249,13 @@ command_pictures *command_pictures_open(const char *output, int width_px, int he
     return pictures;
 }
 
-bool command_pictures_add(command_pictures *pictures, size_t index, const uint8_t *rgba, karst_error *error)
+bool command_pictures_add(command_pictures *pictures, size_t index, karst_engine *engine, const uint8_t *rgba,
+                          karst_error *error)
 {
     if (pictures->rgb)
         return add_to_video(pictures, rgba, error);
     char *name = name_of(pictures->output, index);
-    bool written = name ? command_write_png(name, rgba, pictures->width_px, pictures->height_px, error)
+    bool written = name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, error)
                         : karst_fail(error, KARST_FAILED, "out of memory");
     free(name);
     return written;

@@ -27,9 +27,8 @@ static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst render WORLD [-o out.png] [OPTIONS]\n"
          "karst render WORLD --path PATH -o frames/%05d.png|out.mp4 [OPTIONS]\n"
-         "Renders a world to a PNG. The picture is settled before it is written: it has all the detail that was asked "
-         "for,\n"
-         "or all that the pools can hold. Along a path, each picture is.\n"
+         "Renders a world to a PNG, or to an EXR with depth and normals. The picture is settled before it is written:\n"
+         "it has all the detail that was asked for, or all that the pools can hold. Along a path, each picture is.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nWorlds (or the path of a world file, which ends in .karst):");
@@ -50,7 +49,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
 {
     const command_option options[] = {
         {"output", 'o', COMMAND_TEXT, "FILE",
-         "the picture; - is stdout (default: out.png); of a path: with %05d, or a .mp4", &o->output, 0, 0, NULL},
+         "the picture, .png or .exr; - is stdout (default: out.png); of a path: with %05d, or a .mp4", &o->output, 0, 0,
+         NULL},
         {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 1280x720)", o->size_px, 1, 16384, NULL},
         {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
          "metres, exact at any distance, and degrees (default: the world's)", &o->camera, 0, 0, NULL},
@@ -154,7 +154,8 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
         return false;
     return karst_display_kind_parse(o->display, display, error) &&
            command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
-           (o->path || command_check_output(o->output, "-o", true, error)) &&
+           (o->path ||
+            (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
 
@@ -191,7 +192,7 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
         return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", o->size_px[0], o->size_px[1]);
     bool written = command_record_picture(record, &stats, record->num_frames, record->settled, error) &&
                    karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
-                   command_write_png(o->output, rgba, o->size_px[0], o->size_px[1], error);
+                   command_write_picture(o->output, engine, rgba, o->size_px[0], o->size_px[1], error);
     free(rgba);
     return written;
 }

@@ -66,16 +66,43 @@ static void say_coloured(command_talk *talk, const char *colour, const char *lab
 
 void command_say_error(command_talk *talk, const char *message) { say_coloured(talk, "\033[1;31m", "", message); }
 
+static bool is_diagnostic(const char *line)
+{
+    return line[0] == ' ' || strstr(line, ": error: ") || strstr(line, ": warning: ");
+}
+
+void command_say_diagnostic(command_talk *talk, const char *line)
+{
+    command_end_progress(talk);
+    const char *what = strstr(line, ": error: "), *label = "error:", *colour = "\033[1;31m";
+    if (what && !*talk->said)
+        snprintf(talk->said, sizeof talk->said, "%.*s: %s", (int)(what - line), line, what + strlen(": error: "));
+    if (!what) {
+        what = strstr(line, ": warning: ");
+        label = "warning:";
+        colour = "\033[1;33m";
+    }
+    if (what && talk->colour)
+        fprintf(stderr, "%.*s: %s%s\033[0m%s\n", (int)(what - line), line, colour, label, what + 2 + strlen(label));
+    else
+        fprintf(stderr, "%s\n", line);
+}
+
+void command_say_failure(command_talk *talk, const char *message)
+{
+    command_say_error(talk, strcmp(message, talk->said) == 0 ? "this world cannot be used as it stands" : message);
+}
+
 static void write_log(void *user, karst_log_level level, const char *line)
 {
     command_talk *talk = user;
     /* What failed comes back as karst_error and is printed once; the log's lines only say more of it. */
     if (level == KARST_LOG_ERROR && talk->verbose)
         say_coloured(talk, "\033[1;31m", "", line);
-    else if (level == KARST_LOG_WARNING) /* what is said of a world's text says itself what it is, and how it goes on */
-        say_coloured(
-            talk, "\033[1;33m",
-            line[0] == ' ' || strstr(line, ": error: ") || strstr(line, ": warning: ") ? "" : "warning: ", line);
+    else if (level == KARST_LOG_WARNING && is_diagnostic(line))
+        command_say_diagnostic(talk, line);
+    else if (level == KARST_LOG_WARNING)
+        say_coloured(talk, "\033[1;33m", "warning: ", line);
     else if (level > KARST_LOG_WARNING)
         say_coloured(talk, "\033[2m", "", line);
 }

@@ -5,7 +5,7 @@
 #include <string.h>
 
 static const command commands[] = {
-    {"render", "one picture of a world, to a PNG", command_render},
+    {"render", "one picture of a world, to a file; or a flight", command_render},
     {"view", "a window on a world: fly, walk, change it and see", command_view},
     {"bench", "measures a world: frame time by stage, production, churn, memory", command_bench},
     {"accuracy", "speed against error: what each quality setting costs, and how wrong it is", command_accuracy},
@@ -89,6 +89,6 @@ int main(int argc, char **argv)
         done = karst_fail(&error, KARST_FAILED, "cannot write to stdout");
     if (done)
         return KARST_OK;
-    command_say_error(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
+    command_say_failure(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
     return error.status == KARST_OK ? KARST_FAILED : (int)error.status;
 }

@@ -39,20 +39,6 @@ static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX]
 
 /* ---- pictures ---- */
 
-static bool write_exr(viewer *v, const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error)
-{
-    size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    float *depth_m = malloc(num_pixels * sizeof *depth_m), *normals = malloc(3 * num_pixels * sizeof *normals);
-    bool written = depth_m && normals
-                       ? karst_engine_read_depth(v->engine, depth_m, num_pixels, error) &&
-                             karst_engine_read_normals(v->engine, normals, 3 * num_pixels, error) &&
-                             karst_image_write_exr(path, rgba, depth_m, normals, width_px, height_px, error)
-                       : karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
-    free(depth_m);
-    free(normals);
-    return written;
-}
-
 /* The last frame's pixels, malloc'ed, at the size that it was drawn with. */
 static uint8_t *read_picture(viewer *v, karst_error *error)
 {
@@ -82,8 +68,7 @@ bool view_capture_pictures(viewer *v, karst_error *error)
             continue;
         *want = false;
         if (number_file(v, exr ? "exr" : "png", path, &reason) &&
-            (exr ? write_exr(v, path, rgba, v->width_px, v->height_px, &reason)
-                 : karst_image_write_png(path, rgba, v->width_px, v->height_px, &reason))) {
+            command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, &reason)) {
             c->num_pictures++;
             snprintf(c->last_file, sizeof c->last_file, "%s", path);
             view_toast(v, "picture: %s%s", path, v->settled ? "" : " (not settled yet)");
@@ -286,7 +271,7 @@ bool view_video_step(viewer *v, karst_error *error)
     karst_error reason = {0};
     bool added = rgba != NULL;
     while (added && c->num_video_pictures < due)
-        added = command_pictures_add(c->video, c->num_video_pictures++, rgba, &reason);
+        added = command_pictures_add(c->video, c->num_video_pictures++, v->engine, rgba, &reason);
     free(rgba);
     if (!rgba)
         return false;

@@ -117,6 +117,9 @@ PATH=$all_tools
 
 # ---- output ----
 complains 1 "no-such-folder/a.png.*-o" "a picture in a folder that is not there" render hills -o no-such-folder/a.png
+complains 2 "an .exr" "a picture of another kind" render hills -o a.JPG
+complains 2 "needs a --path" "a video without a path" render hills -o a.mp4
+complains 2 "an .exr" "pictures of another kind" render hills --path "$turn" -o %d.jpg
 complains 1 "folder" "a picture in the place of a folder" render hills -o /
 complains 1 "regular" "a picture over a device" render hills -o /dev/null
 complains 1 "/proc" "a picture where nothing can be written" render hills -o /proc/a.png
@@ -151,6 +154,10 @@ run render hills -o first.png --stats first.json $quick
 [ $status -eq 0 ] && [ -s first.png ] && [ ! -s stdout ] && [ "$(wc -l < stderr)" -eq 1 ] &&
     grep -qE '160x120, settled after [0-9]+ frames in [0-9.]+ s, [0-9]+ bricks, on ' stderr
 result "render says size, frames, time, bricks and device in one line"
+run render hills -o first.exr -q $quick
+[ $status -eq 0 ] && [ "$(head -c 4 first.exr | od -An -tx1 | tr -d ' ')" = 762f3101 ] &&
+    head -c 400 first.exr | grep -aq N.X && head -c 400 first.exr | grep -aq Z
+result "an EXR with depth and normals"
 run render hills -o second.png --quiet $quick
 [ $status -eq 0 ] && cmp first.png second.png && [ ! -s stderr ]
 result "the same command gives the same bytes; --quiet says nothing"

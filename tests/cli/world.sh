@@ -73,6 +73,11 @@ prints "check: what cannot be bounded, and why" "not bounded: line 1 divides by 
 complains 4 "wrong.karst:2:12: .*hieght" "check: a world that does not compile" check wrong.karst
 grep -q '    return hieght(p);' stderr && grep -q '^  *^' stderr && grep -q "did you mean 'height'" stderr
 result "check: the line, a caret and a suggestion"
+[ "$(head -n 1 stderr | cut -d : -f 1-4)" = "wrong.karst:2:12: error" ] && [ "$(grep -c '2:12' stderr)" -eq 1 ]
+result "check: a mistake is said once, in a form that editors follow"
+complains 4 "^wrong.karst:2:12: error: " "render: a mistake likewise" render wrong.karst --display none
+[ "$(grep -c '2:12' stderr)" -eq 1 ]
+result "render: a mistake is said once"
 complains 4 "did you mean 'alps'" "check: a misspelt world" check alp
 complains 4 "no-such.karst" "check: a file that is not there" check no-such.karst
 complains 4 "regular file" "check: a folder" check ./
