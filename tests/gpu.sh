@@ -1,7 +1,8 @@
 #!/bin/sh
 # Karst on a machine with a GPU: builds, runs the kernel tests (bits against the host's included) and the standard
-# benchmarks at three sizes, and prints a short table last. Made for bare machines and for short leases: it installs
-# nothing, needs no root, works around what is missing if it can, and says plainly what it could not do.
+# benchmarks at three sizes, and prints a short table last, also if it is stopped or something does not build. Made for
+# bare machines and for short leases: it installs nothing, needs no root, works around what is missing if it can, and
+# says plainly what it could not do. What tells most comes first; no part may take the time of all that follow.
 #
 #   sh tests/gpu.sh [FOLDER]     logs and reports go to FOLDER (default: build/gpu)
 #
@@ -10,6 +11,7 @@
 #   KARST_DEBS=DIR     a folder of .deb files, unpacked first; then KARST_PREFIX defaults to FOLDER/prefix
 #   KARST_DEVICE=NAME  as --device of the command (default: the first GPU, else the first CPU)
 #   KARST_GPU_LIMIT_S  seconds for all of it (default: 450)
+#   KARST_GPU_BUILD=DIR  a build folder, which may hold a build already (default: FOLDER/build)
 #   KARST_GPU_SIZES    (default: "1280x720 1920x1080 3840x2160")
 #   KARST_GPU_TESTS=no or KARST_GPU_BENCH=no leave a half out
 set -u
@@ -19,12 +21,67 @@ limit=${KARST_GPU_LIMIT_S:-450}
 out=${1:-build/gpu}
 mkdir -p "$out" || exit 1
 out=$(cd "$out" && pwd)
-build=$out/build
+build=${KARST_GPU_BUILD:-$out/build}
 lacks=$out/lacks
 : > "$lacks"
 lack() { echo "$*" | tee -a "$lacks"; }
 left() { echo $((limit - ($(date +%s) - began))); }
 say() { echo "== $* ($(($(date +%s) - began)) s)"; }
+# share N [MOST]: seconds that a part may take: an N-th of what is left, within 5 and MOST.
+share()
+{
+    part=$(($(left) / $1))
+    [ -z "${2:-}" ] || [ "$part" -le "$2" ] || part=$2
+    [ "$part" -ge 5 ] || part=5
+    echo "$part"
+}
+
+# within SECONDS COMMAND...: a signal to this script is answered at once, not when the command ends.
+child=
+within()
+{
+    timeout -k 5 "$@" &
+    child=$!
+    wait $child
+    ended=$?
+    child=
+    return $ended
+}
+
+# ---- the table, whatever happens ----
+rows=$out/rows
+: > "$rows"
+rm -f "$out/ceilings" "$out/reference"
+name= display= karst= done=no passed=0 failed=0 failures=
+print_table()
+{
+    trap - EXIT HUP INT TERM
+    [ -z "$child" ] || kill "$child" 2> /dev/null
+    [ $done = yes ] || lack "stopped before its end"
+    echo
+    echo "Karst $(${karst:-:} --version 2> /dev/null | sed -n 1p | cut -d ' ' -f 2) on ${name:-no device}," \
+        "display ${display:-none}, after $(($(date +%s) - began)) s"
+    cat "$out/ceilings" 2> /dev/null
+    if [ -s "$rows" ]; then
+        printf '%-8s %-10s %8s %7s %8s %8s %8s %8s %8s %9s %8s %6s\n' world size frame xfloor cast shade collect flight \
+            p99 bricks/s start px
+        cat "$rows"
+        echo "(ms; frame: settled; flight: median with 8 ms of production; start: from nothing to the settled picture)"
+    fi
+    cat "$out/reference" 2> /dev/null
+    [ "${KARST_GPU_TESTS:-yes}" = no ] || echo "kernel tests: $passed passed, $failed failed${failures:+:$failures}"
+    if [ -s "$lacks" ]; then
+        echo "what was lacking:"
+        sed 's/^/  /' "$lacks"
+    else
+        echo "nothing was lacking"
+    fi
+    echo "logs, reports, a trace and a picture: $out"
+    [ $done = yes ] && [ "$failed" -eq 0 ] && { [ -s "$rows" ] || [ "${KARST_GPU_BENCH:-yes}" = no ]; }
+    exit
+}
+trap print_table EXIT
+trap 'exit 1' HUP INT TERM
 
 # ---- what the machine has not ----
 prefix=${KARST_PREFIX:-}
@@ -124,7 +181,7 @@ mkdir -p "$build"
 touch "$build/dependencies-tests.mk" "$build/dependencies-build.mk"
 make="make BUILD=$build -j$cores"
 say "building with $cores jobs"
-if ! $make "$build/karst" > "$out/build.log" 2>&1; then
+if ! within "$(share 1)" $make "$build/karst" > "$out/build.log" 2>&1; then
     tail -n 20 "$out/build.log"
     lack "Karst does not build here"
     exit 1
@@ -132,10 +189,12 @@ fi
 karst=$build/karst
 export KARST_DATA_DIR="$PWD/demos" KARST_CACHE_DIR="$out/cache"
 device=${KARST_DEVICE:-}
-$karst info > "$out/info" 2>&1
+within "$(share 4)" $karst info > "$out/info" 2>&1
 cat "$out/info"
-$karst render hills ${device:+--device "$device"} --size 64x48 --detail 4 -q -o "$out/first.png" --stats "$out/first.json" \
-    2> "$out/first.log" || { cat "$out/first.log"; lack "no picture: $(head -n 1 "$out/first.log")"; exit 1; }
+say "the first picture"
+within "$(share 2)" $karst render hills ${device:+--device "$device"} --size 1280x720 -q -o "$out/hills.png" \
+    --stats "$out/first.json" 2> "$out/first.log" ||
+    { cat "$out/first.log"; lack "no picture: $(head -n 1 "$out/first.log")"; exit 1; }
 flatten() { awk -f tests/cli/flatten.awk "$1"; }
 value() { flatten "$1" | awk -v name="$2" '$1 == name { sub(/^[^=]*= /, ""); gsub(/"/, ""); print; exit }'; }
 name=$(value "$out/first.json" device)
@@ -151,7 +210,6 @@ else
 fi
 
 # ---- tests of the kernels ----
-passed=0 failed=0 failures=
 if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
     # The most telling first, should time run out; but those that compile a world or many (some 10 to 60 s each where
     # that is slow) behind those that take seconds.
@@ -164,24 +222,26 @@ if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
         [ -e "tests/$test.c" ] && programs="$programs $build/release/tests/$test"
     done
     say "building tests"
-    $make -k $programs > "$out/build-tests.log" 2>&1 || lack "not all tests build: see build-tests.log"
+    within "$(share 3)" $make -k $programs > "$out/build-tests.log" 2>&1 ||
+        lack "not all tests build, or not in time: see build-tests.log"
     # Half of what is left is for the benchmarks.
     end=$(($(date +%s) + $(left) / 2))
     say "kernel tests"
     export CMOCKA_MESSAGE_OUTPUT=TAP KARST_TEST_QUICK=1
+    skipped=
     for program in $programs; do
         test=${program#"$build"/release/tests/}
         log=$out/$(echo "$test" | tr / _).log
         room=$((end - $(date +%s)))
         if [ $room -lt 5 ]; then
-            lack "no time for test $test"
+            skipped="$skipped $test"
             continue
         fi
         # One slow test is not to cost all the others.
         [ $room -le 60 ] || room=60
-        [ -x "$program" ] || { lack "test $test does not build"; continue; }
+        [ -x "$program" ] || { lack "test $test is not built"; continue; }
         started=$(date +%s)
-        KARST_CACHE_DIR=off timeout -k 5 "$room" "$program" > "$log" 2>&1
+        within "$room" env KARST_CACHE_DIR=off "$program" > "$log" 2>&1
         status=$?
         oks=$(grep -cE '^ok ' "$log")
         bads=$(grep -cE '^not ok ' "$log")
@@ -195,24 +255,24 @@ if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
         echo "$test: $oks ok, $bads not, $(($(date +%s) - started)) s"
         [ "$bads" -eq 0 ] || grep -vE '^ok ' "$log" | tail -n 8 | sed 's/^/    /'
     done
+    [ -z "$skipped" ] || lack "no time for tests:$skipped"
     unset KARST_TEST_QUICK
 fi
 
 # ---- benchmarks ----
-rows=$out/rows
-: > "$rows"
 pool=512
 [ $is_gpu = yes ] && pool=4096
 bench_one()
 {
     world=$1 size=$2 file=$out/$1-$2$3.json
     shift 3
-    room=$(left)
-    [ "$room" -ge 8 ] || { lack "no time for $world at $size"; return; }
+    [ "$(left)" -ge 8 ] || { lack "no time for bench $world $size $*"; return; }
+    room=$(share 2 90)
     say "bench $world $size $*"
-    if ! timeout -k 5 "$room" "$karst" bench "$world" ${device:+--device "$device"} --size "$size" -q --json "$file" "$@" \
+    if ! within "$room" "$karst" bench "$world" ${device:+--device "$device"} --size "$size" -q --json "$file" "$@" \
         > "$file.log" 2>&1; then
-        lack "bench $world $size $*: $(tail -n 1 "$file.log" | cut -c 1-200)"
+        why=$(tail -n 1 "$file.log" | cut -c 1-200)
+        lack "bench $world $size $*: ${why:-not done within $room s}"
         return
     fi
     flatten "$file" | awk -v world="$world" -v size="$size" -v what="$*" '
@@ -232,41 +292,34 @@ bench_one()
             v["ceilings.fma_per_s.median"] * 1e-9, v["ceilings.memory_bytes_per_s.median"] * 1e-9,
             v["ceilings.noise_samples_per_s.median"] * 1e-6, v["ceilings.floor_ms.median"] }' > "$out/ceilings"
 }
-rm -f "$out/ceilings"
 if [ "${KARST_GPU_BENCH:-yes}" != no ]; then
     few="--runs 1 --rounds 9 --pool $pool"
-    for size in ${KARST_GPU_SIZES:-1280x720 1920x1080 3840x2160}; do
-        bench_one hills "$size" "" $few --no-shadows
-        bench_one karst "$size" "" $few --no-shadows
-    done
-    for size in ${KARST_GPU_SIZES:-1280x720}; do
-        bench_one hills "$size" -shadows $few
-        bench_one hills "$size" -flight $few --no-shadows --path low-flight --frames 120
-        break
-    done
+    sizes=${KARST_GPU_SIZES:-1280x720 1920x1080 3840x2160}
+    first=${sizes%% *}
+    bench_one hills "$first" "" $few --no-shadows --trace "$out/hills-trace.json"
+    bench_one karst "$first" "" $few --no-shadows
+    bench_one hills "$first" -shadows $few
+    bench_one hills "$first" -flight $few --no-shadows --path low-flight --frames 120
     # The other shape of the kernels, for scale.
     if [ $is_gpu = yes ]; then
-        bench_one hills 1280x720 -lanes16 --runs 1 --rounds 5 --pool "$pool" --no-shadows --lanes 16
+        bench_one hills "$first" -lanes16 --runs 1 --rounds 5 --pool "$pool" --no-shadows --lanes 16
     else
         bench_one hills 320x180 -lanes1 --runs 1 --rounds 5 --pool "$pool" --no-shadows --lanes 1
     fi
+    # Each pixel against the host's own arithmetic: it needs no test library.
+    if [ "$(left)" -ge 8 ]; then
+        say "a small picture against the host's reference"
+        within "$(share 2 60)" "$karst" accuracy hills ${device:+--device "$device"} --size 80x60 --quick -q \
+            > "$out/accuracy" 2> "$out/accuracy.log" && sed 's/^/reference: /' "$out/accuracy" > "$out/reference" ||
+            lack "no comparison with the reference: $(tail -n 1 "$out/accuracy.log" | cut -c 1-200)"
+    else
+        lack "no time for a comparison with the reference"
+    fi
+    for size in $sizes; do
+        [ "$size" = "$first" ] || bench_one hills "$size" "" $few --no-shadows
+    done
+    for size in $sizes; do
+        [ "$size" = "$first" ] || bench_one karst "$size" "" $few --no-shadows
+    done
 fi
-
-# ---- the table ----
-echo
-echo "Karst $($karst --version 2> /dev/null | sed -n 1p | cut -d ' ' -f 2) on $name, display $display, after $(($(date +%s) - began)) s"
-cat "$out/ceilings" 2> /dev/null
-if [ -s "$rows" ]; then
-    printf '%-8s %-10s %8s %7s %8s %8s %8s %8s %8s %9s %8s %6s\n' world size frame xfloor cast shade collect flight p99 \
-        bricks/s start px
-    cat "$rows"
-    echo "(ms; frame: settled; flight: median with 8 ms of production; start: from nothing to the settled picture)"
-fi
-[ "${KARST_GPU_TESTS:-yes}" = no ] || echo "kernel tests: $passed passed, $failed failed${failures:+:$failures}"
-if [ -s "$lacks" ]; then
-    echo "what was lacking:"
-    sed 's/^/  /' "$lacks"
-else
-    echo "nothing was lacking"
-fi
-[ $failed -eq 0 ] && { [ -s "$rows" ] || [ "${KARST_GPU_BENCH:-yes}" = no ]; }
+done=yes
