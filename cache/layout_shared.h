@@ -67,10 +67,10 @@ K_ASSERT_SIZE(karst_node, 8);
 typedef struct {
     long corner[3]; /* node coordinate of child 0, at `level`: even, except in the root tile */
     int level;      /* of the eight nodes */
-    uint parent; /* attachment: the node whose link names this tile; KARST_NO_NODE: the root tile, free or orphaned */
+    uint parent; /* attachment: the node whose link names this tile; KARST_NO_NODE: the root tile, or orphaned */
     uint parent_generation; /* generation of the parent's tile when it was attached */
     uint generation;        /* counts how often this slot was handed out; wraps */
-    uint in_use;            /* 1 while the slot holds a tile */
+    uint in_use;            /* 1 while the slot holds a tile; else only the generation means anything */
     uint pad[5];
 } karst_tile_info;
 K_ASSERT_SIZE(karst_tile_info, 64);

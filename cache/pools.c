@@ -151,6 +151,17 @@ karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint
     return karst_cache_create_of(context, num_tiles, num_bricks, max_segment_bytes, 16, error);
 }
 
+static bool fill_all(karst_buffer *buffer, uint32_t value, karst_error *error)
+{
+    return karst_buffer_fill(buffer, value, 0, buffer->size_bytes, error);
+}
+
+/* What of empty pools is not zero. */
+static bool disown_bricks(karst_cache *cache, karst_error *error)
+{
+    return fill_all(cache->buffers.brick_owner, KARST_NO_NODE, error);
+}
+
 karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
                                    size_t max_segment_bytes, int brick_bits, karst_error *error)
 {
@@ -175,7 +186,7 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
     cache->buffers.num_bricks = num_bricks;
     cache->buffers.brick_bits = brick_bits ? brick_bits : 16;
     if (!create_buffers(cache, max_segment_bytes, error) || !create_rooms(cache, error) ||
-        !karst_cache_clear(cache, error)) {
+        !disown_bricks(cache, error)) {
         karst_cache_destroy(cache);
         return NULL;
     }
@@ -231,20 +242,10 @@ void karst_cache_abandon(karst_cache *cache)
     cache->num_granted_tiles = cache->num_granted_bricks = 0;
 }
 
-static bool fill_all(karst_buffer *buffer, uint32_t value, karst_error *error)
-{
-    return karst_buffer_fill(buffer, value, 0, buffer->size_bytes, error);
-}
-
 bool karst_cache_clear(karst_cache *cache, karst_error *error)
 {
     karst_cache_buffers *b = &cache->buffers;
-    const karst_tile_info free_tile = {.parent = KARST_NO_NODE};
-    cl_int code = clEnqueueFillBuffer(cache->context->queue, b->tile_info->mem, &free_tile, sizeof(free_tile), 0,
-                                      b->tile_info->size_bytes, 0, NULL, NULL);
-    if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot clear tile_info: %s", karst_cl_error_name(code));
-    if (!fill_all(b->nodes, 0, error) || !fill_all(b->brick_owner, KARST_NO_NODE, error) ||
+    if (!disown_bricks(cache, error) || !fill_all(b->tile_info, 0, error) || !fill_all(b->nodes, 0, error) ||
         !fill_all(b->tile_stamp, 0, error) || !fill_all(b->brick_stamp, 0, error) ||
         !fill_all(b->brick_fallback, 0, error) || !fill_all(b->want_brick, 0, error) ||
         !fill_all(b->want_children, 0, error) || !fill_all(b->want_chunk, 0, error) ||

@@ -60,8 +60,26 @@ static void advise_large_pages(void *memory, size_t size_bytes)
         madvise((void *)first, end - first, MADV_HUGEPAGE);
 }
 
+/* Less is written faster than asked for. */
+#define LEAST_UNTOUCHED_BYTES ((size_t)256 << 10)
+
+/* Zeroes memory. If it is the process's own (private and anonymous), whole pages are given back instead of written: the
+ * system finds them, zeroed, when they are touched, and those of a large pool that are never touched take nothing. */
+static void zero(uint8_t *memory, size_t size_bytes, bool is_own)
+{
+    uintptr_t page_bytes = (uintptr_t)sysconf(_SC_PAGESIZE), at = (uintptr_t)memory;
+    uintptr_t first = (at + page_bytes - 1) & ~(page_bytes - 1), end = (at + size_bytes) & ~(page_bytes - 1);
+    if (!is_own || size_bytes < LEAST_UNTOUCHED_BYTES || madvise((void *)first, end - first, MADV_DONTNEED) != 0) {
+        memset(memory, 0, size_bytes);
+        return;
+    }
+    memset(memory, 0, first - at);
+    memset((void *)end, 0, at + size_bytes - end);
+}
+
 /* On CPUs the mapping is the buffer's own memory, so that it can be backed by large pages before it is first touched,
- * and zeroed in place. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees this. */
+ * and zeroed in place. PoCL's is from malloc. oclgrind takes what clEnqueueFillBuffer wrote for uninitialised, but sees
+ * this. */
 static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_bytes, bool zeroed, void **host)
 {
     cl_int code = CL_SUCCESS;
@@ -72,7 +90,7 @@ static cl_int prepare_mapped(karst_context *context, cl_mem mem, size_t size_byt
     *host = mapped;
     advise_large_pages(mapped, size_bytes);
     if (zeroed)
-        memset(mapped, 0, size_bytes);
+        zero(mapped, size_bytes, karst_context_is_pocl(context));
     return clEnqueueUnmapMemObject(context->queue, mem, mapped, 0, NULL, NULL);
 }
 

@@ -210,13 +210,16 @@ static void test_buffers_are_zeroed_or_copied(void **state)
 {
     fixture *f = *state;
     karst_error error = {0};
-    static const size_t sizes[] = {1, 3, 4, 63, 64, 65, 100000, (1u << 20) + 4};
+    static const size_t sizes[] = {1, 3, 4, 63, 64, 65, 100000, (300u << 10) + 3, (1u << 20) + 4, 3u << 20};
     for (size_t i = 0; i < sizeof(sizes) / sizeof(*sizes); i++) {
-        /* Leave something in the memory that the driver is likely to hand out again. */
-        karst_buffer *dirty = karst_buffer_create(f->context, "dirt", (sizes[i] + 3) / 4 * 4, NULL, &error);
-        assert_non_null(dirty);
-        assert_true(karst_buffer_fill(dirty, 0xdeadbeef, 0, dirty->size_bytes, &error));
-        karst_buffer_destroy(dirty);
+        /* Leave something in the memory that the driver is likely to hand out again: what malloc takes of the system
+         * apart it gives back at first, and keeps from the second time on. */
+        for (int time = 0; time < 3; time++) {
+            karst_buffer *dirty = karst_buffer_create(f->context, "dirt", (sizes[i] + 3) / 4 * 4, NULL, &error);
+            assert_non_null(dirty);
+            assert_true(karst_buffer_fill(dirty, 0xdeadbeef, 0, dirty->size_bytes, &error));
+            karst_buffer_destroy(dirty);
+        }
         unsigned char *data = malloc(sizes[i]);
         assert_non_null(data);
         memset(data, 0x55, sizes[i]);
@@ -249,6 +252,23 @@ static bool is_resident(const karst_buffer *buffer, size_t offset_bytes)
     unsigned char resident = 0;
     assert_int_equal(mincore((void *)page, page_bytes, &resident), 0);
     return resident & 1;
+}
+
+static void test_zeros_take_no_memory_until_they_are_touched(void **state)
+{
+    fixture *f = *state;
+    karst_error error = {0};
+    const size_t size_bytes = (size_t)64 << 20;
+    if (!karst_context_is_pocl(f->context))
+        skip();
+    karst_buffer *buffer = karst_buffer_create(f->context, "zeros", size_bytes, NULL, &error);
+    assert_non_null(buffer);
+    for (size_t at = 4096; at < size_bytes; at += size_bytes / 16)
+        assert_false(is_resident(buffer, at));
+    uint32_t word = 1;
+    assert_true(karst_buffer_read(buffer, size_bytes / 2, &word, sizeof word, &error));
+    assert_int_equal(word, 0);
+    karst_buffer_destroy(buffer);
 }
 
 static void test_memory_is_found_ahead(void **state)
@@ -463,6 +483,7 @@ int main(void)
         cmocka_unit_test(test_an_unknown_selector_lists_the_devices),
         cmocka_unit_test(test_lanes_follow_the_device_or_the_caller),
         cmocka_unit_test_setup_teardown(test_buffers_are_zeroed_or_copied, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_zeros_take_no_memory_until_they_are_touched, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_memory_is_found_ahead, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_write_read_and_fill_keep_to_their_ranges, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_does_not_fit_is_refused_by_name_and_size, set_up, tear_down),
