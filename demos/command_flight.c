@@ -82,7 +82,7 @@ static bool note_start(void *user, const karst_stats *stats)
     return !command_interrupted();
 }
 
-/* Draws the picture at hand: until it is settled, or once. */
+/* Draws the picture at hand: until it is settled, or once. True as well if it was interrupted. */
 static bool draw(flight_state *state, karst_error *error)
 {
     karst_stats stats;
@@ -90,7 +90,7 @@ static bool draw(flight_state *state, karst_error *error)
     bool settled = false;
     if (state->flight->live) {
         if (!karst_engine_frame(state->engine, error))
-            return false;
+            return command_interrupted();
         karst_engine_stats(state->engine, &stats);
         settled = stats.settled;
         state->error = error;
@@ -100,7 +100,7 @@ static bool draw(flight_state *state, karst_error *error)
         karst_error noted = {0};
         state->error = &noted;
         if (!karst_engine_settle(state->engine, state->flight->max_frames, note_frame, state, &settled, error))
-            return false;
+            return command_interrupted();
         if (noted.status != KARST_OK)
             return karst_fail(error, noted.status, "%s", noted.message);
         karst_engine_stats(state->engine, &stats);
@@ -121,7 +121,8 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
         if (state->flight->live && state->index == 0) {
             /* As one who waits at the start: kernels get built and the first view filled, and none of it is counted. */
             bool settled;
-            if (!karst_engine_settle(state->engine, state->flight->max_frames, note_start, state, &settled, error))
+            if (!karst_engine_settle(state->engine, state->flight->max_frames, note_start, state, &settled, error) &&
+                !command_interrupted())
                 return false;
             state->start_ns = command_clock_ns();
         }
@@ -130,7 +131,7 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
         if (!command_interrupted() && !draw(state, error))
             return false;
         if (command_interrupted())
-            return karst_fail(error, KARST_FAILED, "interrupted after %zu of %zu pictures", state->index, plan->num);
+            return command_fail_interrupted(error, "interrupted after %zu of %zu pictures", state->index, plan->num);
         if (!karst_engine_read_pixels(state->engine, rgba, size_bytes, error) ||
             !command_pictures_add(pictures, state->index, state->engine, rgba, error))
             return false;

@@ -2,6 +2,8 @@
 #include "command.h"
 
 #include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
 
 static volatile sig_atomic_t interrupted;
 
@@ -19,3 +21,14 @@ void command_catch_interrupts(void)
 }
 
 bool command_interrupted(void) { return interrupted; }
+
+bool command_fail_interrupted(karst_error *error, const char *format, ...)
+{
+    char message[sizeof error->message];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    *error = (karst_error){0};
+    return karst_fail(error, KARST_FAILED, "%s", message);
+}

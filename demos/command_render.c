@@ -177,14 +177,14 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
     bool ran = karst_engine_settle(engine, (uint32_t)o->max_frames, note_frame, &state, &record->settled, error);
     record->elapsed_ns = command_clock_ns() - state.start_ns;
     command_end_progress(talk);
+    if (command_interrupted())
+        return command_fail_interrupted(error, "interrupted after %zu frames; nothing was written", record->num_frames);
     if (!ran)
         return false;
     karst_stats stats;
     karst_engine_stats(engine, &stats);
     if (frame_error.status != KARST_OK)
         return karst_fail(error, frame_error.status, "%s", frame_error.message);
-    if (command_interrupted())
-        return karst_fail(error, KARST_FAILED, "interrupted after %zu frames; nothing was written", record->num_frames);
 
     size_t size_bytes = (size_t)o->size_px[0] * (size_t)o->size_px[1] * 4;
     uint8_t *rgba = malloc(size_bytes);

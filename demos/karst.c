@@ -89,6 +89,8 @@ int main(int argc, char **argv)
         done = karst_fail(&error, KARST_FAILED, "cannot write to stdout");
     if (done)
         return KARST_OK;
+    if (command_interrupted() && strncmp(error.message, "interrupted", strlen("interrupted")) != 0)
+        command_fail_interrupted(&error, "interrupted");
     command_say_failure(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
     return error.status == KARST_OK ? KARST_FAILED : (int)error.status;
 }

@@ -289,6 +289,20 @@ status=$?
 detail="exit $status: $(cat stderr)"
 [ $status -eq 1 ] && grep -q 'interrupted after [0-9]* of 500' stderr && [ -z "$(ls | grep -E 'karst-.*tmp|\.png\.')" ]
 result "an interrupted flight says how far it came"
+detail= told=0
+for delay_s in 0.2 0.3 0.6; do
+    rm -rf nothing_built && mkdir nothing_built
+    POCL_CACHE_DIR="$PWD/nothing_built" "$karst" render hills -o stop.png $quick > stdout 2> stderr &
+    sleep $delay_s
+    kill -TERM $!
+    wait $!
+    status=$?
+    detail="$detail after $delay_s s: exit $status: $(cat stderr);"
+    [ $status -eq 1 ] && [ "$(grep -c '^karst: ' stderr)" -eq 1 ] && grep -q '^karst: interrupted' stderr &&
+        [ ! -e stop.png ] && told=$((told + 1))
+done
+[ $told -eq 3 ]
+result "interrupted while kernels are built: that is what is said, not what became of the build"
 
 # ---- statistics: the names are a contract ----
 awk -f "$flatten" first.json > flat
