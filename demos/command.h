@@ -137,8 +137,8 @@ void command_print_worlds(FILE *file);
 
 void command_catch_interrupts(void);
 bool command_interrupted(void); /* by SIGINT or SIGTERM, since then */
-/* Fails with this instead of what *error says. LLVM, inside PoCL, answers those signals by removing its temporary files,
- * so what was being built then fails, and that is not what to tell. Returns false. */
+/* Fails with this instead of what *error says: LLVM, inside PoCL, answers those signals by removing its temporary
+ * files, so what was being built then fails, and that is not what to tell. Returns false. */
 bool command_fail_interrupted(karst_error *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* ---- command_threads.c ---- */
