@@ -48,6 +48,25 @@ static karst_ast_function *find_entry(karst_lower_state *s, const char *name)
     return found;
 }
 
+/* The function whose name is most like `wanted`, or NULL; with colour's parameters and result, if `like_colour`. */
+static const karst_ast_function *find_misspelt(karst_lower_state *s, const char *wanted, bool like_colour)
+{
+    const karst_type *vec3 = karst_type_vector(KARST_TYPE_FLOAT, 3);
+    karst_nearest nearest = karst_nearest_begin(wanted, strlen(wanted));
+    const karst_ast_function *found = NULL;
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next) {
+        const char *best = nearest.best;
+        bool fits = !like_colour || (f->num_parameters == 2 && f->result.base == vec3 &&
+                                     f->parameters->type.base == vec3 && f->parameters->next->type.base == vec3);
+        if (f->is_prelude || !fits)
+            continue;
+        karst_nearest_offer(&nearest, karst_lower_name(s, f->name));
+        if (nearest.best != best)
+            found = f;
+    }
+    return found;
+}
+
 static void check_signature(karst_lower_state *s, const karst_ast_function *f, const karst_type *result,
                             uint32_t num_parameters, const char *wanted)
 {
@@ -77,13 +96,12 @@ static _Noreturn void no_density(karst_lower_state *s)
                 karst_format(s->arena, "add the line: float density(vec3 p) { return -%s(p)%s; }", likely[i], part),
                 "there is no function 'density', but '%s' looks like a distance", likely[i]);
     }
-    karst_nearest nearest = karst_nearest_begin("density", 7);
-    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
-        if (!f->is_prelude)
-            karst_nearest_offer(&nearest, karst_lower_name(s, f->name));
-    const char *hint = nearest.best ? karst_format(s->arena, "is '%s' meant?", nearest.best)
-                                    : "write float density(vec3 p) { return -p.y; }";
-    karst_source_error(s->source, s->source->length, hint, "there is no function 'density'");
+    const karst_ast_function *misspelt = find_misspelt(s, "density", false);
+    if (misspelt)
+        karst_source_error(s->source, misspelt->where, "is this it? Then call it density",
+                           "there is no function 'density', but a '%s'", karst_lower_name(s, misspelt->name));
+    karst_source_error(s->source, s->source->length, "write float density(vec3 p) { return -p.y; }",
+                       "there is no function 'density'");
 }
 
 static karst_value position(karst_lower_state *s, karst_op op, uint32_t where)
@@ -122,8 +140,13 @@ void karst_lower(karst_lowering *io)
     karst_ast_function *colour = find_entry(s, "colour");
     if (!colour)
         colour = find_entry(s, "color");
-    if (!colour)
+    if (!colour) {
+        const karst_ast_function *misspelt = find_misspelt(s, "colour", true);
+        if (misspelt)
+            karst_source_warn(s->source, misspelt->where, "is this it? Then call it colour",
+                              "there is no function 'colour', but a '%s'", karst_lower_name(s, misspelt->name));
         return;
+    }
     check_signature(s, colour, karst_type_vector(KARST_TYPE_FLOAT, 3), 2, "vec3 colour(vec3 p, vec3 n)");
     reset(s);
     arguments[0] = position(s, KARST_OP_POSITION, colour->where);

@@ -122,8 +122,10 @@ static const struct {
      "world.karst:2:1: error: there is no function 'density'\n"
      "  write float density(vec3 p) { return -p.y; }"},
     {"density_misspelt", "float densty(vec3 p) { return 0.0; }\n",
-     "world.karst:2:1: error: there is no function 'density'\n"
-     "  is 'densty' meant?"},
+     "world.karst:1:7: error: there is no function 'density', but a 'densty'\n"
+     "  float densty(vec3 p) { return 0.0; }\n"
+     "        ^\n"
+     "  is this it? Then call it density"},
     {"density_signature", "float density(vec2 p) { return 0.0; }\n",
      "world.karst:1:7: error: 'density' has other parameters or another result here\n"
      "  float density(vec2 p) { return 0.0; }\n"
@@ -427,6 +429,13 @@ static const struct {
      "      return glow - p.y;\n"
      "             ^\n"
      "  give it a value, or remove it and write \"params\": { \"glow\": 1 } into the header"},
+    {"colour_misspelt",
+     "float density(vec3 p) { return -p.y; }\n"
+     "vec3 coluor(vec3 p, vec3 n) { return n; }\n",
+     "world.karst:2:6: warning: there is no function 'colour', but a 'coluor'\n"
+     "  vec3 coluor(vec3 p, vec3 n) { return n; }\n"
+     "       ^\n"
+     "  is this it? Then call it colour"},
     {"place_on_the_screen",
      "float density(vec3 p) {\n"
      "    return gl_FragCoord.x - p.y;\n"
