@@ -63,7 +63,10 @@ static json_t *load(const char *file, karst_error *error)
     json_error_t reason;
     json_t *root = json_load_file(file, 0, &reason);
     if (!root) {
-        karst_fail(error, KARST_BAD_DATA, "cannot read %s: %s, line %d", file, reason.text, reason.line);
+        if (reason.line > 0)
+            karst_fail(error, KARST_BAD_DATA, "cannot read %s: %s, line %d", file, reason.text, reason.line);
+        else /* the text names the file */
+            karst_fail(error, KARST_BAD_DATA, "--compare: %s", reason.text);
         return NULL;
     }
     if (json_integer_value(json_object_get(root, "karst_bench")) != 1) {

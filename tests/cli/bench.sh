@@ -34,7 +34,7 @@ complains 2 "says where the camera is" "a path and a camera" bench hills --path 
 complains 5 "no path called" "an unknown path" bench hills --path nowhere
 complains 2 "only one of" "two files to stdout" bench hills --json - --csv -
 complains 1 "no-such-folder" "a report in a folder that is not there" bench hills --json no-such-folder/a.json
-complains 5 "cannot read nothing.json" "a comparison with nothing" bench hills --compare nothing.json
+complains 5 "unable to open nothing.json: No such file or directory$" "a comparison with nothing" bench hills --compare nothing.json
 echo '{"world": "hills"}' > other.json
 complains 5 "no report of karst bench" "a comparison with something else" bench hills --compare other.json
 [ -z "$(ls | grep -vE '^(stdout|stderr|other.json)$')" ]
