@@ -75,7 +75,7 @@ struct karst_engine {
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows */
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *depth, *counters, *scout_hits, *asked, *shadows_asked;
+    karst_buffer *hits, *shadow_rays, *depth, *counters, *asked, *shadows_asked;
 
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
@@ -185,10 +185,11 @@ uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 
 /* engine_scout.c. Casts a coarse grid of rays, so many pixels apart, that ask for what a camera's picture needs.
  * `whole`: the one of all pixels, while fewer are drawn; as many rays, between the last ones. */
-#define KARST_SCOUT_PIXELS 7 /* finest */
+/* A brick's voxels are half a pixel wide at least, so it is 8 pixels wide where it is seen from the front: scouts are
+ * less than that apart, or more. */
+#define KARST_SCOUT_PIXELS 7
 bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, int apart_px, karst_error *error);
 uint32_t karst_engine_scout_rays(const karst_engine *engine, int apart_px); /* of a scout */
-size_t karst_engine_scout_bytes(size_t num_pixels); /* of scout_hits */
 /* Once a frame, before it is drawn. */
 void karst_engine_note_motion(karst_engine *engine);
 /* The camera so many frames ahead, by its path or if it goes on as it does; false: it stands, jumps, or goes this way

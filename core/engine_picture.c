@@ -26,12 +26,10 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
     engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
-    engine->scout_hits =
-        karst_buffer_create_blank(engine->context, "hits", karst_engine_scout_bytes(num_pixels), error);
     engine->asked = karst_buffer_create(
         engine->context, "asked", karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL,
         error);
-    if (!engine->surface || !engine->hits || !engine->depth || !engine->scout_hits || !engine->asked)
+    if (!engine->surface || !engine->hits || !engine->depth || !engine->asked)
         return false;
     if (engine->shadows) {
         engine->shadow_rays = karst_buffer_create_blank(
@@ -56,14 +54,13 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_surface_destroy(engine->surface);
     karst_buffer_destroy(engine->hits);
     karst_buffer_destroy(engine->depth);
-    karst_buffer_destroy(engine->scout_hits);
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->asked);
     karst_buffer_destroy(engine->shadows_asked);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->scout_hits = engine->shadow_rays = NULL;
+    engine->hits = engine->depth = engine->shadow_rays = NULL;
     engine->asked = engine->shadows_asked = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }

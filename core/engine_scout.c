@@ -6,20 +6,10 @@
 #include "karst/view.h"
 #include "raycast/pinhole.h"
 
-/* A brick's voxels are half a pixel wide at least, so it is 8 pixels wide where it is seen from the front:
- * KARST_SCOUT_PIXELS are less. */
-#define SCOUT_PIXELS KARST_SCOUT_PIXELS
-/* More than the rounding of both sides can need: sides go up to 16384 pixels. */
-#define MORE_RAYS 4096
 /* Motion is steady when two frames' steps differ by no more than this share. */
 #define STEADY 0.5
 /* Farther round is another view: that one turns so long is a guess. */
 #define MOST_TURNED_DEG 90
-
-size_t karst_engine_scout_bytes(size_t num_pixels)
-{
-    return (num_pixels / (SCOUT_PIXELS * SCOUT_PIXELS) + MORE_RAYS) * sizeof(karst_hit);
-}
 
 static int scout_side(int side_px, int apart_px) { return side_px >= apart_px ? side_px / apart_px : 1; }
 
@@ -62,7 +52,7 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool w
         pinhole.half_width *= fminf(1, (float)(pinhole.width_px * apart_px) / (float)width_px);
         pinhole.half_height *= fminf(1, (float)(pinhole.height_px * apart_px) / (float)height_px);
     }
-    return karst_cast_pinhole(engine->caster, &view, &pinhole, engine->scout_hits, error);
+    return karst_cast_pinhole(engine->caster, &view, &pinhole, NULL, error);
 }
 
 static double length(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }

@@ -182,12 +182,13 @@ static bool check_asked(const karst_caster *caster, const karst_buffer *asked, c
 static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                          karst_buffer *hits, const karst_buffer *asked, cl_uint notes, karst_error *error)
 {
+    const cl_mem written = hits ? hits->mem : NULL;
     if (!check_asked(caster, asked, pinhole, notes, error) ||
-        !check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error) ||
+        !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error)) ||
         !upload_view(caster, view, error))
         return false;
     if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
-                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(hits),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
                          KARST_VALUE_ARG(notes)))
         return false;
     return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
@@ -206,9 +207,9 @@ bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const
 }
 
 bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                      karst_buffer *hits, karst_buffer *asked, karst_error *error)
+                      karst_buffer *asked, karst_error *error)
 {
-    return cast_pinhole(caster, view, pinhole, hits, asked, KARST_CAST_WHO_ASKED, error);
+    return cast_pinhole(caster, view, pinhole, NULL, asked, KARST_CAST_WHO_ASKED, error);
 }
 
 size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px)

@@ -255,6 +255,7 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 #define BEAM_FUNCTION RAY_INLINE
 #endif
 
+/* hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
                                      const karst_pinhole *pinhole, uint beam_number, K_GLOBAL karst_hit *hits)
 {
@@ -275,7 +276,8 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         valid[p] = mask_bits(m);
     }
     cast_beam(&own, view, 1, 0, &b, start);
-    store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
+    if (hits)
+        store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
 }
 
 /* Where this work-item notes that it wants something; 0: it need not be cast. */

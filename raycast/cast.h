@@ -40,18 +40,19 @@ void karst_caster_destroy(karst_caster *caster); /* NULL is fine */
 void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3],
                           int top_level);
 
-/* Casts all rays; writes one karst_hit for each (at karst_packet_order(x, y, width, height)) and the stamps.
- * Asynchronous on the context's queue; the view and the pinhole are copied. Errors: KARST_FAILED (also: hits too
- * small). */
+/* Casts all rays; writes one karst_hit for each (at karst_packet_order(x, y, width, height)) and the stamps; the latter
+ * alone, for less, where hits is NULL. Asynchronous on the context's queue; the view and the pinhole are copied.
+ * Errors: KARST_FAILED (also: hits too small). */
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error);
 /* The same, noting in `asked` which parts of the picture asked for anything. */
 bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_buffer *asked, karst_error *error);
 /* Casts the parts once more that asked for anything when that picture, or this, was cast last: with the same view,
- * serial included, and pinhole. Where nothing was evicted since, the others would ask for nothing now. */
+ * serial included, and pinhole; no hits are written. Where nothing was evicted since, the others would ask for nothing
+ * now. */
 bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                      karst_buffer *hits, karst_buffer *asked, karst_error *error);
+                      karst_buffer *asked, karst_error *error);
 /* What `asked` takes; zeros at first. Thread-safe. */
 size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px);
 /* The same as karst_cast_pinhole for a buffer of karst_ray. any_hit: t and position may stop at the entry of the

@@ -386,6 +386,59 @@ static void rays_that_end_on_stand_ins_are_counted(void **state)
     assert_int_equal(karst_rays_counted(6u << 16 | 5, 7), 0);
 }
 
+enum { NUM_LISTS = 7 };
+
+static void read_lists(const scene *s, uint32_t *lists[NUM_LISTS])
+{
+    const karst_cache_buffers *b = &s->buffers;
+    karst_buffer *const all[NUM_LISTS] = {b->tile_stamp,    b->brick_stamp, b->brick_fallback, b->want_brick,
+                                          b->want_children, b->want_chunk,  b->want_rays};
+    for (int i = 0; i < NUM_LISTS; i++)
+        lists[i] = read_stamps(all[i]);
+}
+
+/* While a view is made, from nothing to all that it asks for. */
+static void who_wants_no_hits_leaves_the_same(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        karst_error error = {0};
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_serve(&s, 1);
+        karst_caster *caster = open_caster(&s, "");
+        karst_pinhole pinhole = make_pinhole(48, 32, 30, -50, 400);
+        karst_cast_view view = scene_view(&s, anchor, 1);
+        view.blend = 0.25f;
+        view.stands_for = 1;
+        uint32_t num_wanted = 0, served;
+        do {
+            view.serial++;
+            uint32_t *with[NUM_LISTS], *without[NUM_LISTS];
+            scene_upload(&s);
+            free(cast_picture(&s, caster, &view, &pinhole));
+            read_lists(&s, with);
+            scene_upload(&s);
+            scene_check(karst_cast_pinhole(caster, &view, &pinhole, NULL, &error), &error);
+            read_lists(&s, without);
+            const karst_cache_buffers *b = &s.buffers;
+            const size_t bytes[NUM_LISTS] = {b->tile_stamp->size_bytes,    b->brick_stamp->size_bytes,
+                                             b->brick_fallback->size_bytes, b->want_brick->size_bytes,
+                                             b->want_children->size_bytes, b->want_chunk->size_bytes,
+                                             b->want_rays->size_bytes};
+            for (int i = 0; i < NUM_LISTS; i++) {
+                assert_memory_equal(with[i], without[i], bytes[i]);
+                free(with[i]);
+                free(without[i]);
+            }
+            served = scene_serve(&s, view.serial);
+            num_wanted += served;
+        } while (served);
+        assert_true(num_wanted > 20);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -393,6 +446,7 @@ int main(void)
         cmocka_unit_test(missing_bricks_are_wanted),    cmocka_unit_test(unknown_is_incomplete),
         cmocka_unit_test(hidden_things_are_not_wanted), cmocka_unit_test(level_follows_footprint),
         cmocka_unit_test(stand_ins_are_wanted_far_from_what_is_asked_for),
+        cmocka_unit_test(who_wants_no_hits_leaves_the_same),
         cmocka_unit_test(finest_level_is_kept),         cmocka_unit_test(rays_that_end_on_stand_ins_are_counted),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
