@@ -32,11 +32,21 @@ static void commit_slots(const karst_cache_buffers *b, uint32_t first, uint32_t 
     }
 }
 
+/* What there is of each slot beside its brick: little, all over the pools and read from the first frames on. */
+static void commit_tables(const karst_cache_buffers *b)
+{
+    karst_buffer *const tables[] = {b->nodes,       b->tile_info,   b->brick_info, b->brick_owner,   b->tile_stamp,
+                                    b->brick_stamp, b->brick_fallback, b->want_brick, b->want_children, b->want_rays};
+    for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
+        karst_buffer_commit(tables[i], 0, tables[i]->size_bytes);
+}
+
 static void *run(void *user)
 {
     karst_commit *commit = user;
     /* On Linux a priority is a thread's. */
     setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), NICENESS);
+    commit_tables(&commit->buffers);
     pthread_mutex_lock(&commit->lock);
     while (!commit->stops) {
         uint32_t first = commit->end, end = commit->wanted_end;

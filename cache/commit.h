@@ -10,8 +10,8 @@
 
 typedef struct karst_commit karst_commit;
 
-/* For the bricks of these buffers (borrowed; they outlive it). NULL: no memory or no thread, and pages are found when
- * they are touched. */
+/* For these buffers (borrowed; they outlive it): at once for all but bricks, for those as asked. NULL: no memory or no
+ * thread, and pages are found when they are touched. */
 karst_commit *karst_commit_create(const karst_cache_buffers *buffers);
 /* Stops at once: what is asked for and not there yet is left. */
 void karst_commit_destroy(karst_commit *commit);

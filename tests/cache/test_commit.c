@@ -14,7 +14,7 @@
 #include "tests/support/cache_rig.h"
 
 /* Two segments, of 32 MiB or so each. */
-enum { NUM_SLOTS = 6000, SEGMENT_BYTES = 32 << 20 };
+enum { NUM_SLOTS = 6000, SEGMENT_BYTES = 32 << 20, NUM_TILES = 20000 };
 
 static size_t brick_bytes(const karst_cache_buffers *b)
 {
@@ -27,13 +27,12 @@ static karst_buffer *segment_of(const karst_cache_buffers *b, uint32_t slot, siz
     return b->bricks[slot / b->bricks_per_segment];
 }
 
-/* Is all of a slot in memory? */
-static bool is_resident(const karst_cache_buffers *b, uint32_t slot)
+/* Is all of a part of a buffer in memory? */
+static bool is_part_resident(const karst_buffer *buffer, size_t offset_bytes, size_t size_bytes)
 {
-    size_t offset_bytes, page_bytes = (size_t)sysconf(_SC_PAGESIZE);
-    const karst_buffer *buffer = segment_of(b, slot, &offset_bytes);
+    size_t page_bytes = (size_t)sysconf(_SC_PAGESIZE);
     uintptr_t first = ((uintptr_t)buffer->host + offset_bytes) & ~(uintptr_t)(page_bytes - 1);
-    uintptr_t end = (uintptr_t)buffer->host + offset_bytes + brick_bytes(b);
+    uintptr_t end = (uintptr_t)buffer->host + offset_bytes + size_bytes;
     for (uintptr_t page = first; page < end; page += page_bytes) {
         unsigned char resident = 0;
         assert_int_equal(mincore((void *)page, page_bytes, &resident), 0);
@@ -41,6 +40,13 @@ static bool is_resident(const karst_cache_buffers *b, uint32_t slot)
             return false;
     }
     return true;
+}
+
+static bool is_resident(const karst_cache_buffers *b, uint32_t slot)
+{
+    size_t offset_bytes;
+    const karst_buffer *buffer = segment_of(b, slot, &offset_bytes);
+    return is_part_resident(buffer, offset_bytes, brick_bytes(b));
 }
 
 static bool can_be_told(const karst_cache_buffers *b)
@@ -58,7 +64,7 @@ static void test_as_much_as_asked_for(void **state)
     (void)state;
     karst_error error = {0};
     karst_context *context = rig_open_context();
-    karst_cache *cache = karst_cache_create(context, 64, NUM_SLOTS, SEGMENT_BYTES, &error);
+    karst_cache *cache = karst_cache_create(context, NUM_TILES, NUM_SLOTS, SEGMENT_BYTES, &error);
     rig_expect(context, "karst_cache_create", &error);
     const karst_cache_buffers *b = karst_cache_get_buffers(cache);
     assert_true(b->num_segments > 1);
@@ -82,6 +88,9 @@ static void test_as_much_as_asked_for(void **state)
         for (uint32_t slot = 0; slot < end; slot++)
             assert_true(is_resident(b, slot));
         assert_false(is_resident(b, NUM_SLOTS - 1));
+        assert_true(is_part_resident(b->nodes, 0, b->nodes->size_bytes));
+        assert_true(is_part_resident(b->tile_info, 0, b->tile_info->size_bytes));
+        assert_true(is_part_resident(b->want_rays, 0, b->want_rays->size_bytes));
     } else {
         print_message("this system does not find memory ahead\n");
     }
