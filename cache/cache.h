@@ -113,8 +113,8 @@ bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *n
                          uint32_t *num_bricks_constant, karst_error *error);
 
 /* Sees to it that memory will lie behind the next num_bricks bricks that get slots (karst_buffer_commit), and behind
- * all that there is of slots beside bricks, by a thread beside: pages are found when they are first touched, which is no
- * time to be spent while a budget runs. */
+ * all that there is of slots beside bricks, by a thread beside: pages are found when they are first touched, which is
+ * no time to be spent while a budget runs. */
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks);
 
 /* Allocations that a brick pool is cut into: kernels are compiled for that number. 0: one would not hold a brick. */
