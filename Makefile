@@ -111,6 +111,9 @@ $(OBJ)/demos/command_info.o $(OBJ)/core/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(
 
 # Kernels that the host compiles for itself find their world there.
 $(OBJ)/producers/host_steps.o: EXTRA = -Iproducers/host
+# Loops that become vectors, whatever else is not optimised; no value depends on what these leave out.
+$(OBJ)/producers/host_tape.o: EXTRA = -O2 -ftree-vectorize -fno-trapping-math -fno-math-errno \
+    $(if $(findstring clang,$(CC)),,-fvect-cost-model=dynamic)
 
 # Where installed worlds lie, for programs that are linked statically.
 $(OBJ)/core/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'

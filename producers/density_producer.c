@@ -2,6 +2,7 @@
 #include "producers/density_producer.h"
 
 #include <stdlib.h>
+#include <time.h>
 
 #include "producers/host_steps.h"
 #include "producers/kernels.h"
@@ -35,11 +36,11 @@ typedef struct {
 
 /* ---- the host, until kernels are compiled (producers/host_steps.h) ---- */
 
-/* It takes up to 30 ns for an instruction and a sample, and a thousand times that for a node: for longer tapes that is
- * longer than to compile the kernels. */
+/* Bounds of a node take it up to 30 us for an instruction: for longer tapes that is longer than to compile the kernels.
+ * Samples take 0.1 to 1 ns for one, less than kernels whatever the length until these are compiled. */
 #define HOST_MOST_INSTRUCTIONS 2000u
-/* If it works for longer than that, kernels are wanted soon. */
-#define HOST_PATIENCE_NS 50000000u
+/* If that thread works for longer than that, kernels are wanted soon. */
+#define HOST_PATIENCE_NS 500000000u
 
 static bool has_all(const karst_kernels *k) { return (k->loader || k->evaluator) && k->subdivider; }
 
@@ -129,11 +130,18 @@ typedef struct {
     bool failed;
 } host_turn;
 
+static uint64_t thread_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
+}
+
 static bool stays_on_host(void *user)
 {
     host_turn *turn = user;
     density_producer *producer = turn->producer;
-    if (!producer->compilation && karst_clock_ns() - turn->start_ns > HOST_PATIENCE_NS)
+    if (!producer->compilation && thread_ns() - turn->start_ns > HOST_PATIENCE_NS)
         turn->failed = !start_compiling(producer, turn->error);
     return !turn->failed && !(producer->compilation && karst_compilation_num_ready(producer->compilation) > 0);
 }
@@ -142,9 +150,9 @@ static bool stays_on_host(void *user)
 static bool load_on_host(density_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
                          uint32_t first, uint32_t count, uint32_t *done, karst_error *error)
 {
-    host_turn turn = {.producer = producer, .start_ns = karst_clock_ns(), .error = error};
+    host_turn turn = {.producer = producer, .start_ns = thread_ns(), .error = error};
     const karst_load_books *books = &producer->books;
-    bool finished = producer->program.tape_instructions <= HOST_MOST_INSTRUCTIONS;
+    bool finished = true;
     for (*done = 0; finished && *done < count;) {
         uint32_t at = first + *done, num = count - *done < HOST_CHUNK ? count - *done : HOST_CHUNK;
         if (!karst_host_bound_loads(cache, work, at, num, books->loads, producer->data, error) ||

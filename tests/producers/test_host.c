@@ -1,6 +1,6 @@
 /* Production on the host (producers/host_steps.h) until kernels are compiled: tiles, states, bricks and what was
- * scrubbed are the kernels' in every byte; kernels take over while work goes on; long tapes wait for them; and what
- * goes wrong while they are compiled is said. */
+ * scrubbed are the kernels' in every byte; kernels take over while work goes on; bounds of long tapes wait for them;
+ * and what goes wrong while they are compiled is said. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -136,7 +136,7 @@ static void test_non_finite(void **state)
     check_world("holes", "float density(vec3 p) { return p.y < 0.0 ? 1.0 : p.x > 1.0 ? 0.0 / (p.x - p.x) : -1.0; }", 1);
 }
 
-/* Too long for the host to evaluate; it has no generated code either. */
+/* Too long for the host to bound their children; they have no generated code either. */
 static void test_long_tape(void **state)
 {
     (void)state;

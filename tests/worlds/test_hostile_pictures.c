@@ -1,7 +1,8 @@
 /* What is valid among the hostile texts gives a picture, soon and in bounded memory: from the text to the first frame,
  * which has no hole, in a process of its own with PoCL's store as it is when another world was shown before: the
- * engine's own programs are compiled, the world's are not. Times are of the processor, over all threads. The first line
- * is the floor: a plane, with nothing compiled before. A few of the heaviest; KARST_TEST_FULL=1 takes all. */
+ * engine's own programs are compiled, the world's are not. Times are of the wall clock, and of the processor over all
+ * threads. The first line is the floor: a plane, with nothing compiled before. A few of the heaviest; KARST_TEST_FULL=1
+ * takes all. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -21,21 +22,22 @@
 
 /* The aim is 2 s on an idle machine of the kind that docs/PERFORMANCE.md names; others may have this one, and then the
  * same work takes longer by the processor's own clock, too. */
-enum { AIM_MS = 2000, MOST_MS = 6000, MOST_MIB = 500 };
+enum { AIM_MS = 2000, MOST_MS = 4000, MOST_MIB = 500 };
 
-static const char *const heavy[] = {"many conditions", "many divisions", "colours without end"};
+static const char *const heavy[] = {"many arcs", "many divisions", "many warps", "colours without end"};
 
 typedef struct {
     bool drawn;
-    double open_ms, frame_ms;
+    double open_ms, frame_ms; /* of the processor */
+    double wall_ms;
     uint64_t num_incomplete;
     char why[512];
 } outcome;
 
-static double milliseconds(void)
+static double milliseconds(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    clock_gettime(clock, &t);
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
@@ -49,12 +51,13 @@ static void draw(const char *path, outcome *o)
                                   .no_shadows = true};
     karst_error error = {0};
     karst_stats stats;
-    double start = milliseconds();
+    double start = milliseconds(CLOCK_PROCESS_CPUTIME_ID), wall_start = milliseconds(CLOCK_MONOTONIC);
     karst_engine *engine = karst_engine_create(&config, &error);
-    double opened = milliseconds();
+    double opened = milliseconds(CLOCK_PROCESS_CPUTIME_ID);
     o->drawn = engine && karst_engine_frame(engine, &error);
     o->open_ms = opened - start;
-    o->frame_ms = milliseconds() - opened;
+    o->frame_ms = milliseconds(CLOCK_PROCESS_CPUTIME_ID) - opened;
+    o->wall_ms = milliseconds(CLOCK_MONOTONIC) - wall_start;
     snprintf(o->why, sizeof o->why, "%.500s", error.message);
     if (!o->drawn)
         return;
@@ -97,8 +100,8 @@ static void draw_apart(const char *name, const char *text, size_t length, bool f
     if (!o->drawn || o->num_incomplete)
         fail_msg("%s: %s", name, o->drawn ? "a hole in the first frame" : o->why);
     double ms = o->open_ms + o->frame_ms;
-    print_message("%-34s %5.0f ms (opened %5.0f, first frame %5.0f), %3ld MiB\n", name, ms, o->open_ms, o->frame_ms,
-                  usage.ru_maxrss / 1024);
+    print_message("%-42s %5.0f ms; CPU %5.0f ms (opened %5.0f, first frame %5.0f), %3ld MiB\n", name, o->wall_ms, ms,
+                  o->open_ms, o->frame_ms, usage.ru_maxrss / 1024);
     if (!fill && !getenv("KARST_TEST_QUICK") && (ms > MOST_MS || usage.ru_maxrss / 1024 > MOST_MIB))
         fail_msg("%s took %.0f ms and %ld MiB", name, ms, usage.ru_maxrss / 1024);
 }
@@ -123,8 +126,8 @@ static void test_pictures(void **state)
     snprintf(command, sizeof command, "mkdir %s/base", folder);
     run(command);
     draw_apart("(a plane, nothing compiled)", DENSITY, strlen(DENSITY), true, o);
-    double worst_ms = 0;
-    int count = 0, num_late = 0, num_heavy = 0;
+    double worst_ms = 0, worst_wall_ms = 0;
+    int count = 0, num_late = 0, num_late_by_wall = 0, num_heavy = 0;
     for (size_t i = 0; i < NUM_HOSTILE_TEXTS; i++) {
         const hostile_text *t = &hostile_texts[i];
         num_heavy += is_heavy(t->name);
@@ -134,9 +137,12 @@ static void test_pictures(void **state)
         draw_apart(t->name, b.text, b.length, false, o);
         worst_ms = fmax(worst_ms, o->open_ms + o->frame_ms);
         num_late += o->open_ms + o->frame_ms > AIM_MS;
+        worst_wall_ms = fmax(worst_wall_ms, o->wall_ms);
+        num_late_by_wall += o->wall_ms > AIM_MS;
         count++;
     }
-    print_message("%d texts: at most %.0f ms to a picture; %d above %d ms\n", count, worst_ms, num_late, AIM_MS);
+    print_message("%d texts: at most %.0f ms to a picture, %d above %d ms; CPU at most %.0f ms, %d above\n", count,
+                  worst_wall_ms, num_late_by_wall, AIM_MS, worst_ms, num_late);
     assert_int_equal(num_heavy, sizeof heavy / sizeof *heavy);
     snprintf(command, sizeof command, "rm -rf %s", folder);
     run(command);
