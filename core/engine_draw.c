@@ -12,10 +12,9 @@ karst_light karst_engine_light(const karst_engine *engine)
     double voxel_m = exp2(world->voxel_log2_m);
     karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
     karst_haze haze = {world->haze_distance_m, world->haze_height_m, world->haze_globe_m};
-    /* Haze that is as thick everywhere would hide what a longer view is wished for, and a shorter one would show where
-     * it ends. */
-    if (engine->view_distance_m > 0 && haze.height_m == 0)
-        haze.distance_m *= engine->view_distance_m / world->view_distance_m;
+    /* Haze that is as thick everywhere would hide what a longer view is wished for. */
+    if (haze.height_m == 0)
+        haze.distance_m *= fmax(1, engine->view_distance_m / world->view_distance_m);
     double eye_m[3];
     for (int axis = 0; axis < 3; axis++)
         eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;

@@ -39,8 +39,8 @@ typedef struct {
     double safe_steps; /* how far rays leap through air, as a factor on what a brick's slopes prove to be empty; 0: 1.0;
                         * below 0: not at all, cell by cell; above 1 (to 16): farther than proven, past thin things */
     double detail_px;      /* pixels a voxel may be wide; 1.0; 0.25 to 64 */
-    /* Where rays end; 0: what the world says. Haze that does not thin with height goes along: twice as far, half as
-     * thick. */
+    /* Where rays end; 0: what the world says. Where that is farther, haze that does not thin with height goes along:
+     * twice as far, half as thick. */
     double view_distance_m;
     uint32_t budget_bricks; /* bricks (and tiles) produced in a frame at most; 4096 */
     double budget_ms; /* and at most what is expected to take so long on the device, from what the last ones took; 0: no
