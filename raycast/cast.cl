@@ -248,14 +248,7 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 #endif
 }
 
-/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
-#if LANES == 16
-#define BEAM_FUNCTION static K_WIDE __attribute__((noinline))
-#else
-#define BEAM_FUNCTION RAY_INLINE
-#endif
-
-/* hits 0: nobody wants to know. */
+/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
                                      const karst_pinhole *pinhole, uint beam_number, K_GLOBAL karst_hit *hits)
 {
