@@ -130,6 +130,18 @@ run render no-such-world -o kept.png
 [ $status -eq 4 ] && [ "$(cat kept.png)" = precious ]
 result "a failure leaves the old picture alone"
 
+# ---- densities that are not finite ----
+echo 'float density(vec3 p) { return p.y < 0.0 ? 1.0 : p.x > 1.0 ? 0.0 / (p.x - p.x) : -1.0; }' > holes.karst
+run render holes.karst --size 32x24 --detail 8 --view-distance 200 --display none -o holes.png --stats holes.json
+at=$(sed -n 's/.*not finite.* is at \([-0-9.e+]*,[-0-9.e+]*,[-0-9.e+]*\) .*/\1/p' stderr)
+[ $status -eq 0 ] && [ "$(grep -c 'not finite' stderr)" -eq 1 ] && [ -n "$at" ] && [ -s holes.png ] &&
+    grep -qE '"non_finite": [1-9]' holes.json
+result "what is not finite is counted, and reported once"
+run sample holes.karst --at "$at" --json
+[ $status -eq 0 ] && grep -q '"density":null' stdout
+result "where it is reported to be, it is"
+rm -f holes.*
+
 # ---- what is missing ----
 export OCL_ICD_VENDORS=/nonexistent
 complains 3 "pocl-opencl-icd" "no OpenCL device" render hills $quick
