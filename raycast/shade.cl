@@ -15,8 +15,9 @@
 #ifdef SHADE_WORLD_COLOUR
 /* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
  * are. */
-RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anchor *anchor, const surface_hits *s,
-                               const vector3 *direction, vint hit)
+RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
+                               const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
+                               vint hit)
 {
     world_point_at place;
     colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
@@ -28,7 +29,8 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
         int level = (int)v_min_across(left);
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
         vfloat red, green, blue;
-        world_colour(data, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
+        world_colour(data, anchor->voxel, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green,
+                     &blue);
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
         albedo.r = k_fma(share, lane_unit(red), albedo.r);
         albedo.g = k_fma(share, lane_unit(green), albedo.g);
@@ -38,6 +40,9 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, const karst_shade_anc
     }
     return albedo;
 }
+#else
+typedef int near_octave;
+#define WORLD_NEAR_OCTAVES 0
 #endif
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
@@ -114,8 +119,9 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
  * coarser than own_detail. */
 SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
-                             const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float detail,
-                             float own_detail, float blend, uint packet, __local uint *counts)
+                             const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
+                             __local const near_octave *octaves, float detail, float own_detail, float blend,
+                             uint packet, __local uint *counts)
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
@@ -125,13 +131,15 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         surface_hits s = load_surface(hits, place, valid, &direction, pinhole->cone * detail, blend);
         vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
         vfloat to_sun = dot3(&direction, light->sun_direction);
-        colour c = sky_colour(light, &direction, to_sun);
+        colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+        if (v_any(valid & ~hit))
+            c = sky_colour(light, &direction, to_sun);
         vfloat dither = tone_dither(x, y);
         vint sunny = (vint)(0), dark = (vint)(0);
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
 #ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(data, anchor, &s, &direction, hit);
+            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit);
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
@@ -176,10 +184,18 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
     __local uint counts[KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
     __local uint *mine = counts[get_local_id(0)];
+    __local near_octave known[WORLD_NEAR_OCTAVES + 1];
+    /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
+     * what its optimisers have put in functions that it calls. */
+    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
     for (int i = 0; i < 4; i++)
         mine[i] = 0;
+#ifdef SHADE_WORLD_COLOUR
+    world_colour_prepare(data, anchor.voxel, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    barrier(CLK_LOCAL_MEM_FENCE);
+#endif
 
-    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, detail, own_detail, blend,
+    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
                  (uint)get_global_id(0), mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)

@@ -10,9 +10,15 @@ typedef struct karst_shader karst_shader;
 /* A world's own colours. */
 typedef struct {
     /* Text in the lane dialect that defines, with LANES lanes and the types of producers/density.clh,
-     *     void world_colour(world_data data, const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
+     *     void world_colour(world_data data, const long anchor[3], __local const near_octave *octaves,
+     *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
      *                       vfloat *red, vfloat *green, vfloat *blue);
-     * the albedo (linear RGB) at exact places, band-limited to voxels of a level. Borrowed during creation. */
+     * the albedo (linear RGB) at exact places, band-limited to voxels of a level. Fastest within 2^31 voxels of an
+     * anchor, for which
+     *     void world_colour_prepare(world_data data, const long anchor[3], __local near_octave *octaves, uint item,
+     *                               uint num_items);
+     * has made WORLD_NEAR_OCTAVES octaves: each of num_items work-items, from 0, its part, and a barrier after that.
+     * near_octave is the text's own type. Borrowed during creation. */
     const char *source;
     const char *options;      /* build options for it */
     const karst_buffer *data; /* borrowed for the shader's life */

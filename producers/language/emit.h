@@ -30,6 +30,9 @@
 /* Octaves of a brick whose gradients stand in tables (noise/table.clh), 1,216 bytes each; others hash every corner. */
 #define KARST_EMIT_MAX_GRADIENTS 96u
 
+/* Octaves of colours that are made ready at an anchor (near.clh), 180 bytes each of a work-group's memory. */
+#define KARST_EMIT_MAX_NEAR_OCTAVES 64u
+
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */
     char *colour_source;     /* malloc'ed text that defines world_colour alone; NULL: the world has no colours */

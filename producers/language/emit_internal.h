@@ -12,6 +12,7 @@
  * `lane` along the first of them, `iy` and `iz` along the others. */
 typedef struct {
     bool is_point;  /* everything, at any position `at` in each lane */
+    bool is_near;   /* such positions are also steps `near` from an anchor, and `octaves` are known there */
     bool is_sample; /* everything, at any samples `ix`, `iy`, `iz` of a brick */
     uint8_t axes;   /* what its nodes depend on; lanes run along the first of them */
 } karst_block;
@@ -26,6 +27,7 @@ typedef struct {
     uint8_t has_gradients; /* gradient noise for which 16 lanes look gradients up, where they take no tensor */
     uint8_t has_rows;      /* such a noise whose octaves are added to all rows of a plane at once */
     uint8_t is_gathered;   /* see emit_brick.c */
+    uint32_t near;         /* of a noise: 1 + the number of its first octave among `octaves`; 0: it has none there */
     karst_expr partner;    /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
@@ -99,6 +101,8 @@ bool karst_emit_face_in_rows(const karst_emit *emit);
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */
 void karst_emit_place(karst_emit *emit, karst_expr e);
+/* Numbers the octaves of what is marked whose arguments depend on one axis each, and writes world_colour_prepare. */
+void karst_emit_near_octaves(karst_emit *emit);
 
 /* ---- emit_slopes.c ---- */
 /* A noise and its derivatives from one evaluation, where the point form wants derivatives of gradient noise: all lines

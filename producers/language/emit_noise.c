@@ -73,6 +73,33 @@ bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e)
     return true;
 }
 
+/* The axis that an argument changes along by itself, or any, `otherwise`, if it does along none; -1: along several. */
+static int axis_of(const karst_emit *emit, karst_expr argument, int otherwise)
+{
+    switch (steps_along(emit, argument)) {
+    case 0:
+        return otherwise;
+    case KARST_DEPENDS_X:
+        return 0;
+    case KARST_DEPENDS_Y:
+        return 1;
+    case KARST_DEPENDS_Z:
+        return 2;
+    default:
+        return -1;
+    }
+}
+
+/* Gradient noise over the position's own axes, unmoved. */
+static bool is_near_gradient(const karst_emit *emit, karst_expr e)
+{
+    for (int i = 0; i < 3; i++)
+        if (axis_of(emit, emit->graph->nodes[e].arg[i], i) != i ||
+            karst_emit_moved_by(emit, emit->graph->nodes[e].arg[i]))
+            return false;
+    return emit->block.is_near && emit->nodes[e].near && karst_emit_is_gradient(emit, e);
+}
+
 /* Where one argument lies in the octave's lattice, as the brick form steps there or the point form computes it. */
 static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
@@ -82,7 +109,10 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
     karst_text_add(text, "        q.axis[%d] = ", i);
-    if (emit->block.is_point)
+    if (emit->block.is_near && emit->nodes[noise].near)
+        karst_text_add(text, "near_coordinate(&near, near_octave, %d, %d, &octave->lattice[%d])", i,
+                       axis_of(emit, emit->graph->nodes[noise].arg[i], i), i);
+    else if (emit->block.is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
     else if (emit->block.is_sample)
         karst_text_add(text, "noise_coordinate_split(emit_steps_any(&octave->arg[%d], ix, iy, iz)", i);
@@ -119,6 +149,20 @@ static void octave_line(karst_emit *emit, karst_expr e)
     const karst_noise *noise = noise_of(emit, e);
     const char *base = base_names[noise->base], *shape = shape_names[noise->shape];
     karst_text *text = &emit->text;
+    if (is_near_gradient(emit, e) && noise->shape == KARST_NOISE_SUM) {
+        karst_text_add(text,
+                       "        v%u = near_add_gradient(&near, near_octave, octave, weight.amplitude * weight.weight, "
+                       "v%u);\n",
+                       e, e);
+        return;
+    }
+    if (is_near_gradient(emit, e)) {
+        karst_text_add(text,
+                       "        v%u = octave_%s(near_add_gradient(&near, near_octave, octave, 1.0f, (vfloat)(0.0f)), "
+                       "octave_mean(%u, %u), &weight, v%u);\n",
+                       e, shape, noise->base, noise->shape, e);
+        return;
+    }
     karst_emit_place(emit, e);
     if (noise->derivative)
         karst_text_add(text, "        const vfloat slope = octave_slope_%s(&q, weight.seed, %d);\n", base,
@@ -161,10 +205,15 @@ void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)
     karst_text *text = &emit->text;
     karst_text_add(text, "    for (int k = 0; k < %u; k++) {\n", noise_of(emit, e)->num_octaves);
     if (emit->block.is_point)
-        karst_text_add(text,
-                       "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u) + k;\n"
-                       "        const octave_weight weight = octave_weight_at(octave, level);\n",
+        karst_text_add(text, "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u) + k;\n",
                        emit->layout->word[e]);
+    if (emit->block.is_near && emit->nodes[e].near)
+        karst_text_add(text,
+                       "        __local const near_octave *near_octave = octaves + %u + k;\n"
+                       "        const octave_weight weight = near_octave_weight(near_octave, level);\n",
+                       emit->nodes[e].near - 1);
+    else if (emit->block.is_point)
+        karst_text_add(text, "        const octave_weight weight = octave_weight_at(octave, level);\n");
     else
         karst_text_add(text,
                        "        const K_PRIVATE emit_octave *octave = &axes->n%u[k];\n"
@@ -212,4 +261,36 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
     octave_line(emit, e);
     karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "",
                    is_tensor || has_rows ? "#endif\n" : "");
+}
+
+void karst_emit_near_octaves(karst_emit *emit)
+{
+    karst_text *text = &emit->text;
+    uint32_t num_octaves = 0;
+    karst_text_add(text, "K_INLINE void world_colour_prepare(world_data data, const long anchor[3],\n"
+                         "                                   __local near_octave *octaves, uint item, uint num_items)\n"
+                         "{\n");
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE)
+            continue;
+        const karst_expr *arg = emit->graph->nodes[e].arg;
+        const uint32_t octaves = noise_of(emit, e)->num_octaves;
+        int axis[3];
+        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES;
+        for (int i = 0; i < 3; i++) {
+            axis[i] = axis_of(emit, arg[i], i);
+            is_near = is_near && axis[i] >= 0;
+        }
+        emit->nodes[e].near = is_near ? num_octaves + 1 : 0;
+        if (!is_near)
+            continue;
+        /* No loop in steps of num_items: PoCL 3.1 takes one that ends after its first round for one without an end. */
+        karst_text_add(text,
+                       "    const int axis%u[3] = {%d, %d, %d};\n    for (uint k = 0; k < %uu; k++)\n"
+                       "        if ((%uu + k) %% num_items == item)\n"
+                       "            near_octave_at(octaves + %u + k, EMIT_OCTAVE(data, %u) + k, anchor, axis%u);\n",
+                       e, axis[0], axis[1], axis[2], octaves, num_octaves, num_octaves, emit->layout->word[e], e);
+        num_octaves += octaves;
+    }
+    karst_text_add(text, "}\n#define WORLD_NEAR_OCTAVES %u\n\n", num_octaves);
 }

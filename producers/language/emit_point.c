@@ -1,16 +1,19 @@
 /* The point form: world_point and world_colour. */
 #include "producers/language/emit_internal.h"
 
-/* may_choose: what a packet does not need may be left out, though then infinite numbers in it do not come through. */
-static uint32_t lines_of(karst_emit *emit, const karst_expr *roots, size_t num_roots, bool may_choose)
+/* All that is marked. */
+static void marked_lines(karst_emit *emit)
 {
-    uint32_t count = karst_emit_mark(emit, roots, num_roots);
-    karst_emit_begin_block(emit, (karst_block){.is_point = true});
-    if (may_choose && karst_emit_choice_lines(emit, roots, num_roots))
-        return count;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].needs)
             karst_emit_lines(emit, e);
+}
+
+static uint32_t lines_of(karst_emit *emit, const karst_expr *roots, size_t num_roots)
+{
+    uint32_t count = karst_emit_mark(emit, roots, num_roots);
+    karst_emit_begin_block(emit, (karst_block){.is_point = true});
+    marked_lines(emit);
     return count;
 }
 
@@ -27,7 +30,7 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
     karst_text_add(text,
                    "K_INLINE K_WIDE vfloat world_point(world_data data, const world_point_at *place, int level)\n{\n%s",
                    begin);
-    emitted->num_point_ops = lines_of(emit, &world->density, 1, false);
+    emitted->num_point_ops = lines_of(emit, &world->density, 1);
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
 }
 
@@ -40,7 +43,7 @@ void karst_emit_surfaces(karst_emit *emit)
                    "K_INLINE K_WIDE vfloat world_surface(world_data data, const world_point_at *place, int level, "
                    "vfloat gradient[3])\n{\n%s",
                    begin);
-    lines_of(emit, roots, 4, false);
+    lines_of(emit, roots, 4);
     for (int i = 0; i < 3; i++)
         karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, world->gradient[i]).text);
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
@@ -50,12 +53,18 @@ void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
 {
     const karst_resolved_world *world = &emit->layout->world;
     karst_text *text = &emit->text;
-    karst_text_add(
-        text,
-        "K_INLINE K_WIDE void world_colour(world_data data, const world_point_at *place, int level, vfloat nx, "
-        "vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, vfloat *blue)\n{\n%s",
-        begin);
-    emitted->num_colour_ops = lines_of(emit, world->colour, 3, true);
+    emitted->num_colour_ops = karst_emit_mark(emit, world->colour, 3);
+    karst_emit_near_octaves(emit);
+    karst_text_add(text,
+                   "K_INLINE K_WIDE void world_colour(world_data data, const long anchor[3], __local const near_octave "
+                   "*octaves,\n                                  const world_point_at *place, int level, vfloat nx, "
+                   "vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, vfloat *blue)"
+                   "\n{\n%s    const near_position near = near_position_at(&at, anchor);\n",
+                   begin);
+    karst_emit_begin_block(emit, (karst_block){.is_point = true, .is_near = true});
+    /* What a packet does not need is left out, though then infinite numbers in it do not come through. */
+    if (!karst_emit_choice_lines(emit, world->colour, 3))
+        marked_lines(emit);
     static const char *const names[] = {"red", "green", "blue"};
     for (int i = 0; i < 3; i++)
         karst_text_add(text, "    *%s = %s;\n", names[i], karst_emit_operand(emit, world->colour[i]).text);
