@@ -10,7 +10,7 @@
 
 typedef struct karst_sunward karst_sunward;
 
-/* Builds the kernel and allocates the records: 80 bytes a slot. The buffers stay the cache's. Errors: KARST_FAILED. */
+/* Builds the kernel and allocates the records: 144 bytes a slot. The buffers stay the cache's. Errors: KARST_FAILED. */
 karst_sunward *karst_sunward_create(karst_context *context, const karst_cache_buffers *cache, karst_error *error);
 void karst_sunward_destroy(karst_sunward *sunward); /* NULL is fine */
 

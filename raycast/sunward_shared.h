@@ -10,13 +10,20 @@
 
 #include "cache/layout_shared.h"
 
+/* What a ray in a fine block (2^3 cells; block x + 8 y + 64 z) may do: two bits each, sixteen to a word. */
+#define KARST_SUNWARD_LOOK 0u /* look at its cell: solid may be met here, or all of this is solid */
+#define KARST_SUNWARD_STEP 1u /* step out of the fine block */
+#define KARST_SUNWARD_FREE 2u /* leave the brick: a ray in air meets nothing on its way through it */
+#define KARST_SUNWARD_LEAP 3u /* step out of the block of 4^3 cells, in which there is nothing to look at */
+#define KARST_SUNWARD_WORDS 32
+
 typedef struct {
-    uint fine[KARST_FINE_WORDS]; /* as a brick's fine mask, but of cells in which rays in air may meet solid */
-    uint blocks[2];              /* as karst_brick_info's, of those */
-    float safe_cells;            /* times -q: so many cells towards the sun there is no zero in the brick */
+    uint ways[KARST_SUNWARD_WORDS];
+    uint blocks[2];   /* as karst_brick_info's, of cells in which rays in air may meet solid */
+    float safe_cells; /* times -q: so many cells towards the sun there is no zero in the brick */
     uint pad;
 } karst_sunward_brick;
-K_ASSERT_SIZE(karst_sunward_brick, 80);
+K_ASSERT_SIZE(karst_sunward_brick, 144);
 
 /* A cell counts as falling where q falls at least so fast, in steps of q a cell: far more than rounding. */
 #define KARST_SUNWARD_FALL 1.0f

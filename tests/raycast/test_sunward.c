@@ -84,6 +84,29 @@ static double rise_of_cell(const int16_t *q, bool *is_mixed)
 
 #define ROUNDING 0.05
 
+static uint32_t way_of(const karst_sunward_brick *brick, int block)
+{
+    return brick->ways[block / 16] >> block % 16 * 2 & 3;
+}
+
+/* From 8 points of a fine block: whether the way towards the sun, out of the brick, meets one of `open`. */
+static bool meets_open(const uint32_t open[KARST_FINE_WORDS], int block)
+{
+    for (int i = 0; i < 8; i++) {
+        double p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = (block >> 3 * a & 7) * 2 + (i >> a & 1 ? 1.99 : 0.01);
+        for (; p[0] >= 0 && p[0] < 16 && p[1] >= 0 && p[1] < 16 && p[2] >= 0 && p[2] < 16;) {
+            int at = (int)p[0] / 2 + 8 * ((int)p[1] / 2) + 64 * ((int)p[2] / 2);
+            if (open[at / 32] >> at % 32 & 1)
+                return true;
+            for (int a = 0; a < 3; a++)
+                p[a] += 0.05 * (double)sun[a];
+        }
+    }
+    return false;
+}
+
 static void records_follow_from_samples(void **state)
 {
     (void)state;
@@ -92,10 +115,11 @@ static void records_follow_from_samples(void **state)
         karst_buffer *owners = make_owners(&s, s.num_bricks);
         karst_sunward *sunward = aim(&s, owners);
         karst_sunward_brick *bricks = read_bricks(sunward, s.num_bricks);
-        uint32_t num_open = 0, num_mixed = 0, num_longer = 0;
+        uint32_t num_open = 0, num_mixed = 0, num_longer = 0, num_free = 0, num_held = 0;
         for (uint32_t slot = 1; slot < s.num_bricks; slot++) {
             const int16_t *q = s.bricks + (size_t)slot * KARST_BRICK_STRIDE;
-            uint32_t least[KARST_FINE_WORDS] = {0}, most[KARST_FINE_WORDS] = {0}, mixed[KARST_FINE_WORDS] = {0};
+            uint32_t least[KARST_FINE_WORDS] = {0}, most[KARST_FINE_WORDS] = {0}, mixed[KARST_FINE_WORDS] = {0},
+                     airy[KARST_FINE_WORDS] = {0};
             double steepest = 0;
             for (int cell = 0; cell < 4096; cell++) {
                 int x = cell & 15, y = cell >> 4 & 15, z = cell >> 8, bit = x / 2 + 8 * (y / 2) + 64 * (z / 2);
@@ -103,19 +127,35 @@ static void records_follow_from_samples(void **state)
                 double rise = rise_of_cell(q + x + KARST_BRICK_SIDE * (y + KARST_BRICK_SIDE * z), &is_mixed);
                 steepest = fmax(steepest, rise);
                 mixed[bit / 32] |= (uint32_t)is_mixed << bit % 32;
+                airy[bit / 32] |=
+                    (uint32_t)(is_mixed || q[x + KARST_BRICK_SIDE * (y + KARST_BRICK_SIDE * z)] <= 0) << bit % 32;
                 most[bit / 32] |= (uint32_t)(is_mixed && rise > -KARST_SUNWARD_FALL - ROUNDING) << bit % 32;
                 least[bit / 32] |= (uint32_t)(is_mixed && rise > -KARST_SUNWARD_FALL + ROUNDING) << bit % 32;
             }
-            uint32_t blocks[2] = {0};
+            uint32_t blocks[2] = {0}, opened[KARST_FINE_WORDS] = {0};
             for (int bit = 0; bit < 512; bit++) {
                 int x = bit & 7, y = bit >> 3 & 7, z = bit >> 6, block = x / 2 + 4 * (y / 2) + 16 * (z / 2);
-                bool is_open = bricks[slot].fine[bit / 32] >> bit % 32 & 1;
+                uint32_t way = way_of(&bricks[slot], bit);
+                bool is_airy = airy[bit / 32] >> bit % 32 & 1, is_open = way == KARST_SUNWARD_LOOK && is_airy;
+                assert_true(is_airy || way == KARST_SUNWARD_LOOK);
+                opened[bit / 32] |= (uint32_t)is_open << bit % 32;
                 assert_true(is_open ? most[bit / 32] >> bit % 32 & 1 : !(least[bit / 32] >> bit % 32 & 1));
                 blocks[block / 32] |= (uint32_t)is_open << block % 32;
                 num_open += is_open;
                 num_mixed += mixed[bit / 32] >> bit % 32 & 1;
             }
             assert_memory_equal(blocks, bricks[slot].blocks, sizeof blocks);
+            for (int bit = 0; bit < 512; bit++) {
+                int x = bit & 7, y = bit >> 3 & 7, z = bit >> 6, block = x / 2 + 4 * (y / 2) + 16 * (z / 2);
+                uint32_t way = way_of(&bricks[slot], bit);
+                assert_true(way != KARST_SUNWARD_LEAP || !(blocks[block / 32] >> block % 32 & 1));
+                if (way == KARST_SUNWARD_STEP || way == KARST_SUNWARD_LEAP)
+                    num_held++;
+                if (way != KARST_SUNWARD_FREE)
+                    continue;
+                num_free++;
+                assert_false(meets_open(opened, bit));
+            }
             float any_way = s.brick_info[slot].safe_cells;
             assert_true(bricks[slot].safe_cells >= any_way);
             if (bricks[slot].safe_cells > any_way)
@@ -124,6 +164,7 @@ static void records_follow_from_samples(void **state)
         }
         /* It spares something. */
         assert_true(num_mixed > 10000 && num_open < num_mixed / 2 && num_longer > s.num_bricks / 4);
+        assert_true(num_free > num_held && num_held > num_open);
         free(bricks);
         karst_sunward_destroy(sunward);
         karst_buffer_destroy(owners);
@@ -149,7 +190,7 @@ static void loads_are_noted(void **state)
     karst_sunward_brick *now = read_bricks(noted, s.num_bricks);
     for (uint32_t slot = 1; slot < s.num_bricks; slot++) {
         bool is_noted = slot == 3 || slot == 9;
-        assert_memory_equal(now[slot].fine, (is_noted ? expected : before)[slot].fine, sizeof now[slot].fine);
+        assert_memory_equal(now[slot].ways, (is_noted ? expected : before)[slot].ways, sizeof now[slot].ways);
         assert_true(!is_noted || now[slot].safe_cells == expected[slot].safe_cells);
     }
     free(expected);
