@@ -284,7 +284,7 @@ void karst_emit_near_octaves(karst_emit *emit)
         emit->nodes[e].near = is_near ? num_octaves + 1 : 0;
         if (!is_near)
             continue;
-        /* No loop in steps of num_items: PoCL 3.1 takes one that ends after its first round for one without an end. */
+        /* Each item counts all octaves: with PoCL 3.1 a loop in steps of num_items ran on (a crash in `alps`). */
         karst_text_add(text,
                        "    const int axis%u[3] = {%d, %d, %d};\n    for (uint k = 0; k < %uu; k++)\n"
                        "        if ((%uu + k) %% num_items == item)\n"
