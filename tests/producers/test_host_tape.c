@@ -86,7 +86,7 @@ static void compare_graph(uint64_t seed, bool with_pairs, coverage *c)
     int level = (int)random_below(12);
     long origin[3];
     for (int axis = 0; axis < 3; axis++) /* of nodes, as the cache has them */
-        origin[axis] = s.place.voxel[axis] >> (level + KARST_BRICK_CELLS_LOG2) << (level + KARST_BRICK_CELLS_LOG2);
+        origin[axis] = s.place.voxel[axis] & -(1l << (level + KARST_BRICK_CELLS_LOG2));
     for (int width = 0; width < KARST_NUM_HOST_WIDTHS; width++) {
         if (!karst_host_width_is_there((karst_host_width)width))
             continue;
