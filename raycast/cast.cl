@@ -60,14 +60,19 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
 {
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
     int some = 0, all = 7;
+    vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
     b->found.only_whether = only_whether;
-    for (int p = 0; p < BEAM_PACKETS; p++)
-        for (int axis = 0; axis < 3; axis++) {
-            vint down = v_ne(start[p].octants & (1 << axis), (vint)(0));
-            some |= v_any(start[p].alive & down) ? 1 << axis : 0;
-            all &= v_any(start[p].alive & ~down) ? ~(1 << axis) : 7;
-        }
+    for (int p = 0; p < BEAM_PACKETS; p++) {
+        falls |= start[p].alive & start[p].octants;
+        climbs |= start[p].alive & ~start[p].octants;
+    }
+    for (int axis = 0; axis < 3; axis++) {
+        some |= v_any(v_ne(falls & (1 << axis), (vint)(0))) ? 1 << axis : 0;
+        all &= v_any(v_ne(climbs & (1 << axis), (vint)(0))) ? ~(1 << axis) : 7;
+    }
+    if (from_anchor)
+        b->end = v_max_across(start[0].t_end);
     for (int octant = 0; octant < 8; octant++) {
         if ((octant & ~some) || (all & ~octant))
             continue;
