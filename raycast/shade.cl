@@ -20,17 +20,19 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
                                vint hit)
 {
     world_point_at place;
+    world_near_at near;
     colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     vfloat t = v_select(hit, s->t, (vfloat)(0.0f));
-    exact_places(&place, anchor, direction, t);
+    exact_steps(&near, anchor, direction, t, v_max_across(t));
+    if (WORLD_COLOUR_TAKES_PLACES || near.is_far)
+        exact_places(&place, anchor, direction, t);
     vint own = hit, next = hit & v_gt(s->weight, (vfloat)(0.0f));
     while (v_any(own | next)) {
         vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
         int level = (int)v_min_across(left);
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
         vfloat red, green, blue;
-        world_colour(data, anchor->voxel, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green,
-                     &blue);
+        world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
         albedo.r = k_fma(share, lane_unit(red), albedo.r);
         albedo.g = k_fma(share, lane_unit(green), albedo.g);
@@ -115,8 +117,8 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
 #define SHADE_CALL RAY_INLINE
 #endif
 
-/* The pixels of a packet as they are out of all shadows, and its shadow rays. counts: hits, provisional, incomplete,
- * coarser than own_detail. */
+/* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to counts: hits, provisional,
+ * incomplete, coarser than own_detail. */
 SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                              const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
@@ -163,16 +165,16 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #endif
         store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, pixel_bytes(&c, dither),
                      v_select(hit, s.t, (vfloat)(INFINITY)));
-        counts[0] = (uint)count_lanes(hit);
-        counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        counts[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        counts[0] += (uint)count_lanes(hit);
+        counts[1] += (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        counts[2] += (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
         /* A proof of solid needs no finer level. */
         vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
         vint coarser =
             hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
                    (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
         if (own_detail > 0.0f)
-            counts[3] = (uint)count_lanes(coarser);
+            counts[3] += (uint)count_lanes(coarser);
     }
 }
 
@@ -191,12 +193,14 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     for (int i = 0; i < 4; i++)
         mine[i] = 0;
 #ifdef SHADE_WORLD_COLOUR
-    world_colour_prepare(data, anchor.voxel, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
 
-    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
-                 (uint)get_global_id(0), mine);
+    /* Those past the picture's end have no valid pixel. */
+    for (uint i = 0; i < KARST_SHADE_PACKETS(LANES); i++)
+        shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
+                     blend, (uint)get_global_id(0) * KARST_SHADE_PACKETS(LANES) + i, mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
         for (int i = 0; i < 4; i++) {

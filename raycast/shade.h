@@ -10,13 +10,13 @@ typedef struct karst_shader karst_shader;
 /* A world's own colours. */
 typedef struct {
     /* Text in the lane dialect that defines, with LANES lanes and the types of producers/density.clh,
-     *     void world_colour(world_data data, const long anchor[3], __local const near_octave *octaves,
+     *     void world_colour(world_data data, const world_near_at *near, __local const near_octave *octaves,
      *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
      *                       vfloat *red, vfloat *green, vfloat *blue);
-     * the albedo (linear RGB) at exact places, band-limited to voxels of a level. Fastest within 2^31 voxels of an
-     * anchor, for which
-     *     void world_colour_prepare(world_data data, const long anchor[3], __local near_octave *octaves, uint item,
-     *                               uint num_items);
+     * the albedo (linear RGB) at places, band-limited to voxels of a level. `place` is only looked at where
+     * near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel, fraction in 2^-32) void
+     * world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],
+     *                               __local near_octave *octaves, uint item, uint num_items);
      * has made WORLD_NEAR_OCTAVES octaves: each of num_items work-items, from 0, its part, and a barrier after that.
      * near_octave is the text's own type. Borrowed during creation. */
     const char *source;

@@ -110,7 +110,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_near && emit->nodes[noise].near)
-        karst_text_add(text, "near_coordinate(&near, near_octave, %d, %d, &octave->lattice[%d])", i,
+        karst_text_add(text, "near_coordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])", i,
                        axis_of(emit, emit->graph->nodes[noise].arg[i], i), i);
     else if (emit->block.is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
@@ -150,17 +150,19 @@ static void octave_line(karst_emit *emit, karst_expr e)
     const char *base = base_names[noise->base], *shape = shape_names[noise->shape];
     karst_text *text = &emit->text;
     if (is_near_gradient(emit, e) && noise->shape == KARST_NOISE_SUM) {
-        karst_text_add(text,
-                       "        v%u = near_add_gradient(&near, near_octave, octave, weight.amplitude * weight.weight, "
-                       "v%u);\n",
-                       e, e);
+        karst_text_add(
+            text,
+            "        v%u = near_add_gradient(near, &at, near_octave, octave, weight.amplitude * weight.weight, "
+            "v%u);\n",
+            e, e);
         return;
     }
     if (is_near_gradient(emit, e)) {
-        karst_text_add(text,
-                       "        v%u = octave_%s(near_add_gradient(&near, near_octave, octave, 1.0f, (vfloat)(0.0f)), "
-                       "octave_mean(%u, %u), &weight, v%u);\n",
-                       e, shape, noise->base, noise->shape, e);
+        karst_text_add(
+            text,
+            "        v%u = octave_%s(near_add_gradient(near, &at, near_octave, octave, 1.0f, (vfloat)(0.0f)), "
+            "octave_mean(%u, %u), &weight, v%u);\n",
+            e, shape, noise->base, noise->shape, e);
         return;
     }
     karst_emit_place(emit, e);
@@ -259,17 +261,17 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
         karst_text_add(text, "#else\n");
     }
     octave_line(emit, e);
-    karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "",
-                   is_tensor || has_rows ? "#endif\n" : "");
+    karst_text_add(text, "%s    }\n%s", has_gradients ? "#endif\n" : "", is_tensor || has_rows ? "#endif\n" : "");
 }
 
 void karst_emit_near_octaves(karst_emit *emit)
 {
     karst_text *text = &emit->text;
     uint32_t num_octaves = 0;
-    karst_text_add(text, "K_INLINE void world_colour_prepare(world_data data, const long anchor[3],\n"
-                         "                                   __local near_octave *octaves, uint item, uint num_items)\n"
-                         "{\n");
+    karst_text_add(text,
+                   "K_INLINE void world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],\n"
+                   "                                   __local near_octave *octaves, uint item, uint num_items)\n"
+                   "{\n");
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE)
             continue;
@@ -285,11 +287,12 @@ void karst_emit_near_octaves(karst_emit *emit)
         if (!is_near)
             continue;
         /* Each item counts all octaves: with PoCL 3.1 a loop in steps of num_items ran on (a crash in `alps`). */
-        karst_text_add(text,
-                       "    const int axis%u[3] = {%d, %d, %d};\n    for (uint k = 0; k < %uu; k++)\n"
-                       "        if ((%uu + k) %% num_items == item)\n"
-                       "            near_octave_at(octaves + %u + k, EMIT_OCTAVE(data, %u) + k, anchor, axis%u);\n",
-                       e, axis[0], axis[1], axis[2], octaves, num_octaves, num_octaves, emit->layout->word[e], e);
+        karst_text_add(
+            text,
+            "    const int axis%u[3] = {%d, %d, %d};\n    for (uint k = 0; k < %uu; k++)\n"
+            "        if ((%uu + k) %% num_items == item)\n"
+            "            near_octave_at(octaves + %u + k, EMIT_OCTAVE(data, %u) + k, anchor, fraction, axis%u);\n",
+            e, axis[0], axis[1], axis[2], octaves, num_octaves, num_octaves, emit->layout->word[e], e);
         num_octaves += octaves;
     }
     karst_text_add(text, "}\n#define WORLD_NEAR_OCTAVES %u\n\n", num_octaves);

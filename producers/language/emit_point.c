@@ -1,6 +1,8 @@
 /* The point form: world_point and world_colour. */
 #include "producers/language/emit_internal.h"
 
+#include <string.h>
+
 /* All that is marked. */
 static void marked_lines(karst_emit *emit)
 {
@@ -18,6 +20,7 @@ static uint32_t lines_of(karst_emit *emit, const karst_expr *roots, size_t num_r
 }
 
 static const char begin[] = "    affine_position at;\n"
+                            "    K_UNROLL\n"
                             "    for (int i = 0; i < 3; i++) {\n"
                             "        at.voxel[i] = place->voxel[i];\n"
                             "        at.fraction[i] = place->fraction[i];\n"
@@ -56,11 +59,12 @@ void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
     emitted->num_colour_ops = karst_emit_mark(emit, world->colour, 3);
     karst_emit_near_octaves(emit);
     karst_text_add(text,
-                   "K_INLINE K_WIDE void world_colour(world_data data, const long anchor[3], __local const near_octave "
-                   "*octaves,\n                                  const world_point_at *place, int level, vfloat nx, "
-                   "vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, vfloat *blue)"
-                   "\n{\n%s    const near_position near = near_position_at(&at, anchor);\n",
+                   "K_INLINE K_WIDE void world_colour(world_data data, const world_near_at *near, __local const "
+                   "near_octave *octaves,\n                                  const world_point_at *place, int level, "
+                   "vfloat nx, vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, "
+                   "vfloat *blue)\n{\n%s",
                    begin);
+    const size_t body = text->length;
     karst_emit_begin_block(emit, (karst_block){.is_point = true, .is_near = true});
     /* What a packet does not need is left out, though then infinite numbers in it do not come through. */
     if (!karst_emit_choice_lines(emit, world->colour, 3))
@@ -68,5 +72,7 @@ void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
     static const char *const names[] = {"red", "green", "blue"};
     for (int i = 0; i < 3; i++)
         karst_text_add(text, "    *%s = %s;\n", names[i], karst_emit_operand(emit, world->colour[i]).text);
-    karst_text_add(text, "}\n\n");
+    /* What is not near takes the exact place as first argument. */
+    const bool takes_places = !text->failed && strstr(text->bytes + body, "(&at,");
+    karst_text_add(text, "}\n#define WORLD_COLOUR_TAKES_PLACES %d\n\n", takes_places);
 }

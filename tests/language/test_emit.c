@@ -62,6 +62,17 @@ static const char probe[] =
     "        }\n"
     "}\n";
 
+/* Fractions of places in packets around an anchor with fractions of its own: such that all are steps of 2^-20 voxels,
+ * or all but those of some lanes along y, or whole voxels. */
+#define WAY(index) ((index) >> 6 & 3)
+#define ANCHOR_FRACTION(axis) (0x9abcdef1u * ((uint32_t)(axis) + 1u))
+static uint32_t colour_fraction(uint32_t index, int axis)
+{
+    uint32_t step = (index * 0x9e3779b9u + (uint32_t)axis * 0x85ebca6bu) << 12;
+    bool is_whole = WAY(index) == 2;
+    return ANCHOR_FRACTION(axis) + (is_whole ? 0 : step) + (WAY(index) == 1 && axis == 1 && (index & 7) == 5);
+}
+
 static const char colour_probe[] =
     "#include \"core/lanes.clh\"\n"
     "#include \"producers/density.clh\"\n"
@@ -80,25 +91,48 @@ static const char colour_probe[] =
     "    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);\n"
     "    vfloat red, green, blue;\n"
     "    if (first >= count) return;\n"
+    "    uint way = first >> 6 & 3u;\n"
+    "    vint index = (vint)((int)first) + V_LANE, kind = index >> 5 & 3;\n"
+    "    uint fraction[3];\n"
     "    for (int axis = 0; axis < 3; axis++) {\n"
     "        at.voxel[axis] = LOAD_LONG(voxels + axis * count + first);\n"
-    "        at.fraction[axis] = (vuint)(0u);\n"
+    "        fraction[axis] = 0x9abcdef1u * ((uint)axis + 1u);\n"
+    "        vuint step = (v_int_to_uint(index) * 0x9e3779b9u + (uint)axis * 0x85ebca6bu) << 12;\n"
+    "        vint odd = way == 1u && axis == 1 ? v_eq(index & 7, (vint)(5)) : (vint)(0);\n"
+    "        at.fraction[axis] = (vuint)(fraction[axis]) - v_int_to_uint(odd) + (way == 2u ? (vuint)(0u) : step);\n"
     "    }\n"
-    "    vint index = (vint)((int)first) + V_LANE, kind = index >> 5 & 3;\n"
     "    vint steep = v_eq(kind, (vint)(1)) | (v_eq(kind, (vint)(2)) & v_ne(index & 1, (vint)(0)));\n"
     "    vint level_ground = v_eq(kind, (vint)(3));\n"
     "    vfloat nx = v_select(steep, (vfloat)(0.8f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(0.48f)));\n"
     "    vfloat ny = v_select(steep, (vfloat)(0.0f), v_select(level_ground, (vfloat)(1.0f), (vfloat)(0.6f)));\n"
     "    vfloat nz = v_select(steep, (vfloat)(-0.6f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(-0.64f)));\n"
     /* Anchors near and far, and so far that some lanes are beyond what steps from them reach. */
-    "    uint way = (first >> 6) % 3u;\n"
     "    long anchor[3];\n"
     "    for (int axis = 0; axis < 3; axis++)\n"
-    "        anchor[axis] = way == 0u ? voxels[axis * count] - 1000 * axis : way == 1u ? 5 : voxels[axis * count];\n"
+    "        anchor[axis] = way == 3u ? 5 : voxels[axis * count] - 1000 * axis;\n"
     "    if (way == 2u)\n"
-    "        anchor[2] = voxels[2u * count + first + (LANES == 16 ? 7u : 0u)] - 0x7fffffff;\n"
-    "    world_colour_prepare(data, anchor, octaves, 0u, 1u);\n"
-    "    world_colour(data, anchor, octaves, &at, level, nx, ny, nz, &red, &green, &blue);\n"
+    "        anchor[2] = voxels[2u * count + first] - 0x7fffffff;\n"
+    /* As exact_steps (raycast/exact.clh) has them of floats. */
+    "    world_near_at near;\n"
+    "    near.voxel = anchor, near.fraction = fraction;\n"
+    "    near.reach = 1.0f;\n"
+    "    for (int axis = 0; axis < 3; axis++)\n"
+    "        for (uint i = first; i < first + LANES; i++)\n"
+    "            near.reach = max(near.reach, fabs((float)(voxels[axis * count + i] - anchor[axis])) * 1.001f + "
+    "1.0f);\n"
+    "    near.shift = 37 + 127 - (int)(as_uint(near.reach) >> 23);\n"
+    "    near.is_far = near.shift < 0 ? 7 : 0;\n"
+    "    near.shift = clamp(near.shift, 0, WORLD_NEAR_SHIFT);\n"
+    "    for (int axis = 0; axis < 3; axis++) {\n"
+    "        vlong part = v_ulong_to_long(v_uint_to_ulong(at.fraction[axis])) - (vlong)((long)fraction[axis]);\n"
+    "        vlong below = part & (vlong)((1l << (32 - near.shift)) - 1);\n"
+    "        near.step[axis] = ((at.voxel[axis] - (vlong)(anchor[axis])) << (vlong)((long)near.shift)) +\n"
+    "                          (part >> (vlong)((long)(32 - near.shift)));\n"
+    "        if (v_any(v_ne(v_ulong_to_uint(v_long_to_ulong(below)), (vuint)(0u))))\n"
+    "            near.is_far |= 1 << axis;\n"
+    "    }\n"
+    "    world_colour_prepare(data, anchor, fraction, octaves, 0u, 1u);\n"
+    "    world_colour(data, &near, octaves, &at, level, nx, ny, nz, &red, &green, &blue);\n"
     "    v_store_float(red + (vfloat)(2.0f) * green - (vfloat)(4.0f) * blue, out + first);\n"
     "}\n"
     "__kernel void brick(void) {}\n";
@@ -256,6 +290,8 @@ static void compare_with_oracle(karst_oracle *oracle, bool is_colour, const floa
                         i / (KARST_BRICK_SIDE * KARST_BRICK_SIDE)};
         for (int axis = 0; axis < 3; axis++)
             at.voxel[axis] = origin[axis] + ((int64_t)index[axis] << level);
+        for (int axis = 0; axis < 3 && is_colour; axis++)
+            at.fraction[axis] = colour_fraction((uint32_t)i, axis);
         float expected;
         if (is_colour) {
             karst_oracle_value rgb[3];
