@@ -93,7 +93,7 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
     }
 }
 
-/* Lane by lane into the records; `index` where `valid`. */
+/* Lane by lane into the records of a beam's rays: number `ray`. */
 #if LANES == 16
 /* Eight vectors become records by shuffles, not word by word. */
 typedef uint8 hit_words __attribute__((aligned(4)));
@@ -102,10 +102,9 @@ typedef uint8 hit_words __attribute__((aligned(4)));
 #define WORDS_HI_(a, b) __builtin_shufflevector(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
 #define PAIRS_LO_(a, b) __builtin_shufflevector(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29)
 #define PAIRS_HI_(a, b) __builtin_shufflevector(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31)
-#define STORE_HIT_(l, k, first, second)                                   \
-    if (valid.l)                                                          \
-        *(K_GLOBAL hit_words *)(out + index.l) = __builtin_shufflevector( \
-            first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, 16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
+#define STORE_HIT_(l, k, first, second)                       \
+    *(hit_words *)(out + ray.l) = __builtin_shufflevector( \
+        first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, 16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
 /* The lanes a, b, c and d: one of each group of four. */
 #define STORE_FOUR_(pairs, half, a, b, c, d)                                                                     \
     {                                                                                                            \
@@ -115,7 +114,7 @@ typedef uint8 hit_words __attribute__((aligned(4)));
         STORE_HIT_(c, 2, first, second)                                                                          \
         STORE_HIT_(d, 3, first, second)                                                                          \
     }
-RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+RAY_INLINE void store_hits(karst_hit *out, const packet_hits *hits, vint ray)
 {
     const vuint t = v_as_uint(hits->t), kind = as_uint16(hits->kind), brick = as_uint16(hits->brick),
                 place = as_uint16(hits->place), x = v_as_uint(hits->normal.x), y = v_as_uint(hits->normal.y),
@@ -126,19 +125,35 @@ RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vin
     STORE_FOUR_(PAIRS_HI_, WORDS_HI_, s3, s7, sb, sf)
 }
 #else
-RAY_INLINE void store_hits(K_GLOBAL karst_hit *out, const packet_hits *hits, vint index, vint valid)
+RAY_INLINE void store_hits(karst_hit *out, const packet_hits *hits, vint ray)
 {
-    if (!valid)
-        return;
     karst_hit hit = {hits->t,
                      (uint)hits->kind,
                      (uint)hits->brick,
                      (uint)hits->place,
                      {hits->normal.x, hits->normal.y, hits->normal.z},
                      (uint)hits->node};
-    out[index] = hit;
+    out[ray] = hit;
 }
 #endif
+
+/* A packet's records to where they stay: in the lanes of `valid`, at `index`. They are read by another kernel, long
+ * after: whole lines go past the caches, and need not be read to be written. */
+RAY_INLINE void send_hits(K_GLOBAL karst_hit *out, const karst_hit *hits, const int index[LANES], uint valid)
+{
+#if LANES == 16
+    K_GLOBAL uint16 *lines = (K_GLOBAL uint16 *)(out + index[0]);
+    if (valid == 0xffffu && index[15] - index[0] == 15 && !((ulong)lines & 63u)) {
+        for (int i = 0; i < LANES * (int)sizeof(karst_hit) / 64; i++)
+            __builtin_nontemporal_store(((const uint16 *)hits)[i], lines + i);
+        return;
+    }
+#endif
+    for (; valid; valid &= valid - 1u) {
+        const uint lane = (uint)k_popcount((valid & (0u - valid)) - 1u);
+        out[index[lane]] = hits[lane];
+    }
+}
 
 /* The footprints of rays at t, as lod_slope and lod_shift have them. */
 RAY_INLINE vfloat footprints_of(const beam *b, const int from_anchor, vint ray, vfloat t)
@@ -166,6 +181,7 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
     const findings *found = &b->found;
     const normal_source source = {pool->bricks, pool->nodes, pool->brick_info, pool->tile_info};
     packet_hits hits;
+    LIST_BEGIN karst_hit records[BEAM_RAYS + 1]; /* the last: of lanes without a ray */
     for (uint i = 0; i < found->num; i += LANES) {
         const vint m = v_lt(V_LANE, (vint)((int)(found->num - i)));
         const vint ray = v_select(m, v_load_int(found->ray + i), (vint)(0));
@@ -195,7 +211,7 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
                 level_weight(view->blend, footprints_of(b, from_anchor, ray, hits.t), hits.kind >> 8 & 0xff), weight);
         const vint missing = find_normals(&source, hits.brick, hits.node, cell, &at, weight, &hits.normal);
         hits.kind |= missing & (int)KARST_HIT_UNBLENDED;
-        store_hits(out, &hits, v_gather_int(index, ray), m);
+        store_hits(records, &hits, v_select(m, ray, (vint)(BEAM_RAYS)));
     }
     for (int p = 0; p < BEAM_PACKETS; p++) {
         const uint misses = valid[p] & ~b->states.done[p];
@@ -209,8 +225,13 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
 #endif
         hits.brick = hits.place = hits.node = (vint)(0);
         hits.normal.x = hits.normal.y = hits.normal.z = (vfloat)(0.0f);
-        store_hits(out, &hits, v_load_int(index + p * LANES), bits_mask(misses));
+        store_hits(records, &hits, v_select(bits_mask(misses), V_LANE + p * LANES, (vint)(BEAM_RAYS)));
     }
+    for (int p = 0; p < BEAM_PACKETS; p++)
+        send_hits(out, records + p * LANES, index + p * LANES, valid[p]);
+#if LANES == 16 && defined(__SSE2__)
+    __builtin_ia32_sfence(); /* such stores keep no order of their own */
+#endif
 }
 
 #if BEAM_PACKETS > 1
