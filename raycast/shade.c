@@ -80,8 +80,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         return false;
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
-    size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)shader->context->lanes;
-    const size_t each = KARST_SHADE_PACKETS(shader->context->lanes);
+    size_t items = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)shader->context->lanes;
     const karst_buffer *rays = shadow_rays ? shadow_rays : depth; /* which is not looked at */
     return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(depth, sizeof(float), pinhole, error) &&
            KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
@@ -89,6 +88,6 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
                            KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
                            KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
                            KARST_VALUE_ARG(view->own_detail)) &&
-           karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE,
-                        (across * down * local_size + each - 1) / each, local_size, error);
+           karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, across * down * items,
+                        KARST_SHADE_GROUPS(shader->context->lanes) * items, error);
 }

@@ -117,8 +117,8 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
 #define SHADE_CALL RAY_INLINE
 #endif
 
-/* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to counts: hits, provisional,
- * incomplete, coarser than own_detail. */
+/* The pixels of a packet as they are out of all shadows, and its shadow rays. counts: hits, provisional, incomplete,
+ * coarser than own_detail. */
 SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                              const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
@@ -165,16 +165,16 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #endif
         store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, pixel_bytes(&c, dither),
                      v_select(hit, s.t, (vfloat)(INFINITY)));
-        counts[0] += (uint)count_lanes(hit);
-        counts[1] += (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        counts[2] += (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        counts[0] = (uint)count_lanes(hit);
+        counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        counts[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
         /* A proof of solid needs no finer level. */
         vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
         vint coarser =
             hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
                    (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
         if (own_detail > 0.0f)
-            counts[3] += (uint)count_lanes(coarser);
+            counts[3] = (uint)count_lanes(coarser);
     }
 }
 
@@ -184,7 +184,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
                                   K_GLOBAL const ulong *data, float own_detail)
 {
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
-    __local uint counts[KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
+    __local uint counts[KARST_SHADE_GROUPS(LANES) * KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
     __local uint *mine = counts[get_local_id(0)];
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
@@ -197,10 +197,9 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
 
-    /* Those past the picture's end have no valid pixel. */
-    for (uint i = 0; i < KARST_SHADE_PACKETS(LANES); i++)
-        shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
-                     blend, (uint)get_global_id(0) * KARST_SHADE_PACKETS(LANES) + i, mine);
+    /* Packets past the picture's end have no valid pixel. */
+    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
+                 (uint)get_global_id(0), mine);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
         for (int i = 0; i < 4; i++) {

@@ -4,9 +4,6 @@
 
 #include "core/dialect.h"
 
-/* Packets that a work-item shades one after another: what a work-group makes ready for its packets, it makes once. */
-#define KARST_SHADE_PACKETS(lanes) ((lanes) == 16 ? 8 : 1)
-
 /* The position that the view is relative to: level-0 voxel and a fraction of it, in 2^-32. */
 typedef struct {
     long voxel[3];
