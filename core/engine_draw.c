@@ -49,7 +49,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
 
     bool counting = engine->view == KARST_PAINT_STEPS;
     if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
-                            error))
+                            engine->hints, error))
         return false;
     if (engine->shown.refiner) {
         karst_shade_anchor anchor = {.pad = 0};

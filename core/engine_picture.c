@@ -31,6 +31,11 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         error);
     if (!engine->surface || !engine->hits || !engine->depth || !engine->asked)
         return false;
+    size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
+                                              engine->width_px, engine->height_px);
+    engine->hints = hint_bytes ? karst_buffer_create(engine->context, "hints", hint_bytes, NULL, error) : NULL;
+    if (hint_bytes && !engine->hints)
+        return false;
     if (engine->shadows) {
         engine->shadow_rays = karst_buffer_create_blank(
             engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
@@ -56,12 +61,13 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->depth);
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->asked);
+    karst_buffer_destroy(engine->hints);
     karst_buffer_destroy(engine->shadows_asked);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
     engine->hits = engine->depth = engine->shadow_rays = NULL;
-    engine->asked = engine->shadows_asked = NULL;
+    engine->asked = engine->shadows_asked = engine->hints = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
 

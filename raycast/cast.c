@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "raycast/hints_shared.h"
+
 #define NUM_VIEWS 8 /* casts that may be queued before one has to wait for the oldest */
 #define RAYS_PER_GROUP (KARST_PACKET_RAYS * KARST_GROUP_PACKETS)
 
@@ -179,17 +181,29 @@ static bool check_asked(const karst_caster *caster, const karst_buffer *asked, c
                       asked->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
-static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                         karst_buffer *hits, const karst_buffer *asked, cl_uint notes, karst_error *error)
+static bool check_hints(const karst_caster *caster, const karst_buffer *hints, const karst_pinhole *pinhole,
+                        karst_error *error)
 {
-    const cl_mem written = hits ? hits->mem : NULL;
-    if (!check_asked(caster, asked, pinhole, notes, error) ||
+    return !hints ||
+           hints->size_bytes >=
+               karst_cast_hint_bytes(caster->context, &caster->cache, pinhole->width_px, pinhole->height_px) ||
+           karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold the hints of a picture of %dx%d",
+                      hints->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_buffer *hits, const karst_buffer *asked, const karst_buffer *hints, cl_uint notes,
+                         karst_error *error)
+{
+    const cl_mem written = hits ? hits->mem : NULL, hinted = hints ? hints->mem : NULL;
+    const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
+    if (!check_hints(caster, hints, pinhole, error) || !check_asked(caster, asked, pinhole, notes, error) ||
         !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error)) ||
         !upload_view(caster, view, error))
         return false;
     if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
-                         KARST_VALUE_ARG(notes)))
+                         KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
         return false;
     return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
 }
@@ -197,19 +211,28 @@ static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, cons
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error)
 {
-    return cast_pinhole(caster, view, pinhole, hits, caster->asked, KARST_CAST_NOTES_NOTHING, error);
+    return cast_pinhole(caster, view, pinhole, hits, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, error);
 }
 
 bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        karst_buffer *hits, karst_buffer *asked, karst_error *error)
+                        karst_buffer *hits, karst_buffer *asked, karst_buffer *hints, karst_error *error)
 {
-    return cast_pinhole(caster, view, pinhole, hits, asked, KARST_CAST_NOTES_ASKED, error);
+    return cast_pinhole(caster, view, pinhole, hits, asked, hints, KARST_CAST_NOTES_ASKED, error);
 }
 
 bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                       karst_buffer *asked, karst_error *error)
 {
-    return cast_pinhole(caster, view, pinhole, NULL, asked, KARST_CAST_WHO_ASKED, error);
+    return cast_pinhole(caster, view, pinhole, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
+}
+
+size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buffers *cache, int width_px,
+                             int height_px)
+{
+    /* As CAST_HINTS in raycast/hints.clh. */
+    if (context->lanes == 1 || cache->brick_bits == 32)
+        return 0;
+    return num_groups(width_px, height_px, KARST_BEAM_ACROSS, KARST_BEAM_DOWN) * sizeof(karst_beam_hints);
 }
 
 size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px)

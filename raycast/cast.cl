@@ -276,8 +276,10 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                     const karst_pinhole *pinhole, uint beam_number, K_GLOBAL karst_hit *hits)
+                                     const karst_pinhole *pinhole, uint turn, K_GLOBAL karst_hit *hits,
+                                     K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
+    const uint beam_number = beam_at_turn(turn, pinhole->width_px, pinhole->height_px);
     const pools own = *pool; /* which no store can change */
     const vfloat zero = (vfloat)(0.0f);
     const vector3 origin = {zero, zero, zero};
@@ -294,9 +296,11 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
+    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, (uint)get_global_size(0), view->serial);
     cast_beam(&own, view, 1, 0, &b, start);
     if (hits)
         store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
+    end_hints(&b.hints);
 }
 
 /* Where this work-item notes that it wants something; 0: it need not be cast. */
@@ -313,13 +317,13 @@ RAY_INLINE int note_asked(pools *pool, K_GLOBAL const karst_cast_view *view, uin
 }
 
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
-                                  K_GLOBAL karst_hit *hits, uint notes)
+                                  K_GLOBAL karst_hit *hits, uint notes, K_GLOBAL karst_beam_hints *hints,
+                                  uint num_slots)
 {
     pools pool = POOL_FIELDS;
     if (!note_asked(&pool, view, notes))
         return;
-    const uint beam_number = beam_at_turn((uint)get_global_id(0), pinhole.width_px, pinhole.height_px);
-    cast_pinhole_beam(&pool, view, &pinhole, beam_number, hits);
+    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), hits, hints, num_slots);
 }
 
 #ifndef CAST_NO_STREAMS
@@ -349,6 +353,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
                      m);
     }
+    begin_without_hints(&b.hints);
     cast_beam(&own, view, 0, 0, &b, start);
     store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
 }
@@ -409,6 +414,7 @@ BEAM_FUNCTION
     }
     if (!casts)
         return;
+    begin_without_hints(&b.hints);
     cast_beam(&own, view, 0, 1, &b, start);
     for (int p = 0; p < BEAM_PACKETS && pixels; p++)
         if (b.states.done[p]) {

@@ -45,9 +45,11 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
  * Errors: KARST_FAILED (also: hits too small). */
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         karst_buffer *hits, karst_error *error);
-/* The same, noting in `asked` which parts of the picture asked for anything. */
+/* The same, noting in `asked` which parts of the picture asked for anything; and in `hints` what its rays read, which
+ * is prefetched when a picture of that size is cast again with them (NULL: nothing is). Nothing but time depends on
+ * what they hold. */
 bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        karst_buffer *hits, karst_buffer *asked, karst_error *error);
+                        karst_buffer *hits, karst_buffer *asked, karst_buffer *hints, karst_error *error);
 /* Casts the parts once more that asked for anything when that picture, or this, was cast last: with the same view,
  * serial included, and pinhole; no hits are written. Where nothing was evicted since, the others would ask for nothing
  * now. */
@@ -55,6 +57,9 @@ bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const k
                       karst_buffer *asked, karst_error *error);
 /* What `asked` takes; zeros at first. Thread-safe. */
 size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px);
+/* What `hints` take; zeros at first. 0: such a device, or such bricks, have no use for them. Thread-safe. */
+size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buffers *cache, int width_px,
+                             int height_px);
 /* The same as karst_cast_pinhole for a buffer of karst_ray. any_hit: t and position may stop at the entry of the
  * surface's cell. Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,

@@ -1,56 +1,12 @@
 /* Packets that walk in beams leave no trace: hits, pictures, depth, stamps and wishes are those of packets that walk
  * alone, in every byte, at every stage of settling. */
 #include "raycast/shade.h"
-#include "tests/raycast/casting.h"
+#include "tests/raycast/traces.h"
 
 #define WIDTH 93 /* no whole number of packets or tiles */
 #define HEIGHT 61
 #define NUM_PIXELS (WIDTH * HEIGHT)
-#define NUM_STAMPS 7
 #define NUM_RAYS 1003
-
-/* Ground with bumps of every size, of which coarser levels lack the finer ones. */
-static double bumps(const double p[3], double width, const void *user)
-{
-    (void)user;
-    double sum = width - 3 - p[1], size = 32, height = 5;
-    for (int i = 0; i < 5; i++, size *= 0.5, height *= 0.5)
-        if (size >= 2 * width)
-            sum += height * sin(p[0] / size * 3 + i) * cos(p[2] / size * 3 - p[1] / size);
-    return sum;
-}
-
-static scene open_scene(double (*density)(const double p[3], double width, const void *user), const void *user)
-{
-    scene s = scene_create(contexts[0], 3000, 6000, 1, 5, density, user);
-    s.lipschitz = 8;
-    scene_classify_tile(&s, KARST_ROOT_TILE);
-    for (uint32_t i = 8; i < 16; i++)
-        s.nodes[i].link = KARST_NODE_LINK(KARST_STATE_UNKNOWN, 0);
-    scene_upload(&s);
-    return s;
-}
-
-/* What a cast leaves behind. */
-typedef struct {
-    karst_hit *hits;
-    uint32_t *stamps[NUM_STAMPS];
-} traces;
-
-static karst_buffer *stamp_buffer(const scene *s, int i)
-{
-    karst_buffer *const all[NUM_STAMPS] = {s->buffers.tile_stamp, s->buffers.brick_stamp,   s->buffers.brick_fallback,
-                                           s->buffers.want_brick, s->buffers.want_children, s->buffers.want_chunk,
-                                           s->buffers.want_rays};
-    return all[i];
-}
-
-static void forget_stamps(const scene *s)
-{
-    karst_error error = {0};
-    for (int i = 0; i < NUM_STAMPS; i++)
-        scene_check(karst_buffer_fill(stamp_buffer(s, i), 0, 0, stamp_buffer(s, i)->size_bytes, &error), &error);
-}
 
 /* Casts the rays, or without any the picture. */
 static traces trace(const scene *s, karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -62,25 +18,6 @@ static traces trace(const scene *s, karst_caster *caster, const karst_cast_view 
     for (int i = 0; i < NUM_STAMPS; i++)
         t.stamps[i] = read_stamps(stamp_buffer(s, i));
     return t;
-}
-
-static void release(traces *t)
-{
-    free(t->hits);
-    for (int i = 0; i < NUM_STAMPS; i++)
-        free(t->stamps[i]);
-}
-
-/* How many hits and stamps are not the same in both. */
-static size_t count_differences(const scene *s, const traces *a, const traces *b, size_t num_hits)
-{
-    size_t count = 0;
-    for (size_t i = 0; i < num_hits; i++)
-        count += memcmp(&a->hits[i], &b->hits[i], sizeof(karst_hit)) != 0;
-    for (int i = 0; i < NUM_STAMPS; i++)
-        for (size_t k = 0; k < stamp_buffer(s, i)->size_bytes / 4; k++)
-            count += a->stamps[i][k] != b->stamps[i][k];
-    return count;
 }
 
 /* Rays of all kinds side by side: towards one sun from a slope, scattered ones, idle ones. */
