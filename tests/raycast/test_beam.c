@@ -105,6 +105,49 @@ static void test_narrow_beams_are_noticed(void **state)
     scene_destroy(&s);
 }
 
+/* Solid from x = 16 on but for a bubble; coarser voxels know nothing of that, only of a ceiling. */
+static double hidden_block(const double p[3], double width, const void *user)
+{
+    (void)user;
+    if (width > 1 || p[0] < 16)
+        return p[1] - 28;
+    return sqrt((p[0] - 30) * (p[0] - 30) + (p[1] - 14) * (p[1] - 14) + (p[2] - 14) * (p[2] - 14)) - 1.5;
+}
+
+/* Rays that come from a stand-in look at the first cell of the next brick, whatever their packet passes of its surface.
+ */
+static void test_rays_from_a_stand_in_look(void **state)
+{
+    (void)state;
+    const double eye[3] = {2, 8, 8}, before[3] = {8, 8, 8};
+    scene s = scene_create(contexts[0], 200, 1200, 1, 1, hidden_block, NULL);
+    s.lipschitz = 1000; /* nothing is proven constant */
+    scene_build(&s, 0);
+    s.nodes[scene_find(&s, before, 0)] = (karst_node){KARST_NODE_LINK(KARST_STATE_LOST, 0), 0};
+    scene_upload(&s);
+    karst_caster *caster = open_caster(&s, ""), *alone = open_caster(&s, KARST_CAST_NO_BEAM);
+    const karst_pinhole pinhole = {.right = {0, 0, 1},
+                                   .up = {0, 1, 0},
+                                   .forward = {1, 0, 0},
+                                   .half_width = 0.4f,
+                                   .half_height = 0.3f,
+                                   .t_max = 100,
+                                   .cone = 0.004f,
+                                   .width_px = WIDTH,
+                                   .height_px = HEIGHT};
+    karst_cast_view view = scene_view(&s, eye, 1);
+    view.serial = 1;
+    traces a = trace(&s, caster, &view, &pinhole, NULL, false), b = trace(&s, alone, &view, &pinhole, NULL, false);
+    for (int i = 0; i < NUM_PIXELS; i++)
+        assert_true(KARST_HIT_KIND(a.hits[i].kind) == KARST_HIT_SURFACE && a.hits[i].t >= 13.99f && a.hits[i].t < 17);
+    assert_int_equal(count_differences(&s, &a, &b, NUM_PIXELS), 0);
+    release(&a);
+    release(&b);
+    karst_caster_destroy(caster);
+    karst_caster_destroy(alone);
+    scene_destroy(&s);
+}
+
 /* Rays that walk one by one leave the same too; and pictures are made of hits alone. */
 static void test_one_lane_leaves_the_same(void **state)
 {
@@ -171,6 +214,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_beams_leave_no_trace),
         cmocka_unit_test(test_narrow_beams_are_noticed),
+        cmocka_unit_test(test_rays_from_a_stand_in_look),
         cmocka_unit_test(test_one_lane_leaves_the_same),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
