@@ -68,7 +68,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     if (shaded && engine->shadows)
         shaded = karst_sunward_aim(engine->sunward, light.sun_direction, error) &&
                  karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,
-                                            engine->shadows_asked, error);
+                                            engine->shadows_asked, engine->shadow_hints, error);
     if (shaded && engine->view)
         shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);
     /* The surface is mapped: end it even if shading failed. */

@@ -40,7 +40,9 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         engine->shadow_rays = karst_buffer_create_blank(
             engine->context, "shadow_rays", karst_cast_shadow_bytes(engine->width_px, engine->height_px), error);
         engine->shadows_asked = karst_buffer_create(engine->context, "asked", engine->asked->size_bytes, NULL, error);
-        if (!engine->shadow_rays || !engine->shadows_asked)
+        engine->shadow_hints =
+            hint_bytes ? karst_buffer_create(engine->context, "hints", hint_bytes, NULL, error) : NULL;
+        if (!engine->shadow_rays || !engine->shadows_asked || (hint_bytes && !engine->shadow_hints))
             return false;
     }
     if (engine->count_changed_pixels) {
@@ -62,12 +64,13 @@ void karst_engine_free_picture(karst_engine *engine)
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->asked);
     karst_buffer_destroy(engine->hints);
+    karst_buffer_destroy(engine->shadow_hints);
     karst_buffer_destroy(engine->shadows_asked);
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
     engine->hits = engine->depth = engine->shadow_rays = NULL;
-    engine->asked = engine->shadows_asked = engine->hints = NULL;
+    engine->asked = engine->shadows_asked = engine->hints = engine->shadow_hints = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
 

@@ -282,7 +282,7 @@ void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward
 
 static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                          const karst_light *light, const karst_buffer *rays, cl_mem pixels,
-                         const karst_buffer *asked, cl_uint notes, karst_error *error)
+                         const karst_buffer *asked, const karst_buffer *hints, cl_uint notes, karst_error *error)
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
@@ -292,12 +292,15 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                             .height_px = pinhole->height_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
     const bool known = caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
+    const cl_mem hinted = hints ? hints->mem : NULL;
+    const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     cl_mem bricks = known ? karst_sunward_bricks(caster->sunward)->mem : NULL;
     if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
-        !check_asked(caster, asked, pinhole, notes, error) ||
+        !check_asked(caster, asked, pinhole, notes, error) || !check_hints(caster, hints, pinhole, error) ||
         !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
-                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes), KARST_VALUE_ARG(bricks)))
+                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes), KARST_VALUE_ARG(bricks),
+                         KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
         return false;
     return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
 }
@@ -305,19 +308,20 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, KARST_CAST_NOTES_NOTHING, error);
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, NULL, KARST_CAST_NOTES_NOTHING,
+                        error);
 }
 
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 const karst_light *light, const karst_buffer *rays, cl_mem pixels,
-                                karst_buffer *asked, karst_error *error)
+                                karst_buffer *asked, karst_buffer *hints, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, KARST_CAST_NOTES_ASKED, error);
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, error);
 }
 
 bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
                               karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, KARST_CAST_WHO_ASKED, error);
+    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
 }

@@ -386,9 +386,11 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 
 BEAM_FUNCTION
     void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint beam_number, K_GLOBAL uint *pixels,
-                          K_GLOBAL const karst_sunward_brick *sunward)
+                          K_GLOBAL const float *rays, uint turn, K_GLOBAL uint *pixels,
+                          K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints,
+                          uint num_slots)
 {
+    const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
     pools own = *pool;
     own.sunward = sunward;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
@@ -414,8 +416,9 @@ BEAM_FUNCTION
     }
     if (!casts)
         return;
-    begin_without_hints(&b.hints);
+    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, (uint)get_global_size(0), view->serial);
     cast_beam(&own, view, 0, 1, &b, start);
+    end_hints(&b.hints);
     for (int p = 0; p < BEAM_PACKETS && pixels; p++)
         if (b.states.done[p]) {
             vint x, y, valid = beam_pixels(beam_number, p, sun->width_px, sun->height_px, &x, &y);
@@ -428,12 +431,13 @@ BEAM_FUNCTION
 /* Shadow rays of a picture: raycast/shadow_shared.h. Once more they leave its pixels alone. */
 __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_shadow_sun sun,
                                   K_GLOBAL const float *rays, K_GLOBAL uint *pixels, uint notes,
-                                  K_GLOBAL const karst_sunward_brick *sunward)
+                                  K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints,
+                                  uint num_slots)
 {
     pools pool = POOL_FIELDS;
     if (!note_asked(&pool, view, notes))
         return;
-    cast_shadow_beam(&pool, view, &sun, rays, beam_at_turn((uint)get_global_id(0), sun.width_px, sun.height_px),
-                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward);
+    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), notes == KARST_CAST_WHO_ASKED ? 0 : pixels,
+                     sunward, hints, num_slots);
 }
 #endif

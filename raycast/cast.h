@@ -77,11 +77,11 @@ void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error);
-/* The same, noting in an `asked` of its own which of them asked for anything; and those once more, as karst_cast_again,
- * which leaves pixels alone. */
+/* The same, noting in an `asked` and `hints` of its own as karst_cast_picture does; and once more those that asked for
+ * anything, as karst_cast_again, which leaves pixels alone. */
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 const karst_light *light, const karst_buffer *rays, cl_mem pixels,
-                                karst_buffer *asked, karst_error *error);
+                                karst_buffer *asked, karst_buffer *hints, karst_error *error);
 bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
                               karst_error *error);

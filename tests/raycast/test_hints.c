@@ -1,6 +1,7 @@
 /* Hints of what beams read change nothing but when memory is fetched, whatever they hold; and they are of what rays
  * read, made when they are needed and left alone where a camera stands still. */
 #include "raycast/hints_shared.h"
+#include "raycast/shade.h"
 #include "tests/raycast/traces.h"
 
 #define WIDTH 157 /* no whole number of beams */
@@ -135,6 +136,86 @@ static void test_hints_leave_no_trace(void **state)
     check_no_trace(open_scene(bumps, NULL), above_ground);
     /* where a slot says which allocation it is in */
     check_no_trace(open_scene_in(3, bumps, NULL), above_ground);
+}
+
+/* The same of shadow rays, and the pixels that they darken. */
+static void test_hints_of_shadow_rays_leave_no_trace(void **state)
+{
+    (void)state;
+    static const double above_ground[3] = {3.3, 21.1, -7.7};
+    karst_error error = {0};
+    scene s = open_scene(bumps, NULL);
+    karst_caster *caster = open_caster(&s, "");
+    karst_shader *shader = karst_shader_create(contexts[0], true, &error);
+    scene_check(shader, &error);
+    karst_buffer *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),
+                 *depth = scene_buffer(contexts[0], "depth", NUM_PIXELS * 4),
+                 *counters = scene_buffer(contexts[0], "counters", 16),
+                 *rays = scene_buffer(contexts[0], "rays", karst_cast_shadow_bytes(WIDTH, HEIGHT));
+    karst_light light = {.sun_direction = {0.77f, 0.3f, 0.563f},
+                         .sun_colour = {1.6f, 1.5f, 1.4f},
+                         .sky_zenith = {0.1f, 0.24f, 0.55f},
+                         .sky_horizon = {0.3f, 0.35f, 0.4f},
+                         .ground_flat = {0.3f, 0.3f, 0.3f},
+                         .ground_steep = {0.3f, 0.3f, 0.3f},
+                         .haze_distance = 3000,
+                         .shadow_distance = 400};
+    picture with[NUM_KINDS];
+    for (int kind = 0; kind < NUM_KINDS; kind++)
+        with[kind] = open_picture(&s, true);
+    static uint32_t rgba[2][NUM_PIXELS];
+    uint64_t seed = 6;
+    uint32_t num_made = 0, serial = 0;
+    for (int yaw_deg = 30; yaw_deg < 60; yaw_deg += 20) {
+        const karst_pinhole pinhole = make_pinhole(WIDTH, HEIGHT, yaw_deg, -20, 400);
+        karst_cast_view view = scene_view(&s, above_ground, 1);
+        view.blend = 0.0625f;
+        uint32_t served;
+        do {
+            view.serial = ++serial;
+            memset(with[FIRST].lists, 0, with[FIRST].hints->size_bytes);
+            write_lists(&with[FIRST]);
+            scramble(&with[SCRAMBLED], serial, &seed);
+            uint32_t *stamps[NUM_STAMPS] = {0};
+            for (int kind = -1; kind < NUM_KINDS; kind++) { /* first without hints */
+                forget_stamps(&s);
+                scene_check(karst_cast_pinhole(caster, &view, &pinhole, with[KEPT].hits, &error) &&
+                                karst_shade_pixels(shader, &view, &pinhole, &light, with[KEPT].hits, rays,
+                                                   pixels->mem, depth, counters, &error) &&
+                                karst_cast_picture_shadows(caster, &view, &pinhole, &light, rays, pixels->mem,
+                                                           with[KEPT].asked, kind < 0 ? NULL : with[kind].hints,
+                                                           &error) &&
+                                karst_buffer_read(pixels, 0, rgba[kind >= 0], sizeof(rgba[0]), &error),
+                            &error);
+                for (int i = 0; i < NUM_STAMPS; i++) {
+                    uint32_t *now = read_stamps(stamp_buffer(&s, i));
+                    if (kind >= 0)
+                        assert_memory_equal(now, stamps[i], stamp_buffer(&s, i)->size_bytes);
+                    free(kind >= 0 ? now : NULL);
+                    stamps[i] = kind >= 0 ? stamps[i] : now;
+                }
+                if (kind >= 0)
+                    assert_memory_equal(rgba[0], rgba[1], sizeof(rgba[0]));
+            }
+            for (int i = 0; i < NUM_STAMPS; i++)
+                free(stamps[i]);
+            read_lists(&with[KEPT]);
+            for (size_t k = 0; k < with[KEPT].num_lists; k++)
+                num_made += with[KEPT].lists[k].num;
+            served = scene_serve(&s, serial);
+        } while (served);
+    }
+    assert_true(serial > 3);
+    assert_true(num_made > 100);
+    for (int kind = 0; kind < NUM_KINDS; kind++)
+        close_picture(&with[kind]);
+    karst_buffer_destroy(pixels);
+    karst_buffer_destroy(depth);
+    karst_buffer_destroy(counters);
+    karst_buffer_destroy(rays);
+    karst_shader_destroy(shader);
+    karst_caster_destroy(caster);
+    scene_destroy(&s);
 }
 
 static bool has_line(const picture *p, uint32_t slot, uint32_t line)
@@ -274,6 +355,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_hints_leave_no_trace),
+        cmocka_unit_test(test_hints_of_shadow_rays_leave_no_trace),
         cmocka_unit_test(test_hints_are_what_rays_read),
         cmocka_unit_test(test_sizes),
     };
