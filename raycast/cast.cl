@@ -274,10 +274,11 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 #endif
 }
 
-/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. hits 0: nobody wants to know. */
+/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times; and it takes in what asks for the
+ * work-item's number or how many there are. hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                     const karst_pinhole *pinhole, uint turn, K_GLOBAL karst_hit *hits,
-                                     K_GLOBAL karst_beam_hints *hints, uint num_slots)
+                                     const karst_pinhole *pinhole, uint turn, uint num_turns,
+                                     K_GLOBAL karst_hit *hits, K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, pinhole->width_px, pinhole->height_px);
     const pools own = *pool; /* which no store can change */
@@ -296,7 +297,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
-    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, (uint)get_global_size(0), view->serial);
+    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
     cast_beam(&own, view, 1, 0, &b, start);
     if (hits)
         store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
@@ -323,7 +324,7 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     pools pool = POOL_FIELDS;
     if (!note_asked(&pool, view, notes))
         return;
-    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), hits, hints, num_slots);
+    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), (uint)get_global_size(0), hits, hints, num_slots);
 }
 
 #ifndef CAST_NO_STREAMS
