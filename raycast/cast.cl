@@ -387,7 +387,7 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 
 BEAM_FUNCTION
     void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint turn, K_GLOBAL uint *pixels,
+                          K_GLOBAL const float *rays, uint turn, uint num_turns, K_GLOBAL uint *pixels,
                           K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints,
                           uint num_slots)
 {
@@ -417,7 +417,7 @@ BEAM_FUNCTION
     }
     if (!casts)
         return;
-    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, (uint)get_global_size(0), view->serial);
+    begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
     cast_beam(&own, view, 0, 1, &b, start);
     end_hints(&b.hints);
     for (int p = 0; p < BEAM_PACKETS && pixels; p++)
@@ -438,7 +438,7 @@ __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     pools pool = POOL_FIELDS;
     if (!note_asked(&pool, view, notes))
         return;
-    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), notes == KARST_CAST_WHO_ASKED ? 0 : pixels,
-                     sunward, hints, num_slots);
+    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), (uint)get_global_size(0),
+                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward, hints, num_slots);
 }
 #endif
