@@ -64,7 +64,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     if (!pixels)
         return false;
     bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, pixels,
-                                     engine->depth, engine->counters, error);
+                                     NULL, engine->counters, error);
     if (shaded && engine->shadows)
         shaded = karst_sunward_aim(engine->sunward, light.sun_direction, error) &&
                  karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,

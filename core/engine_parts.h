@@ -75,7 +75,7 @@ struct karst_engine {
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows */
     karst_shader *shader;
-    karst_buffer *hits, *shadow_rays, *depth, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
+    karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
 
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */

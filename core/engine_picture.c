@@ -25,11 +25,10 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
     engine->surface =
         karst_surface_create(engine->context, engine->display, engine->width_px, engine->height_px, error);
     engine->hits = karst_buffer_create_blank(engine->context, "hits", num_pixels * sizeof(karst_hit), error);
-    engine->depth = karst_buffer_create(engine->context, "depth", num_pixels * sizeof(float), NULL, error);
-    engine->asked = karst_buffer_create(
-        engine->context, "asked", karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL,
-        error);
-    if (!engine->surface || !engine->hits || !engine->depth || !engine->asked)
+    engine->asked =
+        karst_buffer_create(engine->context, "asked",
+                            karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL, error);
+    if (!engine->surface || !engine->hits || !engine->asked)
         return false;
     size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
                                               engine->width_px, engine->height_px);
@@ -60,7 +59,6 @@ void karst_engine_free_picture(karst_engine *engine)
 {
     karst_surface_destroy(engine->surface);
     karst_buffer_destroy(engine->hits);
-    karst_buffer_destroy(engine->depth);
     karst_buffer_destroy(engine->shadow_rays);
     karst_buffer_destroy(engine->asked);
     karst_buffer_destroy(engine->hints);
@@ -69,7 +67,7 @@ void karst_engine_free_picture(karst_engine *engine)
     free(engine->pixels);
     free(engine->previous_pixels);
     engine->surface = NULL;
-    engine->hits = engine->depth = engine->shadow_rays = NULL;
+    engine->hits = engine->shadow_rays = NULL;
     engine->asked = engine->shadows_asked = engine->hints = engine->shadow_hints = NULL;
     engine->pixels = engine->previous_pixels = NULL;
 }
@@ -111,16 +109,37 @@ bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_b
     return karst_surface_read(engine->surface, rgba, size_bytes, error);
 }
 
+/* Depth is made of hits where it is asked for: pictures do not wait for its being stored. */
+#define DEPTH_ROWS 64 /* a multiple of the rows that packets are high */
+static void depth_of_hits(const karst_engine *engine, const karst_hit *hits, int row, int num_rows, float *depth_m)
+{
+    const uint32_t width = (uint32_t)engine->width_px, height = (uint32_t)engine->height_px;
+    const float voxel_m = exp2f((float)engine->world->voxel_log2_m);
+    for (uint32_t y = (uint32_t)row; y < (uint32_t)(row + num_rows); y++)
+        for (uint32_t x = 0; x < width; x++) {
+            const karst_hit *hit = &hits[karst_packet_order(x, y, width, height) - (uint32_t)row * width];
+            *depth_m++ = KARST_HIT_KIND(hit->kind) == KARST_HIT_MISS ? INFINITY : hit->t * voxel_m;
+        }
+}
+
 bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
     if (num_values < num_pixels)
         return karst_fail(error, KARST_USAGE, "depth of %dx%d needs %zu values, not %zu", engine->width_px,
                           engine->height_px, num_pixels, num_values);
-    if (!engine->depth || !karst_buffer_read(engine->depth, 0, depth_m, num_pixels * sizeof(float), error))
-        return karst_fail(error, KARST_FAILED, "the depth buffer could not be read");
-    float voxel_m = exp2f((float)engine->world->voxel_log2_m);
-    for (size_t i = 0; i < num_pixels; i++)
-        depth_m[i] *= voxel_m;
-    return true;
+    if (!engine->hits || engine->frame == 0)
+        return karst_fail(error, KARST_USAGE, "no frame has been drawn yet");
+    karst_hit *hits = malloc(DEPTH_ROWS * (size_t)engine->width_px * sizeof *hits);
+    bool ok = hits || karst_fail(error, KARST_FAILED, "out of memory for reading depth");
+    for (int row = 0; row < engine->height_px && ok; row += DEPTH_ROWS) {
+        int num_rows = engine->height_px - row < DEPTH_ROWS ? engine->height_px - row : DEPTH_ROWS;
+        size_t before = (size_t)row * (size_t)engine->width_px;
+        ok = karst_buffer_read(engine->hits, before * sizeof *hits, hits,
+                               (size_t)num_rows * (size_t)engine->width_px * sizeof *hits, error);
+        if (ok)
+            depth_of_hits(engine, hits, row, num_rows, depth_m + before);
+    }
+    free(hits);
+    return ok;
 }

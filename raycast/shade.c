@@ -81,11 +81,12 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t items = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)shader->context->lanes;
-    const karst_buffer *rays = shadow_rays ? shadow_rays : depth; /* which is not looked at */
-    return check_size(hits, sizeof(karst_hit), pinhole, error) && check_size(depth, sizeof(float), pinhole, error) &&
+    const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
+    return check_size(hits, sizeof(karst_hit), pinhole, error) &&
+           (!depth || check_size(depth, sizeof(float), pinhole, error)) &&
            KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
                            KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
-                           KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(pixels), KARST_BUFFER_ARG(depth),
+                           KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
                            KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
                            KARST_VALUE_ARG(view->own_detail)) &&
            karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, across * down * items,

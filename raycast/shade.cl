@@ -49,37 +49,26 @@ typedef int near_octave;
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
-#define PIXEL_(l)                        \
-    if (valid.l) {                       \
-        pixels[index.l] = (uint)bytes.l; \
-        depth[index.l] = distance.l;     \
-    }
-RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width,
-                             vint bytes, vfloat distance)
+#define PIXEL_(l) \
+    if (valid.l)  \
+        to[index.l] = v.l;
+RAY_INLINE void store_rows(K_GLOBAL int *to, vint index, vint valid, int width, vint v)
 {
     if (v_all(valid)) {
-        K_GLOBAL int *p = (K_GLOBAL int *)pixels + index.s0;
-        K_GLOBAL float *d = depth + index.s0;
-        vstore4(bytes.s0123, 0, p);
-        vstore4(bytes.s4567, 0, p + width);
-        vstore4(bytes.s89ab, 0, p + 2 * width);
-        vstore4(bytes.scdef, 0, p + 3 * width);
-        vstore4(distance.s0123, 0, d);
-        vstore4(distance.s4567, 0, d + width);
-        vstore4(distance.s89ab, 0, d + 2 * width);
-        vstore4(distance.scdef, 0, d + 3 * width);
+        K_GLOBAL int *p = to + index.s0;
+        vstore4(v.s0123, 0, p);
+        vstore4(v.s4567, 0, p + width);
+        vstore4(v.s89ab, 0, p + 2 * width);
+        vstore4(v.scdef, 0, p + 3 * width);
     } else {
         EACH_LANE(PIXEL_)
     }
 }
 #else
-RAY_INLINE void store_pixels(K_GLOBAL uint *pixels, K_GLOBAL float *depth, vint index, vint valid, int width,
-                             vint bytes, vfloat distance)
+RAY_INLINE void store_rows(K_GLOBAL int *to, vint index, vint valid, int width, vint v)
 {
-    if (valid) {
-        pixels[index] = (uint)bytes;
-        depth[index] = distance;
-    }
+    if (valid)
+        to[index] = v;
 }
 #endif
 
@@ -163,8 +152,11 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         store_shadow_rays(shadow_rays, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid,
                           pinhole->cone, detail, &s, &direction, sunny, dark);
 #endif
-        store_pixels(pixels, depth, y * pinhole->width_px + x, valid, pinhole->width_px, pixel_bytes(&c, dither),
-                     v_select(hit, s.t, (vfloat)(INFINITY)));
+        const vint index = y * pinhole->width_px + x;
+        store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, pixel_bytes(&c, dither));
+        if (depth)
+            store_rows((K_GLOBAL int *)depth, index, valid, pinhole->width_px,
+                       v_as_int(v_select(hit, s.t, (vfloat)(INFINITY))));
         counts[0] = (uint)count_lanes(hit);
         counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
         counts[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));

@@ -34,11 +34,11 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);
- * depth in level-0 voxels along the ray, INFINITY for none. counters (4 uints, zeroed by the caller's engine
- * beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays (karst_cast_shadow_bytes):
- * NULL exactly if the shader was made without shadows. Else pixels are as they are in the sun, and each hit that faces
- * it gets a ray, which starts at the hit's level and grows coarser with the sun's own width; karst_cast_shadows then
- * darkens the pixels that lie in shadow. */
+ * depth in level-0 voxels along the ray, INFINITY for none; NULL: it is not wanted. counters (4 uints, zeroed by the
+ * caller's engine beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays
+ * (karst_cast_shadow_bytes): NULL exactly if the shader was made without shadows. Else pixels are as they are in the
+ * sun, and each hit that faces it gets a ray, which starts at the hit's level and grows coarser with the sun's own
+ * width; karst_cast_shadows then darkens the pixels that lie in shadow. */
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);

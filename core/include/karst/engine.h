@@ -88,7 +88,7 @@ bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
 /* The last frame's picture: 8-bit RGBA, top row first, width * height * 4 bytes into the caller's memory. */
 bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_bytes, karst_error *error);
 /* The last frame's depth: metres along each ray's direction to the hit, INFINITY where there is none; width * height
- * floats. */
+ * floats. Errors: KARST_USAGE (no frame has been drawn yet, too few values), KARST_FAILED. */
 bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error);
 
 /* Statistics of the last frame, copied out. */
