@@ -18,7 +18,8 @@ typedef struct {
     uint is_old;     /* 1: what the beam marches is no longer what is listed: the list is to be made anew */
     uint num_casts;  /* since it was made */
     uint num_bricks; /* that were marched then */
-    uint pad[11];
+    uint last[2];    /* in the last cast: bricks that were marched, and of them those that are not in the filter */
+    uint pad[9];
     uint filter[KARST_HINT_FILTER_WORDS];            /* bit karst_hint_bit: of bricks that hints are of */
     uint bricks[KARST_BEAM_HINTS];                   /* slots */
     uchar lines[KARST_BEAM_HINTS][KARST_HINT_LINES]; /* of 64 bytes, in the slot; the last one again to fill up */
