@@ -111,7 +111,7 @@ static const char colour_probe[] =
     "    for (int axis = 0; axis < 3; axis++)\n"
     "        anchor[axis] = way == 3u ? 5 : voxels[axis * count] - 1000 * axis;\n"
     "    if (way == 2u)\n"
-    "        anchor[2] = voxels[2u * count + first] - 0x7fffffff;\n"
+    "        anchor[2] = voxels[2u * count + first] - 0xf0000000l;\n"
     /* As exact_steps (raycast/exact.clh) has them of floats. */
     "    world_near_at near;\n"
     "    near.voxel = anchor, near.fraction = fraction;\n"
