@@ -148,6 +148,15 @@ static void test_rays_from_a_stand_in_look(void **state)
     scene_destroy(&s);
 }
 
+/* So would looks a cell ahead of where a ray has ended. */
+static void test_looks_too_far_ahead_are_noticed(void **state)
+{
+    (void)state;
+    scene s = open_scene(bumps, NULL);
+    assert_true(compare_casters(&s, "-DKARST_MUTANT_AHEAD", "", above_ground) > 0);
+    scene_destroy(&s);
+}
+
 /* Rays that walk one by one leave the same too; and pictures are made of hits alone. */
 static void test_one_lane_leaves_the_same(void **state)
 {
@@ -215,6 +224,7 @@ int main(void)
         cmocka_unit_test(test_beams_leave_no_trace),
         cmocka_unit_test(test_narrow_beams_are_noticed),
         cmocka_unit_test(test_rays_from_a_stand_in_look),
+        cmocka_unit_test(test_looks_too_far_ahead_are_noticed),
         cmocka_unit_test(test_one_lane_leaves_the_same),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
