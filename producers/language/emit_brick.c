@@ -258,7 +258,7 @@ static void rows_sums(karst_emit *emit, karst_expr e)
     char mean[32];
     snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
     gather_movements(emit, e);
-    karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    {\n    vfloat by_x[KARST_BRICK_SIDE], by_z[KARST_BRICK_SIDE];\n"
+    karst_text_add(text, "#ifdef EMIT_HAS_TABLES\n    {\n    noise_table_bend bend;\n    bend.far = (vint)(0);\n"
                          "    for (int iy = 0; iy < KARST_BRICK_SIDE; iy++) {\n    const vint lane = V_LANE;\n"
                          "    const int c = 0;\n    (void)c;\n"
                          "    const affine_position at = emit_samples(axes->origin, axes->level, lane, (vint)(iy), "
@@ -267,7 +267,7 @@ static void rows_sums(karst_emit *emit, karst_expr e)
     for (karst_expr i = 1; i < emit->graph->num_nodes; i++)
         if (emit->nodes[i].is_gathered)
             karst_emit_lines(emit, i);
-    karst_text_add(text, "    by_x[iy] = %s;\n    by_z[iy] = %s;\n    axes->r%u[iy] = (vfloat)(0.0f);\n    }\n",
+    karst_text_add(text, "    noise_table_bend_row(&bend, iy, %s, %s);\n    axes->r%u[iy] = (vfloat)(0.0f);\n    }\n",
                    movement(emit, e, 0).text, movement(emit, e, 2).text, e);
     karst_text_add(text,
                    "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
@@ -276,15 +276,13 @@ static void rows_sums(karst_emit *emit, karst_expr e)
                    "            continue;\n        }\n",
                    num_octaves(emit, e), e, e, shape, mean, e);
     if (shape_of(emit, e) == KARST_NOISE_SUM)
-        karst_text_add(text,
-                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, "
-                       "axes->r%u);\n",
-                       e, e, e);
+        karst_text_add(text, "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, &bend, axes->r%u);\n", e, e,
+                       e);
     else
         karst_text_add(text,
                        "        vfloat one[KARST_BRICK_SIDE];\n        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
                        "            one[i] = (vfloat)(0.0f);\n"
-                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, by_x, by_z, one);\n"
+                       "        noise_table_plane(&axes->g%u[k], &axes->l%u[k], iz, &bend, one);\n"
                        "        for (int i = 0; i < KARST_BRICK_SIDE; i++)\n"
                        "            axes->r%u[i] = octave_%s(one[i], %s, &weight, axes->r%u[i]);\n",
                        e, e, e, shape, mean, e);

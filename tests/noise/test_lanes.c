@@ -84,6 +84,36 @@ static const char probes[] =
     "    for (int k = 0; k < 3; k++)\n"
     "        out[k] = (float)num[k];\n"
     "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_rows(K_GLOBAL const long *brick, K_GLOBAL const uint *word, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint i = (uint)get_global_id(0);\n"
+    "    if (i >= count)\n"
+    "        return;\n"
+    "    out += i * (17 * 17 * 16 + 1);\n"
+    "#ifdef NOISE_HAS_TABLE\n"
+    "    noise_axis axis[3];\n"
+    "    for (int a = 0; a < 3; a++)\n"
+    "        axis[a] = noise_axis_at(brick[6 * i + a], brick[6 * i + 3 + a], (int)word[2 * i]);\n"
+    "    noise_table table;\n"
+    "    noise_table_rows rows;\n"
+    "    table.is_made = 0;\n"
+    "    noise_table_rows_prepare(&rows, axis, word[2 * i + 1], 0.75f, row_scale(i));\n"
+    "    for (int z = 0; z < 17; z++) {\n"
+    "        noise_table_bend bend;\n"
+    "        vfloat sum[17];\n"
+    "        bend.far = (vint)(0);\n"
+    "        for (int y = 0; y < 17; y++) {\n"
+    "            noise_table_bend_row(&bend, y, row_bend(i, 0, V_LANE, y, z), row_bend(i, 2, V_LANE, y, z));\n"
+    "            sum[y] = (vfloat)(0.0f);\n"
+    "        }\n"
+    "        noise_table_plane(&table, &rows, z, &bend, sum);\n"
+    "        for (int y = 0; y < 17; y++, out += 16)\n"
+    "            v_store_float(sum[y], out);\n"
+    "    }\n"
+    "    *out = 1.0f;\n"
+    "#endif\n"
+    "}\n"
     "#endif\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void probe_noise(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, K_GLOBAL float *out)\n"
@@ -132,6 +162,16 @@ K_INLINE noise_position bent_place(K_GLOBAL const long *brick, int level, uint n
         p.axis[a] = noise_coordinate_move(noise_axis_sample(&axis, a == 0 ? x : (vint)(a == 1 ? y : z)), bend);
     }
     return p;
+}
+K_INLINE float row_scale(uint number) { return number % 5u == 4u ? 0x1.8p17f : (float)(1 << (int)(number % 5u * 2u)); }
+K_INLINE vfloat row_bend(uint number, int axis, vint x, int y, int z)
+{
+    const float sizes[8] = {0.0f, 1e-9f, 1e-3f, 0.01f, 0.1f, 3.0f, 0x1p15f, 1e30f};
+    const uint size = number / 5u % 8u;
+    vfloat bend = v_to_float(size < 6u ? x + (vint)((axis + 1) * y - z) : (vint)(1)) *
+                  (vfloat)(sizes[size] * (1.0f - (float)axis));
+    vint odd = v_eq(x + (vint)(17 * y), (vint)((int)(number % 289u))) & (vint)(number % 7u == 6u && z == 8 ? -1 : 0);
+    return v_select(odd, bend + (vfloat)(number % 2u ? NAN : INFINITY), bend);
 }
 K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fraction, uint count, uint first,
                              K_GLOBAL float *out)
@@ -376,9 +416,61 @@ static void test_table(void **state)
     free(wanted);
 }
 
+/* Rows that are bent along x and z, plane by plane, against single points: by nothing, by cells, by more than a table
+ * holds, by more than is counted in cells, by infinity and by what is no number. */
+static void test_rows(void **state)
+{
+    (void)state;
+    enum { BRICKS = 560, SAMPLES = 17 * 17 * 16 };
+    int64_t *bricks = malloc(6 * BRICKS * sizeof *bricks);
+    uint32_t *words = malloc(2 * BRICKS * sizeof *words), *unused = malloc(3 * BRICKS * sizeof *unused);
+    float *wanted = malloc(SAMPLES * sizeof *wanted);
+    assert_true(bricks && words && wanted && unused);
+    int64_t *places = random_voxels(BRICKS, unused);
+    for (int i = 0; i < BRICKS; i++) {
+        int level = (int)random_below(12);
+        words[2 * i] = (uint32_t)level;
+        words[2 * i + 1] = (uint32_t)random_bits();
+        for (int a = 0; a < 3; a++) {
+            int64_t frequency = (int64_t)((double)(INT64_C(1) << (55 - level)) * random_magnitude(1e-3, 1));
+            bricks[6 * i + a] = places[3 * i + a];
+            bricks[6 * i + 3 + a] = random_below(3) ? frequency : -frequency;
+        }
+    }
+    float *got =
+        device_results(16, "probe_rows", bricks, 6 * BRICKS, words, 2 * BRICKS, BRICKS, BRICKS * (SAMPLES + 1));
+    for (uint32_t i = 0; i < BRICKS; i++) {
+        const float *samples = got + (size_t)i * (SAMPLES + 1);
+        float *out = wanted;
+        noise_axis axis[3];
+        if (samples[SAMPLES] == 0) /* no table on this device */
+            continue;
+        for (int a = 0; a < 3; a++)
+            axis[a] = noise_axis_at(bricks[6 * i + a], bricks[6 * i + 3 + a], (int)words[2 * i]);
+        for (int z = 0; z < 17; z++)
+            for (int y = 0; y < 17; y++)
+                for (int x = 0; x < 16; x++) {
+                    noise_position p;
+                    p.axis[0] =
+                        noise_coordinate_move(noise_axis_sample(&axis[0], x), row_bend(i, 0, x, y, z) * row_scale(i));
+                    p.axis[1] = noise_axis_sample(&axis[1], y);
+                    p.axis[2] =
+                        noise_coordinate_move(noise_axis_sample(&axis[2], z), row_bend(i, 2, x, y, z) * row_scale(i));
+                    *out++ = noise_octave(&p, words[2 * i + 1], 0.75f, 0.0f);
+                }
+        assert_same_bits(samples, wanted, SAMPLES, "rows");
+    }
+    free(got);
+    free(places);
+    free(unused);
+    free(bricks);
+    free(words);
+    free(wanted);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_tensor),
-                                       cmocka_unit_test(test_table)};
+                                       cmocka_unit_test(test_table), cmocka_unit_test(test_rows)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
