@@ -36,13 +36,7 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
 
 bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error)
 {
-    if (size_bytes == 0)
-        return true;
-    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
-                                      NULL, NULL);
-    if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot read buffer %s: %s", buffer->name, karst_cl_error_name(code));
-    return true;
+    return karst_buffer_fetch(buffer, offset_bytes, data, size_bytes, error);
 }
 
 /* Cuts the brick pool into equal segments. */

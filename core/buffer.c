@@ -240,6 +240,17 @@ bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, si
     return check_code(buffer, "read", code, error);
 }
 
+bool karst_buffer_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error)
+{
+    if (!check_range(buffer, "read", offset_bytes, size_bytes, error))
+        return false;
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueReadBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
+                                      NULL, NULL);
+    return check_code(buffer, "read", code, error);
+}
+
 bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error)
 {
     if (!check_range(buffer, "fill", offset_bytes, size_bytes, error))

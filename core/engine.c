@@ -151,11 +151,26 @@ static void report_non_finite(karst_engine *engine)
         engine->world->name, (double)voxel[0] * voxel_m, (double)voxel[1] * voxel_m, (double)voxel[2] * voxel_m);
 }
 
+/* Who waits for the picture, or plans by it, has it before what it asks for is answered. Else both are one chain of
+ * commands. */
+static bool draw_and_answer(karst_engine *engine, bool moved, karst_work *work, karst_error *error)
+{
+    bool ok = karst_engine_draw(engine, error);
+    if (ok && (engine->budget_ns > 0 || engine->goes_on))
+        ok = karst_engine_end_picture(engine, error);
+    /* Who is patient is given all at once. */
+    if (ok && engine->budget_ns > 0 && !engine->goes_on) {
+        const karst_pace_frame frame = pace_frame(engine, moved);
+        karst_pace_look(&engine->pace, &frame);
+    }
+    ok = ok && karst_engine_answer(engine, work, error);
+    return karst_engine_end_picture(engine, ok ? error : NULL) && ok;
+}
+
 bool karst_engine_frame(karst_engine *engine, karst_error *error)
 {
     uint64_t start_ns = karst_clock_ns(), start_cpu_ns = karst_engine_cpu_ns(engine);
     karst_stats *stats = &engine->stats;
-    uint32_t counters[KARST_ENGINE_NUM_COUNTERS];
     karst_work work;
 
     if (!engine->surface)
@@ -178,20 +193,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     karst_engine_note_motion(engine);
 
-    if (!place_root(engine, error) || !karst_engine_load_root(engine, error) || !karst_engine_draw(engine, error) ||
-        !karst_buffer_read(engine->counters, 0, counters, sizeof counters, error))
-        return false;
-    stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
-    stats->num_hits = counters[0];
-    stats->num_provisional = counters[1];
-    stats->num_incomplete = counters[2];
-    stats->num_coarser = counters[3];
-    /* Who is patient is given all at once. */
-    if (engine->budget_ns > 0 && !engine->goes_on) {
-        const karst_pace_frame frame = pace_frame(engine, moved);
-        karst_pace_look(&engine->pace, &frame);
-    }
-    if (!karst_engine_answer(engine, &work, error) || !fill_pool_stats(engine, error))
+    if (!place_root(engine, error) || !karst_engine_load_root(engine, error) ||
+        !draw_and_answer(engine, moved, &work, error) || !fill_pool_stats(engine, error))
         return false;
     engine->path = NULL;
 

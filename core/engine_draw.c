@@ -37,15 +37,29 @@ void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view
     karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
 }
 
-/* Cast and shade into the display. */
+static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
+                  karst_error *error)
+{
+    const karst_light light = karst_engine_light(engine);
+    karst_shader_set_anchor(engine->shader, &engine->camera.position);
+    if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, pixels, NULL,
+                            engine->counters, error))
+        return false;
+    if (engine->shadows && (!karst_sunward_aim(engine->sunward, light.sun_direction, error) ||
+                            !karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
+                                                        pixels, engine->shadows_asked, engine->shadow_hints, error)))
+        return false;
+    return !engine->view ||
+           karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);
+}
+
+/* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error)
 {
     karst_cast_view view;
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     engine->drawn = engine->camera;
-    karst_light light = karst_engine_light(engine);
-    karst_shader_set_anchor(engine->shader, &engine->camera.position);
 
     bool counting = engine->view == KARST_PAINT_STEPS;
     if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
@@ -63,14 +77,23 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)
         return false;
-    bool shaded = karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays, pixels,
-                                     NULL, engine->counters, error);
-    if (shaded && engine->shadows)
-        shaded = karst_sunward_aim(engine->sunward, light.sun_direction, error) &&
-                 karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, pixels,
-                                            engine->shadows_asked, engine->shadow_hints, error);
-    if (shaded && engine->view)
-        shaded = karst_views_paint(engine->views, engine->view, &pinhole, engine->frame, engine->hits, pixels, error);
-    /* The surface is mapped: end it even if shading failed. */
-    return karst_surface_end(engine->surface, shaded ? error : NULL) && shaded;
+    engine->drawing = true;
+    return paint(engine, &view, &pinhole, pixels, error) && karst_surface_hand_over(engine->surface, error) &&
+           karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
+}
+
+bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
+{
+    if (!engine->drawing)
+        return true;
+    engine->drawing = false;
+    if (!karst_surface_end(engine->surface, error))
+        return false;
+    karst_stats *stats = &engine->stats;
+    stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
+    stats->num_hits = engine->counted[0];
+    stats->num_provisional = engine->counted[1];
+    stats->num_incomplete = engine->counted[2];
+    stats->num_coarser = engine->counted[3];
+    return true;
 }

@@ -76,6 +76,8 @@ struct karst_engine {
     karst_sunward *sunward; /* NULL without shadows */
     karst_shader *shader;
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
+    uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
+    bool drawing;                                /* a picture was begun that is not ended */
 
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
@@ -201,9 +203,12 @@ bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_c
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
 
-/* engine_draw.c. Sun, haze and sky; what the picture's rays see; and casting and shading it into the display. */
+/* engine_draw.c. Sun, haze and sky; what the picture's rays see; casting and shading it into the display, which is only
+ * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also
+ * after a failure the picture must be ended. */
 karst_light karst_engine_light(const karst_engine *engine);
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
 bool karst_engine_draw(karst_engine *engine, karst_error *error);
+bool karst_engine_end_picture(karst_engine *engine, karst_error *error);
 
 #endif

@@ -342,7 +342,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
      * succession would only take the time away from the compiler. */
     if (!karst_density_producer_compile(engine->producer, engine->has_content ? COMPILING_NS : 0, error))
         return false;
-    if (!answer_round(engine, &engine->camera.position, &left, work, error))
+    if (!answer_round(engine, &engine->camera.position, &left, work, error) ||
+        !karst_engine_end_picture(engine, error))
         return false;
     stats->num_requests += work->num_requests;
     stats->num_deferred = work->num_deferred_budget + work->num_starved_bricks + work->num_starved_tiles;

@@ -2,6 +2,7 @@
  *
  * Row 0 of the pixel buffer, of the texture and of the headless framebuffer is the picture's top. The headless
  * framebuffer *is* the texture: the upload draws it, and drawing it once more would cost llvmpipe 4 ms at 1280x720.
+ * Nobody looks at it but who reads it, so the upload waits for that.
  * Only a window is blitted to, upside down, since OpenGL's windows count rows from the bottom. Nothing converts to or
  * from sRGB: bytes in are bytes out. */
 #include "core/surface.h"
@@ -20,6 +21,8 @@ struct karst_surface {
     size_t size_bytes;
     karst_surface_path path;
     bool begun;
+    bool handed_over;      /* of what was begun: enqueued */
+    bool waits_for_upload; /* headless: what was ended last */
     karst_buffer *pixels;  /* COPIED, PLAIN: what kernels write */
     karst_buffer *account; /* of OpenGL's part: pixel buffer and texture */
     cl_mem mem;            /* what kernels write: SHARED for good; MAPPED from begin to end */
@@ -85,29 +88,28 @@ static bool wrap_mapping(karst_surface *surface, karst_error *error)
     return karst_fail(error, KARST_FAILED, "OpenCL cannot use OpenGL's pixel buffer: %s", karst_cl_error_name(code));
 }
 
-/* Hands the mapping back: OpenCL first, whose map and unmap make its writes visible at the host pointer, then OpenGL.
- */
-static bool unwrap_mapping(karst_surface *surface, karst_error *error)
+/* OpenCL's own map and unmap make its writes visible at the host pointer. */
+static bool enqueue_visible(karst_surface *surface, karst_error *error)
 {
     cl_int code = CL_SUCCESS;
     cl_command_queue queue = surface->context->queue;
     void *seen =
-        clEnqueueMapBuffer(queue, surface->mem, CL_TRUE, CL_MAP_READ, 0, surface->size_bytes, 0, NULL, NULL, &code);
-    bool same = seen == surface->mapped;
+        clEnqueueMapBuffer(queue, surface->mem, CL_FALSE, CL_MAP_READ, 0, surface->size_bytes, 0, NULL, NULL, &code);
     if (code == CL_SUCCESS)
         code = clEnqueueUnmapMemObject(queue, surface->mem, seen, 0, NULL, NULL);
-    cl_int finished = clFinish(queue);
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "OpenCL cannot hand the pixel buffer back: %s",
+                          karst_cl_error_name(code));
+    return seen == surface->mapped || karst_fail(error, KARST_FAILED, "OpenCL moved the mapped pixel buffer");
+}
+
+/* Hands the mapping back to OpenGL, once the queue is done with it. */
+static bool unwrap_mapping(karst_surface *surface, karst_error *error)
+{
     clReleaseMemObject(surface->mem);
     surface->mem = NULL;
     surface->mapped = NULL;
-    if (!unmap(surface, error))
-        return false;
-    if (code != CL_SUCCESS || finished != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "OpenCL cannot hand the pixel buffer back: %s",
-                          karst_cl_error_name(code != CL_SUCCESS ? code : finished));
-    if (!same)
-        return karst_fail(error, KARST_FAILED, "OpenCL moved the mapped pixel buffer");
-    return true;
+    return unmap(surface, error);
 }
 
 /* ---- choosing and making ---- */
@@ -156,8 +158,12 @@ static bool prepare(karst_surface *surface, karst_surface_path path, karst_error
                               karst_cl_error_name(code));
         }
     }
-    if (path == KARST_SURFACE_MAPPED) /* once for trial */
-        return wrap_mapping(surface, error) && unwrap_mapping(surface, error);
+    if (path == KARST_SURFACE_MAPPED) { /* once for trial */
+        if (!wrap_mapping(surface, error))
+            return false;
+        bool visible = enqueue_visible(surface, error), finished = karst_finish(context, visible ? error : NULL);
+        return unwrap_mapping(surface, visible && finished ? error : NULL) && visible && finished;
+    }
     if (path == KARST_SURFACE_COPIED || path == KARST_SURFACE_PLAIN)
         surface->pixels = karst_buffer_create(context, "pixels", surface->size_bytes, NULL, error);
     return path == KARST_SURFACE_SHARED || surface->pixels;
@@ -255,8 +261,6 @@ static bool acquire(karst_surface *surface, karst_error *error)
 static bool release(karst_surface *surface, karst_error *error)
 {
     cl_int code = clEnqueueReleaseGLObjects(surface->context->queue, 1, &surface->mem, 0, NULL, NULL);
-    if (code == CL_SUCCESS)
-        code = clFinish(surface->context->queue); /* and OpenCL before OpenGL */
     return code == CL_SUCCESS ||
            karst_fail(error, KARST_FAILED, "OpenCL cannot release the pixel buffer: %s", karst_cl_error_name(code));
 }
@@ -286,6 +290,7 @@ cl_mem karst_surface_begin(karst_surface *surface, karst_error *error)
     if (!ready)
         return NULL;
     surface->begun = true;
+    surface->handed_over = surface->waits_for_upload = false;
     return surface->mem ? surface->mem : surface->pixels->mem;
 }
 
@@ -305,6 +310,7 @@ static void upload(karst_surface *surface)
     gl->BindTexture(GL_TEXTURE_2D, 0);
     gl->BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     surface->uploaded = gl->FenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    surface->waits_for_upload = false;
 }
 
 /* Into the window's framebuffer, over the viewport that its owner has set. */
@@ -324,29 +330,40 @@ static void draw_window(karst_surface *surface)
     gl->BindFramebuffer(GL_READ_FRAMEBUFFER, 0);
 }
 
+bool karst_surface_hand_over(karst_surface *surface, karst_error *error)
+{
+    if (!surface->begun || surface->handed_over)
+        return karst_fail(error, KARST_FAILED, "a surface was handed over that was not begun, or twice");
+    surface->handed_over = true;
+    if (surface->path == KARST_SURFACE_MAPPED)
+        return enqueue_visible(surface, error);
+    return surface->path != KARST_SURFACE_SHARED || release(surface, error);
+}
+
 bool karst_surface_end(karst_surface *surface, karst_error *error)
 {
     if (!surface->begun)
         return karst_fail(error, KARST_FAILED, "a surface was ended that was not begun");
+    bool done = surface->handed_over || karst_surface_hand_over(surface, error);
     surface->begun = false;
-    bool done = karst_finish(surface->context, error); /* the kernels' own time, not the display's */
+    /* OpenCL before OpenGL; and the kernels' own time, not the display's. */
+    done = karst_finish(surface->context, done ? error : NULL) && done;
     uint64_t start_ns = karst_clock_ns();
-    done = karst_display_bind(surface->display, error) && done;
+    done = karst_display_bind(surface->display, done ? error : NULL) && done;
     /* What begin took is given back even after a failure. */
     if (surface->gl)
         karst_gl_clear_errors(surface->gl);
     if (surface->path == KARST_SURFACE_MAPPED)
-        done = unwrap_mapping(surface, error) && done;
-    if (surface->path == KARST_SURFACE_SHARED)
-        done = release(surface, error) && done;
+        done = unwrap_mapping(surface, done ? error : NULL) && done;
     if (done && surface->path == KARST_SURFACE_COPIED)
         done = copy(surface, error);
-    if (done && surface->gl) {
+    surface->waits_for_upload = done && surface->gl;
+    if (surface->waits_for_upload && surface->display->kind == KARST_DISPLAY_WINDOW) {
         upload(surface);
-        if (surface->display->kind == KARST_DISPLAY_WINDOW)
-            draw_window(surface);
-        done = karst_gl_check(surface->gl, "drawing the picture", error);
+        draw_window(surface);
     }
+    if (done && surface->gl)
+        done = karst_gl_check(surface->gl, "drawing the picture", error);
     karst_profile_add_host(surface->context, KARST_STAGE_DISPLAY, karst_clock_ns() - start_ns);
     return done;
 }
@@ -377,6 +394,8 @@ bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes
     if (!karst_display_bind(surface->display, error))
         return false;
     karst_gl_clear_errors(gl);
+    if (surface->waits_for_upload)
+        upload(surface);
     gl->BindBuffer(GL_PIXEL_PACK_BUFFER, 0);
     gl->PixelStorei(GL_PACK_ALIGNMENT, 4);
     gl->PixelStorei(GL_PACK_ROW_LENGTH, 0);

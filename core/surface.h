@@ -1,6 +1,6 @@
 /* The pixel buffer of a display: where the shade kernel writes. Private to the library.
  *
- * begin -> launch kernels that write the cl_mem -> end (uploads to the texture, draws) -> read_pixels if wanted. */
+ * begin -> launch kernels that write the cl_mem -> hand over (enqueues) -> end (waits, draws) -> read if wanted. */
 #ifndef KARST_CORE_SURFACE_H
 #define KARST_CORE_SURFACE_H
 
@@ -32,11 +32,14 @@ void karst_surface_destroy(karst_surface *surface); /* NULL is fine; also betwee
 /* Memory for width * height RGBA8 pixels, top row first, valid until karst_surface_end; its old contents are undefined:
  * write every pixel. NULL on failure: then there is nothing to end. */
 cl_mem karst_surface_begin(karst_surface *surface, karst_error *error);
-/* Waits for the queue; pixels reach the texture. Headless that texture is the framebuffer (an FBO); in a window they
- * are blitted over the current GL viewport (pixel by pixel if it has the picture's size, else stretched). Ends the
- * surface also on failure. Time, but for the wait, goes to KARST_STAGE_DISPLAY. In a window's context it leaves the 2D
- * texture, pixel buffers and framebuffers unbound, the scissor test and sRGB framebuffers disabled, and sets pixel
- * storage modes. */
+/* Once all kernels that write the pixels have been launched: enqueues what makes them visible to OpenGL, and waits for
+ * nothing. May be left to karst_surface_end. After a failure the surface must still be ended. */
+bool karst_surface_hand_over(karst_surface *surface, karst_error *error);
+/* Waits for the queue; pixels lie in OpenGL's pixel buffer. In a window they reach the texture and are blitted over the
+ * current GL viewport (pixel by pixel if it has the picture's size, else stretched); headless, where that texture is
+ * the framebuffer (an FBO), they reach it when they are read. Ends the surface also on failure. Time, but for the wait,
+ * goes to KARST_STAGE_DISPLAY. In a window's context it leaves the 2D texture, pixel buffers and framebuffers unbound,
+ * the scissor test and sRGB framebuffers disabled, and sets pixel storage modes. */
 bool karst_surface_end(karst_surface *surface, karst_error *error);
 /* Blits what the last karst_surface_end brought over a window's viewport once more; elsewhere nothing. */
 bool karst_surface_show(karst_surface *surface, karst_error *error);

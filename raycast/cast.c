@@ -199,11 +199,10 @@ static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, cons
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     if (!check_hints(caster, hints, pinhole, error) || !check_asked(caster, asked, pinhole, notes, error) ||
         !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error)) ||
-        !upload_view(caster, view, error))
-        return false;
-    if (!KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
+        !KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
-                         KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
+                         KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)) ||
+        !upload_view(caster, view, error)) /* last: cores begin with it */
         return false;
     return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
 }

@@ -315,6 +315,9 @@ static void test_write_read_and_fill_keep_to_their_ranges(void **state)
     assert_non_null(buffer);
     assert_true(karst_buffer_write(buffer, 4, &(uint32_t){7}, 4, &error));
     assert_true(karst_buffer_fill(buffer, 9, 8, 12, &error));
+    memset(back, 0xee, sizeof(back));
+    assert_true(karst_buffer_fetch(buffer, 0, back, sizeof(back), &error) && karst_finish(f->context, &error));
+    assert_int_equal(((const uint32_t *)(const void *)back)[2], 9);
     assert_true(karst_buffer_read(buffer, 0, back, sizeof(back), &error));
     for (uint32_t i = 0; i < 16; i++)
         assert_int_equal(back[i], i == 1 ? 7 : i >= 2 && i <= 4 ? 9 : 100 + i);
@@ -326,6 +329,7 @@ static void test_write_read_and_fill_keep_to_their_ranges(void **state)
         assert_false(karst_buffer_write(buffer, bad[i][0], data, bad[i][1], &refused));
         assert_non_null(strstr(refused.message, "values"));
         assert_false(karst_buffer_read(buffer, bad[i][0], back, bad[i][1], NULL));
+        assert_false(karst_buffer_fetch(buffer, bad[i][0], back, bad[i][1], NULL));
         assert_false(karst_buffer_fill(buffer, 0, bad[i][0], bad[i][1], NULL));
     }
     assert_false(karst_buffer_fill(buffer, 0, 2, 4, NULL));

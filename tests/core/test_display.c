@@ -162,6 +162,9 @@ static void draw(karst_surface *surface, int width, int height, int frame)
                 KARST_ARGUMENTS(kernel, &error, KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(width),
                                 KARST_VALUE_ARG(height), KARST_VALUE_ARG(frame)) &&
                 karst_launch(context, kernel, KARST_STAGE_SHADE, (size_t)width * (size_t)height, 64, &error);
+    /* Every other one as the engine does it, with work behind the picture before anybody waits. */
+    if (done && frame % 2)
+        done = karst_surface_hand_over(surface, &error);
     if (!done || !karst_surface_end(surface, &error))
         fail_msg("%s", error.message);
 }
@@ -412,7 +415,14 @@ static void test_misuse(void **state)
         assert_true(karst_surface_read(surface, rgba, sizeof rgba - 1, NULL));
         draw(surface, 8, 8, 3);
         check_read(surface, 8, 8, 3);
+        draw(surface, 8, 8, 4); /* nobody reads this one */
+        draw(surface, 8, 8, 5);
+        check_read(surface, 8, 8, 5);
+        check_read(surface, 8, 8, 5);
+        assert_false(karst_surface_hand_over(surface, NULL));
         assert_non_null(karst_surface_begin(surface, NULL));
+        assert_true(karst_surface_hand_over(surface, NULL));
+        assert_false(karst_surface_hand_over(surface, NULL));
         karst_surface_destroy(surface); /* between begin and end */
         karst_display_destroy(display);
     }
