@@ -457,26 +457,58 @@ static void light_behaves(void **state)
     scene_destroy(&s);
 }
 
-/* The same source as on the device, against the host's mathematics. */
+/* From light to 255ths, in the host's mathematics. */
+static double exact_curve(double x)
+{
+    double film = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
+    return 255 * (film <= 0.0031308 ? 12.92 * film : 1.055 * pow(film, 1 / 2.4) - 0.055);
+}
+
+/* The same source as on the device, against that. */
 static void tone_functions_are_close(void **state)
 {
     (void)state;
-    double last = -1, sum = 0;
+    double sum = 0;
     for (int i = 0; i <= 100000; i++) {
-        double x = i / 100000.0, exact = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1 / 2.4) - 0.055;
-        assert_true(fabs((double)tone_encode((float)x) - exact) < 0.11 / 255);
         double y = i / 1000.0;
         assert_true(fabs((double)tone_exp2_minus((float)y) - exp2(-y)) < 2e-5);
-        double film = (double)tone_film((float)y);
-        assert_true(film >= last && film <= 1);
-        last = film;
         float dither = tone_dither(i % 1000, i / 1000);
         assert_true(fabsf(dither) < 0.5f);
         sum += dither;
     }
     assert_true(fabs(sum / 100001) < 0.003);
-    assert_int_equal(tone_byte(0, 0), 0);
-    assert_int_equal(tone_byte(1e9f, 0.4f), 255);
+    /* Each 64th float up to where it is cut off, and beyond. */
+    float last = 0;
+    for (uint32_t bits = 0; bits <= k_as_uint(16.0f); bits += 64) {
+        float x = k_as_float(bits), curve = tone_curve(x, 0);
+        double exact = exact_curve((double)x);
+        if (fabs(fmin((double)curve, 255) - fmin(exact, 255)) >= 0.1)
+            fail_msg("of %.9g it is %.9g, not %.9g", (double)x, (double)curve, exact);
+        if (curve < last - 1e-4f)
+            fail_msg("at %.9g it falls, from %.9g to %.9g", (double)x, (double)last, (double)curve);
+        last = curve;
+    }
+    for (float dither = -0.49999f; dither < 0.5f; dither += 0.33333f) {
+        assert_int_equal(tone_byte(0, dither), 0);
+        assert_int_equal(tone_byte(1e9f, dither), 255);
+        assert_int_equal(tone_byte(INFINITY, dither), 255);
+    }
+}
+
+/* Where cubics meet they are exact, and at the inner nodes: so their numbers are what they are said to be. */
+static void tone_cubics_are_exact_at_their_nodes(void **state)
+{
+    (void)state;
+    for (int exponent = TONE_LEAST_EXPONENT; exponent < TONE_LEAST_EXPONENT + 16; exponent++) {
+        double end = ldexp(1, exponent - 126), start = exponent == TONE_LEAST_EXPONENT ? 0 : end / 2;
+        for (int node = 0; node < 4; node++) {
+            double x = (start + end) / 2 - (end - start) / 2 * cos(3.14159265358979 / 3 * node);
+            float light = (float)fmin(x, (double)nextafterf((float)end, 0));
+            if (light > TONE_MOST_LIGHT)
+                continue;
+            assert_true(fabs((double)tone_curve(light, 0) - exact_curve((double)light)) < 2e-4);
+        }
+    }
 }
 
 int main(void)
@@ -491,6 +523,7 @@ int main(void)
         cmocka_unit_test(shadows_want_no_finer_levels),
         cmocka_unit_test(light_behaves),
         cmocka_unit_test(tone_functions_are_close),
+        cmocka_unit_test(tone_cubics_are_exact_at_their_nodes),
     };
     int failed = cmocka_run_group_tests(tests, open_contexts, close_all);
     return failed;
