@@ -4,6 +4,43 @@
 #include "raycast/rays.clh"
 #include "raycast/samples.clh"
 
+/* Samples at the corners of a cell, as floats: v_xyz. Ratios to the floor are compared over the years: so it reads
+ * cells in its own way, which stays as it is when the cast finds a better one. */
+typedef struct {
+    vfloat v000, v100, v010, v110, v001, v101, v011, v111;
+} corners;
+
+#if LANES == 16
+#define LOAD_ROW_(first, second, offset)                        \
+    {                                                           \
+        K_GLOBAL const short *row = bricks + (offset);          \
+        const vint two = as_int16((uint16)(EACH_INDEX_(TWO_))); \
+        (first) = v_to_float(two << 16 >> 16);                  \
+        (second) = v_to_float(two >> 16);                       \
+    }
+#else
+#define LOAD_ROW_(first, second, offset) \
+    (first) = (float)bricks[index + (offset)], (second) = (float)bricks[index + (offset) + 1];
+#endif
+RAY_INLINE void load_corners(K_GLOBAL const short *bricks, vint index, corners *v)
+{
+#if LANES == 16
+    READ_INDICES_(index)
+#endif
+    LOAD_ROW_(v->v000, v->v100, 0)
+    LOAD_ROW_(v->v010, v->v110, ROW_Y)
+    LOAD_ROW_(v->v001, v->v101, ROW_Z)
+    LOAD_ROW_(v->v011, v->v111, ROW_YZ)
+}
+
+RAY_INLINE vfloat corners_at(const corners *v, vfloat x, vfloat y, vfloat z)
+{
+    vfloat p00 = k_fma(v->v100 - v->v000, x, v->v000), p10 = k_fma(v->v110 - v->v010, x, v->v010);
+    vfloat p01 = k_fma(v->v101 - v->v001, x, v->v001), p11 = k_fma(v->v111 - v->v011, x, v->v011);
+    vfloat p0 = k_fma(p10 - p00, y, p00), p1 = k_fma(p11 - p01, y, p01);
+    return k_fma(p1 - p0, z, p0);
+}
+
 __kernel K_WIDE void floor_picture(K_GLOBAL const uint *table, K_GLOBAL const short *bricks, int width, int height,
                                    K_GLOBAL float *out)
 {
