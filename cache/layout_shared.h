@@ -76,17 +76,20 @@ typedef struct {
 K_ASSERT_SIZE(karst_tile_info, 64);
 #define KARST_TILE_PARENT_WORD 7 /* where `parent` stands among its 32-bit words */
 
-/* What a ray reads for each brick: 16 bytes. Value of a sample = scale * (float)q, q a karst_brick_sample
- * (sample_shared.h) that has the sign of the density (0 counts as air; of 16 bits a positive density is at least 1, a
- * negative one at most -1).
+/* What a ray reads for each brick: 32 bytes, so that none lies in two lines of memory. Value of a sample = scale *
+ * (float)q, q a karst_brick_sample (sample_shared.h) that has the sign of the density (0 counts as air; of 16 bits a
+ * positive density is at least 1, a negative one at most -1).
  * safe_cells * |q interpolated| is a distance in cells within which the interpolant has no zero. */
 typedef struct {
     float scale;
     float safe_cells;
     uint blocks[2]; /* bit b = x/4 + 4*(y/4) + 16*(z/4), cells: set if the 4^3 block has a cell with both signs at its
                        corners */
+    uint solid[2];  /* likewise: set if the block's first sample is solid. Of a block that has no such cell all are as
+                       this one */
+    uint pad[2];
 } karst_brick_info;
-K_ASSERT_SIZE(karst_brick_info, 16);
+K_ASSERT_SIZE(karst_brick_info, 32);
 
 /* What the cache knows of a brick: attachment to its node. */
 typedef struct {

@@ -186,7 +186,7 @@ static void check_encoding(const float *d, const double *q, int bits, const kars
                            const uint32_t fine[KARST_FINE_WORDS], const char *what)
 {
     double surface = 0, largest = 0;
-    uint64_t blocks = 0;
+    uint64_t blocks = 0, solid = 0;
     uint32_t fine_blocks[KARST_FINE_WORDS] = {0};
     for (int i = 0; i < SAMPLES; i++)
         largest = fabs((double)d[i]) > largest ? fabs((double)d[i]) : largest;
@@ -209,6 +209,10 @@ static void check_encoding(const float *d, const double *q, int bits, const kars
             }
     if ((info->blocks[0] | (uint64_t)info->blocks[1] << 32) != blocks)
         fail_msg("%s: block mask %08x%08x, should be %016lx", what, info->blocks[1], info->blocks[0], blocks);
+    for (int i = 0; i < 64; i++)
+        solid |= (uint64_t)(d[AT(4 * (i & 3), 4 * (i >> 2 & 3), 4 * (i >> 4))] > 0) << i;
+    if ((info->solid[0] | (uint64_t)info->solid[1] << 32) != solid)
+        fail_msg("%s: first samples of blocks %08x%08x, should be %016lx", what, info->solid[1], info->solid[0], solid);
     for (int i = 0; i < KARST_FINE_WORDS; i++)
         if (fine[i] != fine_blocks[i])
             fail_msg("%s: word %d of the fine mask is %08x, should be %08x", what, i, fine[i], fine_blocks[i]);

@@ -229,6 +229,9 @@ SCENE_UNUSED static karst_brick_info scene_brick_info(int16_t *q, float scale)
                     fine[block >> 5] |= 1u << (block & 31);
                 }
             }
+    for (int block = 0; block < 64; block++)
+        if (q[4 * (block % 4 + side * (block / 4 % 4 + side * (block / 16)))] > 0)
+            info.solid[block >> 5] |= 1u << (block & 31);
     info.safe_cells = steepest > 0 ? (float)(0.999999 / sqrt(steepest)) : 1e30f;
     memcpy(q + KARST_BRICK_PADDED, fine, sizeof(fine));
     return info;

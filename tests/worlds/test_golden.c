@@ -67,7 +67,7 @@ static uint64_t hash_bricks(shipped_world *world, const pool_node *nodes, uint32
         ++*num_bricks;
         pool_read_brick(&p, n, brick.q, &brick.info);
         hash = pool_hash(hash, brick.q, KARST_BRICK_SAMPLES * sizeof *brick.q);
-        hash = pool_hash(hash, &brick.info, sizeof brick.info);
+        hash = pool_hash(hash, &brick.info, offsetof(karst_brick_info, solid)); /* the rest follows from q */
     }
     pool_close(&p);
     karst_producer_destroy(producer);
