@@ -24,7 +24,7 @@ static double bumps(const double p[3], double width, const void *user)
     return sum;
 }
 
-static const ground gentle = {0.1, 0}, steep = {0.6, 0}, rising = {0.5, 2}, leaping = {0.5, 6};
+static const ground gentle = {0.1, 0}, steep = {0.6, 0}, rising = {0.5, 2}, leaping = {0.5, 6}, apart = {0.1, 24};
 
 static scene open_scene(karst_context *context, const ground *of)
 {
@@ -273,6 +273,7 @@ static void test_hits_are_on_the_blended_field(void **state)
     check_hits(&steep, 0.1);
     check_hits(&rising, 0.2);
     check_hits(&leaping, 0.6);
+    check_hits(&apart, 1.5); /* where blocks that have a surface in neither level have one when blended */
 }
 
 /* ---- clear nodes ---- */
