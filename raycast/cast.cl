@@ -24,10 +24,10 @@ typedef struct {
     vint octants, alive;
 } packet_start;
 
-/* Puts packet p on its way: the lanes of `valid`. */
+/* Puts packet p on its way: the lanes of `valid`. What rays from the anchor have in common the first packet holds. */
 RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const karst_cast_view *view,
-                             const vector3 *origin, const vector3 *direction, vfloat t_min, vfloat t_max, vfloat width,
-                             vfloat cone, vint valid)
+                             const int from_anchor, const vector3 *origin, const vector3 *direction, vfloat t_min,
+                             vfloat t_max, vfloat width, vfloat cone, vint valid)
 {
     const vfloat zero = (vfloat)(0.0f);
     b->states.done[p] = b->states.fresh[p] = b->states.incomplete[p] = 0;
@@ -43,12 +43,15 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     rays->inverse.x = 1.0f / rays->direction.x;
     rays->inverse.y = 1.0f / rays->direction.y;
     rays->inverse.z = 1.0f / rays->direction.z;
-    rays->t_min = lane_max(t_min, zero);
-    rays->lod_shift = width * view->detail;
-    rays->lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
-    rays->lod_scale = 1.0f / rays->lod_slope;
-    start->origin = *origin;
-    start->t_end = t_max;
+    if (!from_anchor || !p) {
+        rays->t_min = lane_max(t_min, zero);
+        rays->lod_shift = width * view->detail;
+        rays->lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
+        rays->lod_scale = 1.0f / rays->lod_slope;
+        start->t_end = t_max;
+    }
+    if (!from_anchor)
+        start->origin = *origin;
     start->octants = (down_x & 1) | (down_y & 2) | (down_z & 4);
     start->alive = valid & v_lt(t_min, t_max);
 }
@@ -79,8 +82,9 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
         for (int p = 0; p < BEAM_PACKETS; p++) {
             vint mine = start[p].alive & v_eq(start[p].octants, (vint)(octant));
             packet *rays = &b->rays[p];
-            rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
+            b->here[p] = mask_bits(mine);
             if (!from_anchor) {
+                rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
                 rays->origin.x = octant & 1 ? -start[p].origin.x : start[p].origin.x;
                 rays->origin.y = octant & 2 ? -start[p].origin.y : start[p].origin.y;
                 rays->origin.z = octant & 4 ? -start[p].origin.z : start[p].origin.z;
@@ -217,7 +221,7 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
         const uint misses = valid[p] & ~b->states.done[p];
         if (!misses)
             continue;
-        hits.t = start[p].t_end;
+        hits.t = start[from_anchor ? 0 : p].t_end;
         hits.kind = bits_mask(b->states.incomplete[p]) & (int)KARST_HIT_INCOMPLETE;
 #ifdef CAST_COUNT_STEPS
         hits.kind |= lane_min_int(v_load_int(b->states.steps + p * LANES), (vint)(KARST_STEPS_MAX))
@@ -292,8 +296,8 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         vint x, y;
         vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y);
         vector3 direction = pinhole_direction(pinhole, x, y);
-        start_packet(&b, &start[p], p, view, &origin, &direction, (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
-                     zero, (vfloat)(pinhole->cone), m);
+        start_packet(&b, &start[p], p, view, 1, &origin, &direction, (vfloat)(pinhole->t_min),
+                     (vfloat)(pinhole->t_max), zero, (vfloat)(pinhole->cone), m);
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
@@ -351,7 +355,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         vint first = v_select(m, at - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
         vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
-        start_packet(&b, &start[p], p, view, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
+        start_packet(&b, &start[p], p, view, 0, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
                      m);
     }
     begin_without_hints(&b.hints);
@@ -412,7 +416,7 @@ BEAM_FUNCTION
             origin.z = load_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid);
             casts = 1;
         }
-        start_packet(&b, &start[p], p, view, &origin, &direction, zero, (vfloat)(sun->t_max), width,
+        start_packet(&b, &start[p], p, view, 0, &origin, &direction, zero, (vfloat)(sun->t_max), width,
                      (vfloat)(sun->cone), m);
     }
     if (!casts)
