@@ -106,9 +106,9 @@ typedef uint8 hit_words __attribute__((aligned(4)));
 #define WORDS_HI_(a, b) __builtin_shufflevector(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
 #define PAIRS_LO_(a, b) __builtin_shufflevector(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29)
 #define PAIRS_HI_(a, b) __builtin_shufflevector(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31)
-#define STORE_HIT_(l, k, first, second)                       \
-    *(hit_words *)(out + ray.l) = __builtin_shufflevector( \
-        first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, 16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
+#define STORE_HIT_(l, k, first, second)                                                                          \
+    *(hit_words *)(out + ray.l) = __builtin_shufflevector(first, second, 4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3, \
+                                                          16 + 4 * k, 17 + 4 * k, 18 + 4 * k, 19 + 4 * k);
 /* The lanes a, b, c and d: one of each group of four. */
 #define STORE_FOUR_(pairs, half, a, b, c, d)                                                                     \
     {                                                                                                            \
@@ -175,6 +175,30 @@ RAY_INLINE vint in_64ths(vint cell, vfloat part)
     return cell << 6 | lane_min_int(v_to_int(part * 64.0f), (vint)(63));
 }
 
+#define SHARES_ROOM (LIST_ROOM + (CUBIC_ROOTS - 1) * LANES)
+
+/* What share of its way through its cell each ray makes before it ends. */
+RAY_INLINE void find_shares(const findings *found, float share[SHARES_ROOM])
+{
+    for (uint first = 0; first < found->num; first += CUBIC_ROOTS * LANES) {
+        cubic f[CUBIC_ROOTS];
+        vint mask[CUBIC_ROOTS];
+        vfloat s[CUBIC_ROOTS];
+        K_UNROLL
+        for (int k = 0; k < CUBIC_ROOTS; k++) {
+            /* Lists hold no more vectors than the first whole one that is not full. */
+            const uint i = first + (uint)k * LANES, from = i < found->num ? i : first;
+            f[k].c0 = v_load_float(found->f[0] + from), f[k].c1 = v_load_float(found->f[1] + from);
+            f[k].c2 = v_load_float(found->f[2] + from), f[k].c3 = v_load_float(found->f[3] + from);
+            mask[k] = v_lt(V_LANE, (vint)((int)(found->num - i)));
+        }
+        cubic_first_roots(f, mask, s);
+        K_UNROLL
+        for (int k = 0; k < CUBIC_ROOTS; k++)
+            v_store_float(s[k], share + first + k * LANES);
+    }
+}
+
 /* Stores the records of a beam's rays; index: where each ray's goes, if it is a ray at all. any_hit: where along the
  * cell the surface lies does not matter. The normals are found here as what they are read from has just been marched.
  */
@@ -186,12 +210,13 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
     const normal_source source = {pool->bricks, pool->nodes, pool->brick_info, pool->tile_info};
     packet_hits hits;
     LIST_BEGIN karst_hit records[BEAM_RAYS + 1]; /* the last: of lanes without a ray */
+    LIST_BEGIN float share[SHARES_ROOM];
+    if (!any_hit)
+        find_shares(found, share);
     for (uint i = 0; i < found->num; i += LANES) {
         const vint m = v_lt(V_LANE, (vint)((int)(found->num - i)));
         const vint ray = v_select(m, v_load_int(found->ray + i), (vint)(0));
-        const cubic f = {v_load_float(found->f[0] + i), v_load_float(found->f[1] + i), v_load_float(found->f[2] + i),
-                         v_load_float(found->f[3] + i)};
-        const vfloat s = any_hit ? (vfloat)(0.0f) : cubic_first_root(&f, m);
+        const vfloat s = any_hit ? (vfloat)(0.0f) : v_load_float(share + i);
         const vint incomplete = v_uint_to_int(v_gather_uint(b->states.incomplete, ray / LANES)) >> ray % LANES & 1;
         hits.t = k_fma(s, v_load_float(found->dt + i), v_load_float(found->t + i));
         hits.kind = v_load_int(found->kind + i) | incomplete * (int)KARST_HIT_INCOMPLETE;
@@ -281,8 +306,8 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times; and it takes in what asks for the
  * work-item's number or how many there are. hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                     const karst_pinhole *pinhole, uint turn, uint num_turns,
-                                     K_GLOBAL karst_hit *hits, K_GLOBAL karst_beam_hints *hints, uint num_slots)
+                                     const karst_pinhole *pinhole, uint turn, uint num_turns, K_GLOBAL karst_hit *hits,
+                                     K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, pinhole->width_px, pinhole->height_px);
     const pools own = *pool; /* which no store can change */
@@ -296,8 +321,8 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         vint x, y;
         vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y);
         vector3 direction = pinhole_direction(pinhole, x, y);
-        start_packet(&b, &start[p], p, view, 1, &origin, &direction, (vfloat)(pinhole->t_min),
-                     (vfloat)(pinhole->t_max), zero, (vfloat)(pinhole->cone), m);
+        start_packet(&b, &start[p], p, view, 1, &origin, &direction, (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
+                     zero, (vfloat)(pinhole->cone), m);
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
@@ -389,11 +414,10 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 }
 #endif
 
-BEAM_FUNCTION
-    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint turn, uint num_turns, K_GLOBAL uint *pixels,
-                          K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints,
-                          uint num_slots)
+BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                    const karst_shadow_sun *sun, K_GLOBAL const float *rays, uint turn, uint num_turns,
+                                    K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
+                                    K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
     pools own = *pool;
