@@ -2,7 +2,7 @@
  *
  * Row 0 of the pixel buffer, of the texture and of the headless framebuffer is the picture's top. The headless
  * framebuffer *is* the texture: the upload draws it, and drawing it once more would cost llvmpipe 4 ms at 1280x720.
- * Nobody looks at it but who reads it, so the upload waits for that.
+ * Nobody looks at it but who reads it, so the upload waits for that, and the pixel buffer stays mapped.
  * Only a window is blitted to, upside down, since OpenGL's windows count rows from the bottom. Nothing converts to or
  * from sRGB: bytes in are bytes out. */
 #include "core/surface.h"
@@ -25,8 +25,8 @@ struct karst_surface {
     bool waits_for_upload; /* headless: what was ended last */
     karst_buffer *pixels;  /* COPIED, PLAIN: what kernels write */
     karst_buffer *account; /* of OpenGL's part: pixel buffer and texture */
-    cl_mem mem;            /* what kernels write: SHARED for good; MAPPED from begin to end */
-    void *mapped;          /* MAPPED: the pixel buffer, from begin to end */
+    cl_mem mem;            /* what kernels write: SHARED for good; MAPPED while the pixel buffer is */
+    void *mapped;          /* MAPPED: the pixel buffer, from begin to end; headless until the picture is read */
     GLuint pixel_buffer, texture, framebuffer;
     GLsync uploaded; /* the last upload has read the pixel buffer */
 };
@@ -282,7 +282,7 @@ cl_mem karst_surface_begin(karst_surface *surface, karst_error *error)
     }
     uint64_t start_ns = karst_clock_ns();
     bool ready = karst_display_bind(surface->display, error);
-    if (ready && surface->path == KARST_SURFACE_MAPPED)
+    if (ready && surface->path == KARST_SURFACE_MAPPED && !surface->mapped)
         ready = wrap_mapping(surface, error);
     if (ready && surface->path == KARST_SURFACE_SHARED)
         ready = acquire(surface, error);
@@ -353,12 +353,13 @@ bool karst_surface_end(karst_surface *surface, karst_error *error)
     /* What begin took is given back even after a failure. */
     if (surface->gl)
         karst_gl_clear_errors(surface->gl);
-    if (surface->path == KARST_SURFACE_MAPPED)
-        done = unwrap_mapping(surface, done ? error : NULL) && done;
     if (done && surface->path == KARST_SURFACE_COPIED)
         done = copy(surface, error);
+    const bool in_window = surface->display->kind == KARST_DISPLAY_WINDOW;
+    if (in_window && surface->path == KARST_SURFACE_MAPPED)
+        done = unwrap_mapping(surface, done ? error : NULL) && done;
     surface->waits_for_upload = done && surface->gl;
-    if (surface->waits_for_upload && surface->display->kind == KARST_DISPLAY_WINDOW) {
+    if (surface->waits_for_upload && in_window) {
         upload(surface);
         draw_window(surface);
     }
@@ -394,6 +395,8 @@ bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes
     if (!karst_display_bind(surface->display, error))
         return false;
     karst_gl_clear_errors(gl);
+    if (surface->waits_for_upload && surface->mapped && !unwrap_mapping(surface, error))
+        return false;
     if (surface->waits_for_upload)
         upload(surface);
     gl->BindBuffer(GL_PIXEL_PACK_BUFFER, 0);
