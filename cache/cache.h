@@ -31,7 +31,7 @@ typedef struct {
 
 /* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
 #define KARST_CACHE_TILE_BYTES 248
-#define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_BYTES(bits) + 48))
+#define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_BYTES(bits) + 64))
 #define KARST_CACHE_BRICK_BYTES KARST_CACHE_BRICK_BYTES_OF(16)
 
 /* What kernels that read or write bricks are built with: "" for 16 bits. */
