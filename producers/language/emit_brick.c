@@ -146,24 +146,26 @@ static void tensor_sums(karst_emit *emit, karst_expr e)
     char mean[32];
     snprintf(mean, sizeof mean, "octave_mean(%u, %u)", KARST_NOISE_GRADIENT, shape_of(emit, e));
     karst_text_add(text,
-                   "#ifdef EMIT_HOISTED\n    for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
-                   "        axes->s%u[i] = (vfloat)(0.0f);\n"
-                   "    for (int k = 0; k < %u; k++) {\n        const octave_weight weight = axes->n%u[k].weight;\n"
-                   "        if (weight.weight == 0.0f) {\n            for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
+                   "#ifdef EMIT_HOISTED\n    for (int k = 0; k < %u; k++) {\n"
+                   "        const octave_weight weight = axes->n%u[k].weight;\n"
+                   "        if (weight.weight == 0.0f) {\n"
+                   "            emit_tensor_zero(k == 0, EMIT_TENSOR_SUMS, axes->s%u);\n"
+                   "            for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
                    "                axes->s%u[i] = octave_faded_%s(%s, &weight, axes->s%u[i]);\n"
                    "            continue;\n        }\n",
-                   e, num_octaves(emit, e), e, e, shape, mean, e);
+                   num_octaves(emit, e), e, e, e, shape, mean, e);
     if (shape_of(emit, e) == KARST_NOISE_SUM)
         karst_text_add(text,
-                       "        emit_tensor_add(&axes->n%u[k], weight.amplitude * weight.weight, axes->s%u);\n"
+                       "        emit_tensor_add(&axes->n%u[k], weight.amplitude * weight.weight, k == 0, axes->s%u);\n"
                        "    }\n#endif\n",
                        e, e);
     else
         karst_text_add(text,
-                       "        vfloat one[EMIT_TENSOR_SUMS];\n        for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
-                       "            one[i] = (vfloat)(0.0f);\n        emit_tensor_add(&axes->n%u[k], 1.0f, one);\n"
+                       "        vfloat one[EMIT_TENSOR_SUMS];\n"
+                       "        emit_tensor_add(&axes->n%u[k], 1.0f, 1, one);\n"
                        "        for (int i = 0; i < EMIT_TENSOR_SUMS; i++)\n"
-                       "            axes->s%u[i] = octave_%s(one[i], %s, &weight, axes->s%u[i]);\n    }\n#endif\n",
+                       "            axes->s%u[i] = octave_%s(one[i], %s, &weight, k ? axes->s%u[i] : (vfloat)(0.0f));\n"
+                       "    }\n#endif\n",
                        e, e, shape, mean, e);
 }
 
