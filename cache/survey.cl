@@ -90,6 +90,18 @@ K_INLINE K_WIDE uint list_slots(vint fits, uint i, __global const int *a, __glob
 /* Used that many casts ago. */
 static vint is_stamp(vint stamp, uint serial, uint age) { return v_eq(stamp, (vint)((int)(serial - age))); }
 
+/* Where pieces go is cold memory: it is asked for before. */
+K_INLINE void expect_pieces(__global uint *slots, __global uint *ages)
+{
+#if defined(__x86_64__) && KARST_DEVICE_CPU
+    __builtin_prefetch((const void *)(size_t)slots, 1);
+    __builtin_prefetch((const void *)(size_t)ages, 1);
+#endif
+}
+
+/* So many vectors are looked at before it is asked whether there is anything to list in them: mostly not. */
+#define STEP 4u
+
 /* One chunk of slots; a and b are both stamps, of tiles the same one. What is found goes to pieces[0...num) and, ages,
  * to pieces[num...2 num). */
 K_INLINE K_WIDE void survey_slots(__global const int *a, __global const int *b, uint begin, uint end,
@@ -101,27 +113,37 @@ K_INLINE K_WIDE void survey_slots(__global const int *a, __global const int *b, 
     /* Never (0) is of no age, and neither is what is as old as that. */
     vint has_exact = (vint)(least_age != 0xffffffffu && serial != least_age ? -1 : 0);
     __global uint *slots = pieces, *ages = pieces + ask.num[kind];
-    for (; i + LANES <= end; i += LANES) {
-        vint x = v_load_int(a + i), y = v_load_int(b + i), as_asked = v_eq(x, (vint)((int)serial)), as_any = as_asked;
-        if (kind == KARST_SURVEY_BRICKS)
-            as_any |= v_eq(y, (vint)((int)serial));
-        used -= as_any;
-        if (least_age == 0u)
-            continue;
-        vint fits = is_old(x, serial, least_age), same = is_stamp(x, serial, least_age);
-        if (kind == KARST_SURVEY_BRICKS) {
-            fits &= is_old(y, serial, least_age);
-            same |= is_stamp(y, serial, least_age);
+    expect_pieces(slots + at, ages + at);
+    expect_pieces(slots + at + 16, ages + at + 16);
+    for (; i + STEP * LANES <= end; i += STEP * LANES) {
+        vint fits[STEP], any = (vint)(0);
+#pragma unroll
+        for (uint j = 0; j < STEP; j++) {
+            vint x = v_load_int(a + i + j * LANES), y = v_load_int(b + i + j * LANES);
+            vint as_asked = v_eq(x, (vint)((int)serial)), as_any = as_asked;
+            if (kind == KARST_SURVEY_BRICKS)
+                as_any |= v_eq(y, (vint)((int)serial));
+            used -= as_any;
+            fits[j] = is_old(x, serial, least_age);
+            if (kind == KARST_SURVEY_BRICKS)
+                fits[j] &= is_old(y, serial, least_age);
+            if (stand_ins)
+                fits[j] = as_any & ~as_asked;
+            any |= fits[j];
         }
-        same &= has_exact;
-        if (stand_ins)
-            same = fits = as_any & ~as_asked;
-        exact -= same & fits;
-#ifndef V_HAS_COMPRESS /* which costs less than a branch that is guessed wrong */
-        if (!v_any(fits))
+        if (least_age == 0u || !v_any(any))
             continue;
-#endif
-        at += list_slots(fits, i, a + i, b + i, serial, slots + at, ages + at);
+#pragma unroll
+        for (uint j = 0; j < STEP; j++) {
+            uint first = i + j * LANES;
+            vint same = is_stamp(v_load_int(a + first), serial, least_age);
+            if (kind == KARST_SURVEY_BRICKS)
+                same |= is_stamp(v_load_int(b + first), serial, least_age);
+            same &= has_exact;
+            exact -= (stand_ins ? fits[j] : same & fits[j]);
+            at += list_slots(fits[j], first, a + first, b + first, serial, slots + at, ages + at);
+        }
+        expect_pieces(slots + at + 24, ages + at + 24);
     }
     for (; i < end; i++) {
         uint age = age_of(a[i], b[i], serial);
