@@ -1,9 +1,8 @@
 /* The cache: node pool and brick pool in fixed memory; what rays asked for, what may be recycled, what is linked.
  *
  * One round: rays are cast (they store stamps) -> karst_cache_collect (turns wants into work, frees what is recycled)
- * -> the producers fill the work's slots, which no ray can reach -> karst_cache_publish links them ->
- * karst_cache_recycle_ahead makes room for the next. Everything is deterministic: the same stamps give the same work in
- * the same order. Not thread-safe.
+ * -> the producers fill the work's slots, which no ray can reach -> karst_cache_publish links them. Everything is
+ * deterministic: the same stamps give the same work in the same order. Not thread-safe.
  */
 #ifndef KARST_CACHE_CACHE_H
 #define KARST_CACHE_CACHE_H
@@ -16,17 +15,17 @@ typedef struct karst_cache karst_cache;
 
 /* The buffers as kernels of other modules take them; owned by the cache. See layout_shared.h for what they hold. */
 typedef struct {
-    karst_buffer *nodes;                            /* karst_node[num_tiles * 8] */
-    karst_buffer *tile_info;                        /* karst_tile_info[num_tiles] */
+    karst_buffer *nodes;     /* karst_node[num_tiles * 8] */
+    karst_buffer *tile_info; /* karst_tile_info[num_tiles] */
     karst_buffer *bricks[KARST_MAX_BRICK_SEGMENTS]; /* karst_brick_sample[bricks_per_segment * KARST_BRICK_STRIDE] each;
                                                      * unused repeat [0] */
     uint32_t num_segments, bricks_per_segment;
-    int brick_bits;                                          /* of a sample: 8, 32, or 16, for which 0 stands, too */
+    int brick_bits; /* of a sample: 8, 32, or 16, for which 0 stands, too */
     karst_buffer *brick_info;                                /* karst_brick_info[num_bricks] */
     karst_buffer *brick_owner;                               /* karst_brick_owner[num_bricks] */
     karst_buffer *tile_stamp, *brick_stamp, *brick_fallback; /* uint each */
     karst_buffer *want_brick, *want_children, *want_chunk, *want_rays; /* uint each */
-    uint32_t num_tiles, num_bricks;                                    /* slots, slot 0 (never used) included */
+    uint32_t num_tiles, num_bricks;                          /* slots, slot 0 (never used) included */
     /* Behind the num_bricks slots lie KARST_CACHE_ROOT_BRICKS more, for the root nodes' bricks alone. */
 } karst_cache_buffers;
 
@@ -73,7 +72,7 @@ typedef struct {
     /* With a budget_ns, loads and subdivides stand in one queue, at these prices, and as many are chosen as fit; of
      * each kind at least one. 0: the maxima alone. */
     double load_ns, subdivide_ns, budget_ns;
-    bool may_drop_fallback; /* bricks that are only in use as a stand-in may be recycled too, by slot */
+    bool may_drop_fallback;         /* bricks that are only in use as a stand-in may be recycled too, by slot */
 } karst_collect_params;
 
 /* The work of a round. The lists lie on the device, num_loads and num_subdivides long, and stay valid until the next
@@ -112,14 +111,6 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
  * between casts. */
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);
-
-/* Recycles for the rounds to come, as many slots as the largest since the last call wanted and some more (ahead.h), in
- * the same order and under the same terms: the least recently used of what the last round's serial did not stamp; of
- * stand-ins none. So the next collect finds its slots free. To be called after a frame's last karst_cache_publish,
- * before the next cast. *num_evicted counts tiles and bricks. What the next cast would have used of it is wanted again:
- * so it is a small share of a pool, nothing of a small one, and nothing where no round wanted many. Waits for the
- * device if there is anything to do, once more if that is no CPU. Time goes to KARST_STAGE_COLLECT. */
-bool karst_cache_recycle_ahead(karst_cache *cache, uint32_t *num_evicted, karst_error *error);
 
 /* Sees to it that memory will lie behind the next num_bricks bricks that get slots (karst_buffer_commit), and behind
  * all that there is of slots beside bricks, by a thread beside: pages are found when they are first touched, which is

@@ -143,8 +143,8 @@ static bool collect(karst_cache *cache, const karst_collect_params *params, kars
     karst_survey *survey = &cache->survey;
     karst_wants *wants = &cache->wants;
     karst_survey_ask ask = {.serial = params->serial};
-    karst_lru_expect(&cache->tiles, cache->num_chosen_tiles, cache->tile_slots.num, &ask);
-    karst_lru_expect(&cache->bricks, cache->num_chosen_bricks, cache->brick_slots.num, &ask);
+    karst_lru_expect(&cache->tiles, cache->tile_slots.num, &ask);
+    karst_lru_expect(&cache->bricks, cache->brick_slots.num, &ask);
     bool is_short = ask.ages[KARST_SURVEY_TILES] || ask.ages[KARST_SURVEY_BRICKS];
     bool maps = cache->may_map && (is_short || karst_churn_any_is_recent(&cache->churn, params->frame));
     if (!karst_survey_begin(survey, &ask, error) ||
@@ -153,19 +153,13 @@ static bool collect(karst_cache *cache, const karst_collect_params *params, kars
         return false;
     work->num_used_tiles = survey->host_result.num_used[KARST_SURVEY_TILES];
     work->num_used_bricks = survey->host_result.num_used[KARST_SURVEY_BRICKS];
-    cache->num_in_use_tiles = work->num_used_tiles;
-    cache->num_in_use_bricks = work->num_used_bricks;
     if (!karst_wants_choose(wants, params->max_bricks, params->max_tiles, error))
         return false;
     if (params->budget_ns > 0)
         karst_wants_fit(wants, params->load_ns, params->subdivide_ns, params->budget_ns);
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
-    cache->tiles.expected_need = cache->num_chosen_tiles = subdivides->num;
-    cache->bricks.expected_need = cache->num_chosen_bricks = loads->num;
-    if (cache->most_chosen_bricks < loads->num)
-        cache->most_chosen_bricks = loads->num;
-    if (cache->most_chosen_tiles < subdivides->num)
-        cache->most_chosen_tiles = subdivides->num;
+    cache->tiles.expected_need = subdivides->num;
+    cache->bricks.expected_need = loads->num;
     work->num_requests = loads->num_all + subdivides->num_all;
     work->num_deferred_budget = work->num_requests - loads->num - subdivides->num;
     if (loads->num + subdivides->num == 0)
@@ -186,8 +180,6 @@ static bool collect(karst_cache *cache, const karst_collect_params *params, kars
 
     work->num_loads = cache->num_granted_bricks;
     work->num_subdivides = cache->num_granted_tiles;
-    cache->num_in_use_bricks = work->num_used_bricks + work->num_loads;
-    cache->num_in_use_tiles = work->num_used_tiles + work->num_subdivides;
     work->num_starved_bricks = loads->num - work->num_loads;
     work->num_starved_tiles = subdivides->num - work->num_subdivides;
     return count_reproduced(cache, loads->num, params->frame, work, error) && send_work(cache, work, error);
@@ -200,7 +192,6 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
         return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
     karst_cache_abandon(cache);
     cache->serial = params->serial;
-    cache->frame = params->frame;
     bool ok = collect(cache, params, work, error);
     return karst_mapped_end(&cache->mapped, ok ? error : NULL) && ok;
 }

@@ -75,10 +75,10 @@ static uint32_t expected_age(const karst_lru *lru, uint32_t serial)
     return lru->expected_age < most && more < most - lru->expected_age ? lru->expected_age + more : most;
 }
 
-void karst_lru_expect(karst_lru *lru, uint32_t need, uint32_t num_free, karst_survey_ask *ask)
+void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask)
 {
-    bool is_short = num_free < need + need / 8;
-    lru->expected_need = need;
+    uint32_t need = lru->expected_need;
+    bool is_short = need && num_free < 2 * need + 64;
     ask_for(lru, is_short ? expected_age(lru, ask->serial) : 0, enough(lru, need), ask);
 }
 

@@ -41,11 +41,12 @@ typedef struct {
 
 /* Errors: KARST_FAILED. karst_lru_finish takes what a failed init left, or zeros. */
 bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped, karst_error *error);
+                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped,
+                    karst_error *error);
 void karst_lru_finish(karst_lru *lru);
 
-/* What a survey should find for this pool, if `need` slots are expected to be asked for and num_free are free. */
-void karst_lru_expect(karst_lru *lru, uint32_t need, uint32_t num_free, karst_survey_ask *ask);
+/* What a survey should find for this pool, if as much is asked for as in the last round and num_free slots are free. */
+void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask);
 
 /* What is to be launched on lru->victims; nothing is to happen to those from lru->result->num_taken on. Where pools are
  * mapped: to be done to the first `num` of lru->host_victims. */

@@ -1,6 +1,5 @@
 /* The pools: memory, the root tile, and starting over. */
 #include "cache/pools.h"
-#include "cache/ahead.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -176,7 +175,6 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
     }
     cache->context = context;
     cache->may_map = context->is_cpu;
-    cache->least_ahead = KARST_AHEAD_LEAST;
     cache->mapped.pools = &cache->buffers;
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;

@@ -29,18 +29,14 @@ struct karst_cache {
     karst_churn churn;
     karst_buffer *load_nodes, *load_slots, *load_results, *subdivide_nodes, *subdivide_tiles;
     /* The open round: between collect and publish. */
-    uint32_t serial, frame;
+    uint32_t serial;
     uint32_t num_granted_bricks, num_granted_tiles;
-    uint32_t num_chosen_bricks, num_chosen_tiles;   /* work of the last collect, with a slot or without */
-    uint32_t num_in_use_bricks, num_in_use_tiles;   /* after it */
-    uint32_t least_ahead;                           /* KARST_AHEAD_LEAST */
-    uint32_t most_chosen_bricks, most_chosen_tiles; /* of all collects since the last karst_cache_recycle_ahead */
     uint32_t *granted_bricks, *granted_tiles;
-    uint32_t num_committed;                /* brick slots below have memory, or will have soon */
-    karst_commit *commit;                  /* finds it; NULL until it is wanted */
+    uint32_t num_committed; /* brick slots below have memory, or will have soon */
+    karst_commit *commit;   /* finds it; NULL until it is wanted */
     uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
     uint64_t *identities;
-    bool has_names;              /* these are here */
+    bool has_names; /* these are here */
     bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */
     int root_level;
     int64_t root_corner[3];

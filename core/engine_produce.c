@@ -367,14 +367,7 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     if (stands && most_scouts && work->num_requests > 0 && !follow_up(engine, &left, &more, error))
         return false;
     left.ns += kept_ns;
-    if (engine->budget_ns > 0 && !spend_the_rest(engine, &left, &more, error))
-        return false;
-    /* By now all stamps of this frame are there. */
-    uint32_t num_recycled;
-    if (!karst_cache_recycle_ahead(engine->cache, &num_recycled, error))
-        return false;
-    stats->num_evicted += num_recycled;
-    return true;
+    return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
 }
 
 void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)

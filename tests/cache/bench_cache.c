@@ -1,8 +1,6 @@
-/* What collect, publish and recycling ahead cost in a large cache: settled, and with a thousand wants, as free slots or
- * what was not used lately give room for them. Wall clock in ms: medians, and of collect what 95 and 99 % of rounds
- * stay within (of few rounds: all); "all" is the median of two rounds in a row, for one, since recycling ahead has its
- * turn in some of them only. Machines are noisy, so what counts is how it follows the wants. KARST_BENCH_NO_AHEAD: each
- * collect recycles for itself. */
+/* What collect and publish cost in a large cache: settled, and with a thousand wants, as free slots or what was not
+ * used lately give room for them. Wall clock in ms: medians, and of collect what 95 and 99 % of rounds stay within
+ * (of few rounds: all); machines are noisy, so what counts is how it follows the wants. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -74,8 +72,7 @@ static void print_spans(uint64_t collect_ns)
 /* Times rounds with wants of either kind; `stride` scatters them, `casts` go by between rounds. */
 static void measure(const char *name, int num_rounds, uint32_t num_wants, uint32_t stride, uint32_t share, int casts)
 {
-    uint64_t collect_ns[NUM_ROUNDS], publish_ns[NUM_ROUNDS], ahead_ns[NUM_ROUNDS];
-    uint64_t all_ns[NUM_ROUNDS];
+    uint64_t collect_ns[NUM_ROUNDS], publish_ns[NUM_ROUNDS];
     uint32_t num_produced = 0, num_evicted = 0;
     for (int round = 0; round < num_rounds; round++) {
         for (int i = 0; i < casts; i++) {
@@ -94,22 +91,16 @@ static void measure(const char *name, int num_rounds, uint32_t num_wants, uint32
         rig_publish(&rig);
         collect_ns[round] = rig.collect_ns;
         publish_ns[round] = rig.publish_ns;
-        ahead_ns[round] = rig.ahead_ns;
-        all_ns[round / 2] = (round % 2 ? all_ns[round / 2] : 0) + rig.collect_ns + rig.publish_ns + rig.ahead_ns;
         num_produced += rig.work.num_loads + rig.work.num_subdivides;
-        num_evicted += rig.work.num_evicted_bricks + rig.work.num_evicted_tiles + rig.num_ahead;
+        num_evicted += rig.work.num_evicted_bricks + rig.work.num_evicted_tiles;
     }
     qsort(collect_ns, num_rounds, sizeof(collect_ns[0]), compare);
     qsort(publish_ns, num_rounds, sizeof(publish_ns[0]), compare);
-    qsort(ahead_ns, num_rounds, sizeof(ahead_ns[0]), compare);
-    qsort(all_ns, num_rounds / 2, sizeof(all_ns[0]), compare);
-    printf("%-52s collect %6.3f %-7s  p95 %6.3f  p99 %6.3f  publish %6.3f  ahead %6.3f  p95 %6.3f  all %6.3f"
-           "   (%u produced, %u evicted a round)\n",
-           name, (double)collect_ns[num_rounds / 2] * 1e-6, collect_ns[num_rounds / 2] < MARK_NS ? "met" : "not met",
+    printf("%-52s collect %7.3f %-7s  p95 %7.3f  p99 %7.3f  publish %7.3f   (%u produced, %u evicted a round)\n", name,
+           (double)collect_ns[num_rounds / 2] * 1e-6, collect_ns[num_rounds / 2] < MARK_NS ? "met" : "not met",
            (double)collect_ns[num_rounds * 95 / 100] * 1e-6, (double)collect_ns[num_rounds * 99 / 100] * 1e-6,
-           (double)publish_ns[num_rounds / 2] * 1e-6, (double)ahead_ns[num_rounds / 2] * 1e-6,
-           (double)ahead_ns[num_rounds * 95 / 100] * 1e-6, (double)all_ns[num_rounds / 4] / 2 * 1e-6,
-           num_produced / (uint32_t)num_rounds, num_evicted / (uint32_t)num_rounds);
+           (double)publish_ns[num_rounds / 2] * 1e-6, num_produced / (uint32_t)num_rounds,
+           num_evicted / (uint32_t)num_rounds);
     fflush(stdout);
 }
 
@@ -179,7 +170,6 @@ int main(void)
     rig_cast(&rig);
     use(100);
     rig_collect(&rig, 0, 0, false);
-    rig.recycles_ahead = getenv("KARST_BENCH_NO_AHEAD") == NULL;
     measure("100 wants side by side, pools full, half in use", NUM_ROUNDS, 100, 1, 50, 1);
     measure("100 wants all over the pool, full, half in use", NUM_ROUNDS, 100, 997, 50, 1);
     measure("1000 wants side by side, pools full, half in use", NUM_ROUNDS, NUM_WANTS, 1, 50, 1);

@@ -1,7 +1,6 @@
 /* The cache against a plain model of it on the host, step by step, through thousands of random steps: the same work in
  * the same order, the same victims, the same pools, on both shapes of kernels. The model keeps no lists: it sorts
  * everything by last use whenever it needs a slot. */
-#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -31,7 +30,7 @@ typedef struct {
     karst_churn churn;
     wish *loads, *subdivides;
     uint32_t *load_slots, *subdivide_tiles;
-    uint32_t num_granted_bricks, num_granted_tiles, most_chosen_bricks, most_chosen_tiles, serial;
+    uint32_t num_granted_bricks, num_granted_tiles, serial;
     karst_work work;
 } model;
 
@@ -122,11 +121,12 @@ static bool is_childless(const model *m, uint32_t tile)
     return true;
 }
 
-/* At most `need`; returns how many. */
-static uint32_t model_recycle_tiles(model *m, uint32_t need, uint32_t frame, uint32_t *slots)
+static void model_grant_tiles(model *m, uint32_t need, uint32_t frame)
 {
     rig_aged *list = calloc(m->num_tiles, sizeof(*list));
-    uint32_t num = 0;
+    uint32_t *granted = m->subdivide_tiles, num = 0;
+    while (num < need && m->num_free_tiles)
+        granted[num++] = m->free_tiles[--m->num_free_tiles];
     while (num < need) {
         uint32_t num_listed = 0, num_freed = 0, *freed = calloc(m->num_bricks, sizeof(uint32_t));
         for (uint32_t tile = 2; tile < m->num_tiles; tile++)
@@ -136,7 +136,7 @@ static uint32_t model_recycle_tiles(model *m, uint32_t need, uint32_t frame, uin
         uint32_t i;
         for (i = 0; i < num_listed && num < need; i++) {
             model_evict_tile(m, list[i].slot, frame, freed, &num_freed);
-            slots[num++] = list[i].slot;
+            granted[num++] = list[i].slot;
             m->work.num_evicted_tiles++;
         }
         m->work.num_evicted_bricks += num_freed;
@@ -146,22 +146,16 @@ static uint32_t model_recycle_tiles(model *m, uint32_t need, uint32_t frame, uin
         if (i == 0)
             break;
     }
+    m->num_granted_tiles = num;
     free(list);
-    return num;
 }
 
-static void model_grant_tiles(model *m, uint32_t need, uint32_t frame)
-{
-    uint32_t *granted = m->subdivide_tiles, num = 0;
-    while (num < need && m->num_free_tiles)
-        granted[num++] = m->free_tiles[--m->num_free_tiles];
-    m->num_granted_tiles = num + model_recycle_tiles(m, need - num, frame, granted + num);
-}
-
-static uint32_t model_recycle_bricks(model *m, uint32_t need, uint32_t frame, bool may_drop, uint32_t *slots)
+static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may_drop)
 {
     rig_aged *list = calloc(m->num_bricks, sizeof(*list));
-    uint32_t num = 0;
+    uint32_t *granted = m->load_slots, num = 0;
+    while (num < need && m->num_free_bricks)
+        granted[num++] = m->free_bricks[--m->num_free_bricks];
     for (int stand_ins = 0; stand_ins <= may_drop; stand_ins++) {
         uint32_t num_listed = 0;
         for (uint32_t brick = 1; brick < m->num_bricks; brick++)
@@ -178,51 +172,12 @@ static uint32_t model_recycle_bricks(model *m, uint32_t need, uint32_t frame, bo
             state = state == KARST_STATE_BRICK ? KARST_STATE_LOST : state; /* what is clear stays clear */
             m->nodes[node] = (karst_node){KARST_NODE_LINK(state, KARST_NODE_CHILDREN(m->nodes[node].link)), 0};
             m->owners[brick].owner = KARST_NO_NODE;
-            slots[num++] = brick;
+            granted[num++] = brick;
             m->work.num_evicted_bricks++;
         }
     }
+    m->num_granted_bricks = num;
     free(list);
-    return num;
-}
-
-static void model_grant_bricks(model *m, uint32_t need, uint32_t frame, bool may_drop)
-{
-    uint32_t *granted = m->load_slots, num = 0;
-    while (num < need && m->num_free_bricks)
-        granted[num++] = m->free_bricks[--m->num_free_bricks];
-    m->num_granted_bricks = num + model_recycle_bricks(m, need - num, frame, may_drop, granted + num);
-}
-
-#define LEAST_AHEAD 3u /* pools are small here */
-
-/* Nothing if the largest round wanted little, or if another like it and an eighth more finds its slots free; else there
- * are to be four times as many, but no more than a 32nd of the pool, and half of what may be recycled stays. */
-static uint32_t model_need_ahead(uint32_t num_slots, uint32_t num_free, uint32_t num_chosen, uint32_t num_used)
-{
-    double share = num_slots / 32, least = num_chosen + num_chosen / 8, full = fmin(4.0 * num_chosen, share);
-    double unused = fmax(0, (double)num_slots - num_free - num_used);
-    return num_chosen < LEAST_AHEAD || num_free >= fmin(least, share)
-               ? 0
-               : (uint32_t)fmin(full - num_free, floor(unused / 2));
-}
-
-static uint32_t model_recycle_ahead(model *m, uint32_t frame)
-{
-    uint32_t num_before = m->work.num_evicted_tiles + m->work.num_evicted_bricks;
-    uint32_t need_tiles = model_need_ahead(m->num_tiles - 2, m->num_free_tiles, m->most_chosen_tiles,
-                                           m->work.num_used_tiles + m->work.num_subdivides);
-    uint32_t need_bricks = model_need_ahead(m->num_bricks - 1, m->num_free_bricks, m->most_chosen_bricks,
-                                            m->work.num_used_bricks + m->work.num_loads);
-    uint32_t slots[100], freed = m->work.num_evicted_bricks, num = model_recycle_tiles(m, need_tiles, frame, slots);
-    while (num)
-        m->free_tiles[m->num_free_tiles++] = slots[--num];
-    freed = m->work.num_evicted_bricks - freed;
-    num = need_bricks > freed ? model_recycle_bricks(m, need_bricks - freed, frame, false, slots) : 0;
-    while (num)
-        m->free_bricks[m->num_free_bricks++] = slots[--num];
-    m->most_chosen_tiles = m->most_chosen_bricks = 0;
-    return m->work.num_evicted_tiles + m->work.num_evicted_bricks - num_before;
 }
 
 static void model_abandon(model *m)
@@ -263,8 +218,6 @@ static void model_collect(model *m, const cache_rig *rig, uint32_t max_tiles, ui
     if (num_subdivides > max_tiles)
         num_subdivides = max_tiles;
     m->work.num_deferred_budget = m->work.num_requests - num_loads - num_subdivides;
-    m->most_chosen_bricks = num_loads > m->most_chosen_bricks ? num_loads : m->most_chosen_bricks;
-    m->most_chosen_tiles = num_subdivides > m->most_chosen_tiles ? num_subdivides : m->most_chosen_tiles;
     for (uint32_t i = 0; i < num_loads; i++)
         m->tile_stamp[m->loads[i].node / 8] = m->serial;
     for (uint32_t i = 0; i < num_subdivides; i++)
@@ -494,8 +447,8 @@ static uint64_t hash_more(uint64_t hash, const void *data, size_t size_bytes)
 }
 
 /* Returns a hash of all work of the run. */
-static uint64_t run_rounds(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, uint32_t num_bricks,
-                           int num_steps, uint32_t first_serial, bool recycles_ahead, const char *name)
+static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, uint32_t num_bricks, int num_steps,
+                    uint32_t first_serial, const char *name)
 {
     karst_error error = {0};
     karst_context *context = karst_context_create("", lanes, NULL, &error);
@@ -505,13 +458,11 @@ static uint64_t run_rounds(int lanes, bool as_gpu, uint64_t seed, uint32_t num_t
     model m;
     rig_open(&rig, context, num_tiles, num_bricks, 0, 4);
     rig.content = mixed;
-    rig.recycles_ahead = recycles_ahead;
-    rig.cache->least_ahead = LEAST_AHEAD;
     rig.serial = first_serial;
     rig.frame = first_serial;
     model_open(&m, &rig);
     random_state = seed;
-    uint64_t hash = 1, evicted = 0, produced = 0, reproduced = 0, starved = 0, ahead = 0;
+    uint64_t hash = 1, evicted = 0, produced = 0, reproduced = 0, starved = 0;
     for (int step = 0; step < num_steps; step++) {
         if (random_below(25) == 0) {
             int64_t corner[3] = {rig.tiles[1].corner[0], rig.tiles[1].corner[1], rig.tiles[1].corner[2]};
@@ -544,26 +495,17 @@ static uint64_t run_rounds(int lanes, bool as_gpu, uint64_t seed, uint32_t num_t
         rig_produce(&rig);
         model_publish(&m, mixed);
         rig_publish(&rig);
-        if (recycles_ahead)
-            assert_int_equal(model_recycle_ahead(&m, rig.frame), rig.num_ahead);
         assert_same_pools(&m, &rig);
-        ahead += rig.num_ahead;
     }
-    print_message("# %s: %d steps, %.0f produced, %.0f evicted, %.0f ahead, %.0f again, %.0f starved\n", name,
-                  num_steps, (double)produced, (double)evicted, (double)ahead, (double)reproduced, (double)starved);
+    print_message("# %s: %d steps, %.0f produced, %.0f evicted, %.0f again, %.0f starved\n", name, num_steps,
+                  (double)produced, (double)evicted, (double)reproduced, (double)starved);
     if (!getenv("KARST_TEST_QUICK")) /* a tenth of the steps hardly fills the larger pools */
-        assert_true(evicted + ahead > (uint64_t)num_steps && reproduced > 0 && (ahead > 0) == recycles_ahead &&
+        assert_true(evicted > (uint64_t)num_steps && reproduced > 0 &&
                     (starved > 0 || num_steps < 300)); /* or the steps were too tame */
     model_close(&m);
     rig_close(&rig);
     karst_context_destroy(context);
     return hash;
-}
-
-static uint64_t run(int lanes, bool as_gpu, uint64_t seed, uint32_t num_tiles, uint32_t num_bricks, int num_steps,
-                    uint32_t first_serial, const char *name)
-{
-    return run_rounds(lanes, as_gpu, seed, num_tiles, num_bricks, num_steps, first_serial, false, name);
 }
 
 static int quick(int num_steps) { return getenv("KARST_TEST_QUICK") ? num_steps / 10 : num_steps; }
@@ -604,17 +546,6 @@ static void test_every_shape_and_every_run_does_the_same(void **state)
     run(1, true, 6, 700, 500, quick(400), UINT32_MAX - 300, "as for a GPU, larger");
 }
 
-static void test_recycling_ahead(void **state)
-{
-    (void)state;
-    int num_steps = quick(400);
-    uint64_t once = run_rounds(16, false, 7, 700, 500, num_steps, UINT32_MAX - 100, true, "ahead, 16 lanes");
-    uint64_t one = run_rounds(1, false, 7, 700, 500, num_steps, UINT32_MAX - 100, true, "ahead, 1 lane");
-    uint64_t gpu = run_rounds(1, true, 7, 700, 500, num_steps, UINT32_MAX - 100, true, "ahead, as for a GPU");
-    assert_true(once == one && once == gpu);
-    run_rounds(0, false, 8, 300, 200, quick(1000), 77, true, "ahead, smaller pools");
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -623,7 +554,6 @@ int main(void)
         cmocka_unit_test(test_few_bricks),
         cmocka_unit_test(test_few_tiles),
         cmocka_unit_test(test_every_shape_and_every_run_does_the_same),
-        cmocka_unit_test(test_recycling_ahead),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

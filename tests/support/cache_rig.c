@@ -72,8 +72,9 @@ void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32
 void rig_close(cache_rig *rig)
 {
     karst_cache_destroy(rig->cache);
-    void *copies[] = {rig->nodes,          rig->tiles,      rig->owners,        rig->tile_stamp, rig->brick_stamp,
-                      rig->brick_fallback, rig->want_brick, rig->want_children, rig->want_chunk, rig->want_rays};
+    void *copies[] = {rig->nodes,       rig->tiles,          rig->owners,     rig->tile_stamp,
+                      rig->brick_stamp, rig->brick_fallback, rig->want_brick, rig->want_children,
+                      rig->want_chunk,  rig->want_rays};
     for (size_t i = 0; i < sizeof(copies) / sizeof(copies[0]); i++)
         free(copies[i]);
 }
@@ -289,12 +290,7 @@ void rig_publish(cache_rig *rig)
     uint64_t start_ns = karst_clock_ns();
     rig_expect(karst_cache_publish(rig->cache, &rig->work, &rig->num_linked, &rig->num_constant, &error),
                "karst_cache_publish", &error);
-    uint64_t middle_ns = karst_clock_ns();
-    rig->publish_ns = middle_ns - start_ns;
-    if (rig->recycles_ahead)
-        rig_expect(karst_cache_recycle_ahead(rig->cache, &rig->num_ahead, &error) && karst_finish(rig->context, &error),
-                   "karst_cache_recycle_ahead", &error);
-    rig->ahead_ns = karst_clock_ns() - middle_ns;
+    rig->publish_ns = karst_clock_ns() - start_ns;
     rig_check(rig);
     rig_read(rig);
 }

@@ -27,11 +27,9 @@ typedef struct {
     karst_work work; /* of the last rig_collect, and copies of its lists */
     uint32_t load_nodes[KARST_CACHE_MAX_WORK], load_slots[KARST_CACHE_MAX_WORK];
     uint32_t subdivide_nodes[KARST_CACHE_MAX_WORK], subdivide_tiles[KARST_CACHE_MAX_WORK];
-    uint32_t num_linked, num_constant;         /* of the last rig_publish */
-    bool recycles_ahead;                       /* rig_publish does, too... */
-    uint32_t num_ahead;                        /* ...so many */
-    bool skip_check;                           /* for timing */
-    uint64_t collect_ns, publish_ns, ahead_ns; /* wall clock of the last ones */
+    uint32_t num_linked, num_constant; /* of the last rig_publish */
+    bool skip_check;                   /* for timing */
+    uint64_t collect_ns, publish_ns;   /* wall clock of the last ones */
 } cache_rig;
 
 /* The first device; KARST_TEST_LANES=1 for tools whose device takes no more. */
