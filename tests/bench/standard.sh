@@ -49,7 +49,7 @@ line()
     printf '    %-58s %9s %-14s%s\n' "$1" "$(awk -v v="$2" 'BEGIN { printf((v >= 100 ? "%.0f" : v >= 1 ? "%.2f" : "%.3f"), v) }')" \
         "$3" "$verdict"
 }
-few="--runs 2 --rounds 9"
+few="--runs 3 --rounds 31"
 one="--runs 1 --rounds 11"
 
 echo "Karst's standard benchmark: $("$karst" --version 2> /dev/null | sed -n 1p), one voxel a pixel, medians"
