@@ -54,6 +54,7 @@ static bool make_pools(ahead *a, karst_error *error)
         !make(a, &b->want_brick, num_nodes * sizeof(uint32_t), error) ||
         !make(a, &b->want_children, num_nodes * sizeof(uint32_t), error) ||
         !make(a, &b->want_chunk, sizeof(uint32_t), error) ||
+        !make(a, &b->want_rays, num_nodes * sizeof(uint32_t), error) ||
         !make(a, &a->work.load_nodes, sizeof(uint32_t), error) ||
         !make(a, &a->work.load_slots, sizeof(uint32_t), error) ||
         !make(a, &a->work.load_results, sizeof(uint32_t), error))

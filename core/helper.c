@@ -68,7 +68,7 @@ struct karst_helper {
     uint64_t deadline_ns; /* of the build that goes on; 0: none */
     bool closing;
     pid_t pid; /* 0: not started, or ended */
-    atomic_bool started, ended;
+    atomic_bool started, ended, failed;
 };
 
 /* ---- the process ---- */
@@ -137,13 +137,14 @@ static void *watch(void *user)
     pthread_mutex_unlock(&helper->lock);
     if (!helper->started)
         return NULL;
-    siginfo_t info;
+    siginfo_t info = {0};
     while (waitid(P_PID, (id_t)pid, &info, WEXITED | WNOWAIT) != 0 && errno == EINTR)
         continue;
     pthread_mutex_lock(&helper->lock);
     while (waitpid(pid, NULL, 0) < 0 && errno == EINTR)
         continue;
     helper->pid = 0;
+    helper->failed = info.si_code != CLD_EXITED || info.si_status != 0;
     helper->ended = true;
     pthread_mutex_unlock(&helper->lock);
     return NULL;
@@ -452,3 +453,5 @@ uint32_t karst_helper_count_done(const karst_helper *helper)
 }
 
 bool karst_helper_was_started(const karst_helper *helper) { return helper->started; }
+bool karst_helper_has_ended(const karst_helper *helper) { return helper->ended; }
+bool karst_helper_has_failed(const karst_helper *helper) { return helper->failed; }

@@ -41,8 +41,11 @@ void karst_helper_done(karst_helper *helper, uint64_t key);
 bool karst_helper_is_active(const karst_helper *helper);
 bool karst_helper_is_child(const karst_helper *helper); /* whether this process is the helper */
 
-/* For tests and statistics: how many claims the helper fulfilled so far; whether it was ever started. */
+/* For tests and statistics: how many claims the helper fulfilled so far; whether it was ever started, has ended, and
+ * ended before its task was done. */
 uint32_t karst_helper_count_done(const karst_helper *helper);
 bool karst_helper_was_started(const karst_helper *helper);
+bool karst_helper_has_ended(const karst_helper *helper);
+bool karst_helper_has_failed(const karst_helper *helper);
 
 #endif
