@@ -121,6 +121,11 @@ void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks);
 size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
                                 int brick_bits);
 
+/* Runs the kernels of a round once each, the last first, and waits for them: for drivers that compile a kernel when it
+ * first runs. Those that recycle are left out: a first picture does not need them, and on CPUs the host does it. Only
+ * for a new cache that is destroyed then. */
+bool karst_cache_rehearse(karst_cache *cache, karst_error *error);
+
 /* Slots that hold something, the root bricks' own left out. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);
 

@@ -1,6 +1,6 @@
 /* What a helper process does: it runs the kernels that an engine will need once each, on next to nothing, so that the
  * driver compiles them into its store. In another order than the engine itself: that one begins with its pools, the
- * cast and bounds. */
+ * cast and bounds, and ends with what follows the first cast, of which this does the last first. */
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -9,8 +9,8 @@
 #include "raycast/light.h"
 #include "raycast/pinhole.h"
 
-/* A root tile, and what a load may write to. */
-enum { AHEAD_TILES = 4, AHEAD_BRICKS = 4 };
+/* A root tile, and what a load may write to; and a cache, as small as any. */
+enum { AHEAD_TILES = 4, AHEAD_BRICKS = 4, AHEAD_SLOTS = 16 };
 
 typedef struct {
     const karst_engine_config *config;
@@ -134,6 +134,15 @@ static bool compile_cast(ahead *a, karst_error *error)
     return done;
 }
 
+/* The little ones: whoever waits for the cast finds them done afterwards. */
+static bool compile_cache(ahead *a, karst_error *error)
+{
+    karst_cache *cache = karst_cache_create_of(a->context, AHEAD_SLOTS, AHEAD_SLOTS, 0, a->config->brick_bits, error);
+    bool done = cache && karst_cache_rehearse(cache, error);
+    karst_cache_destroy(cache);
+    return done;
+}
+
 bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error)
 {
     const karst_world_config world = {.world = config->world,
@@ -147,7 +156,7 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
     if (done)
         karst_context_set_helper(a.context, config->helper);
     return done && make_pools(&a, error) && compile_production(&a, error) && make_picture(&a, error) &&
-           compile_shading(&a, error) && compile_cast(&a, error);
+           compile_shading(&a, error) && compile_cast(&a, error) && compile_cache(&a, error);
 }
 
 int karst_helper_run(void)

@@ -1,6 +1,6 @@
 /* Cold starts with a helper process (karst/helper.h): the settled picture is the same in every byte as without one, the
- * helper does its part of the compiling, what it compiled is what the engine wants, and it may die on the way. Each run
- * is a process of its own, as PoCL reads where its store lies once. */
+ * helper does its part of the compiling, what it compiled is what the engine wants, all of it if it is given the time,
+ * and it may die on the way. Each run is a process of its own, as PoCL reads where its store lies once. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,6 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "core/engine_parts.h"
 #include "core/helper.h"
 #include "karst/karst.h"
 
@@ -33,18 +34,27 @@ typedef struct {
     bool was_started, has_ended, has_failed, good;
 } result;
 
-static void draw(const char *path, bool helped, result *r)
+/* How a run starts: alone, with a helper, or by doing nothing but what a helper does. */
+typedef enum { ALONE, HELPED, AHEAD } start;
+
+static void draw(const char *path, start how, result *r)
 {
     karst_error error = {0};
     bool settled = false;
-    karst_helper *helper = helped ? karst_helper_create(&error) : NULL;
-    karst_engine *engine = karst_engine_create(&(karst_engine_config){.world = path,
-                                                                      .display = KARST_DISPLAY_NONE,
-                                                                      .width_px = WIDTH_PX,
-                                                                      .height_px = HEIGHT_PX,
-                                                                      .pool_bytes = (uint64_t)48 << 20,
-                                                                      .helper = helper},
-                                               &error);
+    karst_helper *helper = how == HELPED ? karst_helper_create(&error) : NULL;
+    const karst_engine_config config = {.world = path,
+                                        .display = KARST_DISPLAY_NONE,
+                                        .width_px = WIDTH_PX,
+                                        .height_px = HEIGHT_PX,
+                                        .pool_bytes = (uint64_t)48 << 20,
+                                        .helper = helper};
+    if (how == AHEAD) {
+        r->good = karst_engine_compile_ahead(&config, &error);
+        if (!r->good)
+            fprintf(stderr, "%s\n", error.message);
+        return;
+    }
+    karst_engine *engine = karst_engine_create(&config, &error);
     r->good = engine && karst_engine_settle(engine, 0, NULL, NULL, &settled, &error) && settled &&
               karst_engine_read_pixels(engine, r->pixels, sizeof r->pixels, &error);
     if (!r->good)
@@ -62,19 +72,21 @@ static void draw(const char *path, bool helped, result *r)
     karst_helper_destroy(helper);
 }
 
-static int num_kernels;
+static int num_kernels, num_bounds;
 
 static int count_one(const char *path, const struct stat *status, int type, struct FTW *walk)
 {
     (void)status;
     (void)walk;
     size_t length = strlen(path);
-    num_kernels += type == FTW_F && length > 3 && !strcmp(path + length - 3, ".so");
+    bool is_kernel = type == FTW_F && length > 3 && !strcmp(path + length - 3, ".so");
+    num_kernels += is_kernel;
+    num_bounds += is_kernel && strstr(path, "/karst_bound_nodes.so");
     return 0;
 }
 
 /* In a process of its own; returns how many kernels lie in the store afterwards. */
-static int draw_apart(const char *folder, const char *store, bool helped, result *r)
+static int draw_apart(const char *folder, const char *store, start how, result *r)
 {
     char path[256];
     memset(r, 0, sizeof *r);
@@ -88,14 +100,14 @@ static int draw_apart(const char *folder, const char *store, bool helped, result
         snprintf(name, sizeof name, "%s/%s", folder, store);
         setenv("POCL_CACHE_DIR", name, 1);
         setenv("KARST_CACHE_DIR", "off", 1);
-        draw(path, helped, r);
+        draw(path, how, r);
         _exit(0);
     }
     int status = -1;
     assert_true(child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0);
     assert_true(r->good);
     snprintf(path, sizeof path, "%s/%s", folder, store);
-    num_kernels = 0;
+    num_kernels = num_bounds = 0;
     nftw(path, count_one, 16, FTW_PHYS);
     return num_kernels;
 }
@@ -114,7 +126,7 @@ static void test_starts(void **state)
     char folder[] = "/tmp/karst-start-XXXXXX";
     result *r = mmap(NULL, 3 * sizeof *r, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     assert_true(r != MAP_FAILED && mkdtemp(folder));
-    int num_helped = draw_apart(folder, "helped", true, r), num_again = draw_apart(folder, "helped", false, r + 1);
+    int num_helped = draw_apart(folder, "helped", HELPED, r), num_again = draw_apart(folder, "helped", ALONE, r + 1);
     print_message("the helper compiled %u programs and kernels; %d kernels in the store\n", r[0].num_done, num_helped);
     assert_true(r[0].was_started && r[0].num_done >= 4);
     /* To the last step of its task. */
@@ -124,7 +136,7 @@ static void test_starts(void **state)
     assert_int_equal(num_again, num_helped);
 
     setenv("KARST_TEST_HELPER_DIES", "1100", 1);
-    int num_deserted = draw_apart(folder, "deserted", true, r + 2);
+    int num_deserted = draw_apart(folder, "deserted", HELPED, r + 2);
     print_message("a helper that died had compiled %u\n", r[2].num_done);
     assert_memory_equal(r[0].pixels, r[2].pixels, sizeof r->pixels);
     /* Nothing that the helper compiled was for nothing. */
@@ -132,6 +144,24 @@ static void test_starts(void **state)
     assert_int_equal(num_deserted, num_helped);
     nftw(folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
     munmap(r, 3 * sizeof *r);
+}
+
+/* What a helper would compile that had all the time is all that the engine launches, but for the bounds, which that one
+ * begins with. */
+static void test_task(void **state)
+{
+    (void)state;
+    char folder[] = "/tmp/karst-start-XXXXXX";
+    result *r = mmap(NULL, sizeof *r, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_true(r != MAP_FAILED && mkdtemp(folder));
+    int num_ahead = draw_apart(folder, "ahead", AHEAD, r);
+    assert_int_equal(num_bounds, 0);
+    int num_drawn = draw_apart(folder, "ahead", ALONE, r);
+    print_message("%d kernels compiled ahead, %d in the store after a picture\n", num_ahead, num_drawn);
+    assert_true(num_bounds > 0 && num_ahead > num_bounds);
+    assert_int_equal(num_drawn - num_ahead, num_bounds);
+    nftw(folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+    munmap(r, sizeof *r);
 }
 
 int main(void)
@@ -147,6 +177,6 @@ int main(void)
             return KARST_FAILED;
         return karst_helper_run();
     }
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_starts)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_starts), cmocka_unit_test(test_task)};
     return cmocka_run_group_tests_name("cold starts", tests, NULL, NULL);
 }
