@@ -247,8 +247,8 @@ static const karst_device_info *first_match(const karst_device_info *devices, si
     return NULL;
 }
 
-static const karst_device_info *choose(const karst_device_info *devices, size_t num_devices, const char *selector,
-                                       karst_error *error)
+const karst_device_info *karst_context_choose(const karst_device_info *devices, size_t num_devices,
+                                              const char *selector, karst_error *error)
 {
     const karst_device_info *found = NULL;
     char text[800];
@@ -364,37 +364,42 @@ karst_context *karst_context_create(const char *selector, int lanes, const karst
     return karst_context_create_sharing(selector, lanes, NULL, log, error);
 }
 
-karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
-                                            const karst_log *log, karst_error *error)
+karst_context *karst_context_open(const karst_device_info *chosen, int lanes,
+                                  const cl_context_properties *gl_properties, const karst_log *log,
+                                  karst_error *error)
 {
     if (lanes != 0 && lanes != 1 && lanes != 16) {
         karst_fail(error, KARST_USAGE, "lanes must be 1 or 16 (or 0 for what suits the device), not %d", lanes);
         return NULL;
     }
+    karst_context *context = calloc(1, sizeof(*context));
+    if (!context) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    context->log = log;
+    context->lanes = lanes;
+    if (!open_device(context, chosen, gl_properties, error)) {
+        karst_context_destroy(context);
+        return NULL;
+    }
+    karst_log_print(log, KARST_LOG_INFO, "device %d: %s (%s, %s), %d lanes", chosen->index, chosen->name, chosen->type,
+                    chosen->version, context->lanes);
+    if (!chosen->exact_floats)
+        karst_log_print(log, KARST_LOG_WARNING,
+                        "%s does not promise exact float arithmetic: worlds may differ from other devices' in their "
+                        "last bits",
+                        chosen->name);
+    return context;
+}
+
+karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
+                                            const karst_log *log, karst_error *error)
+{
     size_t num_devices = 0;
     karst_device_info *devices = karst_context_list(&num_devices, error);
-    if (!devices)
-        return NULL;
-    const karst_device_info *chosen = choose(devices, num_devices, selector, error);
-    karst_context *context = chosen ? calloc(1, sizeof(*context)) : NULL;
-    if (chosen && !context)
-        karst_fail(error, KARST_FAILED, "out of memory");
-    if (context) {
-        context->log = log;
-        context->lanes = lanes;
-        if (open_device(context, chosen, gl_properties, error)) {
-            karst_log_print(log, KARST_LOG_INFO, "device %d: %s (%s, %s), %d lanes", chosen->index, chosen->name,
-                            chosen->type, chosen->version, context->lanes);
-            if (!chosen->exact_floats)
-                karst_log_print(log, KARST_LOG_WARNING,
-                                "%s does not promise exact float arithmetic: worlds may differ from other devices' in "
-                                "their last bits",
-                                chosen->name);
-        } else {
-            karst_context_destroy(context);
-            context = NULL;
-        }
-    }
+    const karst_device_info *chosen = devices ? karst_context_choose(devices, num_devices, selector, error) : NULL;
+    karst_context *context = chosen ? karst_context_open(chosen, lanes, gl_properties, log, error) : NULL;
     free(devices);
     return context;
 }

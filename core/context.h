@@ -80,6 +80,12 @@ karst_context *karst_context_create(const char *selector, int lanes, const karst
  * does not drive that OpenGL context, the OpenCL context is an ordinary one and shares_gl stays false. */
 karst_context *karst_context_create_sharing(const char *selector, int lanes, const cl_context_properties *gl_properties,
                                             const karst_log *log, karst_error *error);
+/* The two steps of which that is made. The device of a list that `selector` names; NULL and error if there is none. */
+const karst_device_info *karst_context_choose(const karst_device_info *devices, size_t num_devices,
+                                              const char *selector, karst_error *error);
+karst_context *karst_context_open(const karst_device_info *chosen, int lanes,
+                                  const cl_context_properties *gl_properties, const karst_log *log,
+                                  karst_error *error);
 /* The same device and OpenCL context with a queue, an account and a clock of their own and no log: for trying programs
  * out on another thread. A launch does nothing if its program had been built before in this process, since it may be
  * running: PoCL 3.1 counts the users of a kernel and loses count (an assertion of its own) if one runs on two queues

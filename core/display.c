@@ -153,15 +153,20 @@ karst_display *karst_display_create_in_context(void *(*get_proc)(const char *nam
     return display;
 }
 
+void karst_display_leave(karst_display *display)
+{
+    if (bound_display != display)
+        return;
+    display->platform->unbind(display->native);
+    bound_display = NULL;
+}
+
 void karst_display_destroy(karst_display *display)
 {
     if (!display)
         return;
     if (display->platform) {
-        if (bound_display == display) {
-            display->platform->unbind(display->native);
-            bound_display = NULL;
-        }
+        karst_display_leave(display);
         display->platform->close(display->native);
     }
     free(display);

@@ -33,6 +33,9 @@ bool karst_display_open_osmesa(karst_display *display, karst_error *error);
 /* Makes the display's OpenGL current on this thread; nothing to do for NONE and WINDOW. */
 bool karst_display_bind(karst_display *display, karst_error *error);
 
+/* Makes the display current on no thread; it must not be on any but this one. */
+void karst_display_leave(karst_display *display);
+
 /* The part of karst_display_sharing (core/surface.h) for whatever EGL or GLX context is current on this thread. */
 bool karst_display_sharing_current(cl_context_properties properties[KARST_SHARING_PROPERTIES]);
 

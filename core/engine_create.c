@@ -6,6 +6,7 @@
 #include "core/display_platform.h"
 #include "core/engine_parts.h"
 #include "core/helper.h"
+#include "core/opening.h"
 
 #define DEFAULT_WIDTH_PX 1280
 #define DEFAULT_HEIGHT_PX 720
@@ -70,6 +71,32 @@ bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
                       MAX_BUDGET_MS);
 }
 
+static bool take_display(karst_engine *engine, karst_opening *opening, karst_error *error)
+{
+    if (!engine->display)
+        engine->display = karst_opening_display(opening, error);
+    return engine->display != NULL;
+}
+
+/* Before the display, which goes on opening beside what follows; but a device that can share memory with its OpenGL
+ * must be opened for that. */
+static bool open_context(karst_engine *engine, const karst_engine_config *config, karst_opening *opening,
+                         karst_error *error)
+{
+    cl_context_properties sharing[KARST_SHARING_PROPERTIES];
+    size_t num_devices = 0;
+    const karst_device_info *devices = karst_opening_devices(opening, &num_devices, error);
+    const karst_device_info *chosen =
+        devices ? karst_context_choose(devices, num_devices, config->device, error) : NULL;
+    engine->owns_display = !config->in_display;
+    engine->display = config->in_display;
+    if (!chosen || (chosen->has_gl_sharing && !take_display(engine, opening, error)))
+        return false;
+    bool may_share = engine->display && karst_display_sharing(engine->display, sharing);
+    engine->context = karst_context_open(chosen, config->lanes, may_share ? sharing : NULL, config->log, error);
+    return engine->context != NULL;
+}
+
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
 {
     karst_engine *engine = calloc(1, sizeof *engine);
@@ -78,6 +105,11 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         return NULL;
     }
     uint32_t num_tiles = 0, num_bricks = 0;
+    karst_opening *opening = karst_opening_begin(!config->in_display, config->display, config->log, error);
+    if (!opening) {
+        free(engine);
+        return NULL;
+    }
     engine->log = config->log;
     karst_engine_picture_size(config, &engine->width_px, &engine->height_px);
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
@@ -129,23 +161,13 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         goto failed;
     engine->view_changed = true;
 
-    /* The display first: a device that can share memory with its OpenGL must be opened for that. */
-    engine->owns_display = !config->in_display;
-    engine->display =
-        config->in_display ? config->in_display : karst_display_create(config->display, config->log, error);
-    if (!engine->display)
-        goto failed;
-    cl_context_properties sharing[KARST_SHARING_PROPERTIES];
-    bool may_share = karst_display_sharing(engine->display, sharing);
-    engine->context =
-        karst_context_create_sharing(config->device, config->lanes, may_share ? sharing : NULL, config->log, error);
-    if (!engine->context)
+    if (!open_context(engine, config, opening, error))
         goto failed;
     karst_helper_set_task(config->helper, config);
     karst_context_set_helper(engine->context, config->helper);
     engine->cache = karst_cache_create_of(engine->context, num_tiles, num_bricks, config->max_segment_bytes,
                                           config->brick_bits, error);
-    if (!engine->cache || !karst_engine_allocate_picture(engine, error))
+    if (!engine->cache)
         goto failed;
     const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0};
@@ -161,13 +183,16 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
-                                  error))
+                                  error) ||
+        !take_display(engine, opening, error) || !karst_engine_allocate_picture(engine, error))
         goto failed;
+    karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
     return engine;
 
 failed:
+    karst_opening_end(opening);
     karst_engine_destroy(engine);
     return NULL;
 }
