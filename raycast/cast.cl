@@ -24,10 +24,11 @@ typedef struct {
     vint octants, alive;
 } packet_start;
 
-/* Puts packet p on its way: the lanes of `valid`. What rays from the anchor have in common the first packet holds. */
+/* Puts packet p on its way: the lanes of `valid`. What rays from the anchor, or to the sun, have in common the first
+ * packet holds. */
 RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const karst_cast_view *view,
-                             const int from_anchor, const vector3 *origin, const vector3 *direction, vfloat t_min,
-                             vfloat t_max, vfloat width, vfloat cone, vint valid)
+                             const int from_anchor, const int to_sun, const vector3 *origin, const vector3 *direction,
+                             vfloat t_min, vfloat t_max, vfloat width, vfloat cone, vint valid)
 {
     const vfloat zero = (vfloat)(0.0f);
     b->states.done[p] = b->states.fresh[p] = b->states.incomplete[p] = 0;
@@ -37,15 +38,18 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     packet *rays = &b->rays[p];
     vint down_x = v_le(direction->x, (vfloat)(-FLAT)), down_y = v_le(direction->y, (vfloat)(-FLAT)),
          down_z = v_le(direction->z, (vfloat)(-FLAT));
-    rays->direction.x = lane_max(k_fabs(direction->x), (vfloat)(FLAT));
-    rays->direction.y = lane_max(k_fabs(direction->y), (vfloat)(FLAT));
-    rays->direction.z = lane_max(k_fabs(direction->z), (vfloat)(FLAT));
-    rays->inverse.x = 1.0f / rays->direction.x;
-    rays->inverse.y = 1.0f / rays->direction.y;
-    rays->inverse.z = 1.0f / rays->direction.z;
-    if (!from_anchor || !p) {
-        rays->t_min = lane_max(t_min, zero);
+    if (!to_sun || !p) {
+        rays->direction.x = lane_max(k_fabs(direction->x), (vfloat)(FLAT));
+        rays->direction.y = lane_max(k_fabs(direction->y), (vfloat)(FLAT));
+        rays->direction.z = lane_max(k_fabs(direction->z), (vfloat)(FLAT));
+        rays->inverse.x = 1.0f / rays->direction.x;
+        rays->inverse.y = 1.0f / rays->direction.y;
+        rays->inverse.z = 1.0f / rays->direction.z;
+    }
+    if (!from_anchor || !p)
         rays->lod_shift = width * view->detail;
+    if ((!from_anchor && !to_sun) || !p) {
+        rays->t_min = lane_max(t_min, zero);
         rays->lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
         rays->lod_scale = 1.0f / rays->lod_slope;
         start->t_end = t_max;
@@ -56,16 +60,16 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     start->alive = valid & v_lt(t_min, t_max);
 }
 
-/* Casts the packets that were started. from_anchor (a constant): origins are zero. only_whether: all
- * that is wanted of rays is whether they are done. */
+/* Casts the packets that were started. Constants: from_anchor: origins are zero; to_sun: they have one direction, cone
+ * and t_max, t_min is 0, and all that is wanted of them is whether they are done. */
 RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor,
-                          const int only_whether, beam *b, const packet_start start[BEAM_PACKETS])
+                          const int to_sun, beam *b, const packet_start start[BEAM_PACKETS])
 {
     /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
     int some = 0, all = 7;
     vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
-    b->found.only_whether = only_whether;
+    b->found.only_whether = to_sun;
     for (int p = 0; p < BEAM_PACKETS; p++) {
         falls |= start[p].alive & start[p].octants;
         climbs |= start[p].alive & ~start[p].octants;
@@ -74,7 +78,7 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
         some |= v_any(v_ne(falls & (1 << axis), (vint)(0))) ? 1 << axis : 0;
         all &= v_any(v_ne(climbs & (1 << axis), (vint)(0))) ? ~(1 << axis) : 7;
     }
-    if (from_anchor)
+    if (from_anchor || to_sun)
         b->end = v_max_across(start[0].t_end);
     for (int octant = 0; octant < 8; octant++) {
         if ((octant & ~some) || (all & ~octant))
@@ -84,16 +88,17 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
             packet *rays = &b->rays[p];
             b->here[p] = mask_bits(mine);
             if (!from_anchor) {
-                rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
+                if (!to_sun)
+                    rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
                 rays->origin.x = octant & 1 ? -start[p].origin.x : start[p].origin.x;
                 rays->origin.y = octant & 2 ? -start[p].origin.y : start[p].origin.y;
                 rays->origin.z = octant & 4 ? -start[p].origin.z : start[p].origin.z;
             }
         }
         b->octant = (uint)octant;
-        bound_beam(b, from_anchor);
+        bound_beam(b, from_anchor, to_sun);
         if (b->live)
-            walk_octree(pool, view, from_anchor, b);
+            walk_octree(pool, view, from_anchor, to_sun, b);
     }
 }
 
@@ -321,8 +326,8 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         vint x, y;
         vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y);
         vector3 direction = pinhole_direction(pinhole, x, y);
-        start_packet(&b, &start[p], p, view, 1, &origin, &direction, (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
-                     zero, (vfloat)(pinhole->cone), m);
+        start_packet(&b, &start[p], p, view, 1, 0, &origin, &direction, (vfloat)(pinhole->t_min),
+                     (vfloat)(pinhole->t_max), zero, (vfloat)(pinhole->cone), m);
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
@@ -380,8 +385,8 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         vint first = v_select(m, at - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
         vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
-        start_packet(&b, &start[p], p, view, 0, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8), RAY_WORD(9),
-                     m);
+        start_packet(&b, &start[p], p, view, 0, 0, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8),
+                     RAY_WORD(9), m);
     }
     begin_without_hints(&b.hints);
     cast_beam(&own, view, 0, 0, &b, start);
@@ -414,10 +419,10 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 }
 #endif
 
-BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                    const karst_shadow_sun *sun, K_GLOBAL const float *rays, uint turn, uint num_turns,
-                                    K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
-                                    K_GLOBAL karst_beam_hints *hints, uint num_slots)
+BEAM_FUNCTION
+    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
+                          K_GLOBAL const float *rays, uint turn, uint num_turns, K_GLOBAL uint *pixels,
+                          K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
     pools own = *pool;
@@ -440,7 +445,7 @@ BEAM_FUNCTION void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast
             origin.z = load_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid);
             casts = 1;
         }
-        start_packet(&b, &start[p], p, view, 0, &origin, &direction, zero, (vfloat)(sun->t_max), width,
+        start_packet(&b, &start[p], p, view, 0, 1, &origin, &direction, zero, (vfloat)(sun->t_max), width,
                      (vfloat)(sun->cone), m);
     }
     if (!casts)

@@ -107,10 +107,18 @@ static void test_beams_to_the_sun_leave_no_trace(void **state)
     assert_int_equal(compare_casters("", KARST_CAST_NO_BEAM), 0);
 }
 
+/* Bounds that leave something out would be noticed. */
+static void test_narrow_beams_to_the_sun_are_noticed(void **state)
+{
+    (void)state;
+    assert_true(compare_casters("-DKARST_MUTANT_ACROSS", KARST_CAST_NO_BEAM) > 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_beams_to_the_sun_leave_no_trace),
+        cmocka_unit_test(test_narrow_beams_to_the_sun_are_noticed),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
 }
