@@ -236,7 +236,8 @@ size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buf
 
 size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px)
 {
-    /* A word for each work-item, of which beams need fewest; and the first, which is nobody's. */
+    /* A word for each work-item, and the first, which is nobody's. Beams, of which there are fewest, have two more each
+     * for their packets. */
     return (1 + num_groups(width_px, height_px, 1, 1) * (RAYS_PER_GROUP / (size_t)context->lanes)) * sizeof(uint32_t);
 }
 

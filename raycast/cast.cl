@@ -69,6 +69,7 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
     int some = 0, all = 7;
     vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
+    b->asked = 0;
     b->found.only_whether = to_sun;
     for (int p = 0; p < BEAM_PACKETS; p++) {
         falls |= start[p].alive & start[p].octants;
@@ -308,11 +309,52 @@ RAY_INLINE uint beam_at_turn(uint turn, int width_px, int height_px)
 #endif
 }
 
+/* What a work-item notes about its packets. */
+typedef struct {
+    beam_bits packets;  /* that are to be cast */
+    K_GLOBAL uint *who; /* two words: packets that want something; 0: nobody wants to know */
+} packet_notes;
+
+RAY_INLINE vint is_to_cast(const packet_notes *notes, int p) { return (vint)(-(int)(notes->packets >> p & 1)); }
+
+RAY_INLINE void note_packets(const packet_notes *notes, const beam *b)
+{
+#if BEAM_PACKETS > 1
+    if (notes->who) {
+        notes->who[0] = (uint)b->asked;
+        notes->who[1] = (uint)(b->asked >> 32);
+    }
+#endif
+}
+
+/* Finds where this work-item notes that it wants something, and what it noted last; 0: it need not be cast. All words
+ * of the first kind stand before those of the second. */
+RAY_INLINE int begin_notes(pools *pool, K_GLOBAL const karst_cast_view *view, uint notes, packet_notes *of_packets)
+{
+    of_packets->packets = ~(beam_bits)0;
+    of_packets->who = 0;
+    if (notes == KARST_CAST_NOTES_NOTHING)
+        return 1;
+    pool->asked += 1 + get_global_id(0);
+#if BEAM_PACKETS > 1
+    of_packets->who = pool->asked + get_global_size(0) + get_global_id(0);
+#endif
+    if (notes != KARST_CAST_WHO_ASKED)
+        return 1;
+    if (*pool->asked != view->serial)
+        return 0;
+    *pool->asked = 0;
+#if BEAM_PACKETS > 1
+    of_packets->packets = of_packets->who[0] | (beam_bits)of_packets->who[1] << 32;
+#endif
+    return 1;
+}
+
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times; and it takes in what asks for the
  * work-item's number or how many there are. hits 0: nobody wants to know. */
 BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                     const karst_pinhole *pinhole, uint turn, uint num_turns, K_GLOBAL karst_hit *hits,
-                                     K_GLOBAL karst_beam_hints *hints, uint num_slots)
+                                     const karst_pinhole *pinhole, uint turn, uint num_turns, const packet_notes *notes,
+                                     K_GLOBAL karst_hit *hits, K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, pinhole->width_px, pinhole->height_px);
     const pools own = *pool; /* which no store can change */
@@ -324,7 +366,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
     uint valid[BEAM_PACKETS];
     for (int p = 0; p < BEAM_PACKETS; p++) {
         vint x, y;
-        vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y);
+        vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y) & is_to_cast(notes, p);
         vector3 direction = pinhole_direction(pinhole, x, y);
         start_packet(&b, &start[p], p, view, 1, 0, &origin, &direction, (vfloat)(pinhole->t_min),
                      (vfloat)(pinhole->t_max), zero, (vfloat)(pinhole->cone), m);
@@ -333,22 +375,10 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
     }
     begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
     cast_beam(&own, view, 1, 0, &b, start);
+    note_packets(notes, &b);
     if (hits)
         store_beam(&own, view, hits, &b, start, index, valid, 1, 0);
     end_hints(&b.hints);
-}
-
-/* Where this work-item notes that it wants something; 0: it need not be cast. */
-RAY_INLINE int note_asked(pools *pool, K_GLOBAL const karst_cast_view *view, uint notes)
-{
-    if (notes != KARST_CAST_NOTES_NOTHING)
-        pool->asked += 1 + get_global_id(0);
-    if (notes != KARST_CAST_WHO_ASKED)
-        return 1;
-    if (*pool->asked != view->serial)
-        return 0;
-    *pool->asked = 0;
-    return 1;
 }
 
 __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
@@ -356,9 +386,11 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   uint num_slots)
 {
     pools pool = POOL_FIELDS;
-    if (!note_asked(&pool, view, notes))
+    packet_notes of_packets;
+    if (!begin_notes(&pool, view, notes, &of_packets))
         return;
-    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), (uint)get_global_size(0), hits, hints, num_slots);
+    cast_pinhole_beam(&pool, view, &pinhole, (uint)get_global_id(0), (uint)get_global_size(0), &of_packets, hits, hints,
+                      num_slots);
 }
 
 #ifndef CAST_NO_STREAMS
@@ -421,8 +453,9 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 
 BEAM_FUNCTION
     void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint turn, uint num_turns, K_GLOBAL uint *pixels,
-                          K_GLOBAL const karst_sunward_brick *sunward, K_GLOBAL karst_beam_hints *hints, uint num_slots)
+                          K_GLOBAL const float *rays, uint turn, uint num_turns, const packet_notes *notes,
+                          K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
+                          K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
     pools own = *pool;
@@ -437,7 +470,7 @@ BEAM_FUNCTION
         vint x, y, valid = beam_pixels(beam_number, p, sun->width_px, sun->height_px, &x, &y);
         vint order = packet_order(x, y, sun->width_px, sun->height_px);
         vfloat width = load_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid);
-        vint m = valid & v_gt(width, zero);
+        vint m = valid & v_gt(width, zero) & is_to_cast(notes, p);
         vector3 origin = {zero, zero, zero};
         if (v_any(m)) {
             origin.x = load_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid);
@@ -452,6 +485,7 @@ BEAM_FUNCTION
         return;
     begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
     cast_beam(&own, view, 0, 1, &b, start);
+    note_packets(notes, &b);
     end_hints(&b.hints);
     for (int p = 0; p < BEAM_PACKETS && pixels; p++)
         if (b.states.done[p]) {
@@ -469,9 +503,10 @@ __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   uint num_slots)
 {
     pools pool = POOL_FIELDS;
-    if (!note_asked(&pool, view, notes))
+    packet_notes of_packets;
+    if (!begin_notes(&pool, view, notes, &of_packets))
         return;
-    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), (uint)get_global_size(0),
+    cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), (uint)get_global_size(0), &of_packets,
                      notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward, hints, num_slots);
 }
 #endif

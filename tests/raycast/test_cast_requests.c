@@ -439,6 +439,77 @@ static void who_wants_no_hits_leaves_the_same(void **state)
     }
 }
 
+/* Looks again until nothing is wanted, asking each time for what all rays would. Returns how much was wanted. */
+static uint32_t look_until_settled(scene *s, karst_caster *caster, const karst_cast_view *view,
+                                   const karst_pinhole *pinhole, karst_buffer *asked)
+{
+    karst_error error = {0};
+    uint32_t num_wanted = 0, served;
+    while ((served = scene_serve(s, view->serial)) > 0) {
+        num_wanted += served;
+        uint32_t *all[NUM_LISTS], *again[NUM_LISTS];
+        scene_upload(s);
+        scene_check(karst_cast_pinhole(caster, view, pinhole, NULL, &error), &error);
+        read_lists(s, all);
+        scene_upload(s);
+        scene_check(karst_cast_again(caster, view, pinhole, asked, &error), &error);
+        read_lists(s, again);
+        assert_memory_equal(all[3], again[3], s->buffers.want_brick->size_bytes);
+        assert_memory_equal(all[4], again[4], s->buffers.want_children->size_bytes);
+        for (int i = 0; i < NUM_LISTS; i++) {
+            free(all[i]);
+            free(again[i]);
+        }
+    }
+    return num_wanted;
+}
+
+/* Within one beam: of its packets those that may ask for something, and no others, are looked at again. What levels
+ * need and then what blending needs besides; and both at once. */
+static void looking_again_asks_for_all_that_is_missing(void **state)
+{
+    (void)state;
+    for (int run = 0; run < 4; run++) {
+        const int k = run % 2, at_once = run / 2;
+        karst_error error = {0};
+        scene s = scene_create(contexts[k], 1500, 4000, 1, 3, plate, ground);
+        scene_serve(&s, 1);
+        karst_caster *caster = open_caster(&s, "");
+        const int side_px = 32;
+        const karst_pinhole pinhole = make_pinhole(side_px, side_px, 30, -50, 400);
+        karst_cast_view view = scene_view(&s, anchor, 1);
+        view.stands_for = 1;
+        const size_t hit_bytes = (size_t)side_px * (size_t)side_px * sizeof(karst_hit);
+        karst_buffer *hits = karst_buffer_create(contexts[k], "hits", hit_bytes, NULL, &error);
+        karst_buffer *asked = karst_buffer_create(contexts[k], "asked",
+                                                  karst_cast_asked_bytes(contexts[k], side_px, side_px), NULL, &error);
+        assert_true(hits && asked);
+        uint32_t num_wanted[2] = {0, 0};
+        for (int blends = at_once; blends < 2; blends++) {
+            view.serial = 5 + (uint32_t)blends;
+            view.blend = blends ? 0.25f : 0;
+            scene_upload(&s);
+            scene_check(karst_cast_picture(caster, &view, &pinhole, hits, asked, NULL, &error), &error);
+            if (blends && !at_once) { /* nothing was made meanwhile: it asks for the same */
+                const left_behind first = count_all(&s, view.serial);
+                scene_upload(&s);
+                scene_check(karst_cast_again(caster, &view, &pinhole, asked, &error), &error);
+                const left_behind again = count_all(&s, view.serial);
+                assert_true(first.want_brick > 0);
+                assert_int_equal(again.want_brick, first.want_brick);
+                assert_true(again.brick_stamps < first.brick_stamps);
+            }
+            num_wanted[blends] = look_until_settled(&s, caster, &view, &pinhole, asked);
+        }
+        assert_true(num_wanted[at_once] > 20);
+        assert_true(num_wanted[1] > 0);
+        karst_buffer_destroy(asked);
+        karst_buffer_destroy(hits);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -447,6 +518,7 @@ int main(void)
         cmocka_unit_test(hidden_things_are_not_wanted), cmocka_unit_test(level_follows_footprint),
         cmocka_unit_test(stand_ins_are_wanted_far_from_what_is_asked_for),
         cmocka_unit_test(who_wants_no_hits_leaves_the_same),
+        cmocka_unit_test(looking_again_asks_for_all_that_is_missing),
         cmocka_unit_test(finest_level_is_kept),         cmocka_unit_test(rays_that_end_on_stand_ins_are_counted),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
