@@ -125,6 +125,9 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
  * first runs. Those that recycle are left out: a first picture does not need them, and on CPUs the host does it. Only
  * for a new cache that is destroyed then. */
 bool karst_cache_rehearse(karst_cache *cache, karst_error *error);
+/* Those that a collect begins with, the first first, before rays of that serial are cast: they read the pools, and
+ * nothing of what they find is kept. Not while a round is open. */
+bool karst_cache_rehearse_look(karst_cache *cache, uint32_t serial, karst_error *error);
 
 /* Slots that hold something, the root bricks' own left out. */
 bool karst_cache_count_resident(karst_cache *cache, uint32_t *num_tiles, uint32_t *num_bricks, karst_error *error);

@@ -1,6 +1,15 @@
 /* Rehearsal: a round's kernels, run for nothing. */
 #include "cache/pools.h"
 
+bool karst_cache_rehearse_look(karst_cache *cache, uint32_t serial, karst_error *error)
+{
+    const int64_t origin[3] = {0, 0, 0};
+    const karst_survey_ask ask = {.serial = serial};
+    return karst_survey_begin(&cache->survey, &ask, error) &&
+           karst_wants_begin(&cache->wants, serial, 0, origin, error) &&
+           karst_finish(cache->context, error);
+}
+
 bool karst_cache_rehearse(karst_cache *cache, karst_error *error)
 {
     const int64_t origin[3] = {0, 0, 0};

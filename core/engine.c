@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/engine_parts.h"
+#include "core/helper.h"
 
 #define DEFAULT_MAX_FRAMES 1000u
 
@@ -151,6 +152,13 @@ static void report_non_finite(karst_engine *engine)
         engine->world->name, (double)voxel[0] * voxel_m, (double)voxel[1] * voxel_m, (double)voxel[2] * voxel_m);
 }
 
+/* Before a first picture a helper is mostly still at the cast: this compiles what follows it instead of waiting. */
+static bool use_the_wait(karst_engine *engine, karst_error *error)
+{
+    return engine->has_content || !karst_helper_is_active(engine->context->helper) ||
+           karst_cache_rehearse_look(engine->cache, engine->serial, error);
+}
+
 /* Who waits for the picture, or plans by it, has it before what it asks for is answered. Else both are one chain of
  * commands. */
 static bool draw_and_answer(karst_engine *engine, bool moved, karst_work *work, karst_error *error)
@@ -194,7 +202,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     karst_engine_note_motion(engine);
 
     if (!place_root(engine, error) || !karst_engine_load_root(engine, error) ||
-        !draw_and_answer(engine, moved, &work, error) || !fill_pool_stats(engine, error))
+        !use_the_wait(engine, error) || !draw_and_answer(engine, moved, &work, error) ||
+        !fill_pool_stats(engine, error))
         return false;
     engine->path = NULL;
 
