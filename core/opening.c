@@ -2,6 +2,7 @@
 #include "core/opening.h"
 
 #include <pthread.h>
+#include <signal.h>
 #include <stdlib.h>
 
 #include "core/display_platform.h"
@@ -38,10 +39,14 @@ static void wait_for(karst_opening *opening, const bool *what)
     pthread_mutex_unlock(&opening->lock);
 }
 
-/* One after the other, as both load some of the same libraries, and the loader lets one at a time. */
+/* One after the other, as both load some of the same libraries, and the loader lets one at a time. LLVM has signals
+ * handled on a stack of its own in the thread that loads it; the thread's own, which who gave it that takes back (as
+ * AddressSanitizer does), is put in place again. */
 static void *run(void *user)
 {
     karst_opening *opening = user;
+    stack_t signal_stack;
+    const bool has_stack = sigaltstack(NULL, &signal_stack) == 0;
     opening->devices = karst_context_list(&opening->num_devices, &opening->devices_error);
     tell(opening, &opening->has_devices);
     if (opening->with_display) {
@@ -49,6 +54,8 @@ static void *run(void *user)
         if (opening->display)
             karst_display_leave(opening->display);
     }
+    if (has_stack)
+        sigaltstack(&signal_stack, NULL);
     tell(opening, &opening->has_display);
     return NULL;
 }
