@@ -94,6 +94,7 @@ static bool open_context(karst_engine *engine, const karst_engine_config *config
         return false;
     bool may_share = engine->display && karst_display_sharing(engine->display, sharing);
     engine->context = karst_context_open(chosen, config->lanes, may_share ? sharing : NULL, config->log, error);
+    karst_opening_go_on(opening);
     return engine->context != NULL;
 }
 

@@ -16,6 +16,7 @@ struct karst_opening {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     bool has_devices, has_display; /* they, or the reason why there are none */
+    bool goes_on, is_over;         /* with the display; nobody wants it */
     karst_device_info *devices;
     size_t num_devices;
     karst_display *display;
@@ -49,7 +50,8 @@ static void *run(void *user)
     const bool has_stack = sigaltstack(NULL, &signal_stack) == 0;
     opening->devices = karst_context_list(&opening->num_devices, &opening->devices_error);
     tell(opening, &opening->has_devices);
-    if (opening->with_display) {
+    wait_for(opening, &opening->goes_on);
+    if (opening->with_display && !opening->is_over) {
         opening->display = karst_display_create(opening->kind, &opening->later.log, &opening->display_error);
         if (opening->display)
             karst_display_leave(opening->display);
@@ -75,8 +77,10 @@ karst_opening *karst_opening_begin(bool with_display, karst_display_kind kind, c
     pthread_mutex_init(&opening->lock, NULL);
     pthread_cond_init(&opening->changed, NULL);
     opening->is_thread = pthread_create(&opening->thread, NULL, run, opening) == 0;
-    if (!opening->is_thread)
+    if (!opening->is_thread) {
+        opening->goes_on = true;
         run(opening);
+    }
     return opening;
 }
 
@@ -89,8 +93,11 @@ const karst_device_info *karst_opening_devices(karst_opening *opening, size_t *n
     return opening->devices;
 }
 
+void karst_opening_go_on(karst_opening *opening) { tell(opening, &opening->goes_on); }
+
 karst_display *karst_opening_display(karst_opening *opening, karst_error *error)
 {
+    karst_opening_go_on(opening);
     wait_for(opening, &opening->has_display);
     karst_display *display = opening->display;
     karst_log_later_say(&opening->later, opening->log);
@@ -106,6 +113,8 @@ void karst_opening_end(karst_opening *opening)
 {
     if (!opening)
         return;
+    tell(opening, &opening->is_over);
+    karst_opening_go_on(opening);
     if (opening->is_thread)
         pthread_join(opening->thread, NULL);
     karst_display_destroy(opening->display);
