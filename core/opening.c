@@ -51,7 +51,10 @@ static void *run(void *user)
     opening->devices = karst_context_list(&opening->num_devices, &opening->devices_error);
     tell(opening, &opening->has_devices);
     wait_for(opening, &opening->goes_on);
-    if (opening->with_display && !opening->is_over) {
+    pthread_mutex_lock(&opening->lock);
+    const bool is_wanted = opening->with_display && !opening->is_over;
+    pthread_mutex_unlock(&opening->lock);
+    if (is_wanted) {
         opening->display = karst_display_create(opening->kind, &opening->later.log, &opening->display_error);
         if (opening->display)
             karst_display_leave(opening->display);
