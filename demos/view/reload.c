@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #define LOOK_EVERY_S 0.05
+#define EMPTY_FOR_S 2.0 /* many programs empty a file first and then write it */
 
 /* What the thread reads and writes; nobody else does meanwhile. */
 struct view_compilation {
@@ -91,7 +92,7 @@ void view_reload_begin(viewer *v)
 }
 
 /* Whether the file is another than the one compiled last, and was left alone for a look: who writes slowly is waited
- * for. */
+ * for, and longer while there is nothing in the file. */
 static bool has_changed(viewer *v)
 {
     view_reload *r = &v->reload;
@@ -105,7 +106,10 @@ static bool has_changed(viewer *v)
     r->seen_mtime_ns = mtime_ns;
     r->seen_size_bytes = size_bytes;
     r->seen_inode = inode;
-    return at_rest && (mtime_ns != r->mtime_ns || size_bytes != r->size_bytes || inode != r->inode);
+    if (!at_rest)
+        r->at_rest_since_s = v->now_s;
+    return at_rest && (mtime_ns != r->mtime_ns || size_bytes != r->size_bytes || inode != r->inode) &&
+           (size_bytes > 0 || v->now_s - r->at_rest_since_s >= EMPTY_FOR_S);
 }
 
 /* If the text differs in colours alone, they are shown at once, and compiled meanwhile. */

@@ -268,7 +268,7 @@ typedef struct {
     bool watching;
     long long mtime_ns, size_bytes, inode; /* of what was compiled last */
     long long seen_mtime_ns, seen_size_bytes, seen_inode;
-    double looked_at_s, started_s;
+    double looked_at_s, at_rest_since_s, started_s;
     pthread_t thread;
     bool running;
     bool is_loading, has_loaded, is_forced; /* the compiler itself; is_forced: somebody asked for a reload meanwhile */

@@ -89,6 +89,31 @@ static void test_a_mistake_keeps_the_picture(void **state)
     free(after.rgba);
 }
 
+/* Most programs empty a file before they write it: what is there meanwhile is no mistake. */
+static void test_a_file_that_is_being_written_is_waited_for(void **state)
+{
+    (void)state;
+    double errors = number("reload_errors"), reloads = number("reloads"), took_s;
+    do { /* on a busy machine the pause may come to last as long as that of a file that is meant to be empty */
+        double from_s = now_s();
+        write_file("plain.karst", "");
+        nap(0.3); /* six looks at it */
+        write_world("0.05, 0.8, 0.07");
+        took_s = now_s() - from_s;
+        UNTIL(number("reloads") > reloads && !*text("error"));
+        if (took_s <= 1.5)
+            assert_true(number("reload_errors") == errors);
+        errors = number("reload_errors");
+        reloads = number("reloads");
+    } while (took_s > 1.5);
+    /* One that stays empty is. */
+    write_file("plain.karst", "");
+    UNTIL(number("reload_errors") == errors + 1);
+    assert_non_null(strstr(text("error"), "plain.karst"));
+    write_world("0.05, 0.8, 0.07");
+    UNTIL(number("reloads") == reloads + 1 && !*text("error"));
+}
+
 /* The place of a share of the first slider's track. */
 static int slider_x(double share)
 {
@@ -294,6 +319,7 @@ int main(void)
         cmocka_unit_test(test_a_colour_edit_makes_no_brick),
         cmocka_unit_test(test_the_picture_moves_while_a_world_is_compiled),
         cmocka_unit_test(test_a_mistake_keeps_the_picture),
+        cmocka_unit_test(test_a_file_that_is_being_written_is_waited_for),
         cmocka_unit_test(test_sliders),
         cmocka_unit_test(test_any_size),
         cmocka_unit_test(test_minimised_and_back),
