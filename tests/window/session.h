@@ -138,12 +138,20 @@ HELPER const char *in_folder(const char *name)
     return path;
 }
 
-HELPER void write_file(const char *name, const char *text)
+/* Emptied and written, as by many programs: who looks meanwhile sees an empty file. */
+HELPER void write_in_place(const char *name, const char *text)
 {
     FILE *file = fopen(in_folder(name), "w");
     assert_non_null(file);
     assert_true(fputs(text, file) >= 0);
     assert_int_equal(fclose(file), 0);
+}
+
+/* Whole at once, as by others: under another name first. */
+HELPER void write_file(const char *name, const char *text)
+{
+    write_in_place("being-written", text);
+    assert_int_equal(rename(in_folder("being-written"), in_folder(name)), 0);
 }
 
 HELPER char *read_file(const char *name)
