@@ -87,7 +87,7 @@ typedef struct {
                        corners */
     uint solid[2];  /* likewise: set if the block's first sample is solid. Of a block that has no such cell all are as
                        this one */
-    uint pad[2];
+    uint slopes[2]; /* how steep it is along each axis: raycast/slopes_shared.h. 0: not known */
 } karst_brick_info;
 K_ASSERT_SIZE(karst_brick_info, 32);
 

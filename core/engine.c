@@ -183,6 +183,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     if (!engine->surface)
         return karst_fail(error, KARST_FAILED, "this engine lost its picture memory; set a size that fits");
+    /* Who looks at the same for long gains by what pays off late. */
+    const bool stands = stats->settled && !engine->view_changed;
     *stats = (karst_stats){0};
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
     /* 0 means none in both: they wrap around to 1. */
@@ -202,8 +204,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     karst_engine_note_motion(engine);
 
     if (!place_root(engine, error) || !karst_engine_load_root(engine, error) ||
-        !use_the_wait(engine, error) || !draw_and_answer(engine, moved, &work, error) ||
-        !fill_pool_stats(engine, error))
+        !use_the_wait(engine, error) || (stands && !karst_engine_survey_slopes(engine, error)) ||
+        !draw_and_answer(engine, moved, &work, error) || !fill_pool_stats(engine, error))
         return false;
     engine->path = NULL;
 

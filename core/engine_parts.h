@@ -114,6 +114,7 @@ struct karst_engine {
     uint32_t serial, frame;
     uint32_t turn; /* of answering what was asked for */
     uint32_t num_whole_scouts;
+    uint32_t num_surveyed; /* slots below this hold no brick whose slopes are not known */
     bool ahead_is_made; /* the last look ahead found next to nothing */
     uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
     bool have_previous;
@@ -182,6 +183,9 @@ bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error)
 bool karst_engine_load_root(karst_engine *engine, karst_error *error);
 bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error);
 void karst_engine_learn_cost(karst_engine *engine);
+/* Slopes of bricks made since the last call (karst_caster_survey_slopes); with a budget in ms: a part of them a call.
+ * No hit depends on it. */
+bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
 /* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
 

@@ -68,6 +68,8 @@ static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_
     }
     made->num_bricks += work->num_loads;
     made->num_tiles += work->num_subdivides;
+    if (work->num_loads)
+        engine->num_surveyed = 0;
     return (!engine->views || karst_views_note(engine->views, work, engine->frame + 1, error)) &&
            karst_cache_publish(engine->cache, work, NULL, num_constant, error);
 }
@@ -368,6 +370,19 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
         return false;
     left.ns += kept_ns;
     return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
+}
+
+/* Of a frame with a budget in ms: at most some 2.5 ms of one core. */
+#define SURVEY_SLOTS 2048u
+
+bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error)
+{
+    const uint32_t num_slots = karst_cache_get_buffers(engine->cache)->num_bricks + KARST_CACHE_ROOT_BRICKS;
+    const uint32_t first = engine->num_surveyed;
+    if (first >= num_slots)
+        return true;
+    engine->num_surveyed = engine->budget_ns > 0 && num_slots - first > SURVEY_SLOTS ? first + SURVEY_SLOTS : num_slots;
+    return karst_caster_survey_slopes(engine->caster, first, engine->num_surveyed, error);
 }
 
 void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)

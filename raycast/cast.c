@@ -16,7 +16,7 @@ struct karst_caster {
     karst_context *context;
     karst_cache_buffers cache;
     karst_program *program;
-    cl_kernel pinhole;
+    cl_kernel pinhole, survey;
     cl_kernel rays, shadows; /* NULL: left out */
     const karst_sunward *sunward; /* borrowed; NULL: none */
     bool beams; /* a work-item casts a beam, not `lanes` rays */
@@ -53,12 +53,13 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
     caster->program = karst_program_build(context, "raycast/cast.cl", all_options, NULL, 0, error);
     if (caster->program) {
         caster->pinhole = karst_program_kernel(caster->program, "cast_pinhole", error);
+        caster->survey = karst_program_kernel(caster->program, "survey_slopes", error);
         if (has_rays)
             caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
         if (has_shadows)
             caster->shadows = karst_program_kernel(caster->program, "cast_shadows", error);
     }
-    if (!caster->view || !caster->asked || !caster->pinhole || (has_rays && !caster->rays) ||
+    if (!caster->view || !caster->asked || !caster->pinhole || !caster->survey || (has_rays && !caster->rays) ||
         (has_shadows && !caster->shadows)) {
         karst_caster_destroy(caster);
         return NULL;
@@ -77,6 +78,8 @@ void karst_caster_destroy(karst_caster *caster)
         }
     if (caster->pinhole)
         clReleaseKernel(caster->pinhole);
+    if (caster->survey)
+        clReleaseKernel(caster->survey);
     if (caster->rays)
         clReleaseKernel(caster->rays);
     if (caster->shadows)
@@ -324,4 +327,21 @@ bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view,
                               karst_error *error)
 {
     return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
+}
+
+bool karst_caster_survey_slopes(karst_caster *caster, uint32_t first, uint32_t end, karst_error *error)
+{
+    const karst_cache_buffers *c = &caster->cache;
+    const uint32_t num_slots = (uint32_t)(c->brick_owner->size_bytes / sizeof(karst_brick_owner));
+    const size_t lanes = (size_t)caster->context->lanes;
+    end = end < num_slots ? end : num_slots;
+    return first >= end ||
+           (KARST_ARGUMENTS(caster->survey, error, KARST_BUFFER_ARG(c->brick_owner), KARST_BUFFER_ARG(c->brick_info),
+                            KARST_BUFFER_ARG(c->bricks[0]), KARST_BUFFER_ARG(c->bricks[1]),
+                            KARST_BUFFER_ARG(c->bricks[2]), KARST_BUFFER_ARG(c->bricks[3]),
+                            KARST_BUFFER_ARG(c->bricks[4]), KARST_BUFFER_ARG(c->bricks[5]),
+                            KARST_BUFFER_ARG(c->bricks[6]), KARST_BUFFER_ARG(c->bricks[7]),
+                            KARST_VALUE_ARG(c->bricks_per_segment), KARST_VALUE_ARG(first), KARST_VALUE_ARG(end)) &&
+            karst_launch(caster->context, caster->survey, KARST_STAGE_FINALISE, (end - first + lanes - 1) / lanes, 1,
+                         error));
 }

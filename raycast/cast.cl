@@ -3,6 +3,7 @@
 #include "raycast/rays.clh"
 #include "raycast/rays_shared.h"
 #include "raycast/shadow_shared.h"
+#include "raycast/slopes.clh"
 #include "raycast/views_shared.h"
 #include "raycast/walk.clh"
 
@@ -510,3 +511,16 @@ __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                      notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward, hints, num_slots);
 }
 #endif
+
+/* Slots from `first` to `end` that are some node's and were not looked at since they were written; LANES for each
+ * work-item. */
+__kernel K_WIDE void survey_slopes(K_GLOBAL const karst_brick_owner *owners, K_GLOBAL karst_brick_info *brick_info,
+                                   BRICK_PARAMETERS, uint first, uint end)
+{
+    const brick_pool bricks = BRICK_FIELDS;
+    const uint from = first + (uint)get_global_id(0) * LANES;
+    for (uint slot = from; slot < from + LANES && slot < end; slot++)
+        if (slot != KARST_NONE && owners[slot].owner != KARST_NO_NODE &&
+            !(brick_info[slot].slopes[1] & KARST_SLOPES_KNOWN))
+            survey_slopes_of(brick_samples(&bricks, slot), brick_info + slot);
+}

@@ -86,4 +86,10 @@ bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view,
                               const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
                               karst_error *error);
 
+/* Looks at the bricks of slots first to end - 1 (end may lie beyond the pool) that were written since they were looked
+ * at last: how steep they are along each axis (karst_brick_info.slopes), by which the camera's rays skip more of them.
+ * What casts give does not depend on it. On a CPU it takes a microsecond a brick, and pays off after some dozens of
+ * pictures. Asynchronous. Errors: KARST_FAILED. */
+bool karst_caster_survey_slopes(karst_caster *caster, uint32_t first, uint32_t end, karst_error *error);
+
 #endif
