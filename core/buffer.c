@@ -171,6 +171,11 @@ karst_buffer *karst_buffer_account(karst_context *context, const char *name, siz
     return buffer;
 }
 
+void *karst_buffer_memory(const karst_buffer *buffer)
+{
+    return karst_context_is_pocl(buffer->context) ? buffer->host : NULL;
+}
+
 void karst_buffer_commit(karst_buffer *buffer, size_t offset_bytes, size_t size_bytes)
 {
 #ifdef MADV_POPULATE_WRITE

@@ -104,7 +104,8 @@ struct karst_buffer {
     size_t size_bytes;
     char name[32]; /* as it stands in memory_bytes of the statistics; several may share one */
     karst_buffer *next, **link;
-    void *host; /* where it lies, if a CPU's own memory is the buffer's; else NULL. Only for telling the system */
+    void *host; /* where it lies, if a CPU's own memory is the buffer's; else NULL. For telling the system, and for
+                 * karst_buffer_memory */
 };
 
 /* A zeroed read-write buffer (or a copy of `initial`). Errors: KARST_FAILED; size 0 or above the device's largest is
@@ -118,6 +119,10 @@ karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name
 /* Has the system find memory for this part of a blank buffer now, so that who touches it first does not wait for that;
  * contents stay. Does nothing where the device has memory of its own, or the system has no such call. */
 void karst_buffer_commit(karst_buffer *buffer, size_t offset_bytes, size_t size_bytes);
+/* The buffer's bytes for the host to read and write without a command, as long as the queue is empty (from karst_finish
+ * to the next command): there PoCL's CPU devices have them, mapped or not. NULL elsewhere. Valid as long as the buffer.
+ */
+void *karst_buffer_memory(const karst_buffer *buffer);
 /* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for
  * destroying. */
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
