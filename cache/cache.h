@@ -100,8 +100,9 @@ bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work
 
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
- * (unlinked from its parent or owner, checked by generation both ways). Waits for the device once, and once more if
- * something is evicted and the device is no CPU, or nothing like it was expected. Time goes to KARST_STAGE_COLLECT. */
+ * (unlinked from its parent or owner, checked by generation both ways). Waits for the device once;
+ * where its memory is not the host's (karst_buffer_memory), once more if something is evicted. Time goes to
+ * KARST_STAGE_COLLECT. */
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error);
 
 /* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
@@ -122,8 +123,8 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
                                 int brick_bits);
 
 /* Runs the kernels of a round once each, the last first, and waits for them: for drivers that compile a kernel when it
- * first runs. Those that recycle are left out: a first picture does not need them, and on CPUs the host does it. Only
- * for a new cache that is destroyed then. */
+ * first runs. Those that recycle are left out: a first picture does not need them; where the host collects, all that it
+ * does. Only for a new cache that is destroyed then. */
 bool karst_cache_rehearse(karst_cache *cache, karst_error *error);
 /* Those that a collect begins with, the first first, before rays of that serial are cast: they read the pools, and
  * nothing of what they find is kept. Not while a round is open. */

@@ -107,54 +107,60 @@ static bool accept(karst_cache *cache, const karst_collect_params *params, karst
                               (loads->num + subdivides->num) * sizeof(uint64_t), error));
 }
 
-static bool send_lists(karst_cache *cache, const karst_work *work, bool has_nodes, karst_error *error)
+/* Into the device's memory, which is the host's. */
+static void write_list(karst_buffer *buffer, const uint32_t *values, uint32_t num)
 {
-    const karst_wants_choice *loads = cache->wants.loads, *subdivides = cache->wants.subdivides;
-    return (has_nodes || (upload(cache->load_nodes, loads->nodes, work->num_loads, error) &&
-                          upload(cache->subdivide_nodes, subdivides->nodes, work->num_subdivides, error))) &&
-           upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
+    memcpy(karst_buffer_memory(buffer), values, num * sizeof(*values));
+}
+
+/* The work to the device. A load that no producer answers stays "unknown", and its slot free. */
+static bool send_work(karst_cache *cache, const karst_work *work, karst_error *error)
+{
+    if (cache->mapped.nodes) {
+        write_list(cache->load_nodes, cache->wants.loads->nodes, work->num_loads);
+        write_list(cache->subdivide_nodes, cache->wants.subdivides->nodes, work->num_subdivides);
+        write_list(cache->load_slots, cache->granted_bricks, work->num_loads);
+        write_list(cache->subdivide_tiles, cache->granted_tiles, work->num_subdivides);
+        _Static_assert(KARST_STATE_UNKNOWN == 0u, "filled byte by byte");
+        memset(karst_buffer_memory(cache->load_results), 0, work->num_loads * sizeof(uint32_t));
+        return true;
+    }
+    return upload(cache->load_slots, cache->granted_bricks, work->num_loads, error) &&
            upload(cache->subdivide_tiles, cache->granted_tiles, work->num_subdivides, error) &&
-           /* A load that no producer answers stays "unknown", and its slot free. */
            karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
 }
 
-/* The work to the device. Where the host recycled, the device has nothing to do by now, and PoCL's would start at the
- * first command and get in the way of those that follow (20 us for each instead of 1): so all of them wait until the
- * last is enqueued. */
-static bool send_work(karst_cache *cache, const karst_work *work, karst_error *error)
+/* Looks at all stamps and chooses the best of what is wanted. */
+static bool survey_and_choose(karst_cache *cache, const karst_collect_params *params, const karst_survey_ask *ask,
+                              karst_error *error)
 {
-    bool is_mapped = cache->mapped.nodes != NULL, ok;
-    cl_int code = CL_SUCCESS;
-    cl_event gate = NULL;
-    if (is_mapped && karst_context_is_pocl(cache->context))
-        gate = clCreateUserEvent(cache->context->cl, &code);
-    ok = karst_mapped_end_behind(&cache->mapped, gate, error) && send_lists(cache, work, !is_mapped, error);
-    if (gate) {
-        code = clSetUserEventStatus(gate, CL_COMPLETE);
-        clReleaseEvent(gate);
+    karst_survey *survey = &cache->survey;
+    karst_wants *wants = &cache->wants;
+    if (cache->on_host) {
+        if (!karst_mapped_begin(&cache->mapped, error))
+            return false;
+        karst_survey_by_host(survey, ask, &cache->mapped);
+        karst_wants_choose_by_host(wants, params->serial, params->turn, params->camera.voxel, params->max_bricks,
+                                   params->max_tiles);
+        return true;
     }
-    if (ok && code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot hold back commands: %s", karst_cl_error_name(code));
-    return ok;
+    return karst_survey_begin(survey, ask, error) &&
+           karst_wants_begin(wants, params->serial, params->turn, params->camera.voxel, error) &&
+           karst_survey_end(survey, error) &&
+           karst_wants_choose(wants, params->max_bricks, params->max_tiles, error);
 }
 
 static bool collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
 {
-    karst_survey *survey = &cache->survey;
+    const karst_survey *survey = &cache->survey;
     karst_wants *wants = &cache->wants;
     karst_survey_ask ask = {.serial = params->serial};
     karst_lru_expect(&cache->tiles, cache->tile_slots.num, &ask);
     karst_lru_expect(&cache->bricks, cache->brick_slots.num, &ask);
-    bool is_short = ask.ages[KARST_SURVEY_TILES] || ask.ages[KARST_SURVEY_BRICKS];
-    bool maps = cache->may_map && (is_short || karst_churn_any_is_recent(&cache->churn, params->frame));
-    if (!karst_survey_begin(survey, &ask, error) ||
-        !karst_wants_begin(wants, params->serial, params->turn, params->camera.voxel, error) ||
-        (maps && !karst_mapped_begin(&cache->mapped, error)) || !karst_survey_end(survey, error))
+    if (!survey_and_choose(cache, params, &ask, error))
         return false;
     work->num_used_tiles = survey->host_result.num_used[KARST_SURVEY_TILES];
     work->num_used_bricks = survey->host_result.num_used[KARST_SURVEY_BRICKS];
-    if (!karst_wants_choose(wants, params->max_bricks, params->max_tiles, error))
-        return false;
     if (params->budget_ns > 0)
         karst_wants_fit(wants, params->load_ns, params->subdivide_ns, params->budget_ns);
     const karst_wants_choice *loads = wants->loads, *subdivides = wants->subdivides;
@@ -167,12 +173,10 @@ static bool collect(karst_cache *cache, const karst_collect_params *params, kars
     uint32_t num_free_tiles = cache->tile_slots.num, num_free_bricks = cache->brick_slots.num;
     uint32_t need_tiles = subdivides->num - (subdivides->num < num_free_tiles ? subdivides->num : num_free_tiles);
     uint32_t need_bricks = loads->num - (loads->num < num_free_bricks ? loads->num : num_free_bricks);
-    bool recycles = need_tiles || need_bricks, maps_late = recycles && cache->may_map && !maps;
-    cache->has_names = recycles || maps; /* there will be a wait, or the host makes them */
+    cache->has_names = need_tiles || need_bricks || cache->on_host; /* there will be a wait, or the host makes them */
 
     /* Tiles go first, since their bricks become free. */
-    if ((maps_late && (!karst_mapped_begin(&cache->mapped, error) || !karst_finish(cache->context, error))) ||
-        !accept(cache, params, error) ||
+    if (!accept(cache, params, error) ||
         !karst_evict_start(&cache->evict, params->serial, need_tiles, need_bricks, error) ||
         !grant_tiles(cache, params, subdivides->num, work, error) ||
         !grant_bricks(cache, params, loads->num, work, error))
@@ -193,5 +197,6 @@ bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params,
     karst_cache_abandon(cache);
     cache->serial = params->serial;
     bool ok = collect(cache, params, work, error);
-    return karst_mapped_end(&cache->mapped, ok ? error : NULL) && ok;
+    karst_mapped_end(&cache->mapped);
+    return ok;
 }

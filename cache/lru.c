@@ -87,9 +87,11 @@ static bool find(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t age, 
 {
     karst_survey_ask ask = {.serial = serial, .stand_ins = stand_ins};
     ask_for(lru, age, most, &ask);
-    bool is_mapped = lru->mapped->nodes != NULL;
-    return (!is_mapped || karst_mapped_end(lru->mapped, error)) && karst_survey_begin(lru->survey, &ask, error) &&
-           (!is_mapped || karst_mapped_begin(lru->mapped, error)) && karst_survey_end(lru->survey, error);
+    if (lru->mapped->nodes) {
+        karst_survey_by_host(lru->survey, &ask, lru->mapped);
+        return true;
+    }
+    return karst_survey_begin(lru->survey, &ask, error) && karst_survey_end(lru->survey, error);
 }
 
 /* More than the list has: the rest of its last age, or what is half as old. */

@@ -1,47 +1,35 @@
-/* Mapping the pools, and back. */
+/* Where the pools lie. */
 #include "cache/mapped.h"
 
-static bool map(karst_buffer *buffer, void **mapped, karst_error *error)
+bool karst_mapped_is_possible(const karst_cache_buffers *pools)
 {
-    cl_int code = CL_SUCCESS;
-    if (!*mapped)
-        *mapped = clEnqueueMapBuffer(buffer->context->queue, buffer->mem, CL_FALSE, CL_MAP_READ | CL_MAP_WRITE, 0,
-                                     buffer->size_bytes, 0, NULL, NULL, &code);
-    if (code == CL_SUCCESS)
-        return true;
-    *mapped = NULL;
-    return karst_fail(error, KARST_FAILED, "cannot map buffer %s: %s", buffer->name, karst_cl_error_name(code));
-}
-
-static bool unmap(karst_buffer *buffer, void **mapped, cl_event gate, karst_error *error)
-{
-    cl_int code = CL_SUCCESS;
-    if (*mapped)
-        code = clEnqueueUnmapMemObject(buffer->context->queue, buffer->mem, *mapped, gate ? 1 : 0, gate ? &gate : NULL,
-                                       NULL);
-    *mapped = NULL;
-    return code == CL_SUCCESS ||
-           karst_fail(error, KARST_FAILED, "cannot unmap buffer %s: %s", buffer->name, karst_cl_error_name(code));
+    const karst_buffer *const all[] = {pools->nodes,         pools->tile_info,      pools->brick_owner,
+                                       pools->tile_stamp,    pools->brick_stamp,    pools->brick_fallback,
+                                       pools->want_brick,    pools->want_children,  pools->want_chunk,
+                                       pools->want_rays};
+    bool is_possible = true;
+    for (size_t i = 0; i < sizeof(all) / sizeof(all[0]); i++)
+        is_possible = is_possible && karst_buffer_memory(all[i]) != NULL;
+    return is_possible;
 }
 
 bool karst_mapped_begin(karst_mapped *mapped, karst_error *error)
 {
     const karst_cache_buffers *pools = mapped->pools;
-    return map(pools->nodes, (void **)&mapped->nodes, error) &&
-           map(pools->tile_info, (void **)&mapped->tile_info, error) &&
-           map(pools->brick_owner, (void **)&mapped->brick_owner, error) &&
-           map(pools->tile_stamp, (void **)&mapped->tile_stamp, error);
+    if (!karst_finish(pools->nodes->context, error))
+        return false;
+    *mapped = (karst_mapped){.pools = pools,
+                             .nodes = karst_buffer_memory(pools->nodes),
+                             .tile_info = karst_buffer_memory(pools->tile_info),
+                             .brick_owner = karst_buffer_memory(pools->brick_owner),
+                             .tile_stamp = karst_buffer_memory(pools->tile_stamp),
+                             .brick_stamp = karst_buffer_memory(pools->brick_stamp),
+                             .brick_fallback = karst_buffer_memory(pools->brick_fallback),
+                             .want_brick = karst_buffer_memory(pools->want_brick),
+                             .want_children = karst_buffer_memory(pools->want_children),
+                             .want_chunk = karst_buffer_memory(pools->want_chunk),
+                             .want_rays = karst_buffer_memory(pools->want_rays)};
+    return true;
 }
 
-bool karst_mapped_end_behind(karst_mapped *mapped, cl_event gate, karst_error *error)
-{
-    /* The queue is in order: what waits for the gate is the first command. */
-    const karst_cache_buffers *pools = mapped->pools;
-    bool ok = unmap(pools->nodes, (void **)&mapped->nodes, gate, error);
-    ok &= unmap(pools->tile_info, (void **)&mapped->tile_info, NULL, error);
-    ok &= unmap(pools->brick_owner, (void **)&mapped->brick_owner, NULL, error);
-    ok &= unmap(pools->tile_stamp, (void **)&mapped->tile_stamp, NULL, error);
-    return ok;
-}
-
-bool karst_mapped_end(karst_mapped *mapped, karst_error *error) { return karst_mapped_end_behind(mapped, NULL, error); }
+void karst_mapped_end(karst_mapped *mapped) { *mapped = (karst_mapped){.pools = mapped->pools}; }

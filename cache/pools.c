@@ -174,7 +174,6 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
         return NULL;
     }
     cache->context = context;
-    cache->may_map = context->is_cpu;
     cache->mapped.pools = &cache->buffers;
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;
@@ -184,6 +183,7 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
         karst_cache_destroy(cache);
         return NULL;
     }
+    cache->on_host = context->is_cpu && karst_mapped_is_possible(&cache->buffers);
     return cache;
 }
 

@@ -25,7 +25,7 @@ struct karst_cache {
     karst_evict evict;
     karst_publish publish;
     karst_mapped mapped;
-    bool may_map; /* CPUs: rounds that recycle do it on the host */
+    bool on_host; /* the host collects, in the pools' own memory, and the device does nothing of it */
     karst_churn churn;
     karst_buffer *load_nodes, *load_slots, *load_results, *subdivide_nodes, *subdivide_tiles;
     /* The open round: between collect and publish. */

@@ -29,6 +29,10 @@ bool karst_survey_init(karst_survey *survey, karst_context *context, karst_progr
             return karst_fail(error, KARST_FAILED, "out of memory for a list of %u slots", num);
     }
     size_t active_bytes = survey->num_request_chunks * sizeof(uint32_t);
+    survey->scan = karst_scan_best();
+    survey->host_active = malloc(active_bytes);
+    if (!survey->host_active)
+        return karst_fail(error, KARST_FAILED, "out of memory for a list of request chunks");
     survey->counts = karst_buffer_create(context, "usage_lists", num_chunks * sizeof(cl_uint4), NULL, error);
     survey->result = karst_buffer_create(context, "usage_lists", sizeof(karst_survey_result), NULL, error);
     survey->active = karst_buffer_create(context, "requests", active_bytes, NULL, error);
@@ -54,6 +58,7 @@ void karst_survey_finish(karst_survey *survey)
         karst_buffer_destroy(survey->pieces[kind]);
         free(survey->lists[kind].slots);
     }
+    free(survey->host_active);
     *survey = (karst_survey){0};
 }
 
@@ -80,13 +85,19 @@ static bool launch(karst_survey *survey, karst_error *error)
                         error);
 }
 
-bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, karst_error *error)
+static void take_ask(karst_survey *survey, const karst_survey_ask *asked)
 {
     karst_survey_ask *ask = &survey->ask;
     *ask = *asked;
     ask->num[KARST_SURVEY_TILES] = survey->pools->num_tiles;
     ask->num[KARST_SURVEY_BRICKS] = survey->pools->num_bricks;
     ask->num[KARST_SURVEY_REQUESTS] = survey->num_request_chunks;
+}
+
+bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, karst_error *error)
+{
+    const karst_survey_ask *ask = &survey->ask;
+    take_ask(survey, asked);
     if (!launch(survey, error))
         return false;
     /* Some more than there were last time: mostly these are all. */
@@ -102,12 +113,11 @@ bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, kar
     return true;
 }
 
-bool karst_survey_end(karst_survey *survey, karst_error *error)
+/* What is known of the lists by now. */
+static void enter_lists(karst_survey *survey)
 {
-    karst_survey_result *result = &survey->host_result;
+    const karst_survey_result *result = &survey->host_result;
     const karst_survey_ask *ask = &survey->ask;
-    if (!karst_buffer_read(survey->result, 0, result, sizeof(*result), error))
-        return false;
     for (uint32_t kind = 0; kind < 2; kind++)
         if (ask->ages[kind]) {
             karst_survey_list *list = &survey->lists[kind];
@@ -117,7 +127,38 @@ bool karst_survey_end(karst_survey *survey, karst_error *error)
             list->stand_ins = ask->stand_ins;
             list->valid = true;
         }
+}
+
+bool karst_survey_end(karst_survey *survey, karst_error *error)
+{
+    if (!karst_buffer_read(survey->result, 0, &survey->host_result, sizeof(survey->host_result), error))
+        return false;
+    enter_lists(survey);
     return true;
+}
+
+void karst_survey_by_host(karst_survey *survey, const karst_survey_ask *ask, const karst_mapped *mapped)
+{
+    uint64_t start_ns = karst_clock_ns();
+    const uint32_t *const stamps[2] = {mapped->tile_stamp, mapped->brick_stamp};
+    const uint32_t *const others[2] = {mapped->tile_stamp, mapped->brick_fallback};
+    karst_survey_result *result = &survey->host_result;
+    take_ask(survey, ask);
+    for (uint32_t kind = 0; kind < 2; kind++) {
+        karst_survey_list *list = &survey->lists[kind];
+        /* A list that is not asked for stays as it is, and nothing is written to it. */
+        karst_scan_counts counts =
+            karst_scan_slots(survey->scan, stamps[kind], others[kind], &survey->ask, kind, list->slots);
+        result->num_used[kind] = counts.num_used;
+        result->num_found[kind] = counts.num_found;
+        result->num_left_out[kind] = counts.num_left_out;
+        if (ask->ages[kind])
+            list->num_read = counts.num_found;
+    }
+    result->num_active =
+        karst_scan_list(survey->scan, mapped->want_chunk, survey->num_request_chunks, ask->serial, survey->host_active);
+    enter_lists(survey);
+    karst_profile_add_host(survey->context, STAGE, karst_clock_ns() - start_ns);
 }
 
 bool karst_survey_read_found(karst_survey *survey, uint32_t kind, karst_error *error)

@@ -7,6 +7,8 @@
 #define KARST_CACHE_SURVEY_H
 
 #include "cache/cache.h"
+#include "cache/mapped.h"
+#include "cache/scan.h"
 #include "cache/shape.h"
 #include "cache/survey_shared.h"
 
@@ -32,6 +34,8 @@ typedef struct {
     karst_buffer *found[2];                  /* karst_survey_slot[num_tiles], [num_bricks]: ascending slots */
     karst_buffer *pieces[2], *active_pieces; /* the same, where each chunk's look put them */
     karst_survey_list lists[2];
+    const karst_scan *scan; /* of a survey by the host... */
+    uint32_t *host_active;  /* ...and its request chunks with a want, ascending */
     /* Of the last survey. */
     karst_survey_ask ask;
     karst_survey_result host_result;
@@ -47,6 +51,8 @@ void karst_survey_finish(karst_survey *survey);
 bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *ask, karst_error *error);
 /* Waits for it: host_result and the lists' numbers are valid. */
 bool karst_survey_end(karst_survey *survey, karst_error *error);
+/* Both at once, by the host, where the pools are mapped. */
+void karst_survey_by_host(karst_survey *survey, const karst_survey_ask *ask, const karst_mapped *mapped);
 /* Sees to it that a list's slots are here. May wait. */
 bool karst_survey_read_found(karst_survey *survey, uint32_t kind, karst_error *error);
 

@@ -109,10 +109,15 @@ static bool launch_list(karst_wants *wants, uint32_t first, karst_error *error)
            karst_launch(wants->context, wants->list, STAGE, wants->shape.sharers, wants->shape.chunk_local, error);
 }
 
-bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], karst_error *error)
+static void set_view(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3])
 {
     wants->view = (karst_wants_view){
         {camera[0], camera[1], camera[2]}, serial, wants->pools->num_tiles * KARST_TILE_NODES, turn, 0};
+}
+
+bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3], karst_error *error)
+{
+    set_view(wants, serial, turn, camera);
     /* Some more than last time: mostly these are all. */
     uint32_t ahead = wants->num_last + wants->num_last / 4 + 64;
     wants->num_read = ahead < KARST_WANTS_LIST ? ahead : KARST_WANTS_LIST;
@@ -120,31 +125,121 @@ bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const
            karst_cache_fetch(wants->wants, 0, wants->host_wants, wants->num_read * sizeof(*wants->host_wants), error);
 }
 
+static void choose_none(karst_wants *wants)
+{
+    wants->loads->num = wants->loads->num_all = 0;
+    wants->subdivides->num = wants->subdivides->num_all = 0;
+}
+
+/* Chooses among what was chosen and the next `num` of the list. */
+static void choose_of(karst_wants *wants, uint32_t num, uint32_t max_loads, uint32_t max_subdivides)
+{
+    max_loads = max_loads < KARST_CACHE_MAX_WORK ? max_loads : KARST_CACHE_MAX_WORK;
+    max_subdivides = max_subdivides < KARST_CACHE_MAX_WORK ? max_subdivides : KARST_CACHE_MAX_WORK;
+    karst_wants_merge(&wants->loads, &wants->spare, wants->host_wants, num, KARST_WANT_BRICK, max_loads);
+    karst_wants_merge(&wants->subdivides, &wants->spare, wants->host_wants, num, KARST_WANT_CHILDREN, max_subdivides);
+}
+
 bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_subdivides, karst_error *error)
 {
     const karst_survey_result *result = &wants->survey->host_result;
     uint32_t num_all = result->num_active ? result->num_wants : 0, have = wants->num_read;
-    max_loads = max_loads < KARST_CACHE_MAX_WORK ? max_loads : KARST_CACHE_MAX_WORK;
-    max_subdivides = max_subdivides < KARST_CACHE_MAX_WORK ? max_subdivides : KARST_CACHE_MAX_WORK;
-    wants->loads->num = wants->loads->num_all = 0;
-    wants->subdivides->num = wants->subdivides->num_all = 0;
+    choose_none(wants);
     wants->num_last = num_all;
     for (uint32_t first = 0; first < num_all; first += KARST_WANTS_LIST, have = 0) {
         uint32_t num = num_all - first < KARST_WANTS_LIST ? num_all - first : KARST_WANTS_LIST;
         karst_want *list = wants->host_wants;
-        bool is_mapped = wants->mapped->nodes != NULL;
-        if ((first > 0 &&
-             ((is_mapped && !karst_mapped_end(wants->mapped, error)) || !launch_list(wants, first, error) ||
-              (is_mapped && !karst_mapped_begin(wants->mapped, error)))) ||
+        if ((first > 0 && !launch_list(wants, first, error)) ||
             (have < num &&
              !karst_buffer_read(wants->wants, have * sizeof(*list), list + have, (num - have) * sizeof(*list), error)))
             return false;
         uint64_t start_ns = karst_clock_ns();
-        karst_wants_merge(&wants->loads, &wants->spare, list, num, KARST_WANT_BRICK, max_loads);
-        karst_wants_merge(&wants->subdivides, &wants->spare, list, num, KARST_WANT_CHILDREN, max_subdivides);
+        choose_of(wants, num, max_loads, max_subdivides);
         karst_profile_add_host(wants->context, STAGE, karst_clock_ns() - start_ns);
     }
     return true;
+}
+
+/* So many request chunks ahead of the one in work its stamps are asked for, and half as many ahead what is known of
+ * the nodes that were asked for: where wants lie all over, each would wait for its own memory. */
+#define CHUNKS_AHEAD 8u
+
+static uint64_t asked_in(const karst_wants *wants, uint32_t chunk)
+{
+    const karst_mapped *m = wants->mapped;
+    size_t first = (size_t)chunk * KARST_REQUEST_CHUNK;
+    const karst_scan *scan = wants->survey->scan;
+    uint64_t bricks, children;
+    _Static_assert(KARST_REQUEST_CHUNK == KARST_SCAN_WORD, "one word for each");
+    scan->equal(m->want_brick + first, 1, wants->view.serial, &bricks);
+    scan->equal(m->want_children + first, 1, wants->view.serial, &children);
+    return bricks | children;
+}
+
+static void expect_stamps(const karst_mapped *m, uint32_t chunk)
+{
+    for (size_t i = 0, first = (size_t)chunk * KARST_REQUEST_CHUNK; i < KARST_REQUEST_CHUNK; i += 16) {
+        __builtin_prefetch(&m->want_brick[first + i]);
+        __builtin_prefetch(&m->want_children[first + i]);
+    }
+}
+
+/* Returns what was asked for. Nodes of a tile share a line of memory, and so do words of 16 nodes. */
+static uint64_t expect_nodes(const karst_wants *wants, uint32_t chunk)
+{
+    const karst_mapped *m = wants->mapped;
+    uint64_t asked = asked_in(wants, chunk);
+    for (uint64_t left = asked; left;) {
+        uint32_t tile_in_chunk = (uint32_t)__builtin_ctzll(left) / KARST_TILE_NODES;
+        uint32_t tile = chunk * (KARST_REQUEST_CHUNK / KARST_TILE_NODES) + tile_in_chunk;
+        if (tile * KARST_TILE_NODES < wants->view.num_nodes) {
+            __builtin_prefetch(&m->tile_info[tile]);
+            __builtin_prefetch(&m->nodes[tile * KARST_TILE_NODES]);
+            __builtin_prefetch(&m->want_rays[tile * KARST_TILE_NODES]);
+        }
+        left &= ~((uint64_t)0xff << tile_in_chunk * KARST_TILE_NODES);
+    }
+    return asked;
+}
+
+void karst_wants_choose_by_host(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3],
+                                uint32_t max_loads, uint32_t max_subdivides)
+{
+    const karst_mapped *m = wants->mapped;
+    const uint32_t *active = wants->survey->host_active, num_active = wants->survey->host_result.num_active;
+    uint64_t start_ns = karst_clock_ns(), asked[CHUNKS_AHEAD];
+    uint32_t num = 0, num_all = 0;
+    set_view(wants, serial, turn, camera);
+    choose_none(wants);
+    /* The item in work is the last of three. */
+    for (uint32_t item = 0; item < num_active + CHUNKS_AHEAD; item++) {
+        const uint32_t half = CHUNKS_AHEAD / 2;
+        if (item < num_active)
+            expect_stamps(m, active[item]);
+        if (item >= half && item - half < num_active)
+            asked[(item - half) % CHUNKS_AHEAD] = expect_nodes(wants, active[item - half]);
+        if (item < CHUNKS_AHEAD)
+            continue;
+        uint32_t first = active[item - CHUNKS_AHEAD] * KARST_REQUEST_CHUNK;
+        if (num + KARST_REQUEST_CHUNK > KARST_WANTS_LIST) {
+            choose_of(wants, num, max_loads, max_subdivides);
+            num_all += num;
+            num = 0;
+        }
+        for (uint64_t left = asked[item % CHUNKS_AHEAD]; left; left &= left - 1) {
+            uint32_t node = first + (uint32_t)__builtin_ctzll(left);
+            uint32_t what = (m->want_brick[node] == serial ? KARST_WANT_BRICK : 0) |
+                            (m->want_children[node] == serial ? KARST_WANT_CHILDREN : 0);
+            what = karst_wants_of(node, what, wants->view.num_nodes, m->nodes, m->tile_info);
+            if (what)
+                wants->host_wants[num++] = (karst_want){
+                    node, what | karst_want_place(node, &wants->view, m->want_rays[node], m->tile_info)};
+        }
+    }
+    if (num)
+        choose_of(wants, num, max_loads, max_subdivides);
+    wants->survey->host_result.num_wants = num_all + num;
+    karst_profile_add_host(wants->context, STAGE, karst_clock_ns() - start_ns);
 }
 
 void karst_wants_fit(karst_wants *wants, double load_ns, double subdivide_ns, double budget_ns)

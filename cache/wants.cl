@@ -5,18 +5,6 @@
 #include "cache/wants_shared.h"
 #include "core/lanes.clh"
 
-/* The valid wants of one node. */
-static uint wants_of(uint node, karst_wants_view view, __global const uint *want_brick,
-                     __global const uint *want_children, __global const karst_node *nodes,
-                     __global const karst_tile_info *tile_info)
-{
-    uint wants = (want_brick[node] == view.serial ? KARST_WANT_BRICK : 0u) |
-                 (want_children[node] == view.serial ? KARST_WANT_CHILDREN : 0u);
-    if (!wants || node >= view.num_nodes || !tile_info[node / KARST_TILE_NODES].in_use)
-        return 0u;
-    return karst_want_valid(wants, nodes[node], tile_info[node / KARST_TILE_NODES].level);
-}
-
 /* A work-item's share of the active request chunks. */
 static uint2 own_share(__global const karst_survey_result *result)
 {
@@ -61,7 +49,10 @@ __kernel void karst_wants_mark(__global const uint *active, __global const karst
                     continue;
                 for (uint left = bits_of(asked); left; left &= left - 1) {
                     uint bit = j + 31 - clz(left & -left);
-                    uint wants = wants_of(first + i + bit, view, want_brick, want_children, nodes, tile_info);
+                    uint node = first + i + bit;
+                    uint wants = (want_brick[node] == view.serial ? KARST_WANT_BRICK : 0u) |
+                                 (want_children[node] == view.serial ? KARST_WANT_CHILDREN : 0u);
+                    wants = karst_wants_of(node, wants, view.num_nodes, nodes, tile_info);
                     word.x |= (uint)((wants & KARST_WANT_BRICK) != 0) << bit;
                     word.y |= (uint)((wants & KARST_WANT_CHILDREN) != 0) << bit;
                 }
@@ -71,15 +62,6 @@ __kernel void karst_wants_mark(__global const uint *active, __global const karst
         }
     }
     counts[get_global_id(0)] = sum;
-}
-
-static uint class_of(uint node, karst_wants_view view, __global const karst_tile_info *tile_info)
-{
-    uint tile = node / KARST_TILE_NODES;
-    int level = tile_info[tile].level, shift = level + KARST_BRICK_CELLS_LOG2;
-    return karst_want_class(level, karst_want_gap(tile_info[tile].corner[0] + (node & 1), view.camera[0], shift),
-                            karst_want_gap(tile_info[tile].corner[1] + (node >> 1 & 1), view.camera[1], shift),
-                            karst_want_gap(tile_info[tile].corner[2] + (node >> 2 & 1), view.camera[2], shift));
 }
 
 /* The KARST_WANTS_LIST wants from the `first` on; a work-item's begin behind those of all before it. */
@@ -102,8 +84,7 @@ __kernel void karst_wants_list(__global const uint *active, __global karst_surve
                     continue;
                 uint bit = 31 - clz(left & -left);
                 uint node = active[item] * KARST_REQUEST_CHUNK + i * 32 + bit;
-                karst_want want = {node, class_of(node, view, tile_info)};
-                want.what += karst_want_delay(node, karst_rays_counted(want_rays[node], view.serial), view.turn);
+                karst_want want = {node, karst_want_place(node, &view, want_rays[node], tile_info)};
                 want.what |=
                     (word.x >> bit & 1 ? KARST_WANT_BRICK : 0u) | (word.y >> bit & 1 ? KARST_WANT_CHILDREN : 0u);
                 wants[at - first] = want;

@@ -49,6 +49,9 @@ bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const
 /* After karst_survey_end: chooses the best max_loads and max_subdivides of them (at most KARST_CACHE_MAX_WORK of
  * either) into wants->loads and wants->subdivides. May wait. */
 bool karst_wants_choose(karst_wants *wants, uint32_t max_loads, uint32_t max_subdivides, karst_error *error);
+/* Both at once, by the host where pools are mapped, after karst_survey_by_host. */
+void karst_wants_choose_by_host(karst_wants *wants, uint32_t serial, uint32_t turn, const int64_t camera[3],
+                                uint32_t max_loads, uint32_t max_subdivides);
 /* Of what was chosen, keeps as much as fits into budget_ns, the best of both kinds together; of each at least one. */
 void karst_wants_fit(karst_wants *wants, double load_ns, double subdivide_ns, double budget_ns);
 /* Stamps the tiles of chosen nodes, which now stand in two buffers, as in use; names go to wants->identities, loads

@@ -80,4 +80,25 @@ K_INLINE uint karst_want_valid(uint wants, karst_node node, int level)
     return wants;
 }
 
+/* The same of a node, of which a ray said `wants` in this cast. */
+K_INLINE uint karst_wants_of(uint node, uint wants, uint num_nodes, K_GLOBAL const karst_node *nodes,
+                             K_GLOBAL const karst_tile_info *tile_info)
+{
+    if (!wants || node >= num_nodes || !tile_info[node / KARST_TILE_NODES].in_use)
+        return 0u;
+    return karst_want_valid(wants, nodes[node], tile_info[node / KARST_TILE_NODES].level);
+}
+
+/* The class of a node's wants, and how long they wait; `rays` is its word of want_rays. */
+K_INLINE uint karst_want_place(uint node, K_PRIVATE const karst_wants_view *view, uint rays,
+                               K_GLOBAL const karst_tile_info *tile_info)
+{
+    uint tile = node / KARST_TILE_NODES;
+    int level = tile_info[tile].level, shift = level + KARST_BRICK_CELLS_LOG2;
+    return karst_want_class(level, karst_want_gap(tile_info[tile].corner[0] + (node & 1), view->camera[0], shift),
+                            karst_want_gap(tile_info[tile].corner[1] + (node >> 1 & 1), view->camera[1], shift),
+                            karst_want_gap(tile_info[tile].corner[2] + (node >> 2 & 1), view->camera[2], shift)) +
+           karst_want_delay(node, karst_rays_counted(rays, view->serial), view->turn);
+}
+
 #endif

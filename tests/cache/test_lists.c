@@ -73,8 +73,9 @@ static void stamp_at_random(uint32_t *stamps, uint32_t num, uint32_t serial, uin
 
 static uint32_t age_of(uint32_t stamp, uint32_t serial) { return stamp ? serial - stamp : UINT32_MAX; }
 
-/* Counts and lists of one survey against a loop. */
-static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span, pattern in_use, bool stand_ins)
+/* Counts and lists of one survey against a loop: by the device, or by the host with a scan. */
+static void surveys_like_a_loop(cache_rig *rig, const karst_scan *scan, uint32_t serial, uint32_t span,
+                                pattern in_use, bool stand_ins)
 {
     karst_survey *survey = &rig->cache->survey;
     const uint32_t num[2] = {rig->pools->num_tiles, rig->pools->num_bricks};
@@ -98,7 +99,15 @@ static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span
     ask.most[0] = random_below(2) ? UINT32_MAX : random_below(60);
     ask.most[1] = random_below(2) ? UINT32_MAX : random_below(60);
     survey->lists[0].valid = survey->lists[1].valid = false;
-    assert_true(karst_survey_begin(survey, &ask, NULL) && karst_survey_end(survey, NULL));
+    if (scan) {
+        karst_mapped *mapped = &rig->cache->mapped;
+        survey->scan = scan;
+        assert_true(karst_mapped_begin(mapped, NULL));
+        karst_survey_by_host(survey, &ask, mapped);
+        karst_mapped_end(mapped);
+    } else {
+        assert_true(karst_survey_begin(survey, &ask, NULL) && karst_survey_end(survey, NULL));
+    }
     for (uint32_t kind = 0; kind < 2; kind++) {
         const karst_survey_list *list = &survey->lists[kind];
         uint32_t used = 0, found = 0, exact = 0;
@@ -126,7 +135,10 @@ static void surveys_like_the_host(cache_rig *rig, uint32_t serial, uint32_t span
     }
     assert_int_equal(survey->host_result.num_active, num_active);
     uint32_t *listed = calloc(survey->num_request_chunks, sizeof(uint32_t));
-    assert_true(karst_buffer_read(survey->active, 0, listed, num_active * sizeof(uint32_t), NULL));
+    if (scan)
+        memcpy(listed, survey->host_active, num_active * sizeof(uint32_t));
+    else
+        assert_true(karst_buffer_read(survey->active, 0, listed, num_active * sizeof(uint32_t), NULL));
     if (num_active)
         assert_memory_equal(listed, active, num_active * sizeof(uint32_t));
     free(active);
@@ -141,11 +153,15 @@ static void test_surveys(void **state)
         for (size_t i = 0; i < NUM_LENGTHS; i++) {
             cache_rig rig;
             rig_open(&rig, context, lengths[i] + 1, lengths[NUM_LENGTHS - 1 - i] / 8 + 9, 0, 5);
-            for (int in_use = 0; in_use < NUM_PATTERNS; in_use++) {
-                surveys_like_the_host(&rig, 1000, 10, (pattern)in_use, false);
-                surveys_like_the_host(&rig, 5, 40, (pattern)in_use, false); /* serials that wrapped */
-                surveys_like_the_host(&rig, UINT32_MAX, 0x7fffffff, (pattern)in_use, in_use & 1);
-                surveys_like_the_host(&rig, 77, 3, (pattern)in_use, true);
+            /* By the device, then by the host in each width. */
+            for (int width = -1; width < (rig.cache->on_host ? KARST_SCAN_WIDTHS : 0); width++) {
+                const karst_scan *scan = width < 0 ? NULL : karst_scan_of_width(width);
+                for (int in_use = 0; in_use < (width < 0 || scan ? NUM_PATTERNS : 0); in_use++) {
+                    surveys_like_a_loop(&rig, scan, 1000, 10, (pattern)in_use, false);
+                    surveys_like_a_loop(&rig, scan, 5, 40, (pattern)in_use, false); /* serials that wrapped */
+                    surveys_like_a_loop(&rig, scan, UINT32_MAX, 0x7fffffff, (pattern)in_use, in_use & 1);
+                    surveys_like_a_loop(&rig, scan, 77, 3, (pattern)in_use, true);
+                }
             }
             rig_close(&rig);
         }
@@ -244,9 +260,18 @@ static int compare_uint64(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Is the device's memory the host's? */
+static bool hosts_memory(karst_context *context)
+{
+    karst_cache *cache = karst_cache_create(context, 2, 9, 0, NULL);
+    bool is_so = cache && cache->on_host;
+    karst_cache_destroy(cache);
+    return is_so;
+}
+
 /* Wants by patterns on a pool of tiles that lie anywhere. */
-static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pattern bricks, pattern children,
-                                  uint32_t limit)
+static void chooses_like_a_loop(karst_context *context, bool by_host, uint32_t num_tiles, pattern bricks,
+                                pattern children, uint32_t limit)
 {
     cache_rig rig;
     rig_open(&rig, context, num_tiles, 40, 0, 5);
@@ -298,13 +323,20 @@ static void chooses_like_the_host(karst_context *context, uint32_t num_tiles, pa
     karst_wants *wants = &rig.cache->wants;
     karst_survey *survey = &rig.cache->survey;
     karst_survey_ask ask = {.serial = rig.serial};
-    assert_true(karst_survey_begin(survey, &ask, NULL));
-    assert_true(karst_wants_begin(wants, rig.serial, rig.serial, rig.camera.voxel, NULL));
-    assert_true(karst_survey_end(survey, NULL));
+    if (by_host) {
+        assert_true(karst_mapped_begin(&rig.cache->mapped, NULL));
+        karst_survey_by_host(survey, &ask, &rig.cache->mapped);
+        karst_wants_choose_by_host(wants, rig.serial, rig.serial, rig.camera.voxel, limit, limit);
+        karst_mapped_end(&rig.cache->mapped);
+    } else {
+        assert_true(karst_survey_begin(survey, &ask, NULL));
+        assert_true(karst_wants_begin(wants, rig.serial, rig.serial, rig.camera.voxel, NULL));
+        assert_true(karst_survey_end(survey, NULL));
+        assert_true(karst_wants_choose(wants, limit, limit, NULL));
+    }
     assert_int_equal(survey->host_result.num_used[0], used_tiles);
     assert_int_equal(survey->host_result.num_used[1], used_bricks);
     assert_int_equal(survey->host_result.num_active != 0, asked);
-    assert_true(karst_wants_choose(wants, limit, limit, NULL));
     for (int kind = 0; kind < 2; kind++) {
         const karst_wants_choice *choice = kind ? wants->subdivides : wants->loads;
         qsort(keys[kind], num[kind], sizeof(uint64_t), compare_uint64);
@@ -322,15 +354,21 @@ static void test_choosing(void **state)
 {
     (void)state;
     static const uint32_t tiles[] = {2, 63, 64, 65, 128, 130, 1500};
-    for (int as_gpu = 0; as_gpu < 2; as_gpu++) {
-        karst_context *context = open_shape(as_gpu);
+    for (int how = 0; how < 3; how++) {
+        karst_context *context = open_shape(how == 1);
+        bool by_host = how == 2;
+        if (by_host && !hosts_memory(context)) {
+            karst_context_destroy(context);
+            continue;
+        }
         for (size_t i = 0; i < sizeof(tiles) / sizeof(tiles[0]); i++)
             for (int bricks = 0; bricks < NUM_PATTERNS; bricks++)
-                chooses_like_the_host(context, tiles[i], (pattern)bricks, (pattern)random_below(NUM_PATTERNS),
-                                      random_below(2) ? UINT32_MAX : 20);
-        chooses_like_the_host(context, 20000, ALL, ALL, UINT32_MAX); /* several pieces of the list */
-        chooses_like_the_host(context, 20000, RANDOM, ALTERNATING, 3000);
-        chooses_like_the_host(context, 20000, RARE, RARE, 0);
+                chooses_like_a_loop(context, by_host, tiles[i], (pattern)bricks, (pattern)random_below(NUM_PATTERNS),
+                                    random_below(2) ? UINT32_MAX : 20);
+        /* Several pieces of the list. */
+        chooses_like_a_loop(context, by_host, 20000, ALL, ALL, UINT32_MAX);
+        chooses_like_a_loop(context, by_host, 20000, RANDOM, ALTERNATING, 3000);
+        chooses_like_a_loop(context, by_host, 20000, RARE, RARE, 0);
         karst_context_destroy(context);
     }
 }
