@@ -119,9 +119,8 @@ karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name
 /* Has the system find memory for this part of a blank buffer now, so that who touches it first does not wait for that;
  * contents stay. Does nothing where the device has memory of its own, or the system has no such call. */
 void karst_buffer_commit(karst_buffer *buffer, size_t offset_bytes, size_t size_bytes);
-/* The buffer's bytes for the host to read and write without a command, as long as the queue is empty (from karst_finish
- * to the next command): there PoCL's CPU devices have them, mapped or not. NULL elsewhere. Valid as long as the buffer.
- */
+/* The buffer's bytes for the host to read and write without a command, while nothing that is enqueued uses them: PoCL's
+ * CPU devices have them there, mapped or not. NULL elsewhere. Valid as long as the buffer. */
 void *karst_buffer_memory(const karst_buffer *buffer);
 /* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for
  * destroying. */

@@ -53,6 +53,23 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
            karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);
 }
 
+/* Where the counters lie in the host's memory no command is enqueued for them: between two kernels each makes a core
+ * wait longer. Nothing enqueued counts when a picture begins, nor when it has ended. */
+static bool clear_counters(karst_engine *engine, karst_error *error)
+{
+    uint32_t *counters = karst_buffer_memory(engine->counters);
+    if (!counters)
+        return karst_buffer_fill(engine->counters, 0, 0, sizeof engine->counted, error);
+    memset(counters, 0, sizeof engine->counted);
+    return true;
+}
+
+static bool fetch_counters(karst_engine *engine, karst_error *error)
+{
+    return karst_buffer_memory(engine->counters) ||
+           karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
+}
+
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error)
 {
@@ -72,14 +89,14 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
         if (!karst_refine_hits(engine->shown.refiner, &view, &pinhole, &anchor, engine->hits, error))
             return false;
     }
-    if (!karst_buffer_fill(engine->counters, 0, 0, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error))
+    if (!clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)
         return false;
     engine->drawing = true;
     return paint(engine, &view, &pinhole, pixels, error) && karst_surface_hand_over(engine->surface, error) &&
-           karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
+           fetch_counters(engine, error);
 }
 
 bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
@@ -89,6 +106,9 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     engine->drawing = false;
     if (!karst_surface_end(engine->surface, error))
         return false;
+    const uint32_t *counters = karst_buffer_memory(engine->counters);
+    if (counters)
+        memcpy(engine->counted, counters, sizeof engine->counted);
     karst_stats *stats = &engine->stats;
     stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
     stats->num_hits = engine->counted[0];

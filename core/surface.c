@@ -335,8 +335,8 @@ bool karst_surface_hand_over(karst_surface *surface, karst_error *error)
     if (!surface->begun || surface->handed_over)
         return karst_fail(error, KARST_FAILED, "a surface was handed over that was not begun, or twice");
     surface->handed_over = true;
-    if (surface->path == KARST_SURFACE_MAPPED)
-        return enqueue_visible(surface, error);
+    if (surface->path == KARST_SURFACE_MAPPED) /* headless it stays mapped until the picture is read */
+        return surface->display->kind != KARST_DISPLAY_WINDOW || enqueue_visible(surface, error);
     return surface->path != KARST_SURFACE_SHARED || release(surface, error);
 }
 
@@ -395,7 +395,8 @@ bool karst_surface_read(karst_surface *surface, uint8_t *rgba, size_t size_bytes
     if (!karst_display_bind(surface->display, error))
         return false;
     karst_gl_clear_errors(gl);
-    if (surface->waits_for_upload && surface->mapped && !unwrap_mapping(surface, error))
+    if (surface->waits_for_upload && surface->mapped &&
+        (!enqueue_visible(surface, error) || !karst_finish(surface->context, error) || !unwrap_mapping(surface, error)))
         return false;
     if (surface->waits_for_upload)
         upload(surface);

@@ -77,6 +77,11 @@ static picture take(karst_engine *engine)
     assert_ok(karst_engine_read_pixels(engine, p.rgba, NUM_PIXELS * 4, &error));
     assert_ok(karst_engine_read_depth(engine, p.depth_m, NUM_PIXELS, &error));
     assert_ok(karst_engine_check(engine, &error));
+    /* What is counted is this picture's, and all of it. */
+    uint64_t num_hits = 0;
+    for (int i = 0; i < NUM_PIXELS; i++)
+        num_hits += isfinite(p.depth_m[i]) != 0;
+    assert_int_equal(p.stats.num_hits, num_hits);
     return p;
 }
 
