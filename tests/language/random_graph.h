@@ -46,7 +46,7 @@ typedef struct {
     karst_arena arena;
     karst_expr pool[4][GRAPH_MAX_POOL]; /* by type */
     uint32_t count[4];
-    karst_expr root[KARST_TAPE_MAX_OUTPUTS]; /* the latest floats that are not uniform */
+    karst_expr root[KARST_TAPE_MAX_OUTPUTS]; /* the latest floats that are not uniform, then places */
     karst_number parameters[GRAPH_PARAMETERS];
     const random_place *place;
     bool with_noise;
@@ -365,6 +365,8 @@ static inline void random_graph_make(random_graph *r, const random_place *place,
     for (uint32_t i = r->count[0]; i > 0 && found < KARST_TAPE_MAX_OUTPUTS; i--)
         if (!karst_graph_is_uniform(g, r->pool[0][i - 1]))
             r->root[found++] = r->pool[0][i - 1];
+    while (found < num_roots)
+        r->root[found++] = random_affine_leaf(r);
     karst_graph live;
     karst_graph_init(&live, &r->arena, 1u << 16, graph_is_full, NULL);
     karst_graph_extract(g, &live, r->root, num_roots);

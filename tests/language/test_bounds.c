@@ -181,6 +181,9 @@ static void subject_fill(subject *s, const karst_resolved_world *world, const ka
                          const karst_expr *roots, size_t num_roots, bool with_curves)
 {
     karst_error error;
+    const char *fault;
+    if (!karst_graph_check(world->graph, &fault))
+        fail_msg("no graph of a world: %s", fault);
     assert_true(karst_world_layout_init(&s->layout, world));
     s->data = calloc(s->layout.num_words, sizeof *s->data);
     assert_true(karst_world_data_fill(&s->layout, parameters, 7, s->place.voxel_log2_m, s->data));
