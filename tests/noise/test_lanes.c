@@ -239,10 +239,10 @@ static float *device_results(int lanes, const char *kernel_name, const int64_t *
     expect(kernel, kernel_name, &error);
     karst_buffer *voxels = karst_buffer_create(context, "test", num_voxels * sizeof *voxel, voxel, &error);
     karst_buffer *words = karst_buffer_create(context, "test", num_words * sizeof *word, word, &error);
-    karst_buffer *out = karst_buffer_create(context, "test", num_results * sizeof(float), NULL, &error);
-    expect(voxels && words && out, "buffers", &error);
-    float *results = malloc(num_results * sizeof *results);
+    float *results = calloc(num_results, sizeof *results); /* 0: what a probe leaves out on a device without its path */
     assert_non_null(results);
+    karst_buffer *out = karst_buffer_create(context, "test", num_results * sizeof *results, results, &error);
+    expect(voxels && words && out, "buffers", &error);
     expect(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(voxels), KARST_BUFFER_ARG(words), KARST_VALUE_ARG(count),
                            KARST_BUFFER_ARG(out)) &&
                karst_launch(context, kernel, KARST_STAGE_EVALUATE, count, 1, &error) &&
