@@ -8,6 +8,7 @@
 
 #define DEFAULT_MAX_FRAMES 1000u
 
+const karst_display *karst_engine_display(const karst_engine *engine) { return engine->display; }
 int karst_engine_voxel_log2_m(const karst_engine *engine) { return engine->world->voxel_log2_m; }
 karst_camera karst_engine_camera(const karst_engine *engine) { return engine->camera; }
 

@@ -133,9 +133,9 @@ static void begin(run_state *state, bench_phase phase, bool counted, const char 
     state->phase_start_ns = karst_clock();
 }
 
-static karst_engine *open_engine(bench *b, karst_display *display, const karst_log *log, karst_error *error)
+static karst_engine *open_engine(bench *b, const karst_log *log, karst_error *error)
 {
-    karst_engine_config config = {.world = b->world_file, .device = b->device, .in_display = display, .log = log};
+    karst_engine_config config = {.world = b->world_file, .device = b->device, .display = b->display_kind, .log = log};
     config.parameters = b->parameters.values;
     config.num_parameters = b->parameters.num_values;
     config.width_px = b->size_px[0];
@@ -224,14 +224,12 @@ bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_erro
     karst_path *path = NULL;
     karst_measure *measure = NULL;
     size_t first_frame = b->num_frames;
-    karst_display *display = karst_display_create(b->display_kind, log, error);
     b->num_spans = 0;
-    if (!display)
-        return false;
-    snprintf(b->display, sizeof b->display, "%s", karst_display_kind_name(karst_display_get_kind(display)));
-    state.engine = open_engine(b, display, log, error);
+    state.engine = open_engine(b, log, error);
     if (!state.engine)
         goto out;
+    snprintf(b->display, sizeof b->display, "%s",
+             karst_display_kind_name(karst_display_get_kind(karst_engine_display(state.engine))));
     if (b->path && !(path = karst_path_load(b->path_file, karst_engine_voxel_log2_m(state.engine), error)))
         goto out;
     if (!set_first_camera(b, state.engine, path, error) ||
@@ -262,6 +260,5 @@ out:
     karst_measure_destroy(measure);
     karst_path_destroy(path);
     karst_engine_destroy(state.engine);
-    karst_display_destroy(display);
     return done;
 }

@@ -225,11 +225,11 @@ static void say_result(command_talk *talk, const render_options *o, const comman
                     last->detail_given_px, last->detail_asked_px);
 }
 
-static karst_engine_config make_config(const render_options *o, karst_display *display, karst_helper *helper,
+static karst_engine_config make_config(const render_options *o, karst_display_kind display, karst_helper *helper,
                                        const karst_log *log)
 {
     karst_engine_config config = {
-        .world = o->world_file, .device = o->device, .in_display = display, .helper = helper, .log = log};
+        .world = o->world_file, .device = o->device, .display = display, .helper = helper, .log = log};
     config.parameters = o->parameters.values;
     config.num_parameters = o->parameters.num_values;
     config.width_px = o->size_px[0];
@@ -274,16 +274,13 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     bool done = false;
 
     command_progress(talk, "opening the device; new kernels take some seconds to build");
-    karst_display *display = karst_display_create(display_kind, &log, error);
-    if (!display)
-        goto out;
-    record.display = karst_display_kind_name(karst_display_get_kind(display));
-    record.display_description = karst_display_description(display);
     helper = karst_helper_create(NULL); /* without one it only takes longer */
-    const karst_engine_config config = make_config(&o, display, helper, &log);
+    const karst_engine_config config = make_config(&o, display_kind, helper, &log);
     engine = karst_engine_create(&config, error);
     if (!engine)
         goto out;
+    record.display = karst_display_kind_name(karst_display_get_kind(karst_engine_display(engine)));
+    record.display_description = karst_display_description(karst_engine_display(engine));
     if (o.camera) {
         karst_camera camera = karst_engine_default_camera(engine);
         if (!karst_camera_parse(o.camera, karst_engine_voxel_log2_m(engine), &camera, error) ||
@@ -313,7 +310,6 @@ out:
     command_end_progress(talk);
     karst_engine_destroy(engine);
     karst_helper_destroy(helper);
-    karst_display_destroy(display);
     command_record_free(&record);
     return done;
 }

@@ -67,6 +67,9 @@ typedef struct {
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error);
 void karst_engine_destroy(karst_engine *engine); /* NULL is fine */
 
+/* What the engine draws in: its own, or in_display. Borrowed, for its kind and description; lives as long as the engine
+ * (in_display: as its owner says). */
+const karst_display *karst_engine_display(const karst_engine *engine);
 /* log2 of the width of a level-0 voxel in metres: what positions of this engine count in. */
 int karst_engine_voxel_log2_m(const karst_engine *engine);
 /* The world's own camera, and the one in use. */
