@@ -196,8 +196,8 @@ static void prepare(karst_emit *emit)
         if (emit->nodes[e].has_gradients)
             karst_text_add(text,
                            "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
-                           "        axes->g%u[k].is_made = 0;\n#endif\n",
-                           num_octaves(emit, e), e);
+                           "        axes->g%u[k].is_made = axes->g%u[k].is_apart = 0;\n#endif\n",
+                           num_octaves(emit, e), e, e);
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].has_rows)
             karst_text_add(text,

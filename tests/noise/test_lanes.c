@@ -90,14 +90,15 @@ static const char probes[] =
     "    uint i = (uint)get_global_id(0);\n"
     "    if (i >= count)\n"
     "        return;\n"
-    "    out += i * (17 * 17 * 16 + 1);\n"
+    "    out += i * (17 * 17 * 16 + 3);\n"
+    "    int num[3] = {0, 0, 0};\n"
     "#ifdef NOISE_HAS_TABLE\n"
     "    noise_axis axis[3];\n"
     "    for (int a = 0; a < 3; a++)\n"
     "        axis[a] = noise_axis_at(brick[6 * i + a], brick[6 * i + 3 + a], (int)word[2 * i]);\n"
     "    noise_table table;\n"
     "    noise_table_rows rows;\n"
-    "    table.is_made = 0;\n"
+    "    table.is_made = table.is_apart = 0;\n"
     "    noise_table_rows_prepare(&rows, axis, word[2 * i + 1], 0.75f, row_scale(i));\n"
     "    for (int z = 0; z < 17; z++) {\n"
     "        noise_table_bend bend;\n"
@@ -107,12 +108,15 @@ static const char probes[] =
     "            noise_table_bend_row(&bend, y, row_bend(i, 0, V_LANE, y, z), row_bend(i, 2, V_LANE, y, z));\n"
     "            sum[y] = (vfloat)(0.0f);\n"
     "        }\n"
+    "        int was_apart = table.is_apart;\n"
     "        noise_table_plane(&table, &rows, z, &bend, sum);\n"
+    "        num[!table.is_made ? 2 : was_apart | table.is_apart]++;\n"
     "        for (int y = 0; y < 17; y++, out += 16)\n"
     "            v_store_float(sum[y], out);\n"
     "    }\n"
-    "    *out = 1.0f;\n"
     "#endif\n"
+    "    for (int k = 0; k < 3; k++)\n"
+    "        out[k] = (float)num[k];\n"
     "}\n"
     "#endif\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
@@ -438,13 +442,16 @@ static void test_rows(void **state)
         }
     }
     float *got =
-        device_results(16, "probe_rows", bricks, 6 * BRICKS, words, 2 * BRICKS, BRICKS, BRICKS * (SAMPLES + 1));
+        device_results(16, "probe_rows", bricks, 6 * BRICKS, words, 2 * BRICKS, BRICKS, BRICKS * (SAMPLES + 3));
+    float num[3] = {0, 0, 0}; /* planes in one cell, from a table, row by row */
     for (uint32_t i = 0; i < BRICKS; i++) {
-        const float *samples = got + (size_t)i * (SAMPLES + 1);
+        const float *samples = got + (size_t)i * (SAMPLES + 3);
         float *out = wanted;
         noise_axis axis[3];
-        if (samples[SAMPLES] == 0) /* no table on this device */
+        if (samples[SAMPLES] + samples[SAMPLES + 1] + samples[SAMPLES + 2] == 0) /* no table on this device */
             continue;
+        for (int k = 0; k < 3; k++)
+            num[k] += samples[SAMPLES + k];
         for (int a = 0; a < 3; a++)
             axis[a] = noise_axis_at(bricks[6 * i + a], bricks[6 * i + 3 + a], (int)words[2 * i]);
         for (int z = 0; z < 17; z++)
@@ -460,6 +467,9 @@ static void test_rows(void **state)
                 }
         assert_same_bits(samples, wanted, SAMPLES, "rows");
     }
+    print_message("planes of rows: %.0f in one cell, %.0f from a table, %.0f row by row\n", num[0], num[1], num[2]);
+    if (num[0] + num[1] + num[2] > 0)
+        assert_true(num[0] > 500 && num[1] > 500 && num[2] > 500);
     free(got);
     free(places);
     free(unused);
