@@ -24,7 +24,8 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst bench hills --path low-flight --size 800x600 --budget 8 --plot flight.svg --json now.json\n"
          "  karst bench hills --compare then.json\n"
          "  karst bench karst --trace karst.json          (to be opened in ui.perfetto.dev or chrome://tracing)\n"
-         "\nfloor: for each ray 8 dependent reads of a node table and 8 trilinear samples of a brick, nothing else.\n"
+         "\nsettled frame: after another one, as a view that stands is drawn; with empty caches: after memory was copied.\n"
+         "floor: for each ray 8 dependent reads of a node table and 8 trilinear samples of a brick, nothing else.\n"
          "jank: the share of frames that take more than twice the median.\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
          "5 a path or a report that cannot be read.");
@@ -178,6 +179,7 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
             b->path ? ", path " : "", b->path ? b->path : "", b->size_px[0], b->size_px[1],
             b->no_shadows ? "no" : "sun", s->detail_given_px, b->runs_done, s->device, b->num_cores);
     print_ratio(file, report, "settled_frame_per_floor", "settled frame / floor");
+    print_ratio(file, report, "cold_frame_per_settled_frame", "frame with empty caches / settled frame");
     print_ratio(file, report, "refined_frame_per_frame_without", "settled frame / what it is without refine");
     print_ratio(file, report, "flight_frame_per_settled_frame", "flight, median / settled frame");
     print_ratio(file, report, "flight_p99_per_settled_frame", "flight, p99 / settled frame");

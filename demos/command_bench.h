@@ -14,7 +14,13 @@
 #include <jansson.h>
 
 /* When a frame was drawn. */
-typedef enum { BENCH_SETTLING, BENCH_SETTLED, BENCH_FLIGHT, BENCH_NUM_PHASES } bench_phase;
+typedef enum {
+    BENCH_SETTLING,
+    BENCH_SETTLED, /* each after another frame */
+    BENCH_COLD,    /* the same after memory was copied: nothing of the picture is in caches */
+    BENCH_FLIGHT,
+    BENCH_NUM_PHASES
+} bench_phase;
 
 /* One frame, and what of its statistics is kept. */
 typedef struct {

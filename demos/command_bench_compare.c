@@ -13,6 +13,7 @@ typedef struct {
 
 static const figure figures[] = {
     {"ratios.settled_frame_per_floor", LESS},
+    {"ratios.cold_frame_per_settled_frame", LESS},
     {"ratios.flight_frame_per_settled_frame", LESS},
     {"ratios.flight_p99_per_settled_frame", LESS},
     {"ratios.used_bricks_per_hit_brick", LESS},

@@ -9,7 +9,7 @@
 /* A frame is jank if it takes longer than this times its phase's median. */
 #define JANK 2.0
 
-static const char *const phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "flight"};
+static const char *const phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight"};
 
 static int compare_doubles(const void *a, const void *b)
 {
@@ -201,6 +201,10 @@ static void add_ratios(const bench *b, json_t *root, double *scratch)
         values[run] = settled_ms[run] = median_of(b, BENCH_SETTLED, (int)run, WHOLE_FRAME, scratch);
     divide(values, floor_ns, b->runs_done, 1e6);
     json_object_set_new(ratios, "settled_frame_per_floor", describe_spread(values, b->runs_done));
+    for (unsigned run = 0; run < b->runs_done; run++)
+        values[run] = median_of(b, BENCH_COLD, (int)run, WHOLE_FRAME, scratch);
+    divide(values, settled_ms, b->runs_done, 1);
+    json_object_set_new(ratios, "cold_frame_per_settled_frame", describe_spread(values, b->runs_done));
     for (unsigned run = 0; b->refine && run < b->runs_done; run++)
         values[run] = settled_ms[run] /
                       (settled_ms[run] - median_of(b, BENCH_SETTLED, (int)run, (int)KARST_STAGE_REFINE, scratch));

@@ -179,15 +179,24 @@ static void time_start(const bench *b, size_t first_frame, uint64_t start_ns, be
     }
 }
 
-/* Settled frames, and in turns with them what to judge them by. */
+/* Settled frames, and in turns with them what to judge them by. What measures the device leaves nothing of a picture in
+ * caches: the frame after it is one of its own kind (cold); the one that counts comes after another, as those of a view
+ * that stands do, and the floor after that. */
 static bool do_rounds(run_state *state, karst_measure *measure, karst_error *error)
 {
     bench *b = state->b;
     karst_ceilings *ceilings = b->ceilings + (size_t)b->runs_done * b->num_rounds, unused;
     begin(state, BENCH_SETTLED, false, "settled");
     for (int round = -WARM_UP_ROUNDS; round < (int)b->num_rounds; round++) {
+        karst_ceilings *now = round >= 0 ? &ceilings[round] : &unused;
         state->counted = round >= 0;
-        if (!karst_measure_ceilings(measure, round >= 0 ? &ceilings[round] : &unused, error) || !draw(state, error))
+        state->index = round >= 0 ? (size_t)round : 0;
+        state->phase = BENCH_COLD;
+        if (!karst_measure_ceilings(measure, now, error) || !draw(state, error))
+            return false;
+        state->index = round >= 0 ? (size_t)round : 0;
+        state->phase = BENCH_SETTLED;
+        if (!draw(state, error) || !karst_measure_floor(measure, now, error))
             return false;
     }
     return true;

@@ -35,9 +35,11 @@ typedef struct karst_measure karst_measure;
  * Errors: KARST_FAILED. */
 karst_measure *karst_measure_create(karst_engine *engine, karst_error *error);
 void karst_measure_destroy(karst_measure *measure); /* NULL is fine */
-/* Runs each once. Call it a few times for nothing first, then in turns with what is to be compared. Errors:
- * KARST_FAILED. */
+/* Each runs what it measures once: call them a few times for nothing first, then in turns with what is to be compared.
+ * The first does all but the floor, and leaves caches empty of whatever was there before; the second does floor_ns.
+ * Errors: KARST_FAILED. */
 bool karst_measure_ceilings(karst_measure *measure, karst_ceilings *ceilings, karst_error *error);
+bool karst_measure_floor(karst_measure *measure, karst_ceilings *ceilings, karst_error *error);
 /* Compute units of the device: cores, on a CPU. */
 int karst_measure_num_cores(const karst_measure *measure);
 
