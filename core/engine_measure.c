@@ -112,7 +112,8 @@ bool karst_measure_ceilings(karst_measure *m, karst_ceilings *ceilings, karst_er
 bool karst_measure_floor(karst_measure *m, karst_ceilings *ceilings, karst_error *error)
 {
     uint64_t floor_ns;
-    if (!karst_floor_run(m->floor_kernel, &floor_ns, error))
+    double frame_s; /* of a frame's launches, which are not to be counted here */
+    if (!take_s(m, &frame_s, error) || !karst_floor_run(m->floor_kernel, &floor_ns, error))
         return false;
     ceilings->floor_ns = (double)floor_ns;
     return true;
