@@ -259,6 +259,35 @@ static void test_lanes_change_nothing(void **state)
     release(&wide);
 }
 
+/* An engine draws in a display of its own or in the caller's, which stays the caller's, to the same bytes. */
+static void test_displays_own_and_borrowed(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    karst_engine_config config = base_config("hills");
+    config.detail_px = 3;
+    karst_engine *engine = create(&config);
+    picture own = take(engine);
+    assert_int_equal(karst_display_get_kind(karst_engine_display(engine)), KARST_DISPLAY_NONE);
+    karst_engine_destroy(engine);
+    karst_display *display = karst_display_create(KARST_DISPLAY_AUTO, &log_to_test, &error);
+    if (!display)
+        fail_msg("%s", error.message);
+    const karst_display_kind kind = karst_display_get_kind(display);
+    config.in_display = display;
+    for (int i = 0; i < 2; i++) { /* the second finds it as the first left it */
+        engine = create(&config);
+        assert_ptr_equal(karst_engine_display(engine), display);
+        picture borrowed = take(engine);
+        karst_engine_destroy(engine);
+        assert_memory_equal(borrowed.rgba, own.rgba, NUM_PIXELS * 4);
+        release(&borrowed);
+    }
+    assert_int_equal(karst_display_get_kind(display), kind);
+    karst_display_destroy(display);
+    release(&own);
+}
+
 /* A view that settles looks again only where something was asked for: so its last picture lacks nothing. The picture
  * is that of whole frames, one by one. */
 static void check_looking_again(bool no_shadows, uint32_t num_frames)
@@ -362,6 +391,7 @@ int main(void)
         cmocka_unit_test(test_looking_again_misses_nothing),
         cmocka_unit_test(test_segments_change_nothing),
         cmocka_unit_test(test_lanes_change_nothing),
+        cmocka_unit_test(test_displays_own_and_borrowed),
         cmocka_unit_test(test_plain_vectors_change_nothing),
     };
     return cmocka_run_group_tests_name("engine", tests, NULL, NULL);
