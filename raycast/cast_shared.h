@@ -16,13 +16,11 @@ typedef struct {
 K_ASSERT_SIZE(karst_pinhole, 80);
 
 /* Pictures are worked on in packets of KARST_PACKET_SIDE^2 pixels, and those in groups of as many packets, so that what
- * a group reads stays near. A work-group is one group of packets. */
+ * a group reads stays near. A work-group is one group of packets, but see raycast/shade.cl. */
 #define KARST_PACKET_SIDE 4
 #define KARST_PACKET_RAYS 16
 #define KARST_GROUP_PACKETS 16
 #define KARST_GROUP_SIDE 16 /* pixels */
-/* Groups of packets that a work-group shades: with many packets, what it makes ready for them costs little of each. */
-#define KARST_SHADE_GROUPS(lanes) ((lanes) == 16 ? 8 : 1)
 
 /* Groups side by side, and one below the other, whose packets make a beam (raycast/beam.clh): 64 packets at most. */
 #define KARST_BEAM_ACROSS 2

@@ -4,12 +4,19 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+/* By measuring: docs/performance/shading.md. */
+#define ITEMS_PER_UNIT 4u /* drivers may hand several to one core */
+#define MOST_PART_PACKETS 512u
+#define LEAST_PART_PACKETS 64u
+#define PARTS_PER_UNIT 16u
+
 struct karst_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel pixels;
     bool shadows;
-    cl_mem data; /* of the world's colours; NULL: it has none */
+    cl_mem data;         /* of the world's colours; NULL: it has none */
+    karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
 };
 
@@ -41,7 +48,9 @@ karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows,
     shader->context = context;
     shader->shadows = shadows;
     shader->data = colour && colour->data ? colour->data->mem : NULL;
-    shader->program = karst_program_build(context, "raycast/shade.cl", options, &world, 1, error);
+    shader->taken = karst_buffer_create(context, "shading", sizeof(uint32_t), NULL, error);
+    if (shader->taken)
+        shader->program = karst_program_build(context, "raycast/shade.cl", options, &world, 1, error);
     if (shader->program)
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
     if (!shader->pixels) {
@@ -58,6 +67,7 @@ void karst_shader_destroy(karst_shader *shader)
     if (shader->pixels)
         clReleaseKernel(shader->pixels);
     karst_program_destroy(shader->program);
+    karst_buffer_destroy(shader->taken);
     free(shader);
 }
 
@@ -70,6 +80,16 @@ static bool check_size(const karst_buffer *buffer, size_t bytes_per_pixel, const
                       buffer->name, buffer->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
+/* Packets that a work-item takes at a time: many, as cores that shade neighbours wait for each other's rows, but such
+ * that no core is left with much when the others have nothing to do. */
+static uint32_t part_size(const karst_context *context, uint32_t num_packets)
+{
+    uint32_t size = MOST_PART_PACKETS;
+    while (size > LEAST_PART_PACKETS && num_packets / size < PARTS_PER_UNIT * (uint32_t)context->compute_units)
+        size /= 2;
+    return size;
+}
+
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error)
@@ -80,7 +100,13 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         return false;
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
-    size_t items = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)shader->context->lanes;
+    const uint32_t num_packets = (uint32_t)(across * down * KARST_GROUP_PACKETS);
+    const uint32_t part_packets = part_size(shader->context, num_packets);
+    /* Packets as lanes: a few work-items take them from a counter. Rays as work-items: a work-group has a group. */
+    const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
+    const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t global_size =
+        counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
            (!depth || check_size(depth, sizeof(float), pinhole, error)) &&
@@ -88,7 +114,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
                            KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
                            KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
                            KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
-                           KARST_VALUE_ARG(view->own_detail)) &&
-           karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, across * down * items,
-                        KARST_SHADE_GROUPS(shader->context->lanes) * items, error);
+                           KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken),
+                           KARST_VALUE_ARG(num_packets), KARST_VALUE_ARG(part_packets)) &&
+           karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, global_size, local_size, error);
 }

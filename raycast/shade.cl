@@ -106,13 +106,13 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
 #define SHADE_CALL RAY_INLINE
 #endif
 
-/* The pixels of a packet as they are out of all shadows, and its shadow rays. counts: hits, provisional, incomplete,
- * coarser than own_detail. */
+/* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to
+ * counts: hits, provisional, incomplete, coarser than own_detail. */
 SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                              const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
                              __local const near_octave *octaves, float detail, float own_detail, float blend,
-                             uint packet, __local uint *counts)
+                             uint packet, uint counts[4])
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
@@ -157,48 +157,75 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         if (depth)
             store_rows((K_GLOBAL int *)depth, index, valid, pinhole->width_px,
                        v_as_int(v_select(hit, s.t, (vfloat)(INFINITY))));
-        counts[0] = (uint)count_lanes(hit);
-        counts[1] = (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        counts[2] = (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        counts[0] += (uint)count_lanes(hit);
+        counts[1] += (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+        counts[2] += (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
         /* A proof of solid needs no finer level. */
         vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
         vint coarser =
             hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
                    (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
         if (own_detail > 0.0f)
-            counts[3] = (uint)count_lanes(coarser);
+            counts[3] += (uint)count_lanes(coarser);
     }
 }
 
+/* With packets as lanes, work-items take parts of part_packets from a counter until none are left, whatever their
+ * number: `taken` is 0 before a launch and after it, and the size of work-groups is 1. Rays as work-items are a whole
+ * number of groups, and a work-group is one. */
 __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinhole, karst_light light,
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
                                   K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
-                                  K_GLOBAL const ulong *data, float own_detail)
+                                  K_GLOBAL const ulong *data, float own_detail, K_GLOBAL uint *taken, uint num_packets,
+                                  uint part_packets)
 {
-    /* Each work-item has counters of its own: adding to shared ones would make it wait. */
-    __local uint counts[KARST_SHADE_GROUPS(LANES) * KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES][4];
-    __local uint *mine = counts[get_local_id(0)];
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
      * what its optimisers have put in functions that it calls. */
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
+    uint counts[4] = {0, 0, 0, 0};
+#if LANES == 16
+    const uint num_parts = (num_packets + part_packets - 1) / part_packets;
+    uint part = atomic_inc(taken);
+#ifdef SHADE_WORLD_COLOUR
+    if (part < num_parts)
+        world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, 0, 1);
+#endif
+    for (; part < num_parts; part = atomic_inc(taken)) {
+        const uint first = part * part_packets, left = num_packets - first;
+        for (uint i = 0; i < part_packets && i < left; i++)
+            shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
+                         blend, first + i, counts);
+    }
+    /* Each item is refused once, and the last of them leaves the word as it was. */
+    if (part == num_parts + (uint)get_num_groups(0) - 1)
+        atomic_xchg(taken, 0u);
     for (int i = 0; i < 4; i++)
-        mine[i] = 0;
+        if (counts[i])
+            atomic_add(&counters[i], counts[i]);
+#else
+    (void)taken;
+    (void)num_packets;
+    (void)part_packets;
 #ifdef SHADE_WORLD_COLOUR
     world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
-
     /* Packets past the picture's end have no valid pixel. */
     shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
-                 (uint)get_global_id(0), mine);
+                 (uint)get_global_id(0), counts);
+    /* Each work-item has counters of its own: adding to shared ones would make it wait. */
+    __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][4];
+    for (int i = 0; i < 4; i++)
+        sums[get_local_id(0)][i] = counts[i];
     barrier(CLK_LOCAL_MEM_FENCE);
     if (get_local_id(0) == 0)
         for (int i = 0; i < 4; i++) {
             uint sum = 0;
             for (uint item = 0; item < get_local_size(0); item++)
-                sum += counts[item][i];
+                sum += sums[item][i];
             if (sum)
                 atomic_add(&counters[i], sum);
         }
+#endif
 }

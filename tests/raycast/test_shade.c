@@ -235,6 +235,58 @@ static void lanes_and_segments_give_the_same_bytes(void **state)
         free_picture(&p[i]);
 }
 
+/* Work-items take packets from a counter, which must stand at the beginning for every picture, whatever its size. */
+static void a_shader_draws_again(void **state)
+{
+    (void)state;
+    const int sizes[][2] = {{101, 75}, {5, 3}, {101, 75}, {160, 120}, {101, 75}};
+    for (int k = 0; k < 2; k++) {
+        karst_error error = {0};
+        scene s = make_scene(contexts[k], 1);
+        karst_cast_view view = scene_view(&s, eye, 1);
+        karst_light light = make_light(35);
+        karst_caster *caster = open_caster(&s, "");
+        karst_shader *shader = karst_shader_create(s.context, false, &error);
+        scene_check(shader, &error);
+        uint8_t *first = NULL;
+        uint32_t first_counters[4] = {0};
+        for (int i = 0; i < 5; i++) {
+            karst_pinhole pinhole = make_pinhole(sizes[i][0], sizes[i][1], 50, -18, 300);
+            size_t num_pixels = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
+            karst_buffer *hits = scene_buffer(s.context, "hits", num_pixels * sizeof(karst_hit)),
+                         *pixels = scene_buffer(s.context, "pixels", num_pixels * 4),
+                         *counters = scene_buffer(s.context, "counters", 16);
+            uint32_t counted[4];
+            scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
+                            karst_shade_pixels(shader, &view, &pinhole, &light, hits, NULL, pixels->mem, NULL, counters,
+                                               &error) &&
+                            karst_buffer_read(counters, 0, counted, 16, &error),
+                        &error);
+            uint8_t *rgba = read_all(pixels);
+            for (size_t p = 0; p < num_pixels; p++)
+                assert_int_equal(rgba[4 * p + 3], 255); /* nobody left it out */
+            if (!first) {
+                memcpy(first_counters, counted, sizeof counted);
+                assert_true(counted[0] > num_pixels / 3);
+            } else if (sizes[i][0] == sizes[0][0]) {
+                assert_memory_equal(first, rgba, num_pixels * 4);
+                assert_memory_equal(first_counters, counted, sizeof counted);
+            }
+            if (first)
+                free(rgba);
+            else
+                first = rgba;
+            karst_buffer_destroy(counters);
+            karst_buffer_destroy(pixels);
+            karst_buffer_destroy(hits);
+        }
+        free(first);
+        karst_shader_destroy(shader);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+}
+
 static bool is_shadowed(const picture *p, uint32_t pixel)
 {
     return memcmp(p->sunny + 4 * (size_t)pixel, p->rgba + 4 * (size_t)pixel, 4) != 0;
@@ -517,6 +569,7 @@ int main(void)
         cmocka_unit_test(outputs_belong_to_the_hits),
         cmocka_unit_test(gaps_are_counted),
         cmocka_unit_test(lanes_and_segments_give_the_same_bytes),
+        cmocka_unit_test(a_shader_draws_again),
         cmocka_unit_test(shadows_are_what_rays_meet),
         cmocka_unit_test(without_shadows_there_is_no_kernel),
         cmocka_unit_test(shadows_fall_where_they_should),
