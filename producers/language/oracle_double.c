@@ -272,7 +272,7 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
     case KARST_OP_MOD:
         return b == 0 ? 0 : a - b * floor(a / b);
     case KARST_OP_MIX:
-        return fma(c, b - a, a);
+        return fma(c, b, fma(-c, a, a));
     case KARST_OP_SQRT:
         return a < 0 ? 0 : sqrt(a);
     case KARST_OP_LENGTH:

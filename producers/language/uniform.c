@@ -115,7 +115,7 @@ bool karst_uniform_apply(karst_op op, karst_scalar_type type, karst_scalar_type 
                 : karst_number_subtract(a, karst_number_multiply(b, karst_number_floor(karst_number_divide(a, b))));
         break;
     case KARST_OP_MIX:
-        r = multiply_add(c, karst_number_subtract(b, a), a);
+        r = multiply_add(c, b, karst_number_subtract(a, karst_number_multiply(c, a)));
         break;
     case KARST_OP_SQRT:
         r = root(a);

@@ -37,6 +37,7 @@ static const char *const built_ins[] = {
     "clamp(p.x * p.y, -0.2, 0.2)",
     "mix(p.x, p.y, p.z)",
     "mix(p.x, p.y, 0.3)",
+    "mix(p.x * 1e6, p.y, smoothstep(-0.5, 0.5, p.z))",
     "mix(vec3(1.0, 2.0, 3.0), p, p.z * p.z).y",
     "step(0.2, p.x) * p.y",
     "smoothstep(-0.5, 0.7, p.x)",

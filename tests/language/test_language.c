@@ -106,6 +106,8 @@ static const struct {
     {"mix(1.0, 3.0, 0.25)", 1.5},
     {"mix(p, p.zyx, 0.5).x", 2.5},
     {"mix(1.0, 2.0, true)", 2},
+    {"mix(1e20 * p.x, 0.3, step(0.0, p.z))", 0.3},
+    {"mix(0.3, 1e20 * p.x, step(0.0, p.y))", 0.3},
     {"step(1.0, p.x)", 1},
     {"step(vec2(2.0), p.xy).x", 0},
     {"step(0.0, p).y", 0},

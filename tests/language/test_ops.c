@@ -102,6 +102,30 @@ static void test_angles(void **state)
     assert_true(op_atan(0, -1) == op_atan(-0.0f, -1) && fabs((double)op_atan(0, -1) - PI) < 1e-6);
 }
 
+/* Colours leave out a side of it, so its ends are exact; and bounds rely on how far it rounds. */
+static void test_mix(void **state)
+{
+    (void)state;
+    const float values[] = {0, 1, -1, 0.3f, -1e-30f, 1e20f, -1e20f, 3e38f, -3e38f, 0x1p-126f, 12345.678f, -0.001f};
+    const int num_values = (int)(sizeof values / sizeof *values);
+    double worst = 0;
+    for (int i = 0; i < num_values; i++)
+        for (int k = 0; k < num_values; k++) {
+            const float a = values[i], b = values[k];
+            assert_true(op_mix(a, b, 0) == a && op_mix(a, b, 1) == b);
+            assert_true(op_mix(a, 0, 0) == a && op_mix(0, b, 1) == b); /* what is left out is 0 */
+            for (float t = 0x1p-7f; t < 1; t += 0x1.8p-7f) {
+                double share = (double)a * (1 - (double)t), exact = share + (double)b * (double)t;
+                double allowed = 0x1p-24 * (fabs(share) * (1 + 0x1p-20) + fabs(exact) * (1 + 0x1p-20)) + 0x1p-149;
+                double error = fabs((double)op_mix(a, b, t) - exact);
+                assert_true(error <= allowed + 0x1p-52 * (fabs(share) + fabs(exact)));
+                worst = max_double(worst, error / allowed);
+            }
+        }
+    print_message("mix: %.2f of what it may round\n", worst);
+    assert_true(worst > 0.3);
+}
+
 static void test_awkward_floats(void **state)
 {
     (void)state;
@@ -156,8 +180,12 @@ static void test_ints(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_functions_of_one_float), cmocka_unit_test(test_turns), cmocka_unit_test(test_angles),
-        cmocka_unit_test(test_awkward_floats),         cmocka_unit_test(test_ints),
+        cmocka_unit_test(test_functions_of_one_float),
+        cmocka_unit_test(test_turns),
+        cmocka_unit_test(test_angles),
+        cmocka_unit_test(test_mix),
+        cmocka_unit_test(test_awkward_floats),
+        cmocka_unit_test(test_ints),
     };
     return cmocka_run_group_tests_name("ops", tests, NULL, NULL);
 }
