@@ -212,32 +212,35 @@ void karst_source_warn(karst_source *source, uint32_t where, const char *hint, c
     report(source, where, false, hint, message);
 }
 
+#define EDIT 2u /* a letter more, less or another */
+#define SWAP 1u /* of neighbours: all letters are there, so it is the likelier slip */
+
 karst_nearest karst_nearest_begin(const char *wanted, size_t length)
 {
-    return (karst_nearest){.wanted = wanted, .wanted_length = length, .distance = length < 4 ? 2 : length < 8 ? 3 : 4};
+    const unsigned num_edits = length < 4 ? 1 : length < 8 ? 2 : 3; /* at most */
+    return (karst_nearest){.wanted = wanted, .wanted_length = length, .distance = num_edits * EDIT + 1};
 }
 
-/* Levenshtein's distance, with a swap of neighbours as one edit; names longer than the table are far from everything.
- */
+/* Levenshtein's distance, with swaps of neighbours; names longer than the table are far from everything. */
 static unsigned edit_distance(const char *a, size_t na, const char *b, size_t nb)
 {
     enum { MAX = 40 };
     if (na >= MAX || nb >= MAX)
-        return MAX;
+        return MAX * EDIT;
     unsigned char row[3][MAX + 1];
     for (size_t j = 0; j <= nb; j++)
-        row[0][j] = (unsigned char)j;
+        row[0][j] = (unsigned char)(j * EDIT);
     for (size_t i = 1; i <= na; i++) {
         unsigned char *now = row[i % 3], *last = row[(i + 2) % 3], *before = row[(i + 1) % 3];
-        now[0] = (unsigned char)i;
+        now[0] = (unsigned char)(i * EDIT);
         for (size_t j = 1; j <= nb; j++) {
-            unsigned best = last[j - 1] + (a[i - 1] != b[j - 1]);
-            if (last[j] + 1u < best)
-                best = last[j] + 1u;
-            if (now[j - 1] + 1u < best)
-                best = now[j - 1] + 1u;
-            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] && before[j - 2] + 1u < best)
-                best = before[j - 2] + 1u;
+            unsigned best = last[j - 1] + (a[i - 1] != b[j - 1] ? EDIT : 0);
+            if (last[j] + EDIT < best)
+                best = last[j] + EDIT;
+            if (now[j - 1] + EDIT < best)
+                best = now[j - 1] + EDIT;
+            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] && before[j - 2] + SWAP < best)
+                best = before[j - 2] + SWAP;
             now[j] = (unsigned char)best;
         }
     }

@@ -12,6 +12,14 @@ static const struct {
      "      return nois(p);\n"
      "             ^\n"
      "  did you mean 'noise'?"},
+    {"swapped_letters", /* as near to fma as to fbm, by letters that differ */
+     "float density(vec3 p) {\n"
+     "    return fmb(p, 4) - p.y;\n"
+     "}\n",
+     "world.karst:2:12: error: there is no function 'fmb'\n"
+     "      return fmb(p, 4) - p.y;\n"
+     "             ^\n"
+     "  did you mean 'fbm'?"},
     {"misspelt_variable",
      "float density(vec3 p) {\n"
      "    float height = 2.0;\n"
