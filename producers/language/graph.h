@@ -53,7 +53,7 @@ typedef enum {
     KARST_OP_RINT,   /* round half to even */
     KARST_OP_FRACT,  /* min(a - floor(a), 1 - 2^-24) */
     KARST_OP_MOD,    /* fma(-b, floor(a / b), a); 0 if b == 0 */
-    KARST_OP_MIX,    /* fma(c, b, fma(-c, a, a)) */
+    KARST_OP_MIX,    /* fma(c, b, fma(-c, a, a)); of pairs a + c (b - a) */
     KARST_OP_SQRT,   /* 0 if a < 0 */
     KARST_OP_LENGTH, /* sqrt(a*a, then fma(b,b,.), fma(c,c,.), fma(d,d,.)); 2 to 4 arguments */
     KARST_OP_SIN,
