@@ -12,7 +12,7 @@ typedef struct {
 static const golden_hashes golden[] = {
     {"alps", 0xb8c3f2a1f5bd3018, 0x94860efe1a989cee},
     {"asteroid", 0x5bb7e1ca6f51b161, 0x92000413475ec179},
-    {"canyons", 0x59c748d4b9b6a1d7, 0xc31f02f95d684925},
+    {"canyons", 0x167470cbe698bbb4, 0xd7513ebb561b1a12},
     {"dunes", 0x4772f469b5fbab41, 0x0de87386c6bb0a30},
     {"hills", 0xdbb0ffe311a8874f, 0x38eb5a9d4c114bae},
     {"islands", 0xed3783b4ebcd5987, 0x49f7809a60960bbc},
