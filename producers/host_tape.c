@@ -215,6 +215,8 @@ K_INLINE void add_octave(const block *b, uint n, int base, int shape, int deriva
     switch (derivative ? -1 : base) {
     case OCTAVE_GRADIENT:
         ADD_SHAPES(OCTAVE_GRADIENT);
+    case OCTAVE_LEVEL:
+        ADD_SHAPES(OCTAVE_LEVEL);
     case OCTAVE_VALUE:
         ADD_SHAPES(OCTAVE_VALUE);
     default:

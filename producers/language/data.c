@@ -6,12 +6,21 @@
 
 #include "noise/gradient.clh"
 #include "producers/language/affine.h"
+#include "producers/language/octave.clh"
 #include "producers/language/uniform.h"
 
 enum { LINEAR_WORDS = 6, LATTICE_WORDS = 5, CELLS_WORDS = 9, OCTAVE_WORDS = 18 };
 _Static_assert(sizeof(karst_linear) == 8 * LINEAR_WORDS && sizeof(karst_lattice) == 8 * LATTICE_WORDS &&
                    sizeof(karst_cells) == 8 * CELLS_WORDS && sizeof(karst_octave) == 8 * OCTAVE_WORDS,
                "records are whole words");
+
+_Static_assert((int)OCTAVE_GRADIENT == KARST_NOISE_GRADIENT && (int)OCTAVE_VALUE == KARST_NOISE_VALUE &&
+                   (int)OCTAVE_SIMPLEX == KARST_NOISE_SIMPLEX && (int)OCTAVE_WORLEY_F1 == KARST_NOISE_WORLEY_F1 &&
+                   (int)OCTAVE_WORLEY_F2 == KARST_NOISE_WORLEY_F2 && (int)OCTAVE_LEVEL == KARST_NUM_NOISE_BASES,
+               "octave.clh has graph.h's bases");
+_Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
+                   OCTAVE_BILLOW == KARST_NOISE_BILLOW && OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
+               "octave.clh has graph.h's shapes");
 
 static const karst_expr_node *node_of(const karst_world_layout *layout, karst_expr e)
 {
@@ -26,6 +35,25 @@ static bool has_place(const karst_graph *graph, karst_expr e)
 karst_expr karst_affine_behind(const karst_graph *graph, karst_expr e)
 {
     return graph->nodes[e].op == KARST_OP_SHIFTED ? graph->nodes[e].arg[0] : e;
+}
+
+karst_expr karst_noise_moved_by(const karst_graph *graph, karst_expr argument)
+{
+    const karst_expr_node *n = &graph->nodes[argument];
+    if (n->op == KARST_OP_AFFINE)
+        return KARST_NO_EXPR;
+    karst_expr by = n->op == KARST_OP_SHIFTED ? n->arg[1] : argument;
+    const karst_number *known = karst_graph_constant(graph, by);
+    return known && karst_number_is(*known, 0) ? KARST_NO_EXPR : by;
+}
+
+int karst_noise_way(const karst_graph *graph, karst_expr e)
+{
+    const karst_expr *arg = graph->nodes[e].arg;
+    const uint8_t base = graph->noises[graph->nodes[e].extra].base;
+    bool is_level = !karst_noise_moved_by(graph, arg[1]) &&
+                    (karst_noise_moved_by(graph, arg[0]) || karst_noise_moved_by(graph, arg[2]));
+    return base == KARST_NOISE_GRADIENT && is_level ? OCTAVE_LEVEL : base;
 }
 
 bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k)

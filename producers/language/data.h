@@ -58,5 +58,11 @@ bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k);
 bool karst_is_computed_wide(const karst_graph *graph, karst_expr e);
 /* The AFFINE leaf behind an AFFINE or SHIFTED node. */
 karst_expr karst_affine_behind(const karst_graph *graph, karst_expr e);
+/* What moves an argument of a noise in its lattice: an offset, or all of an argument that has no exact place.
+ * KARST_NO_EXPR: nothing does. */
+karst_expr karst_noise_moved_by(const karst_graph *graph, karst_expr argument);
+/* How every back end adds up the octaves of a NOISE node: its base, or OCTAVE_LEVEL of octave.clh for gradient noise
+ * that is moved along its first or third argument, but not along its second. */
+int karst_noise_way(const karst_graph *graph, karst_expr e);
 
 #endif

@@ -27,8 +27,10 @@
 #define KARST_EMIT_MAX_TENSOR_NOISES 16u
 /* Octaves of Worley's noise whose cells a brick hashes once; others cost several times as much. */
 #define KARST_EMIT_MAX_TABLES 8u
-/* Octaves of a brick whose gradients stand in tables (noise/table.clh), 1,216 bytes each; others hash every corner. */
+/* Octaves of a brick whose gradients stand in tables (noise/table.clh), 2.3 KiB each; others hash every corner. */
 #define KARST_EMIT_MAX_GRADIENTS 96u
+/* Of these, octaves that sum whole planes of rows (noise/table_rows.clh), 7.5 KiB each. */
+#define KARST_EMIT_MAX_ROWS 32u
 
 /* Octaves of colours that are made ready at an anchor (near.clh), 180 bytes each of a work-group's memory. */
 #define KARST_EMIT_MAX_NEAR_OCTAVES 64u

@@ -196,8 +196,8 @@ static void prepare(karst_emit *emit)
         if (emit->nodes[e].has_gradients)
             karst_text_add(text,
                            "#ifdef EMIT_HAS_TABLES\n    for (int k = 0; k < %u; k++)\n"
-                           "        axes->g%u[k].is_made = axes->g%u[k].is_apart = 0;\n#endif\n",
-                           num_octaves(emit, e), e, e);
+                           "        axes->g%u[k].is_made = 0;\n#endif\n",
+                           num_octaves(emit, e), e);
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].has_rows)
             karst_text_add(text,
@@ -239,7 +239,7 @@ static bool gather_movements(karst_emit *emit, karst_expr noise)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         emit->nodes[e].is_gathered = 0;
     for (int i = 0; i < 3; i++) {
-        karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
+        karst_expr by = karst_noise_moved_by(emit->graph, emit->graph->nodes[noise].arg[i]);
         if (by && !gather(emit, by, &room))
             return false;
     }
@@ -248,7 +248,7 @@ static bool gather_movements(karst_emit *emit, karst_expr noise)
 
 static karst_operand movement(const karst_emit *emit, karst_expr noise, int i)
 {
-    karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    karst_expr by = karst_noise_moved_by(emit->graph, emit->graph->nodes[noise].arg[i]);
     return by ? karst_emit_operand(emit, by) : (karst_operand){"(vfloat)(0.0f)"};
 }
 
@@ -383,14 +383,16 @@ static void mark_tables(karst_emit *emit)
 /* The same for gradients in tables, of what is bent. */
 static void mark_gradients(karst_emit *emit)
 {
-    uint32_t room = KARST_EMIT_MAX_GRADIENTS;
+    uint32_t room = KARST_EMIT_MAX_GRADIENTS, rows_room = KARST_EMIT_MAX_ROWS;
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         if (!emit->nodes[e].needs || emit->graph->nodes[e].op != KARST_OP_NOISE || emit->nodes[e].axes != KARST_AXES ||
             emit->nodes[e].is_tensor || !karst_emit_is_gradient(emit, e) || num_octaves(emit, e) > room)
             continue;
         emit->nodes[e].has_gradients = 1;
-        emit->nodes[e].has_rows = karst_emit_has_level_rows(emit, e) && gather_movements(emit, e);
+        emit->nodes[e].has_rows =
+            num_octaves(emit, e) <= rows_room && karst_emit_has_level_rows(emit, e) && gather_movements(emit, e);
         room -= num_octaves(emit, e);
+        rows_room -= emit->nodes[e].has_rows ? num_octaves(emit, e) : 0;
     }
 }
 

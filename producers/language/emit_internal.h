@@ -89,9 +89,8 @@ const char *karst_emit_shape_name(uint8_t shape); /* as octave.clh has it */
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
 /* True if it is bent along x and z at most, on a lattice that has the brick's axes: all lanes of a row have one y. */
 bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e);
-/* What moves an argument in its lattice: an offset, or all of an argument that has no exact place. KARST_NO_EXPR:
- * nothing does. */
-karst_expr karst_emit_moved_by(const karst_emit *emit, karst_expr argument);
+/* karst_noise_way as octave.clh has it in names. */
+const char *karst_emit_way_name(const karst_emit *emit, karst_expr e);
 /* Gradient noise, not a derivative. */
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);

@@ -3,32 +3,20 @@
 
 #include "producers/language/octave.clh"
 
-_Static_assert((int)OCTAVE_GRADIENT == KARST_NOISE_GRADIENT && (int)OCTAVE_VALUE == KARST_NOISE_VALUE &&
-                   (int)OCTAVE_SIMPLEX == KARST_NOISE_SIMPLEX && (int)OCTAVE_WORLEY_F1 == KARST_NOISE_WORLEY_F1 &&
-                   (int)OCTAVE_WORLEY_F2 == KARST_NOISE_WORLEY_F2,
-               "octave.clh has graph.h's bases");
-_Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
-                   OCTAVE_BILLOW == KARST_NOISE_BILLOW && OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
-               "octave.clh has graph.h's numbers");
-
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
-static const char *const base_names[KARST_NUM_NOISE_BASES] = {"gradient", "value", "simplex", "f1", "f2"};
+static const char *const way_names[] = {"gradient", "value", "simplex", "f1", "f2", "level"};
+_Static_assert(sizeof way_names / sizeof *way_names == OCTAVE_LEVEL + 1, "karst_noise_way's names");
 
 const char *karst_emit_shape_name(uint8_t shape) { return shape_names[shape]; }
+
+const char *karst_emit_way_name(const karst_emit *emit, karst_expr e)
+{
+    return way_names[karst_noise_way(emit->graph, e)];
+}
 
 static const karst_noise *noise_of(const karst_emit *emit, karst_expr e)
 {
     return &emit->graph->noises[emit->graph->nodes[e].extra];
-}
-
-karst_expr karst_emit_moved_by(const karst_emit *emit, karst_expr argument)
-{
-    const karst_expr_node *n = &emit->graph->nodes[argument];
-    if (n->op == KARST_OP_AFFINE)
-        return KARST_NO_EXPR;
-    karst_expr by = n->op == KARST_OP_SHIFTED ? n->arg[1] : argument;
-    const karst_number *known = karst_graph_constant(emit->graph, by);
-    return known && karst_number_is(*known, 0) ? KARST_NO_EXPR : by;
 }
 
 /* The axes along which an argument's place in its lattice changes by itself. */
@@ -53,7 +41,7 @@ bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e)
     const karst_expr_node *n = &emit->graph->nodes[e];
     for (int i = 0; i < 3; i++) {
         uint8_t axes = emit->graph->nodes[n->arg[i]].depends & KARST_AXES;
-        if (karst_emit_moved_by(emit, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
+        if (karst_noise_moved_by(emit->graph, n->arg[i]) || (axes & ~(KARST_DEPENDS_X << i)))
             return false;
     }
     return emit->nodes[e].axes == KARST_AXES;
@@ -62,10 +50,10 @@ bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e)
 bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e)
 {
     const karst_expr_node *n = &emit->graph->nodes[e];
-    if (karst_emit_moved_by(emit, n->arg[1]))
+    if (karst_noise_way(emit->graph, e) != OCTAVE_LEVEL)
         return false;
     for (int i = 0; i < 3; i++) {
-        karst_expr by = karst_emit_moved_by(emit, n->arg[i]);
+        karst_expr by = karst_noise_moved_by(emit->graph, n->arg[i]);
         if ((steps_along(emit, n->arg[i]) & ~(KARST_DEPENDS_X << i)) ||
             (by && emit->graph->nodes[by].kind == KARST_KIND_WIDE))
             return false;
@@ -95,7 +83,7 @@ static bool is_near_gradient(const karst_emit *emit, karst_expr e)
 {
     for (int i = 0; i < 3; i++)
         if (axis_of(emit, emit->graph->nodes[e].arg[i], i) != i ||
-            karst_emit_moved_by(emit, emit->graph->nodes[e].arg[i]))
+            karst_noise_moved_by(emit->graph, emit->graph->nodes[e].arg[i]))
             return false;
     return emit->block.is_near && emit->nodes[e].near && karst_emit_is_gradient(emit, e);
 }
@@ -105,7 +93,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
-    karst_expr by = karst_emit_moved_by(emit, emit->graph->nodes[noise].arg[i]);
+    karst_expr by = karst_noise_moved_by(emit->graph, emit->graph->nodes[noise].arg[i]);
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
     karst_text_add(text, "        q.axis[%d] = ", i);
@@ -147,7 +135,7 @@ void karst_emit_place(karst_emit *emit, karst_expr e)
 static void octave_line(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
-    const char *base = base_names[noise->base], *shape = shape_names[noise->shape];
+    const char *way = karst_emit_way_name(emit, e), *shape = shape_names[noise->shape];
     karst_text *text = &emit->text;
     if (is_near_gradient(emit, e) && noise->shape == KARST_NOISE_SUM) {
         karst_text_add(
@@ -167,7 +155,7 @@ static void octave_line(karst_emit *emit, karst_expr e)
     }
     karst_emit_place(emit, e);
     if (noise->derivative)
-        karst_text_add(text, "        const vfloat slope = octave_slope_%s(&q, weight.seed, %d);\n", base,
+        karst_text_add(text, "        const vfloat slope = octave_slope_%s(&q, weight.seed, %d);\n", way,
                        noise->derivative - 1);
     if (noise->derivative && noise->shape == KARST_NOISE_SUM)
         karst_text_add(text, "        v%u = octave_slope_sum(slope, &weight, v%u);\n", e, e);
@@ -175,31 +163,32 @@ static void octave_line(karst_emit *emit, karst_expr e)
         karst_text_add(text,
                        "        v%u = octave_slope_folded(slope, octave_noise_%s(&q, weight.seed), octave_fold(%u), "
                        "&weight, v%u);\n",
-                       e, base, noise->shape, e);
+                       e, way, noise->shape, e);
     else if (noise->base == KARST_NOISE_GRADIENT && noise->shape == KARST_NOISE_SUM)
-        karst_text_add(text, "        v%u = octave_add_gradient(&q, &weight, v%u);\n", e, e);
+        karst_text_add(text, "        v%u = octave_add_%s(&q, &weight, v%u);\n", e, way, e);
     else
         karst_text_add(
             text, "        v%u = octave_%s(octave_noise_%s(&q, weight.seed), octave_mean(%u, %u), &weight, v%u);\n", e,
-            shape, base, noise->base, noise->shape, e);
+            shape, way, noise->base, noise->shape, e);
 }
 
 /* The same from gradients in a table. */
 static void table_line(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
+    const char *way = karst_emit_way_name(emit, e);
     karst_text *text = &emit->text;
     karst_emit_place(emit, e);
     if (noise->shape == KARST_NOISE_SUM)
         karst_text_add(text,
-                       "        v%u = emit_table_octave(&axes->g%u[k], &q, weight.seed, "
+                       "        v%u = emit_table_%s(&axes->g%u[k], &q, weight.seed, "
                        "weight.amplitude * weight.weight, v%u);\n",
-                       e, e, e);
+                       e, way, e, e);
     else
         karst_text_add(text,
-                       "        v%u = octave_%s(emit_table_octave(&axes->g%u[k], &q, weight.seed, 1.0f, "
+                       "        v%u = octave_%s(emit_table_%s(&axes->g%u[k], &q, weight.seed, 1.0f, "
                        "(vfloat)(0.0f)), octave_mean(%u, %u), &weight, v%u);\n",
-                       e, shape_names[noise->shape], e, noise->base, noise->shape, e);
+                       e, shape_names[noise->shape], way, e, noise->base, noise->shape, e);
 }
 
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)

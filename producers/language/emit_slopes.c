@@ -47,7 +47,7 @@ bool karst_emit_slope_lines(karst_emit *emit, karst_expr e)
     for (int i = 0; i < 4; i++)
         if (group.part[i])
             karst_text_add(text, "    vfloat v%u = (vfloat)(0.0f);\n", group.part[i]);
-    const char *shape = shape_names[noise->shape];
+    const char *shape = shape_names[noise->shape], *way = karst_emit_way_name(emit, e);
     karst_expr value = group.part[0];
     karst_emit_begin_octaves(emit, e);
     karst_text_add(text, "        if (weight.weight == 0.0f) {\n");
@@ -60,13 +60,14 @@ bool karst_emit_slope_lines(karst_emit *emit, karst_expr e)
     bool is_sum = noise->shape == KARST_NOISE_SUM;
     if (is_sum && value)
         karst_text_add(text,
-                       "        v%u = octave_slopes_gradient(&q, weight.seed, weight.amplitude * weight.weight, v%u, "
+                       "        v%u = octave_slopes_%s(&q, weight.seed, weight.amplitude * weight.weight, v%u, "
                        "slope);\n",
-                       value, value);
+                       value, way, value);
     else
         karst_text_add(text,
-                       "        const vfloat n = octave_slopes_gradient(&q, weight.seed, 1.0f, (vfloat)(0.0f), "
-                       "slope);\n");
+                       "        const vfloat n = octave_slopes_%s(&q, weight.seed, 1.0f, (vfloat)(0.0f), "
+                       "slope);\n",
+                       way);
     if (!is_sum && value)
         karst_text_add(text, "        v%u = octave_%s(n, octave_mean(%u, %u), &weight, v%u);\n", value, shape,
                        noise->base, noise->shape, value);

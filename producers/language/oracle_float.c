@@ -35,13 +35,14 @@ static vfloat noise_float(const karst_oracle *o, karst_expr e)
     const karst_expr_node *n = node_of(o, e);
     const karst_noise *noise = &o->graph->noises[n->extra];
     const karst_octave *octave = karst_oracle_record(o, e);
+    const int way = karst_noise_way(o->graph, e);
     vfloat sum = 0.0f;
     for (int k = 0; k < noise->num_octaves; k++, octave++) {
         octave_weight w = octave_weight_at(octave, o->level);
         noise_position p;
         for (int i = 0; i < 3; i++)
             p.axis[i] = octave_coordinate(o, n, octave, i);
-        sum = octave_add(noise->base, noise->shape, noise->derivative, &p, &w, sum);
+        sum = octave_add(way, noise->shape, noise->derivative, &p, &w, sum);
     }
     return sum;
 }

@@ -265,7 +265,7 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
     if (n->op == KARST_OP_NOISE) {
         const karst_noise *noise = &b->graph->noises[n->extra];
         i.count = noise->num_octaves;
-        i.argument_type = noise->base;
+        i.argument_type = (uint8_t)karst_noise_way(b->graph, e);
         i.type = noise->shape;
         i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
     }

@@ -28,7 +28,7 @@ static float noise_of(int family, const noise_position *p, uint seed)
 
 static float slope_of(int family, const noise_position *p, uint seed, int along)
 {
-    return family == GRADIENT  ? noise_slope(p, seed, along)
+    return family == GRADIENT  ? noise_slope(p, seed, along, 0)
            : family == VALUE   ? noise_value_part(p, seed, along)
            : family == SIMPLEX ? noise_simplex_slope(p, seed, along)
                                : noise_worley_slope(p, seed, family == F2, along);

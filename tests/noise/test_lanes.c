@@ -26,7 +26,7 @@
 static const char probes[] =
     "#include \"noise/fbm.clh\"\n"
     "#include \"noise/simplex.clh\"\n"
-    "#include \"noise/table.clh\"\n"
+    "#include \"noise/table_rows.clh\"\n"
     "#include \"noise/tensor.clh\"\n"
     "#include \"noise/slope.clh\"\n"
     "#include \"noise/value.clh\"\n"
@@ -76,7 +76,8 @@ static const char probes[] =
     "        for (int y = 0; y < 17; y++, out += 16) {\n"
     "            noise_position p = bent_place(brick + 6 * i, (int)word[2 * i], i, V_LANE, y, z);\n"
     "            int was = table.is_made, x0 = table.cell[0], y0 = table.cell[1], z0 = table.cell[2];\n"
-    "            v_store_float(noise_table_octave(&table, &p, word[2 * i + 1], 0.75f, (vfloat)(0.0f)), out);\n"
+    "            v_store_float(i & 1 ? noise_table_level(&table, &p, word[2 * i + 1], 0.75f, (vfloat)(0.0f))\n"
+    "                                : noise_table_octave(&table, &p, word[2 * i + 1], 0.75f, (vfloat)(0.0f)), out);\n"
     "            int same = was && x0 == table.cell[0] && y0 == table.cell[1] && z0 == table.cell[2];\n"
     "            num[!table.is_made ? 2 : same ? 0 : 1]++;\n"
     "        }\n"
@@ -98,7 +99,7 @@ static const char probes[] =
     "        axis[a] = noise_axis_at(brick[6 * i + a], brick[6 * i + 3 + a], (int)word[2 * i]);\n"
     "    noise_table table;\n"
     "    noise_table_rows rows;\n"
-    "    table.is_made = table.is_apart = 0;\n"
+    "    table.is_made = 0;\n"
     "    noise_table_rows_prepare(&rows, axis, word[2 * i + 1], 0.75f, row_scale(i));\n"
     "    for (int z = 0; z < 17; z++) {\n"
     "        noise_table_bend bend;\n"
@@ -108,9 +109,9 @@ static const char probes[] =
     "            noise_table_bend_row(&bend, y, row_bend(i, 0, V_LANE, y, z), row_bend(i, 2, V_LANE, y, z));\n"
     "            sum[y] = (vfloat)(0.0f);\n"
     "        }\n"
-    "        int was_apart = table.is_apart;\n"
+    "        int was_apart = rows.is_apart;\n"
     "        noise_table_plane(&table, &rows, z, &bend, sum);\n"
-    "        num[!table.is_made ? 2 : was_apart | table.is_apart]++;\n"
+    "        num[!rows.num_made ? 2 : was_apart | rows.is_apart]++;\n"
     "        for (int y = 0; y < 17; y++, out += 16)\n"
     "            v_store_float(sum[y], out);\n"
     "    }\n"
@@ -186,7 +187,7 @@ K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fr
                                         3L << (44 + a));
     int along = (int)(first >> 4) % 3;
     vfloat result;
-    switch ((first >> 4) % 8) {
+    switch ((first >> 4) % 12) {
     case 0:
         result = noise_value_part(&p, 5u, -1);
         break;
@@ -206,8 +207,21 @@ K_INLINE void families_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fr
         result = noise_worley_slope(&p, 10u, along & 1, along);
         break;
     case 6:
-        result = noise_slope(&p, 11u, along);
+        result = noise_slope(&p, 11u, along, 0);
         break;
+    case 7:
+        result = noise_octave_level(&p, 12u, 0.75f, (vfloat)(0.0f));
+        break;
+    case 8:
+        result = noise_slope(&p, 13u, along, 1);
+        break;
+    case 9:
+    case 10: {
+        vfloat slope[3];
+        result = noise_octave_slopes(&p, 14u, 0.75f, (int)(first >> 4) % 12 - 9, (vfloat)(0.0f), slope);
+        result = along == 0 ? result : slope[along];
+        break;
+    }
     default: {
         vfloat distance[2];
         noise_worley_distances(&p, 9u, distance);
@@ -402,7 +416,7 @@ static void test_table(void **state)
             for (int y = 0; y < 17; y++)
                 for (int x = 0; x < 16; x++) {
                     noise_position p = bent_place(bricks + 6 * i, (int)words[2 * i], (uint32_t)i, x, y, z);
-                    *out++ = noise_octave(&p, words[2 * i + 1], 0.75f, 0.0f);
+                    *out++ = (i & 1 ? noise_octave_level : noise_octave)(&p, words[2 * i + 1], 0.75f, 0.0f);
                 }
         assert_same_bits(samples, wanted, SAMPLES, "table");
     }
@@ -463,7 +477,7 @@ static void test_rows(void **state)
                     p.axis[1] = noise_axis_sample(&axis[1], y);
                     p.axis[2] =
                         noise_coordinate_move(noise_axis_sample(&axis[2], z), row_bend(i, 2, x, y, z) * row_scale(i));
-                    *out++ = noise_octave(&p, words[2 * i + 1], 0.75f, 0.0f);
+                    *out++ = noise_octave_level(&p, words[2 * i + 1], 0.75f, 0.0f);
                 }
         assert_same_bits(samples, wanted, SAMPLES, "rows");
     }

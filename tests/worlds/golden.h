@@ -10,13 +10,13 @@ typedef struct {
 } golden_hashes;
 
 static const golden_hashes golden[] = {
-    {"alps", 0xb8c3f2a1f5bd3018, 0x94860efe1a989cee},
+    {"alps", 0x2457dbf38f54fea7, 0x888ec07408a90400},
     {"asteroid", 0x5bb7e1ca6f51b161, 0x92000413475ec179},
-    {"canyons", 0x167470cbe698bbb4, 0xd7513ebb561b1a12},
-    {"dunes", 0x4772f469b5fbab41, 0x0de87386c6bb0a30},
-    {"hills", 0xdbb0ffe311a8874f, 0x38eb5a9d4c114bae},
-    {"islands", 0xed3783b4ebcd5987, 0x49f7809a60960bbc},
-    {"karst", 0x70f0c0007da2a422, 0xc5aa588692583ec1},
+    {"canyons", 0x19d8dc7e2046b4c3, 0x639740988715bb19},
+    {"dunes", 0x35ae260de0f26a14, 0x0de87386c6bb0a30},
+    {"hills", 0x99693168f9bf77f8, 0x2c5c0d99ef88c20b},
+    {"islands", 0xa8d2ed1dec98662c, 0xc69a1c4c8f490229},
+    {"karst", 0xc83c2d09163d38cb, 0x336e1c38159e2673},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
