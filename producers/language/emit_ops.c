@@ -254,6 +254,26 @@ static void place_lines(karst_emit *emit, karst_expr e)
 
 /* ---- lines ---- */
 
+/* Without a second half: what wide_add_float and its kin take. */
+static bool is_plain(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    if (n->op == KARST_OP_CONSTANT)
+        return karst_number_rest(*karst_graph_constant(emit->graph, e)) == 0.0f;
+    return !emit->layout->is_known[e] && n->kind != KARST_KIND_WIDE && n->op != KARST_OP_AFFINE &&
+           n->op != KARST_OP_SHIFTED;
+}
+
+/* A sum or difference of pairs, of which one may be a float: up to the semicolon. */
+static void wide_sum(karst_emit *emit, karst_expr e, const char *op)
+{
+    const karst_expr *arg = node_of(emit, e)->arg;
+    const bool first = is_plain(emit, arg[0]), second = is_plain(emit, arg[1]) && !first;
+    karst_text_add(&emit->text, "wide_%s%s%s(%s, %s);\n", first ? "float_" : "", op, second ? "_float" : "",
+                   (first ? karst_emit_operand : karst_emit_wide_operand)(emit, arg[0]).text,
+                   (second ? karst_emit_operand : karst_emit_wide_operand)(emit, arg[1]).text);
+}
+
 /* A function and its arguments, up to the semicolon. */
 static void call(karst_emit *emit, karst_expr e, const char *name, bool swapped, bool wide)
 {
@@ -286,7 +306,10 @@ static void wide_lines(karst_emit *emit, karst_expr e)
     bool is_pair = n->kind == KARST_KIND_WIDE;
     karst_text_add(&emit->text, "    const %s %c%u = ", is_pair ? "wide" : karst_emit_type(emit, e),
                    is_pair ? 'w' : 'v', e);
-    call(emit, e, name, false, true);
+    if (n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT)
+        wide_sum(emit, e, karst_op_name(n->op));
+    else
+        call(emit, e, name, false, true);
     if (is_pair)
         halves(emit, e);
 }
@@ -309,7 +332,7 @@ static void affine_lines(karst_emit *emit, karst_expr e)
         if (n->op == KARST_OP_AFFINE)
             karst_text_add(text, "wide_affine(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
         else
-            call(emit, e, "wide_add", false, true);
+            wide_sum(emit, e, "add");
         halves(emit, e);
     }
 }

@@ -3,7 +3,9 @@
 
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include <cmocka.h>
 
@@ -44,6 +46,40 @@ static void test_precision(void **state)
     }
 }
 
+static void assert_same(wide got, wide wanted, const char *what)
+{
+    bool nan = isnan(got.hi) && isnan(wanted.hi);
+    if ((k_as_uint(got.hi) != k_as_uint(wanted.hi) && !nan) || k_as_uint(got.lo) != k_as_uint(wanted.lo))
+        fail_msg("%s: %a and %a, not %a and %a", what, (double)got.hi, (double)got.lo, (double)wanted.hi,
+                 (double)wanted.lo);
+}
+
+/* Sums of a pair and a float are those of two pairs, to the sign of a zero. */
+static void test_floats_are_pairs(void **state)
+{
+    (void)state;
+    static const float odd[] = {0.0f,  -0.0f,  1.0f,     -1.0f,     0x1p-149f, -0x1p-149f,
+                                3e38f, -3e38f, INFINITY, -INFINITY, NAN};
+    enum { NUM_ODD = sizeof odd / sizeof *odd };
+    for (uint32_t i = 0; i < 400000; i++) {
+        wide a = random_pair(), b = random_pair();
+        if (i % 8 == 0)
+            b.hi = -a.hi;
+        if (i % 8 == 1)
+            b.hi = (float)random_magnitude(0x1p-26, 0x1p-22) * a.hi;
+        if (i % 8 == 2)
+            a.lo = (random_below(2) ? 0x1p-24f : -0x1p-24f) * a.hi; /* about half a unit in the last place */
+        if (i % 8 >= 6) {
+            a = wide_of(odd[random_below(NUM_ODD)], random_below(2) ? -0.0f : 0.0f);
+            b.hi = i % 8 == 6 ? odd[random_below(NUM_ODD)] : b.hi;
+        }
+        assert_same(wide_add_float(a, b.hi), wide_add(a, wide_from(b.hi)), "pair + float");
+        assert_same(wide_float_add(b.hi, a), wide_add(wide_from(b.hi), a), "float + pair");
+        assert_same(wide_subtract_float(a, b.hi), wide_subtract(a, wide_from(b.hi)), "pair - float");
+        assert_same(wide_float_subtract(b.hi, a), wide_subtract(wide_from(b.hi), a), "float - pair");
+    }
+}
+
 static void assert_is(wide got, float wanted, const char *what)
 {
     if (!(got.hi == wanted || (isnan(got.hi) && isnan(wanted))) || signbit(got.hi) != signbit(wanted) || got.lo != 0)
@@ -77,6 +113,7 @@ static void test_what_is_not_finite(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_precision), cmocka_unit_test(test_what_is_not_finite)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_precision), cmocka_unit_test(test_floats_are_pairs),
+                                       cmocka_unit_test(test_what_is_not_finite)};
     return cmocka_run_group_tests_name("pairs of floats", tests, NULL, NULL);
 }
