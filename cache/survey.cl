@@ -4,8 +4,8 @@
 #include "core/lanes.clh"
 
 /* A bit for each lane. */
-#ifdef V_ANY_BY_MASK
-K_INLINE K_WIDE uint bits_of(vint mask) { return (uint)(ushort)__builtin_ia32_cvtd2mask512(mask); }
+#ifdef V_HAS_BITS
+K_INLINE K_WIDE uint bits_of(vint mask) { return (uint)v_bits(mask); }
 #elif LANES == 16
 static uint bits_of(vint mask)
 {
@@ -57,25 +57,19 @@ static uint counts_at(uint kind, karst_survey_ask ask)
     return at;
 }
 
-#if defined(V_ANY_BY_MASK) && defined(__has_builtin)
-#if __has_builtin(__builtin_ia32_compresssi512_mask)
-#define V_HAS_COMPRESS
-#endif
-#endif
-
 /* Lists slots i and on where `fits` says so, with their ages; returns how many. There is room for a whole vector. */
 K_INLINE K_WIDE uint list_slots(vint fits, uint i, __global const int *a, __global const int *b, uint serial,
                                 __global uint *slots, __global uint *ages)
 {
     uint bits = bits_of(fits);
-#ifdef V_HAS_COMPRESS
+#ifdef V_HAS_PACK
     vint x = v_load_int(a), y = v_load_int(b), slot = (vint)((int)i) + V_LANE;
     vuint never = (vuint)(0xffffffffu);
     vuint x_age = v_select(v_eq(x, (vint)(0)), never, (vuint)(serial)-v_as_uint(x));
     vuint y_age = v_select(v_eq(y, (vint)(0)), never, (vuint)(serial)-v_as_uint(y));
     vint age = as_int16(v_min(x_age, y_age));
-    v_store_int(__builtin_ia32_compresssi512_mask(slot, slot, (ushort)bits), (__global int *)slots);
-    v_store_int(__builtin_ia32_compresssi512_mask(age, age, (ushort)bits), (__global int *)ages);
+    v_store_int(v_pack_int(slot, bits), (__global int *)slots);
+    v_store_int(v_pack_int(age, bits), (__global int *)ages);
 #else
     uint at = 0;
     for (uint left = bits; left; left &= left - 1, at++) {

@@ -151,10 +151,10 @@ typedef struct {
 /* Builds `entry` (a path such as "cache/collect.cl") with the options given. #include "path" is resolved by Karst
  * itself, each file once, in this order: `files`, $KARST_KERNEL_DIR (if set), the embedded sources. #line keeps file
  * and line of every error. Always passed: -cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt (where honoured)
- * -DLANES=n -DKARST_DEVICE_CPU=0 or 1; -DKARST_PLAIN_VECTORS if $KARST_PLAIN_VECTORS is set. Errors: KARST_FAILED with
- * the first lines of the build log in the message, all of it in the log at error level. An #include inside #if is
- * resolved whatever the condition is, and again where it stands outside: headers carry guards. What was built is kept
- * on disk: see core/program_cache.h. */
+ * -DLANES=n -DKARST_DEVICE_CPU=0 or 1; -DKARST_VECTORS_PLAIN or -DKARST_VECTORS_AVX2 if $KARST_VECTORS is "plain" or
+ * "avx2". Errors: KARST_FAILED with the first lines of the build log in the message, all of it in the log at error
+ * level. An #include inside #if is resolved whatever the condition is, and again where it stands outside: headers carry
+ * guards. What was built is kept on disk: see core/program_cache.h. */
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
 void karst_program_destroy(karst_program *program);

@@ -126,13 +126,22 @@ static bool note_program(uint64_t hash)
     return is_new;
 }
 
+/* Kernels may be built as for a CPU with fewer instructions. */
+static const char *vectors_option(void)
+{
+    const char *vectors = getenv("KARST_VECTORS");
+    if (vectors && !strcmp(vectors, "plain"))
+        return "-DKARST_VECTORS_PLAIN ";
+    return vectors && !strcmp(vectors, "avx2") ? "-DKARST_VECTORS_AVX2 " : "";
+}
+
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error)
 {
     char all_options[MAX_OPTIONS];
     int length = snprintf(all_options, sizeof(all_options), "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
                           context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
-                          context->is_cpu ? 1 : 0, getenv("KARST_PLAIN_VECTORS") ? "-DKARST_PLAIN_VECTORS " : "",
+                          context->is_cpu ? 1 : 0, vectors_option(),
                           options ? options : "");
     if (length < 0 || (size_t)length >= sizeof(all_options)) {
         karst_fail(error, KARST_FAILED, "cannot build %s: its options are too long", entry);

@@ -275,29 +275,41 @@ static void test_across_lanes(void **state)
     }
 }
 
-/* As on a CPU without AVX-512. */
-static int set_up_plain(void **state) { return setenv("KARST_PLAIN_VECTORS", "1", 1) || set_up(state); }
+/* As on a CPU without AVX-512, and without AVX2. */
+static int set_up_avx2(void **state) { return setenv("KARST_VECTORS", "avx2", 1) || set_up(state); }
+static int set_up_plain(void **state) { return setenv("KARST_VECTORS", "plain", 1) || set_up(state); }
 
-static int tear_down_plain(void **state)
+static int tear_down_vectors(void **state)
 {
-    unsetenv("KARST_PLAIN_VECTORS");
+    unsetenv("KARST_VECTORS");
     return tear_down(state);
 }
 
-static void test_plain_vectors_leave_avx512_out(void **state)
+/* `refused`: the condition that must not hold after core/lanes.clh. */
+static void check_left_out(fixture *f, const char *refused)
 {
-    fixture *f = *state;
-    const karst_virtual_file file = {"test.cl", "#include \"core/lanes.clh\"\n"
-                                                "#if defined(V_ANY_BY_MASK) || defined(V_HAS_LOOK_UP) || "
-                                                "defined(__AVX512F__) || defined(__AVX512VL__)\n"
-                                                "#error not left out\n"
-                                                "#endif\n"
-                                                "__kernel void run(__global int *out) { out[0] = 1; }\n"};
+    char text[512];
+    snprintf(text, sizeof(text),
+             "#include \"core/lanes.clh\"\n#if %s\n#error not left out\n#endif\n"
+             "__kernel void run(__global int *out) { out[0] = 1; }\n",
+             refused);
+    const karst_virtual_file file = {"test.cl", text};
     karst_error error = {0};
     karst_program *program = karst_program_build(f->context, "test.cl", NULL, &file, 1, &error);
     if (!program)
         fail_msg("%s", error.message);
     karst_program_destroy(program);
+}
+
+static void test_avx2_leaves_avx512_out(void **state)
+{
+    check_left_out(*state, "defined(V_ANY_BY_MASK) || defined(__AVX512F__) || defined(__AVX512VL__)");
+}
+
+static void test_plain_vectors_leave_all_out(void **state)
+{
+    check_left_out(*state, "defined(V_ANY_BY_MASK) || defined(V_HAS_BITS) || defined(V_HAS_LOOK_UP) || "
+                           "defined(__AVX512F__) || defined(__AVX512VL__) || defined(__AVX2__)");
 }
 
 int main(void)
@@ -306,9 +318,12 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up, tear_down),
         cmocka_unit_test(test_ties_and_nan_in_min_and_max),
         cmocka_unit_test_setup_teardown(test_across_lanes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_plain_vectors_leave_avx512_out, set_up_plain, tear_down_plain),
-        cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_plain, tear_down_plain),
-        cmocka_unit_test_setup_teardown(test_across_lanes, set_up_plain, tear_down_plain),
+        cmocka_unit_test_setup_teardown(test_avx2_leaves_avx512_out, set_up_avx2, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_avx2, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_across_lanes, set_up_avx2, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_plain_vectors_leave_all_out, set_up_plain, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_plain, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_across_lanes, set_up_plain, tear_down_vectors),
     };
     return cmocka_run_group_tests_name("dialect", tests, NULL, NULL);
 }
