@@ -275,6 +275,62 @@ static void test_across_lanes(void **state)
     }
 }
 
+/* Moving lanes: what instructions there are of (core/lanes_avx2.clh, core/lanes_avx512.clh), and what stands for them.
+ * Work-item i: the lanes whose bits i has set. */
+static const char moves[] = "#include \"raycast/packing.clh\"\n"
+                            "__kernel void run(__global const float *a, __global const float *b,\n"
+                            "                  __global int *packed, __global int *looked_up)\n"
+                            "{\n"
+                            "    const uint i = (uint)get_global_id(0);\n"
+                            "    int to[2 * LANES] = {0};\n"
+                            "    pack_int(to + 1, V_LANE + 100, i);\n"
+                            "    to[0] = (int)mask_bits(bits_mask(i));\n"
+                            "    for (int k = 0; k < LANES; k++)\n"
+                            "        packed[i * LANES + k] = to[k];\n"
+                            "    const vuint index = v_int_to_uint(V_LANE * 7) + (vuint)(i);\n"
+                            "    vfloat one = (vfloat)(-1.0f), two = one;\n"
+                            "#ifdef V_HAS_LOOK_UP\n"
+                            "    one = v_look_up(v_load_float(a), index);\n"
+                            "    two = v_look_up_in_two(v_load_float(a), v_load_float(b), index);\n"
+                            "#endif\n"
+                            "    v_store_int(v_to_int(one) * 100 + v_to_int(two), looked_up + i * LANES);\n"
+                            "}\n";
+
+static void test_moving_lanes(void **state)
+{
+    fixture *f = *state;
+    enum { LANES_HERE = 16, MASKS = 1 << LANES_HERE };
+    float a[LANES_HERE], b[LANES_HERE];
+    for (int i = 0; i < LANES_HERE; i++) {
+        a[i] = (float)i;
+        b[i] = (float)(i + LANES_HERE);
+    }
+    int *packed = calloc((size_t)MASKS * LANES_HERE, sizeof *packed),
+        *looked_up = calloc((size_t)MASKS * LANES_HERE, sizeof *looked_up);
+    assert_true(packed && looked_up);
+    const void *const data[4] = {a, b, NULL, NULL};
+    const size_t bytes = (size_t)MASKS * LANES_HERE * sizeof *packed,
+                 size_bytes[4] = {sizeof a, sizeof b, bytes, bytes};
+    f->context->lanes = LANES_HERE;
+    run_on_device(f->context, moves, data, size_bytes, MASKS, packed, looked_up);
+    const int has_look_up = looked_up[0] >= 0,
+              is_plain = getenv("KARST_VECTORS") && !strcmp(getenv("KARST_VECTORS"), "plain");
+    assert_false(has_look_up && is_plain);
+    for (int mask = 0; mask < MASKS; mask++) {
+        const int *at = packed + mask * LANES_HERE;
+        assert_int_equal(at[0], mask);
+        for (int lane = 0, n = 1; lane < LANES_HERE && n < LANES_HERE; lane++)
+            if (mask >> lane & 1)
+                assert_int_equal(at[n++], 100 + lane);
+        for (int lane = 0; lane < LANES_HERE && has_look_up; lane++) {
+            const int index = lane * 7 + mask;
+            assert_int_equal(looked_up[mask * LANES_HERE + lane], index % 16 * 100 + index % 32);
+        }
+    }
+    free(packed);
+    free(looked_up);
+}
+
 /* As on a CPU without AVX-512, and without AVX2. */
 static int set_up_avx2(void **state) { return setenv("KARST_VECTORS", "avx2", 1) || set_up(state); }
 static int set_up_plain(void **state) { return setenv("KARST_VECTORS", "plain", 1) || set_up(state); }
@@ -318,12 +374,15 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up, tear_down),
         cmocka_unit_test(test_ties_and_nan_in_min_and_max),
         cmocka_unit_test_setup_teardown(test_across_lanes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_moving_lanes, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_avx2_leaves_avx512_out, set_up_avx2, tear_down_vectors),
         cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_avx2, tear_down_vectors),
         cmocka_unit_test_setup_teardown(test_across_lanes, set_up_avx2, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_moving_lanes, set_up_avx2, tear_down_vectors),
         cmocka_unit_test_setup_teardown(test_plain_vectors_leave_all_out, set_up_plain, tear_down_vectors),
         cmocka_unit_test_setup_teardown(test_host_and_device_agree_in_every_bit, set_up_plain, tear_down_vectors),
         cmocka_unit_test_setup_teardown(test_across_lanes, set_up_plain, tear_down_vectors),
+        cmocka_unit_test_setup_teardown(test_moving_lanes, set_up_plain, tear_down_vectors),
     };
     return cmocka_run_group_tests_name("dialect", tests, NULL, NULL);
 }
