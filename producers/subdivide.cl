@@ -1,5 +1,6 @@
 /* Subdivide, and the bounds of loads: everything that asks world_bounds. LANES boxes a work-item, in one shape for all
  * devices. */
+#define V_WHOLE_MASKS
 #include "core/lanes.clh"
 #include "producers/density.clh"
 #include "world.clh"
@@ -110,8 +111,7 @@ BOUNDS_ENTRY void bound_nodes(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL co
             corner[axis][i] = at[axis];
     }
 #ifdef WORLD_HAS_LISTS
-    world_bounds_list(
-        WORLD_DATA(data, corner, levels, count, kind == BOXES_OF_TILES ? WORLD_REFINE_DEPTH : 0, values));
+    world_bounds_list(WORLD_DATA(data, corner, levels, count, kind == BOXES_OF_TILES ? WORLD_REFINE_DEPTH : 0, values));
 #else
     vlong x = LOAD_LONG(corner[0]), y = LOAD_LONG(corner[1]), z = LOAD_LONG(corner[2]);
     world_bound bound;
@@ -170,6 +170,6 @@ karst_bound_nodes(K_GLOBAL const uint *list, K_GLOBAL const uint *slots, uint fi
                   K_GLOBAL const float *least, K_GLOBAL uint *results, world_data data)
 {
     uint begin = (uint)get_global_id(0) * batch, end = min(begin + batch, count);
-    bound_batch(WORLD_DATA(data, list + first, slots, begin, end, kind, nodes, tile_info, loads, least,
-                           results + first));
+    bound_batch(
+        WORLD_DATA(data, list + first, slots, begin, end, kind, nodes, tile_info, loads, least, results + first));
 }
