@@ -20,7 +20,7 @@
 
 #define N 256     /* cases: every pair of 16 values */
 #define FLOATS 12 /* the first rows of the result hold floats */
-#define ROWS 44   /* of 32-bit values, in all */
+#define ROWS 46   /* of 32-bit values, in all */
 
 #define V_PUT(row, v) v_store_int((v), out + (row)*N + i)
 #define V_PUT_FLOAT(row, v) V_PUT(row, v_as_int(v))
@@ -79,6 +79,7 @@ K_INLINE void probe(K_GLOBAL const float *as, K_GLOBAL const float *bs, K_GLOBAL
     put_long(out, i, 34, v_long_to_ulong(v_ulong_to_long(v_long_to_ulong(wide)) >> 40));
     vint any_left = (vint)(v_any(v_ne(at, at)) - v_all(v_eq(at, at)));
     V_PUT(36, any_left);
+    put_long(out, i, 44, v_long_to_ulong(v_whole_to_long(k_floor(bounded) * (vfloat)(0x1p19f))));
 }
 )
 
