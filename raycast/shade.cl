@@ -120,7 +120,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         vector3 direction = pinhole_direction(pinhole, x, y);
         vint place = packet_order(x, y, pinhole->width_px, pinhole->height_px);
         surface_hits s = load_surface(hits, place, valid, &direction, pinhole->cone * detail, blend);
-        vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS)) & valid;
+        vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
         vfloat to_sun = dot3(&direction, light->sun_direction);
         colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
         if (v_any(valid & ~hit))
@@ -158,13 +158,13 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             store_rows((K_GLOBAL int *)depth, index, valid, pinhole->width_px,
                        v_as_int(v_select(hit, s.t, (vfloat)(INFINITY))));
         counts[0] += (uint)count_lanes(hit);
-        counts[1] += (uint)count_lanes(hit & v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
-        counts[2] += (uint)count_lanes(valid & v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
+        counts[1] += (uint)count_lanes(hit & v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
+        counts[2] += (uint)count_lanes(valid & v_mask(v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0))));
         /* A proof of solid needs no finer level. */
         vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
-        vint coarser =
-            hit & (v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)) |
-                   (v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE)) & v_lt(wanted, voxel) & v_gt(s.level, (vint)(0))));
+        vint coarser = hit & (v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL))) |
+                              (v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE))) & v_mask(v_lt(wanted, voxel)) &
+                               v_mask(v_gt(s.level, (vint)(0)))));
         if (own_detail > 0.0f)
             counts[3] += (uint)count_lanes(coarser);
     }
