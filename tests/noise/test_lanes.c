@@ -131,6 +131,13 @@ static const char probes[] =
     "    uint first = (uint)get_global_id(0) * LANES;\n"
     "    if (first < count)\n"
     "        families_probe(voxel, fraction, count, first, out);\n"
+    "}\n"
+    "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
+    "void probe_moves(K_GLOBAL const long *unused, K_GLOBAL const uint *word, uint count, K_GLOBAL float *out)\n"
+    "{\n"
+    "    uint first = (uint)get_global_id(0) * LANES;\n"
+    "    if (first < count)\n"
+    "        moves_probe(unused, word, count, first, out);\n"
     "}\n";
 
 /* Device and host compile the same text. */
@@ -155,6 +162,19 @@ K_INLINE void noise_probe(K_GLOBAL const long *voxel, K_GLOBAL const uint *fract
     p.axis[2] = noise_coordinate_move(p.axis[2], warp * (vfloat)(-50.0f));
     noise_octaves octaves = noise_octaves_at(3L << 44, 9, 1.0f, 0.625f, (int)(first >> 4) % 12);
     v_store_float(noise_fbm(&p, 99u, &octaves, 9, (vfloat)(0.0f)), out + first);
+}
+K_INLINE void moves_probe(K_GLOBAL const long *unused, K_GLOBAL const uint *word, uint count, uint first,
+                          K_GLOBAL float *out)
+{
+    (void)unused;
+    const noise_coordinate from = {LOAD_UINT(word + first), LOAD_UINT(word + count + first)};
+    const vfloat offset = v_as_float(LOAD_UINT(word + 2u * count + first));
+    const noise_coordinate moved = noise_coordinate_move(from, offset);
+    const noise_coordinate by = noise_coordinate_split(noise_coordinate_steps(offset));
+    v_store_float(v_as_float(moved.cell), out + first);
+    v_store_float(v_as_float(moved.fraction), out + count + first);
+    v_store_float(v_as_float(by.cell), out + 2u * count + first);
+    v_store_float(v_as_float(by.fraction), out + 3u * count + first);
 }
 K_INLINE noise_position bent_place(K_GLOBAL const long *brick, int level, uint number, vint x, int y, int z)
 {
@@ -334,6 +354,38 @@ static void test_points(void **state)
 }
 
 /* A brick by tensor, its face too, against single points, for all octaves and frequencies that a tensor may see. */
+/* Offsets of all kinds: halves of cells, from which the nearest whole one is two; what clamps; what is no number. */
+static void test_moves(void **state)
+{
+    (void)state;
+    static const float hard[] = {
+        0.0f,       -0.0f,       0.5f,      -0.5f,    1.5f,    -2.5f,    0x1.fffffep-2f, -0x1.fffffep-2f, 0x1p-32f,
+        -0x1p-32f,  0x1p-33f,    -0x1p-33f, 0x1p-34f, 1e-40f,  -1e-40f,  1.0f,           0x1p23f,         -0x1p23f,
+        8388607.5f, -8388607.5f, 0x1p29f,   -0x1p29f, 0x1p30f, -0x1p30f, 0x1.8p30f,      -0x1p31f,        0x1p62f,
+        -0x1p100f,  INFINITY,    -INFINITY, NAN,      -NAN};
+    enum { NUM_HARD = sizeof hard / sizeof *hard, COUNT = 1 << 16 };
+    uint32_t *words = malloc(3 * COUNT * sizeof *words);
+    float *wanted = malloc(4 * COUNT * sizeof *wanted);
+    assert_true(words && wanted);
+    for (size_t i = 0; i < COUNT; i++) {
+        words[i] = (uint32_t)random_bits();
+        words[COUNT + i] = random_below(4) ? (uint32_t)random_bits() : random_bits() & 1 ? 0 : UINT32_MAX;
+        words[2 * COUNT + i] = i / 4 < NUM_HARD  ? k_as_uint(hard[i / 4])
+                               : random_below(2) ? (uint32_t)random_bits() /* any float */
+                                                 : k_as_uint((float)random_between(-4000, 4000) * 0x1p-8f);
+    }
+    const int64_t unused = 0;
+    for (uint i = 0; i < COUNT; i++)
+        moves_probe((const long *)&unused, words, COUNT, i, wanted);
+    for (int lanes = 1; lanes <= 16; lanes += 15) {
+        float *got = device_results(lanes, "probe_moves", &unused, 1, words, 3 * COUNT, COUNT, 4 * COUNT);
+        assert_same_bits(got, wanted, 4 * COUNT, lanes == 1 ? "moves, 1 lane" : "moves, 16 lanes");
+        free(got);
+    }
+    free(wanted);
+    free(words);
+}
+
 static void test_tensor(void **state)
 {
     (void)state;
@@ -492,7 +544,8 @@ static void test_rows(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_tensor),
-                                       cmocka_unit_test(test_table), cmocka_unit_test(test_rows)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_points), cmocka_unit_test(test_moves),
+                                       cmocka_unit_test(test_tensor), cmocka_unit_test(test_table),
+                                       cmocka_unit_test(test_rows)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
