@@ -20,9 +20,10 @@
 #include "karst/engine.h"
 #include "tests/language/hostile_build.h"
 
-/* The aim is 2 s on an idle machine of the kind that docs/PERFORMANCE.md names; others may have this one, and then the
- * same work takes longer by the processor's own clock, too. */
-enum { AIM_MS = 2000, MOST_MS = 4000, MOST_MIB = 500 };
+/* The aim is 2 s on an idle machine of the kind that docs/PERFORMANCE.md names, and is printed, not asked for. What is
+ * asked for is a ratio within this run, which a slower or busier machine does not change: no text takes more of the
+ * processor than compiling the engine's own programs does, which the plane does first (the slowest takes 0.75 of it). */
+enum { AIM_MS = 2000, MOST_MIB = 500 };
 
 static const char *const heavy[] = {"many arcs", "many divisions", "many warps", "colours without end"};
 
@@ -66,6 +67,7 @@ static void draw(const char *path, outcome *o)
 }
 
 static char folder[256];
+static double plane_ms; /* of the processor, with the engine's own programs to compile */
 
 static void run(const char *command)
 {
@@ -102,8 +104,11 @@ static void draw_apart(const char *name, const char *text, size_t length, bool f
     double ms = o->open_ms + o->frame_ms;
     print_message("%-42s %5.0f ms; CPU %5.0f ms (opened %5.0f, first frame %5.0f), %3ld MiB\n", name, o->wall_ms, ms,
                   o->open_ms, o->frame_ms, usage.ru_maxrss / 1024);
-    if (!fill && !getenv("KARST_TEST_QUICK") && (ms > MOST_MS || usage.ru_maxrss / 1024 > MOST_MIB))
-        fail_msg("%s took %.0f ms and %ld MiB", name, ms, usage.ru_maxrss / 1024);
+    if (fill)
+        plane_ms = ms;
+    else if (!getenv("KARST_TEST_QUICK") && (ms > plane_ms || usage.ru_maxrss / 1024 > MOST_MIB))
+        fail_msg("%s took %.0f ms, the engine's own programs %.0f ms; %ld MiB", name, ms, plane_ms,
+                 usage.ru_maxrss / 1024);
 }
 
 static bool is_heavy(const char *name)
