@@ -96,6 +96,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     karst_expr by = karst_noise_moved_by(emit->graph, emit->graph->nodes[noise].arg[i]);
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
+    const char *at = by && !by_pair ? "noise_coordinate_from" : "noise_coordinate_split";
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_near && emit->nodes[noise].near)
         karst_text_add(text, "near_coordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])", i,
@@ -103,18 +104,17 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     else if (emit->block.is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
     else if (emit->block.is_sample)
-        karst_text_add(text, "noise_coordinate_split(emit_steps_any(&octave->arg[%d], ix, iy, iz)", i);
+        karst_text_add(text, "%s(emit_steps_any(&octave->arg[%d], ix, iy, iz)", at, i);
     else if (axes & KARST_DEPENDS_X)
-        karst_text_add(text, "noise_coordinate_split(emit_steps_x(&octave->arg[%d], lane, %s, %s, %d)", i,
+        karst_text_add(text, "%s(emit_steps_x(&octave->arg[%d], lane, %s, %s, %d)", at, i,
                        axes & KARST_DEPENDS_Y ? "iy" : "0", axes & KARST_DEPENDS_Z ? "iz" : "0", steps);
     else if (axes & KARST_DEPENDS_Y)
-        karst_text_add(text, "noise_coordinate_split(emit_steps_y(&octave->arg[%d], 0, lane, %s, %d)", i,
+        karst_text_add(text, "%s(emit_steps_y(&octave->arg[%d], 0, lane, %s, %d)", at, i,
                        axes & KARST_DEPENDS_Z ? "iz" : "0", steps);
     else
-        karst_text_add(text, "noise_coordinate_split(emit_steps_z(&octave->arg[%d], 0, 0, lane, %d)", i, steps);
+        karst_text_add(text, "%s(emit_steps_z(&octave->arg[%d], 0, 0, lane, %d)", at, i, steps);
     if (by && !by_pair && !emit->block.is_point)
-        karst_text_add(text, " + noise_coordinate_steps(%s * (vfloat)(weight.scale))",
-                       karst_emit_operand(emit, by).text);
+        karst_text_add(text, ", %s * (vfloat)(weight.scale)", karst_emit_operand(emit, by).text);
     karst_text_add(text, emit->block.is_point ? ";\n" : ");\n");
     if (by_pair)
         karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, weight.scale);\n", i, i,
