@@ -22,7 +22,8 @@
 
 /* The aim is 2 s on an idle machine of the kind that docs/PERFORMANCE.md names, and is printed, not asked for. What is
  * asked for is a ratio within this run, which a slower or busier machine does not change: no text takes more of the
- * processor than compiling the engine's own programs does, which the plane does first (the slowest takes 0.75 of it). */
+ * processor than compiling the engine's own programs does, which the plane does first (the slowest takes 0.75 of it).
+ */
 enum { AIM_MS = 2000, MOST_MIB = 500 };
 
 static const char *const heavy[] = {"many arcs", "many divisions", "many warps", "colours without end"};
