@@ -5,9 +5,8 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-bool karst_evict_init(karst_evict *evict, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks, const karst_mapped *mapped,
-                      karst_error *error)
+bool karst_evict_init(karst_evict *evict, karst_context *context, const karst_cache_buffers *pools, karst_lru *tiles,
+                      karst_lru *bricks, const karst_mapped *mapped, karst_error *error)
 {
     *evict = (karst_evict){.context = context,
                            .shape = karst_shape_of(context),
@@ -24,6 +23,11 @@ bool karst_evict_init(karst_evict *evict, karst_context *context, karst_program 
     evict->host_bricks = malloc(num * sizeof(*evict->host_bricks));
     if (!evict->host_tiles || !evict->host_bricks)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of evictions");
+    return true;
+}
+
+bool karst_evict_take_kernels(karst_evict *evict, karst_program *program, karst_error *error)
+{
     return (evict->unlink_tiles = karst_program_kernel(program, "karst_evict_tiles", error)) &&
            (evict->unlink_bricks = karst_program_kernel(program, "karst_evict_bricks", error));
 }

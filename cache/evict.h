@@ -22,9 +22,10 @@ typedef struct {
 } karst_evict;
 
 /* Errors: KARST_FAILED. karst_evict_finish takes what a failed init left, or zeros. */
-bool karst_evict_init(karst_evict *evict, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_lru *tiles, karst_lru *bricks,
-                      const karst_mapped *mapped, karst_error *error);
+bool karst_evict_init(karst_evict *evict, karst_context *context, const karst_cache_buffers *pools, karst_lru *tiles,
+                      karst_lru *bricks, const karst_mapped *mapped, karst_error *error);
+/* Of cache/collect.cl, where pools are not mapped. Errors: KARST_FAILED. */
+bool karst_evict_take_kernels(karst_evict *evict, karst_program *program, karst_error *error);
 void karst_evict_finish(karst_evict *evict);
 
 /* Starts what the next two are expected to do, without a wait: nothing needs to be known of tiles to go on to bricks.

@@ -8,8 +8,8 @@
 #define DIGIT_BITS 11
 #define DIGIT_SIZE (1u << DIGIT_BITS)
 
-bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped, karst_error *error)
+bool karst_lru_init(karst_lru *lru, karst_context *context, uint32_t kind, const karst_cache_buffers *pools,
+                    karst_survey *survey, karst_mapped *mapped, karst_error *error)
 {
     bool tiles = kind == KARST_SURVEY_TILES;
     *lru = (karst_lru){.context = context,
@@ -30,8 +30,13 @@ bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *progr
     lru->host_victims = malloc(KARST_CACHE_MAX_WORK * sizeof(uint32_t));
     if (!lru->slots || !lru->spare || !lru->host_victims)
         return karst_fail(error, KARST_FAILED, "out of memory for a list of %zu slots", num);
-    return (lru->look =
-                karst_program_kernel(program, tiles ? "karst_lru_look_at_tiles" : "karst_lru_look_at_bricks", error)) &&
+    return true;
+}
+
+bool karst_lru_take_kernels(karst_lru *lru, karst_program *program, karst_error *error)
+{
+    const char *look = lru->kind == KARST_SURVEY_TILES ? "karst_lru_look_at_tiles" : "karst_lru_look_at_bricks";
+    return (lru->look = karst_program_kernel(program, look, error)) &&
            (lru->take = karst_program_kernel(program, "karst_lru_take", error));
 }
 

@@ -40,9 +40,10 @@ typedef struct {
 } karst_lru;
 
 /* Errors: KARST_FAILED. karst_lru_finish takes what a failed init left, or zeros. */
-bool karst_lru_init(karst_lru *lru, karst_context *context, karst_program *program, uint32_t kind,
-                    const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped,
-                    karst_error *error);
+bool karst_lru_init(karst_lru *lru, karst_context *context, uint32_t kind, const karst_cache_buffers *pools,
+                    karst_survey *survey, karst_mapped *mapped, karst_error *error);
+/* Of cache/collect.cl, where pools are not mapped. Errors: KARST_FAILED. */
+bool karst_lru_take_kernels(karst_lru *lru, karst_program *program, karst_error *error);
 void karst_lru_finish(karst_lru *lru);
 
 /* What a survey should find for this pool, if as much is asked for as in the last round and num_free slots are free. */

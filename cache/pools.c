@@ -108,28 +108,38 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
 {
     const karst_cache_buffers *b = &cache->buffers;
     karst_context *context = cache->context;
-    karst_shape shape = karst_shape_of(context);
-    char options[96];
-    snprintf(options, sizeof(options), "-DKARST_CHUNK=%u -DKARST_SCAN_WIDTH=%u", shape.chunk, shape.scan_width);
     cache->granted_bricks = malloc(KARST_CACHE_MAX_WORK * sizeof(uint32_t));
     cache->granted_tiles = malloc(KARST_CACHE_MAX_WORK * sizeof(uint32_t));
     cache->identities = malloc(2 * KARST_CACHE_MAX_WORK * sizeof(uint64_t));
     if (!cache->granted_bricks || !cache->granted_tiles || !cache->identities)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of work");
-    return (cache->program = karst_program_build(context, "cache/pools.cl", options, NULL, 0, error)) &&
+    return (cache->program = karst_program_build(context, "cache/publish.cl", "", NULL, 0, error)) &&
            karst_slots_init(&cache->tile_slots, KARST_ROOT_TILE + 1, b->num_tiles, error) &&
            karst_slots_init(&cache->brick_slots, 1, b->num_bricks, error) &&
            karst_slots_init(&cache->root_slots, b->num_bricks, b->num_bricks + KARST_CACHE_ROOT_BRICKS, error) &&
-           karst_survey_init(&cache->survey, context, cache->program, b, error) &&
-           karst_lru_init(&cache->tiles, context, cache->program, KARST_SURVEY_TILES, b, &cache->survey, &cache->mapped,
-                          error) &&
-           karst_lru_init(&cache->bricks, context, cache->program, KARST_SURVEY_BRICKS, b, &cache->survey,
-                          &cache->mapped, error) &&
-           karst_wants_init(&cache->wants, context, cache->program, b, &cache->survey, &cache->mapped, error) &&
-           karst_evict_init(&cache->evict, context, cache->program, b, &cache->tiles, &cache->bricks, &cache->mapped,
-                            error) &&
+           karst_survey_init(&cache->survey, context, b, error) &&
+           karst_lru_init(&cache->tiles, context, KARST_SURVEY_TILES, b, &cache->survey, &cache->mapped, error) &&
+           karst_lru_init(&cache->bricks, context, KARST_SURVEY_BRICKS, b, &cache->survey, &cache->mapped, error) &&
+           karst_wants_init(&cache->wants, context, b, &cache->survey, &cache->mapped, error) &&
+           karst_evict_init(&cache->evict, context, b, &cache->tiles, &cache->bricks, &cache->mapped, error) &&
            karst_publish_init(&cache->publish, context, cache->program, b, error) &&
            karst_churn_init(&cache->churn, error);
+}
+
+bool karst_cache_take_kernels(karst_cache *cache, karst_error *error)
+{
+    karst_context *context = cache->context;
+    const karst_shape shape = karst_shape_of(context);
+    char options[96];
+    if (cache->collect_program)
+        return true;
+    snprintf(options, sizeof(options), "-DKARST_CHUNK=%u -DKARST_SCAN_WIDTH=%u", shape.chunk, shape.scan_width);
+    karst_program *program = karst_program_build(context, "cache/collect.cl", options, NULL, 0, error);
+    return (cache->collect_program = program) && karst_survey_take_kernels(&cache->survey, program, error) &&
+           karst_lru_take_kernels(&cache->tiles, program, error) &&
+           karst_lru_take_kernels(&cache->bricks, program, error) &&
+           karst_wants_take_kernels(&cache->wants, program, error) &&
+           karst_evict_take_kernels(&cache->evict, program, error);
 }
 
 const char *karst_cache_brick_option(const karst_cache_buffers *buffers)
@@ -178,13 +188,13 @@ karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, u
     cache->buffers.num_tiles = num_tiles;
     cache->buffers.num_bricks = num_bricks;
     cache->buffers.brick_bits = brick_bits ? brick_bits : 16;
-    if (!create_buffers(cache, max_segment_bytes, error) || !create_rooms(cache, error) ||
-        !disown_bricks(cache, error)) {
-        karst_cache_destroy(cache);
-        return NULL;
+    if (create_buffers(cache, max_segment_bytes, error) && create_rooms(cache, error) && disown_bricks(cache, error)) {
+        cache->on_host = context->is_cpu && karst_mapped_is_possible(&cache->buffers);
+        if (cache->on_host || karst_cache_take_kernels(cache, error))
+            return cache;
     }
-    cache->on_host = context->is_cpu && karst_mapped_is_possible(&cache->buffers);
-    return cache;
+    karst_cache_destroy(cache);
+    return NULL;
 }
 
 void karst_cache_destroy(karst_cache *cache)
@@ -205,6 +215,7 @@ void karst_cache_destroy(karst_cache *cache)
     karst_publish_finish(&cache->publish);
     karst_churn_finish(&cache->churn);
     karst_program_destroy(cache->program);
+    karst_program_destroy(cache->collect_program);
     karst_buffer *buffers[] = {b->nodes,          b->tile_info,        b->brick_info,          b->brick_owner,
                                b->tile_stamp,     b->brick_stamp,      b->brick_fallback,      b->want_brick,
                                b->want_children,  b->want_chunk,       b->want_rays,           cache->load_nodes,

@@ -14,7 +14,8 @@
 
 struct karst_cache {
     karst_context *context;
-    karst_program *program;
+    karst_program *program;         /* publish.cl */
+    karst_program *collect_program; /* collect.cl; NULL: no kernel of it was ever needed */
     karst_cache_buffers buffers;
     /* A slot is free (in these), granted to the work of an open round, or holds something (and then is named by what it
      * holds). */
@@ -44,6 +45,9 @@ struct karst_cache {
 
 /* Gives brick slots back to where they belong. */
 void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t num);
+/* Builds the kernels with which the device collects, where there are none yet: a cache whose host collects is made
+ * without, so that no start waits for their compiler. Errors: KARST_FAILED. */
+bool karst_cache_take_kernels(karst_cache *cache, karst_error *error);
 /* Gives slots that were granted but never published back: there is no open round afterwards. */
 void karst_cache_abandon(karst_cache *cache);
 

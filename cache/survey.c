@@ -10,8 +10,8 @@ static uint32_t num_slots(const karst_survey *survey, uint32_t kind)
     return kind == KARST_SURVEY_TILES ? survey->pools->num_tiles : survey->pools->num_bricks;
 }
 
-bool karst_survey_init(karst_survey *survey, karst_context *context, karst_program *program,
-                       const karst_cache_buffers *pools, karst_error *error)
+bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools,
+                       karst_error *error)
 {
     *survey = (karst_survey){.context = context, .shape = karst_shape_of(context), .pools = pools};
     survey->num_request_chunks = (uint32_t)(pools->want_chunk->size_bytes / sizeof(uint32_t));
@@ -37,8 +37,11 @@ bool karst_survey_init(karst_survey *survey, karst_context *context, karst_progr
     survey->result = karst_buffer_create(context, "usage_lists", sizeof(karst_survey_result), NULL, error);
     survey->active = karst_buffer_create(context, "requests", active_bytes, NULL, error);
     survey->active_pieces = karst_buffer_create(context, "requests", active_bytes, NULL, error);
-    if (!survey->counts || !survey->result || !survey->active || !survey->active_pieces)
-        return false;
+    return survey->counts && survey->result && survey->active && survey->active_pieces;
+}
+
+bool karst_survey_take_kernels(karst_survey *survey, karst_program *program, karst_error *error)
+{
     return (survey->look = karst_program_kernel(program, "karst_survey", error)) &&
            (survey->pack = karst_program_kernel(program, "karst_survey_pack", error));
 }

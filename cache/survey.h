@@ -42,8 +42,10 @@ typedef struct {
 } karst_survey;
 
 /* Errors: KARST_FAILED. karst_survey_finish takes what a failed init left, or zeros. */
-bool karst_survey_init(karst_survey *survey, karst_context *context, karst_program *program,
-                       const karst_cache_buffers *pools, karst_error *error);
+bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools,
+                       karst_error *error);
+/* Of cache/collect.cl, before karst_survey_begin; a survey by the host does without. Errors: KARST_FAILED. */
+bool karst_survey_take_kernels(karst_survey *survey, karst_program *program, karst_error *error);
 void karst_survey_finish(karst_survey *survey);
 
 /* Starts a survey: of `ask` serial, ages, most and stand_ins count. Returns at once. A list that is not asked for

@@ -7,8 +7,8 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped, karst_error *error)
+bool karst_wants_init(karst_wants *wants, karst_context *context, const karst_cache_buffers *pools,
+                      karst_survey *survey, karst_mapped *mapped, karst_error *error)
 {
     *wants = (karst_wants){
         .context = context, .shape = karst_shape_of(context), .pools = pools, .survey = survey, .mapped = mapped};
@@ -27,6 +27,11 @@ bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program 
     wants->spare = calloc(1, sizeof(*wants->spare));
     if (!wants->host_wants || !wants->loads || !wants->subdivides || !wants->spare)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of requests");
+    return true;
+}
+
+bool karst_wants_take_kernels(karst_wants *wants, karst_program *program, karst_error *error)
+{
     return (wants->mark = karst_program_kernel(program, "karst_wants_mark", error)) &&
            (wants->list = karst_program_kernel(program, "karst_wants_list", error)) &&
            (wants->accept = karst_program_kernel(program, "karst_wants_accept", error));

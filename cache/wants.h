@@ -38,9 +38,10 @@ typedef struct {
 } karst_wants;
 
 /* Errors: KARST_FAILED. karst_wants_finish takes what a failed init left, or zeros. */
-bool karst_wants_init(karst_wants *wants, karst_context *context, karst_program *program,
-                      const karst_cache_buffers *pools, karst_survey *survey, karst_mapped *mapped,
-                      karst_error *error);
+bool karst_wants_init(karst_wants *wants, karst_context *context, const karst_cache_buffers *pools,
+                      karst_survey *survey, karst_mapped *mapped, karst_error *error);
+/* Of cache/collect.cl, before what the device does; the host does without. Errors: KARST_FAILED. */
+bool karst_wants_take_kernels(karst_wants *wants, karst_program *program, karst_error *error);
 void karst_wants_finish(karst_wants *wants);
 
 /* Starts to make a list of the wants of a serial, behind karst_survey_begin; `turn` as in karst_want_delay.

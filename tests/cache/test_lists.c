@@ -153,6 +153,7 @@ static void test_surveys(void **state)
         for (size_t i = 0; i < NUM_LENGTHS; i++) {
             cache_rig rig;
             rig_open(&rig, context, lengths[i] + 1, lengths[NUM_LENGTHS - 1 - i] / 8 + 9, 0, 5);
+            assert_true(karst_cache_take_kernels(rig.cache, NULL));
             /* By the device, then by the host in each width. */
             for (int width = -1; width < (rig.cache->on_host ? KARST_SCAN_WIDTHS : 0); width++) {
                 const karst_scan *scan = width < 0 ? NULL : karst_scan_of_width(width);
@@ -240,6 +241,7 @@ static void test_recycling(void **state)
         for (size_t i = 0; i < NUM_LENGTHS; i++) {
             karst_cache *cache = karst_cache_create(context, lengths[i] + 1, 9, 0, NULL);
             assert_non_null(cache);
+            assert_true(karst_cache_take_kernels(cache, NULL));
             for (int takable = 0; takable < NUM_PATTERNS; takable++)
                 for (int with_children = 0; with_children<NUM_PATTERNS; with_children += lengths[i]> 5000 ? 3 : 1)
                     recycles_like_the_host(cache, (pattern)takable, (pattern)with_children,
@@ -265,6 +267,8 @@ static bool hosts_memory(karst_context *context)
 {
     karst_cache *cache = karst_cache_create(context, 2, 9, 0, NULL);
     bool is_so = cache && cache->on_host;
+    if (cache)
+        assert_int_equal(!cache->collect_program, is_so); /* no kernels that nobody launches */
     karst_cache_destroy(cache);
     return is_so;
 }
@@ -329,6 +333,7 @@ static void chooses_like_a_loop(karst_context *context, bool by_host, uint32_t n
         karst_wants_choose_by_host(wants, rig.serial, rig.serial, rig.camera.voxel, limit, limit);
         karst_mapped_end(&rig.cache->mapped);
     } else {
+        assert_true(karst_cache_take_kernels(rig.cache, NULL));
         assert_true(karst_survey_begin(survey, &ask, NULL));
         assert_true(karst_wants_begin(wants, rig.serial, rig.serial, rig.camera.voxel, NULL));
         assert_true(karst_survey_end(survey, NULL));
