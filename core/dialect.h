@@ -25,19 +25,24 @@
 
 #define k_fma(a, b, c) fma(a, b, c)
 #define k_sqrt(x) sqrt(x)
-/* PoCL's floor and rint of vectors are ten instructions; the compiler's own are one. The same bits. oclgrind knows only
- * the former: KARST_PLAIN_FLOOR. */
+/* PoCL's floor and rint of vectors are ten instructions, its fabs five; the compiler's own are one. The same bits.
+ * oclgrind knows only the former: KARST_PLAIN_FLOOR. */
 #if defined(__has_builtin) && !defined(KARST_PLAIN_FLOOR)
 #if __has_builtin(__builtin_elementwise_floor) && __has_builtin(__builtin_elementwise_roundeven)
 #define k_floor(x) __builtin_elementwise_floor(x)
 #define k_rint(x) __builtin_elementwise_roundeven(x)
+#endif
+#if __has_builtin(__builtin_elementwise_abs)
+#define k_fabs(x) __builtin_elementwise_abs(x)
 #endif
 #endif
 #ifndef k_floor
 #define k_floor(x) floor(x)
 #define k_rint(x) rint(x)
 #endif
+#ifndef k_fabs
 #define k_fabs(x) fabs(x)
+#endif
 #define k_as_float(u) as_float(u)
 #define k_as_uint(f) as_uint(f)
 #define k_mul_hi_ulong(a, b) mul_hi((ulong)(a), (ulong)(b))
