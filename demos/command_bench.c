@@ -5,7 +5,7 @@
 #include <string.h>
 
 typedef struct {
-    const char *json, *csv, *plot, *trace, *compare, *display;
+    const char *json, *csv, *plot, *trace, *compare, *display, *beside;
     bool help;
 } outputs;
 
@@ -52,6 +52,10 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"csv", 0, COMMAND_TEXT, "FILE", "a line for each frame; - is stdout, likewise", &out->csv, 0, 0, NULL},
         {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: time by stage, requests and churn", &out->plot, 0, 0, NULL},
         {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
+        {"beside", 0, COMMAND_TEXT, "VIEW",
+         "a second engine in turns, which takes the pools once more: no-shadows, the view without them; or standing, "
+         "the view where the path begins, beside the flight",
+         &out->beside, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
@@ -94,6 +98,22 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
     return true;
 }
 
+static bool parse_beside(bench *b, const char *word, karst_error *error)
+{
+    if (!word)
+        return true;
+    for (int i = BENCH_BESIDE_NOTHING + 1; i < BENCH_NUM_BESIDE; i++)
+        if (strcmp(word, bench_beside_names[i]) == 0)
+            b->beside = (bench_beside)i;
+    if (b->beside == BENCH_BESIDE_NOTHING)
+        return karst_fail(error, KARST_USAGE, "--beside %s: must be no-shadows or standing", word);
+    if (b->beside == BENCH_BESIDE_STANDING && !b->path)
+        return karst_fail(error, KARST_USAGE, "--beside standing needs a flight to stand beside: give a --path");
+    return !(b->beside == BENCH_BESIDE_NO_SHADOWS && b->no_shadows) ||
+           karst_fail(error, KARST_USAGE,
+                      "--beside no-shadows and --no-shadows: both views would be the same; leave one of them out");
+}
+
 /* All that can be wrong and is found without opening a device. */
 static bool check_options(bench *b, const outputs *out, karst_error *error)
 {
@@ -108,7 +128,7 @@ static bool check_options(bench *b, const outputs *out, karst_error *error)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    if (!karst_display_kind_parse(out->display, &b->display_kind, error) ||
+    if (!parse_beside(b, out->beside, error) || !karst_display_kind_parse(out->display, &b->display_kind, error) ||
         !command_find_world(b->world, b->world_file, sizeof b->world_file, error))
         return false;
     if (b->path && (!karst_data_find("paths", b->path, ".json", b->path_file, sizeof b->path_file, error) ||
@@ -184,6 +204,9 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
     print_ratio(file, report, "refined_frame_per_frame_without", "settled frame / what it is without refine");
     print_ratio(file, report, "flight_frame_per_settled_frame", "flight, median / settled frame");
     print_ratio(file, report, "flight_p99_per_settled_frame", "flight, p99 / settled frame");
+    print_ratio(file, report, "settled_frame_per_frame_without_shadows", "settled frame / the same without shadows");
+    print_ratio(file, report, "flight_frame_per_standing_frame", "flight, median / standing frame, in turns");
+    print_ratio(file, report, "flight_p99_per_standing_frame", "flight, p99 / standing frame, in turns");
     print_ratio(file, report, "used_bricks_per_hit_brick", "bricks used / bricks hit");
     print_phase(file, report, "settled");
     print_phase(file, report, "flight");

@@ -19,14 +19,27 @@ typedef enum {
     BENCH_SETTLED, /* each after another frame */
     BENCH_COLD,    /* the same after memory was copied: nothing of the picture is in caches */
     BENCH_FLIGHT,
+    BENCH_BESIDE, /* of a second engine, in turns with those of the first */
     BENCH_NUM_PHASES
 } bench_phase;
+
+/* What a second engine shows, if there is one. */
+typedef enum {
+    BENCH_BESIDE_NOTHING,
+    BENCH_BESIDE_NO_SHADOWS, /* the same view without shadows, beside settled frames */
+    BENCH_BESIDE_STANDING,   /* the view where the flight begins, beside the flight's frames */
+    BENCH_NUM_BESIDE
+} bench_beside;
+/* As --beside and reports have them; of BENCH_BESIDE_NOTHING: NULL. */
+extern const char *const bench_beside_names[BENCH_NUM_BESIDE];
+/* A second engine's frames come before every so many of the flight. */
+#define BENCH_STANDING_EVERY 15u
 
 /* One frame, and what of its statistics is kept. */
 typedef struct {
     bench_phase phase;
     unsigned run;
-    size_t index;      /* within its phase of its run */
+    size_t index;      /* within its phase of its run; of a second engine's: of the frame that comes next */
     double time_s;     /* of the flight; of settling: since its start */
     uint64_t ended_ns; /* on karst_clock */
     uint64_t frame_ns, production_ns, cpu_ns, stage_ns[KARST_NUM_STAGES];
@@ -60,6 +73,7 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     bool has_seed, no_shadows, no_blend, no_beam, refine;
+    bench_beside beside;
     command_parameters parameters;
     karst_helper *helper; /* shares the compiling of the first start; NULL: none */
     uint64_t process_start_ns;

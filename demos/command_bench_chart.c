@@ -157,7 +157,7 @@ static void add_counter(json_t *events, const char *name, double time_us, const 
 
 char *bench_trace(const bench *b, karst_error *error)
 {
-    static const char *const phases[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight"};
+    static const char *const phases[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
     static const char *const churn[] = {"requests", "produced", "evicted"};
     json_t *events = json_array();
     uint64_t first_ns = UINT64_MAX;

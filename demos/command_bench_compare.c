@@ -16,6 +16,9 @@ static const figure figures[] = {
     {"ratios.cold_frame_per_settled_frame", LESS},
     {"ratios.flight_frame_per_settled_frame", LESS},
     {"ratios.flight_p99_per_settled_frame", LESS},
+    {"ratios.settled_frame_per_frame_without_shadows", LESS},
+    {"ratios.flight_frame_per_standing_frame", LESS},
+    {"ratios.flight_p99_per_standing_frame", LESS},
     {"ratios.used_bricks_per_hit_brick", LESS},
     {"ceilings.floor_ms", LESS},
     {"ceilings.fma_per_s", MORE},
@@ -45,7 +48,8 @@ static const figure figures[] = {
 
 /* What must be the same for ratios to mean anything. */
 static const char *const conditions[] = {"world",   "camera",    "path",    "width_px", "height_px", "device",
-                                         "shadows", "budget_ms", "display", "pool_mib", "fps"};
+                                         "shadows", "budget_ms", "display", "pool_mib", "fps",
+                                         "beside_view"};
 
 static const json_t *find(const json_t *root, const char *path)
 {

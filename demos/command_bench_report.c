@@ -9,7 +9,8 @@
 /* A frame is jank if it takes longer than this times its phase's median. */
 #define JANK 2.0
 
-static const char *const phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight"};
+static const char *const phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
+const char *const bench_beside_names[BENCH_NUM_BESIDE] = {NULL, "no-shadows", "standing"};
 
 static int compare_doubles(const void *a, const void *b)
 {
@@ -191,8 +192,64 @@ static void add_ceilings(const bench *b, json_t *root, double *scratch)
     json_object_set_new(root, "ceilings", ceilings);
 }
 
+/* A run's frames of a second engine around the `i`th of them: the median of up to five. A machine's pace changes within
+ * seconds, a single frame may be disturbed. */
+static double beside_ms_around(const double *frames_ms, size_t num, size_t i)
+{
+    double nearest_ms[5];
+    size_t first = i < 2 ? 0 : i - 2, n = 0;
+    while (n < 5 && first + n < num) {
+        nearest_ms[n] = frames_ms[first + n];
+        n++;
+    }
+    qsort(nearest_ms, n, sizeof *nearest_ms, compare_doubles);
+    return quantile(nearest_ms, n, 0.5);
+}
+
+/* Frames of a phase of a run, each as a ratio to the second engine's frames around it, sorted: `every` of them to each
+ * of those. `ratios` and `scratch` have room for all frames. */
+static size_t take_beside_ratios(const bench *b, bench_phase phase, unsigned run, size_t every, double *ratios,
+                                 double *scratch)
+{
+    size_t num_beside = 0, num = 0;
+    for (size_t i = 0; i < b->num_frames; i++)
+        if (b->frames[i].phase == BENCH_BESIDE && b->frames[i].run == run)
+            scratch[num_beside++] = frame_ms(&b->frames[i], WHOLE_FRAME);
+    for (size_t i = 0; i < b->num_frames; i++) {
+        const bench_frame *f = &b->frames[i];
+        if (f->phase != phase || f->run != run)
+            continue;
+        const double beside_ms = beside_ms_around(scratch, num_beside, f->index / every);
+        ratios[num++] = beside_ms > 0 ? frame_ms(f, WHOLE_FRAME) / beside_ms : 0;
+    }
+    qsort(ratios, num, sizeof *ratios, compare_doubles);
+    return num;
+}
+
+/* What a second engine's frames are for. */
+static bool add_ratios_beside(const bench *b, json_t *ratios, double *scratch)
+{
+    double medians[BENCH_MAX_RUNS], p99[BENCH_MAX_RUNS];
+    const bool standing = b->beside == BENCH_BESIDE_STANDING;
+    double *of_run = malloc((b->num_frames + 1) * sizeof *of_run);
+    for (unsigned run = 0; of_run && run < b->runs_done; run++) {
+        const size_t num = take_beside_ratios(b, standing ? BENCH_FLIGHT : BENCH_SETTLED, run,
+                                              standing ? BENCH_STANDING_EVERY : 1, of_run, scratch);
+        medians[run] = quantile(of_run, num, 0.5);
+        p99[run] = quantile(of_run, num, 0.99);
+    }
+    if (of_run)
+        json_object_set_new(
+            ratios, standing ? "flight_frame_per_standing_frame" : "settled_frame_per_frame_without_shadows",
+            describe_spread(medians, b->runs_done));
+    if (of_run && standing)
+        json_object_set_new(ratios, "flight_p99_per_standing_frame", describe_spread(p99, b->runs_done));
+    free(of_run);
+    return of_run != NULL;
+}
+
 /* What is judged: each a ratio of two things measured in the same run. */
-static void add_ratios(const bench *b, json_t *root, double *scratch)
+static bool add_ratios(const bench *b, json_t *root, double *scratch)
 {
     double floor_ns[BENCH_MAX_RUNS], settled_ms[BENCH_MAX_RUNS], values[BENCH_MAX_RUNS];
     json_t *ratios = json_object();
@@ -228,7 +285,9 @@ static void add_ratios(const bench *b, json_t *root, double *scratch)
         values[run] = b->runs[run].hit_bricks ? used / (double)b->runs[run].hit_bricks : 0;
     }
     json_object_set_new(ratios, "used_bricks_per_hit_brick", describe_spread(values, b->runs_done));
+    bool added = b->beside == BENCH_BESIDE_NOTHING || add_ratios_beside(b, ratios, scratch);
     json_object_set_new(root, "ratios", ratios);
+    return added;
 }
 
 /* Bricks and tiles made while settling, and the device time that took. */
@@ -321,9 +380,10 @@ json_t *bench_report(const bench *b)
     json_object_set_new(root, "path", b->path ? json_string(b->path) : json_null());
     json_object_set_new(root, "budget_ms", b->path ? json_real(b->budget_ms) : json_null());
     json_object_set_new(root, "fps", b->path ? json_real(b->fps) : json_null());
+    json_object_set_new(root, "beside_view", b->beside ? json_string(bench_beside_names[b->beside]) : json_null());
     add_start(b, root);
     add_ceilings(b, root, scratch);
-    add_ratios(b, root, scratch);
+    bool complete = add_ratios(b, root, scratch);
     for (int phase = 0; phase < BENCH_NUM_PHASES; phase++)
         json_object_set_new(root, phase_names[phase], describe_phase(b, phase, scratch));
     add_production(b, root, scratch);
@@ -345,6 +405,10 @@ json_t *bench_report(const bench *b)
     json_object_set_new(root, "memory_bytes", memory);
     json_object_set_new(root, "memory_total_bytes", json_integer((json_int_t)sum));
     free(scratch);
+    if (!complete) {
+        json_decref(root);
+        root = NULL;
+    }
     return root;
 }
 

@@ -12,7 +12,7 @@
 typedef struct {
     bench *b;
     command_talk *talk;
-    karst_engine *engine;
+    karst_engine *engine, *beside; /* beside: NULL for none */
     karst_error *error;
     bench_phase phase;
     size_t index;
@@ -25,7 +25,7 @@ typedef struct {
 static bool add_spans(run_state *state, karst_error *error)
 {
     bench *b = state->b;
-    if (!b->tracing || b->num_spans >= MAX_SPANS)
+    if (!b->tracing || state->phase == BENCH_BESIDE || b->num_spans >= MAX_SPANS)
         return true;
     if (b->max_spans < b->num_spans + MAX_FRAME_SPANS) {
         size_t max_spans = 2 * b->max_spans + MAX_FRAME_SPANS;
@@ -96,12 +96,12 @@ static bool interrupted(karst_error *error)
     return karst_fail(error, KARST_FAILED, "interrupted; nothing was written");
 }
 
-static bool settle(run_state *state, karst_error *error)
+static bool settle(run_state *state, karst_engine *engine, karst_error *error)
 {
     bool settled = false;
     karst_error noted = {0};
     state->error = &noted;
-    if (!karst_engine_settle(state->engine, (uint32_t)state->b->max_frames, note_frame, state, &settled, error))
+    if (!karst_engine_settle(engine, (uint32_t)state->b->max_frames, note_frame, state, &settled, error))
         return false;
     if (noted.status != KARST_OK)
         return karst_fail(error, noted.status, "%s", noted.message);
@@ -111,14 +111,14 @@ static bool settle(run_state *state, karst_error *error)
                                  (unsigned)state->b->max_frames);
 }
 
-static bool draw(run_state *state, karst_error *error)
+static bool draw(run_state *state, karst_engine *engine, karst_error *error)
 {
     karst_stats stats;
     karst_error noted = {0};
     state->error = &noted;
-    if (!karst_engine_frame(state->engine, error))
+    if (!karst_engine_frame(engine, error))
         return false;
-    karst_engine_stats(state->engine, &stats);
+    karst_engine_stats(engine, &stats);
     if (!note_frame(state, &stats))
         return noted.status != KARST_OK ? karst_fail(error, noted.status, "%s", noted.message) : interrupted(error);
     return true;
@@ -133,9 +133,12 @@ static void begin(run_state *state, bench_phase phase, bool counted, const char 
     state->phase_start_ns = karst_clock();
 }
 
-static karst_engine *open_engine(bench *b, const karst_log *log, karst_error *error)
+/* `is_beside`: the second engine, which has no display: it would have to be made current in every turn. */
+static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log, karst_error *error)
 {
     karst_engine_config config = {.world = b->world_file, .device = b->device, .display = b->display_kind, .log = log};
+    if (is_beside)
+        config.display = KARST_DISPLAY_NONE;
     config.parameters = b->parameters.values;
     config.num_parameters = b->parameters.num_values;
     config.width_px = b->size_px[0];
@@ -145,13 +148,13 @@ static karst_engine *open_engine(bench *b, const karst_log *log, karst_error *er
     config.view_distance_m = b->view_distance_m;
     config.has_seed = b->has_seed;
     config.seed = (uint32_t)b->seed;
-    config.no_shadows = b->no_shadows;
+    config.no_shadows = b->no_shadows || (is_beside && b->beside == BENCH_BESIDE_NO_SHADOWS);
     config.no_blend = b->no_blend;
     config.refine = b->refine;
     config.brick_bits = (int)b->brick_bits;
     config.no_beam = b->no_beam;
     config.lanes = (int)b->lanes;
-    config.helper = b->helper;
+    config.helper = is_beside ? NULL : b->helper;
     return karst_engine_create(&config, error);
 }
 
@@ -179,6 +182,34 @@ static void time_start(const bench *b, size_t first_frame, uint64_t start_ns, be
     }
 }
 
+/* Opens the engine beside the first, with its camera, and lets it settle. */
+static bool open_beside(run_state *state, const karst_log *log, karst_error *error)
+{
+    bench *b = state->b;
+    const karst_camera camera = karst_engine_camera(state->engine);
+    begin(state, BENCH_BESIDE, false, "settling the view beside it");
+    state->beside = open_engine(b, true, log, error);
+    return state->beside && karst_engine_set_camera(state->beside, &camera, error) &&
+           settle(state, state->beside, error);
+}
+
+/* A frame of the second engine, after another one, as settled frames are. `index`: its frame's; `counted`: whether it
+ * is kept. Leaves the phase as it was. */
+static bool draw_beside(run_state *state, size_t index, bool counted, karst_error *error)
+{
+    const run_state before = *state;
+    state->phase = BENCH_BESIDE;
+    state->counted = false;
+    bool drawn = draw(state, state->beside, error);
+    state->counted = counted;
+    state->index = index;
+    drawn = drawn && draw(state, state->beside, error);
+    state->phase = before.phase;
+    state->counted = before.counted;
+    state->index = before.index;
+    return drawn;
+}
+
 /* Settled frames, and in turns with them what to judge them by. What measures the device leaves nothing of a picture in
  * caches: the frame after it is one of its own kind (cold); the one that counts comes after another, as those of a view
  * that stands do, and the floor after that. */
@@ -192,11 +223,14 @@ static bool do_rounds(run_state *state, karst_measure *measure, karst_error *err
         state->counted = round >= 0;
         state->index = round >= 0 ? (size_t)round : 0;
         state->phase = BENCH_COLD;
-        if (!karst_measure_ceilings(measure, now, error) || !draw(state, error))
+        if (!karst_measure_ceilings(measure, now, error) || !draw(state, state->engine, error))
             return false;
         state->index = round >= 0 ? (size_t)round : 0;
         state->phase = BENCH_SETTLED;
-        if (!draw(state, error) || !karst_measure_floor(measure, now, error))
+        if (!draw(state, state->engine, error) || !karst_measure_floor(measure, now, error))
+            return false;
+        if (b->beside == BENCH_BESIDE_NO_SHADOWS &&
+            !draw_beside(state, round >= 0 ? (size_t)round : 0, round >= 0, error))
             return false;
     }
     return true;
@@ -218,7 +252,9 @@ static bool fly(run_state *state, const karst_path *path, karst_error *error)
         if (!karst_engine_set_camera(state->engine, &camera, error))
             return false;
         karst_engine_follow(state->engine, path, state->time_s, step_s);
-        if (!draw(state, error))
+        if (b->beside == BENCH_BESIDE_STANDING && i % BENCH_STANDING_EVERY == 0 && !draw_beside(state, i, true, error))
+            return false;
+        if (!draw(state, state->engine, error))
             return false;
     }
     return true;
@@ -234,7 +270,7 @@ bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_erro
     karst_measure *measure = NULL;
     size_t first_frame = b->num_frames;
     b->num_spans = 0;
-    state.engine = open_engine(b, log, error);
+    state.engine = open_engine(b, false, log, error);
     if (!state.engine)
         goto out;
     snprintf(b->display, sizeof b->display, "%s",
@@ -246,7 +282,7 @@ bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_erro
         goto out;
     run->opened_ms = (double)(karst_clock() - start_ns) * 1e-6;
     begin(&state, BENCH_SETTLING, true, "settling");
-    if (!settle(&state, error))
+    if (!settle(&state, state.engine, error))
         goto out;
     time_start(b, first_frame, start_ns, run);
     karst_engine_stats(state.engine, &b->settled);
@@ -258,7 +294,7 @@ bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_erro
     if (!measure)
         goto out;
     b->num_cores = karst_measure_num_cores(measure);
-    if (!do_rounds(&state, measure, error))
+    if ((b->beside != BENCH_BESIDE_NOTHING && !open_beside(&state, log, error)) || !do_rounds(&state, measure, error))
         goto out;
     karst_measure_destroy(measure);
     measure = NULL;
@@ -268,6 +304,7 @@ out:
     command_end_progress(talk);
     karst_measure_destroy(measure);
     karst_path_destroy(path);
+    karst_engine_destroy(state.beside);
     karst_engine_destroy(state.engine);
     return done;
 }

@@ -31,6 +31,9 @@ complains 4 "did you mean 'hills'" "a misspelt world" bench hils
 complains 2 "did you mean --rounds" "a misspelt option" bench hills --ronds 3
 complains 2 "1 to 50" "no runs" bench hills --runs 0
 complains 2 "says where the camera is" "a path and a camera" bench hills --path low-flight --camera 0,0,0,0,0
+complains 2 "must be no-shadows or standing" "a second engine for nothing that there is" bench hills --beside floor
+complains 2 "give a --path" "a view that stands beside no flight" bench hills --beside standing
+complains 2 "would be the same" "no shadows beside no shadows" bench hills --beside no-shadows --no-shadows
 complains 5 "no path called" "an unknown path" bench hills --path nowhere
 complains 2 "only one of" "two files to stdout" bench hills --json - --csv -
 complains 1 "no-such-folder" "a report in a folder that is not there" bench hills --json no-such-folder/a.json
@@ -41,7 +44,7 @@ complains 5 "no report of karst bench" "a comparison with something else" bench 
 result "none of these left anything behind"
 run help bench
 [ $status -eq 0 ] && for option in size camera path budget fps frames runs rounds json csv plot trace compare detail \
-    seed param no-shadows pool device display lanes; do
+    seed param no-shadows beside pool device display lanes; do
     grep -q -e "--$option" stdout || status="no --$option"
 done
 [ "$status" = 0 ]
@@ -104,6 +107,43 @@ detail=$(head -n 3 still.csv)
     [ "$(grep -c '^settled,' still.csv)" -eq 6 ] && grep -q '^settling,1,' still.csv
 result "a line for each frame, each with all columns"
 
+
+# ---- a second engine beside it ----
+# Shadow rays come to bricks that the camera's do not: those of the engine without are fewer.
+run bench hills $quick --runs 2 --beside no-shadows --json beside.json --csv beside.csv
+awk -f "$flatten" beside.json > flat
+detail="$detail $(cat stdout flat)"
+[ $status -eq 0 ] && grep -q 'settled frame / the same without shadows' stdout &&
+    awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
+        $1 == "settled" { used[$2] = $at["bricks_used"] }
+        $1 == "beside" { num++; if ($at["bricks_used"] >= used[$2] || $at["bricks_used"] < 1) bad = 1 }
+        END { exit bad || num != 6 }' beside.csv &&
+    awk '{ v[$1] = $3 } END { exit !(v["beside_view"] == "\"no-shadows\"" && v["beside.frames"] == 6 &&
+        v["beside.churn_per_frame.produced"] == 0 && v["settled.frames"] == 6) }' flat
+result "the view without shadows, in turns"
+# Each settled frame to the median of the frames beside it, here all three of its run.
+awk -F, -v file=flat '
+    function middle(v, run,    a, b, c) {
+        a = v[run, 0]; b = v[run, 1]; c = v[run, 2]
+        return a > b ? (b > c ? b : a > c ? c : a) : (a > c ? a : b > c ? c : b)
+    }
+    $1 == "settled" { settled[$2, $3] = $5 }
+    $1 == "beside" { beside[$2, $3] = $5 }
+    END {
+        for (run = 0; run < 2; run++) ratio[run] = middle(settled, run) / middle(beside, run)
+        FS = " "
+        while ((getline line < file) > 0) { split(line, part, " "); v[part[1]] = part[3] }
+        name = "ratios.settled_frame_per_frame_without_shadows."
+        less = ratio[0] < ratio[1] ? ratio[0] : ratio[1]
+        more = ratio[0] < ratio[1] ? ratio[1] : ratio[0]
+        printf "# %.6f %.6f in the frames; %s %s in the report\n", less, more, v[name "min"], v[name "max"]
+        exit (v[name "min"] - less) ^ 2 > 1e-10 || (v[name "max"] - more) ^ 2 > 1e-10
+    }' beside.csv > stdout
+status=$?
+detail=$(cat stdout)
+[ $status -eq 0 ]
+result "its ratio is that of the frames"
+
 run bench hills $quick --runs 1 --json - --compare still.json
 [ $status -eq 0 ] && awk -f "$flatten" stdout | grep -q '^karst_bench = 1' && grep -q 'spread of the runs' stderr &&
     ! grep -q 'not the same' stderr
@@ -123,6 +163,31 @@ awk '{ v[$1] = $3 } END { exit !(v["flight.frames"] == 12 && v["budget_ms"] == 8
     v["flight.churn_per_frame.produced"] > 0 && v["flight.time_ms.evaluate.max"] > 0 &&
     v["ratios.flight_frame_per_settled_frame.median"] > 0 && v["flight.at_level.p1"] <= 1) }' flat
 result "a flight: the report"
+# The view where the flight begins stands beside it: drawn before the frames 0 and 15, the same each time.
+run bench hills $quick --runs 1 --path ./turn.json --fps 20 --beside standing --json standing.json --csv standing.csv
+awk -f "$flatten" standing.json > flat_standing
+detail="$detail $(cat stdout flat_standing; grep -E '^(settled|beside)' standing.csv)"
+[ $status -eq 0 ] && grep -q 'flight, p99 / standing frame' stdout &&
+    awk -F, -v file=flat_standing 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
+        $1 == "settled" { hits = $at["hits"]; used = $at["bricks_used"] }
+        $1 == "flight" { frame[num++] = $5 }
+        $1 == "beside" {
+            beside[$3] = $5; num_beside++
+            if ($at["hits"] != hits || $at["bricks_used"] != used || $at["bricks_produced"] != 0) bad = 1
+        }
+        END {
+            if (num != 20 || num_beside != 2 || !(0 in beside) || !(15 in beside)) exit 1
+            least = beside[0] < beside[15] ? beside[0] : beside[15] # the median of two
+            for (i = 0; i < num; i++) for (k = i; k > 0 && frame[k] < frame[k - 1]; k--) {
+                t = frame[k]; frame[k] = frame[k - 1]; frame[k - 1] = t
+            }
+            while ((getline line < file) > 0) { split(line, part, " "); v[part[1]] = part[3] }
+            median = v["ratios.flight_frame_per_standing_frame.median"]
+            p99 = v["ratios.flight_p99_per_standing_frame.median"]
+            exit bad || v["beside_view"] != "\"standing\"" || (median - frame[9] / least) ^ 2 > 1e-10 ||
+                (p99 - frame[19] / least) ^ 2 > 1e-10
+        }' standing.csv
+result "a flight beside a view that stands: each frame as a ratio to it"
 # A file against itself, as a report of the very same run would be.
 sed 's/"shadows": true/"shadows": false/' flight.json > changed.json
 if command -v python3 > /dev/null; then
