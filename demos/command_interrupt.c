@@ -4,6 +4,12 @@
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+/* Whoever is asked to end does so between two frames. A frame of a huge world, or a driver that compiles one, can take
+ * minutes: then it ends without. */
+#define PATIENCE_S 5u
 
 static volatile sig_atomic_t interrupted;
 
@@ -12,15 +18,31 @@ static void interrupt(int signal_number)
     interrupted = 1;
     /* A second one ends the program at once. */
     signal(signal_number, SIG_DFL);
+    alarm(PATIENCE_S);
+}
+
+static void give_up(int signal_number)
+{
+    static const char text[] = "karst: interrupted in the middle of a long step, which could not be finished\n";
+    (void)signal_number;
+    ssize_t written = write(STDERR_FILENO, text, sizeof text - 1);
+    (void)written;
+    _Exit(KARST_FAILED);
 }
 
 void command_catch_interrupts(void)
 {
+    signal(SIGALRM, give_up);
     signal(SIGINT, interrupt);
     signal(SIGTERM, interrupt);
 }
 
-bool command_interrupted(void) { return interrupted; }
+bool command_interrupted(void)
+{
+    if (interrupted)
+        alarm(0); /* it has been seen */
+    return interrupted;
+}
 
 bool command_fail_interrupted(karst_error *error, const char *format, ...)
 {
