@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cache/layout_shared.h"
+#include "producers/language/emit.h"
 #include "producers/language/lipschitz.h"
 
 typedef struct {
@@ -216,24 +218,42 @@ static void say_reach(const report *r)
     }
 }
 
-/* LANGUAGE section 5: weights in ns, by the share of samples for which a node is computed. */
-static void say_cost(const report *r)
+/* LANGUAGE section 5: weights in ns, by the share of samples for which a node is computed. A tape (tape_world.clh)
+ * computes each for every sample, and each step is looked up (measured: 1.8 ns). */
+#define TAPE_STEP_NS 1.8
+static bool say_cost(const report *r, karst_error *error)
 {
+    karst_world_layout layout;
+    bool is_tape;
+    if (!karst_world_layout_init(&layout, &r->program->world))
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    if (!karst_emit_is_tape(&layout, &is_tape, error))
+        return false;
     double sum = 0;
     for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
         const karst_expr_node *n = &r->graph->nodes[e];
-        if (n->kind == KARST_KIND_UNIFORM)
+        if (n->kind == KARST_KIND_UNIFORM || n->depends & KARST_DEPENDS_NORMAL || (is_tape && !r->is_density[e]))
             continue;
         double weight = 0.04;
         if (n->op == KARST_OP_NOISE)
-            weight = r->graph->noises[n->extra].num_octaves * (is_separable(r, n) ? 0.2 : 2.7);
+            weight = r->graph->noises[n->extra].num_octaves * (is_separable(r, n) && !is_tape ? 0.2 : 2.7);
+        if (is_tape) {
+            sum += fmax(weight, TAPE_STEP_NS);
+            continue;
+        }
         if (n->kind == KARST_KIND_WIDE)
             weight *= 8;
         for (int i = 0; i < 3; i++)
             weight /= n->depends & KARST_DEPENDS_X << i ? 1 : 16;
-        sum += n->depends & KARST_DEPENDS_NORMAL ? 0 : weight;
+        sum += weight;
     }
     say(r, "  estimated cost: %.3g ns a voxel and core", sum);
+    if (is_tape)
+        say(r,
+            "  too large to be compiled: each operation is looked up for each voxel, and a brick takes some %.3g ms; a "
+            "picture takes thousands of them. Write loops of fewer rounds",
+            sum * KARST_BRICK_SIDE * KARST_BRICK_SIDE * KARST_BRICK_SIDE * 1e-6);
+    return true;
 }
 
 static void mark_density(report *r)
@@ -278,7 +298,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
         say_bounds(&r);
         say_steepness(&r);
         say_reach(&r);
-        say_cost(&r);
+        done = say_cost(&r, error);
     } else {
         karst_fail(error, KARST_FAILED, "out of memory");
     }

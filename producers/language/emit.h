@@ -19,6 +19,8 @@
 #define KARST_EMIT_MAX_OPS 4000u
 /* A call of noise is worth so many others: its text is short, what it calls is not. */
 #define KARST_EMIT_NOISE_OPS 40u
+/* And a sine of a place: exact turns of an affine form are reduced in 64 bits, which takes text. */
+#define KARST_EMIT_TURNS_OPS 10u
 /* Octaves are 140 bytes each of a brick's working memory. */
 #define KARST_EMIT_MAX_OCTAVES 2048u
 /* Octaves of a brick that are tensor products; others cost ten times as much. */
@@ -50,6 +52,9 @@ typedef struct {
  * (octave.clh). */
 #define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
 
+/* Whether the density is too large for text, so that karst_emit_world writes the tape's interpreter. Errors:
+ * KARST_FAILED (memory). Thread-safe. */
+bool karst_emit_is_tape(const karst_world_layout *layout, bool *is_tape, karst_error *error);
 /* Writes the program of a world. Errors: KARST_FAILED. Free with karst_emitted_finish. */
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error);
 /* Writes world_point and world_surface (raycast/refine.h) of a world that has a gradient (derive.h): malloc'ed text.

@@ -87,6 +87,8 @@ static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, c
             num_octaves += emit->graph->noises[n->extra].num_octaves;
             count += KARST_EMIT_NOISE_OPS - 1;
         }
+        if (n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS)
+            count += KARST_EMIT_TURNS_OPS - 1;
     }
     if (count > KARST_EMIT_MAX_OPS)
         return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u operations; at most %u can be compiled", what,
@@ -162,19 +164,42 @@ static bool write_colours(karst_emit *emit, karst_emitted *emitted, karst_error 
     return take_text(emit, &emitted->colour_source, error);
 }
 
+static bool begin(karst_emit *emit, const karst_world_layout *layout, karst_error *error)
+{
+    *emit = (karst_emit){.layout = layout, .graph = layout->world.graph};
+    emit->nodes = calloc(emit->graph->num_nodes, sizeof *emit->nodes);
+    emit->placed = calloc(layout->num_words + 1u, sizeof *emit->placed);
+    return (emit->nodes && emit->placed) || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+static void finish(karst_emit *emit)
+{
+    free(emit->nodes);
+    free(emit->placed);
+}
+
+bool karst_emit_is_tape(const karst_world_layout *layout, bool *is_tape, karst_error *error)
+{
+    karst_emit emit;
+    karst_error why = {0};
+    bool done = begin(&emit, layout, error);
+    *is_tape = done && !check(&emit, &layout->world.density, 1, "density", &why) && why.status == KARST_BAD_WORLD;
+    if (done && why.status != KARST_OK && !*is_tape)
+        done = karst_fail(error, why.status, "%s", why.message);
+    finish(&emit);
+    return done;
+}
+
 bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
 {
-    karst_emit emit = {.layout = layout, .graph = layout->world.graph};
-    emit.nodes = calloc(emit.graph->num_nodes, sizeof *emit.nodes);
-    emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
+    karst_emit emit;
     *emitted = (karst_emitted){0};
-    bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
+    bool done = begin(&emit, layout, error);
     done = done && write_density(&emit, emitted, error) &&
            (!layout->world.has_colour || write_colours(&emit, emitted, error));
     if (!done)
         karst_emitted_finish(emitted);
-    free(emit.nodes);
-    free(emit.placed);
+    finish(&emit);
     return done;
 }
 
@@ -182,11 +207,9 @@ bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_e
 {
     const karst_resolved_world *world = &layout->world;
     const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
-    karst_emit emit = {.layout = layout, .graph = world->graph};
+    karst_emit emit;
     karst_emitted points = {0};
-    emit.nodes = calloc(emit.graph->num_nodes, sizeof *emit.nodes);
-    emit.placed = calloc(layout->num_words + 1u, sizeof *emit.placed);
-    bool done = emit.nodes && emit.placed ? true : karst_fail(error, KARST_FAILED, "out of memory");
+    bool done = begin(&emit, layout, error);
     if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
         preamble(&emit);
         karst_emit_points(&emit, &points);
@@ -195,8 +218,7 @@ bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_e
     } else {
         done = false;
     }
-    free(emit.nodes);
-    free(emit.placed);
+    finish(&emit);
     return done;
 }
 

@@ -2,6 +2,7 @@
 #include "world_text.h"
 
 #include "producers/language/check.h"
+#include "producers/language/emit.h"
 #include "producers/language/lipschitz.h"
 
 static char said[16384];
@@ -61,6 +62,50 @@ static void test_lines(void **s)
           "  density from -inf to inf\n"
           "  line 2: right to 1/100 voxel up to 2.62e+03 m from the origin; say \"extent\" in the header for more\n"
           "  estimated cost: 0.164 ns a voxel and core\n");
+    /* Its sines are too much text. */
+    check("float density(vec3 p) {\n"
+          "    float s = 0.0;\n"
+          "    for (int i = 1; i <= 500; i++) s += sin(p.x * float(i));\n"
+          "    return s - p.y;\n"
+          "}\n",
+          "world.karst: a world\n"
+          "  voxel 0.0625 m, seed 0, 2002 operations (2000 as written), longest loop 500 rounds\n"
+          "  bounded: there is a proof for every box\n"
+          "  proven: at most 1.253e+05 steep (Lipschitz constant)\n"
+          "  density from -inf to inf\n"
+          "  estimated cost: 2.7e+03 ns a voxel and core\n"
+          "  too large to be compiled: each operation is looked up for each voxel, and a brick takes some 13.3 ms; a "
+          "picture takes thousands of them. Write loops of fewer rounds\n");
+}
+
+/* What the report says of the tape is what the generator does: either side of the limit. */
+static void test_tape(void **s)
+{
+    (void)s;
+    bool was[2] = {false, false};
+    for (int rounds = 300; rounds <= 420; rounds += 5) {
+        char text[256];
+        snprintf(text, sizeof text,
+                 "float density(vec3 p) { float s = 0.0; for (int i = 1; i <= %d; i++) s += sin(p.x * float(i)); "
+                 "return s - p.y; }",
+                 rounds);
+        text_world w = world_from_text(text);
+        karst_world_layout layout;
+        karst_emitted emitted = {0};
+        karst_error error = {0};
+        assert_true(karst_world_layout_init(&layout, &w.program->world));
+        said[0] = 0;
+        assert_true(karst_language_check(w.program, collect, NULL, NULL));
+        if (!karst_emit_world(&layout, &emitted, &error))
+            fail_msg("%s", error.message);
+        const bool is_said = strstr(said, "too large to be compiled") != NULL;
+        if (is_said != emitted.is_tape)
+            fail_msg("%d rounds: %s, but the report says: %s", rounds, emitted.is_tape ? "a tape" : "text", said);
+        was[is_said] = true;
+        karst_emitted_finish(&emitted);
+        world_finish(&w);
+    }
+    assert_true(was[0] && was[1]);
 }
 
 static const char *const bodies[] = {
@@ -111,6 +156,7 @@ static void test_steepness(void **s)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_lines), cmocka_unit_test(test_steepness)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_lines), cmocka_unit_test(test_tape),
+                                       cmocka_unit_test(test_steepness)};
     return cmocka_run_group_tests_name("check", tests, NULL, NULL);
 }
