@@ -53,8 +53,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: time by stage, requests and churn", &out->plot, 0, 0, NULL},
         {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
         {"beside", 0, COMMAND_TEXT, "VIEW",
-         "a second engine in turns, which takes the pools once more: no-shadows, the view without them; or standing, "
-         "the view where the path begins, beside the flight",
+         "a second engine in turns, which takes the pools once more and has no display: no-shadows, the view without "
+         "them; or standing, the view where the path begins, before every 15th frame of the flight",
          &out->beside, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
@@ -120,10 +120,16 @@ static bool check_options(bench *b, const outputs *out, karst_error *error)
     const struct {
         const char *file, *option;
     } files[] = {{out->json, "--json"}, {out->csv, "--csv"}, {out->plot, "--plot"}, {out->trace, "--trace"}};
+    const size_t num_files = sizeof files / sizeof *files;
     int num_stdout = 0;
     karst_camera camera = {.fov_deg = 60};
     if (b->lanes != 0 && b->lanes != 1 && b->lanes != 16)
         return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)b->lanes);
+    if (!b->path && (b->num_pictures || b->fps > 0 || b->budget_ms > 0))
+        return karst_fail(error, KARST_USAGE, "%s is about a flight: name a --path",
+                          b->num_pictures ? "--frames"
+                          : b->fps > 0    ? "--fps"
+                                          : "--budget");
     if (b->camera && b->path)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
@@ -134,7 +140,12 @@ static bool check_options(bench *b, const outputs *out, karst_error *error)
     if (b->path && (!karst_data_find("paths", b->path, ".json", b->path_file, sizeof b->path_file, error) ||
                     !karst_path_check(b->path_file, error)))
         return false;
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+    for (size_t i = 0; i < num_files; i++) {
+        for (size_t k = 0; k < i; k++)
+            if (files[i].file && files[k].file && strcmp(files[i].file, "-") != 0 &&
+                strcmp(files[i].file, files[k].file) == 0)
+                return karst_fail(error, KARST_USAGE, "%s and %s are the same file, %s: give each its own",
+                                  files[k].option, files[i].option, files[i].file);
         num_stdout += files[i].file && strcmp(files[i].file, "-") == 0;
         if (files[i].file && !command_check_output(files[i].file, files[i].option, false, error))
             return false;
@@ -210,21 +221,21 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
     print_ratio(file, report, "used_bricks_per_hit_brick", "bricks used / bricks hit");
     print_phase(file, report, "settled");
     print_phase(file, report, "flight");
+    print_phase(file, report, "beside");
     fprintf(file,
             "\nfloor %.2f ms, %.1f Gfma/s, %.1f GB/s, bare noise (8 octaves, pointwise) %.1f Mvoxel/s: all cores\n",
             number(report, "ceilings", "floor_ms", "median"), number(report, "ceilings", "fma_per_s", "median") * 1e-9,
             number(report, "ceilings", "memory_bytes_per_s", "median") * 1e-9,
             number(report, "ceilings", "noise_samples_per_s", "median") * 1e-6);
-    fprintf(
-        file,
-        "production while settling, a core: %.0f bricks/s, %.1f Mvoxel/s; loads alone %.1f Mvoxel/s, %.2f x bare "
-        "noise, 1 voxel for %.1f fma; bounds %.2f us a node\n",
-        number(report, "production", "bricks_per_core_s", "median"),
-        number(report, "production", "voxels_per_core_s", "median") * 1e-6,
-        number(report, "production", "load_voxels_per_core_s", "median") * 1e-6,
-        number(report, "production", "load_per_noise", "median"),
-        1 / number(report, "production", "load_voxels_per_fma", "median"),
-        number(report, "production", "bounds_core_us_per_node", "median"));
+    fprintf(file,
+            "production while settling, a core: %.0f bricks/s, %.1f Mvoxel/s; loads alone %.1f Mvoxel/s, %.2f x bare "
+            "noise, 1 voxel for %.1f fma; bounds %.2f us a node\n",
+            number(report, "production", "bricks_per_core_s", "median"),
+            number(report, "production", "voxels_per_core_s", "median") * 1e-6,
+            number(report, "production", "load_voxels_per_core_s", "median") * 1e-6,
+            number(report, "production", "load_per_noise", "median"),
+            1 / number(report, "production", "load_voxels_per_fma", "median"),
+            number(report, "production", "bounds_core_us_per_node", "median"));
     fprintf(file, "  %.0f bricks (%.0f constant after all) and %.0f tiles in %.0f frames\n",
             number(report, "production", "bricks", NULL), number(report, "production", "bricks_constant", NULL),
             number(report, "production", "tiles", NULL), number(report, "start", "frames", "median"));
@@ -276,8 +287,6 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
     static bench b;
     b = (bench){.size_px = {800, 600}, .pool_mib = 512, .max_frames = 1000, .detail_px = 1, .num_runs = 3};
     b.num_rounds = 15;
-    b.budget_ms = 8;
-    b.fps = 30;
     b.process_start_ns = karst_clock();
     outputs out = {.display = "auto"};
     if (!parse_options(argc, argv, talk, &b, &out, error))
@@ -286,6 +295,8 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
         return true;
     if (!check_options(&b, &out, error))
         return false;
+    b.budget_ms = b.budget_ms > 0 ? b.budget_ms : 8;
+    b.fps = b.fps > 0 ? b.fps : 30;
     command_catch_interrupts();
     const karst_log log = command_log(talk);
     b.tracing = out.trace != NULL;

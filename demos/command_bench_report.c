@@ -239,9 +239,9 @@ static bool add_ratios_beside(const bench *b, json_t *ratios, double *scratch)
         p99[run] = quantile(of_run, num, 0.99);
     }
     if (of_run)
-        json_object_set_new(
-            ratios, standing ? "flight_frame_per_standing_frame" : "settled_frame_per_frame_without_shadows",
-            describe_spread(medians, b->runs_done));
+        json_object_set_new(ratios,
+                            standing ? "flight_frame_per_standing_frame" : "settled_frame_per_frame_without_shadows",
+                            describe_spread(medians, b->runs_done));
     if (of_run && standing)
         json_object_set_new(ratios, "flight_p99_per_standing_frame", describe_spread(p99, b->runs_done));
     free(of_run);
@@ -381,6 +381,15 @@ json_t *bench_report(const bench *b)
     json_object_set_new(root, "budget_ms", b->path ? json_real(b->budget_ms) : json_null());
     json_object_set_new(root, "fps", b->path ? json_real(b->fps) : json_null());
     json_object_set_new(root, "beside_view", b->beside ? json_string(bench_beside_names[b->beside]) : json_null());
+    /* What makes frames dearer or cheaper; null: the world's or the device's own. */
+    json_object_set_new(root, "settings",
+                        json_pack("{s:f, s:b, s:b, s:b, s:I, s:I}", "detail_px", b->detail_px, "blend", !b->no_blend,
+                                  "beam", !b->no_beam, "refine", b->refine, "brick_bits",
+                                  (json_int_t)(b->brick_bits ? b->brick_bits : 16), "lanes", (json_int_t)b->lanes));
+    json_t *settings = json_object_get(root, "settings");
+    json_object_set_new(settings, "seed", b->has_seed ? json_integer((json_int_t)b->seed) : json_null());
+    json_object_set_new(settings, "view_distance_m",
+                        b->view_distance_m > 0 ? json_real(b->view_distance_m) : json_null());
     add_start(b, root);
     add_ceilings(b, root, scratch);
     bool complete = add_ratios(b, root, scratch);
@@ -444,9 +453,9 @@ char *bench_csv(const bench *b)
         fprintf(file, ",%.6f,%.6f,%.6f", frame_ms(f, WHOLE_FRAME), frame_ms(f, PRODUCTION), frame_ms(f, CPU));
         for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
             fprintf(file, ",%.6f", frame_ms(f, stage));
-        const uint64_t counts[] = {f->num_requests, f->num_produced,    f->num_evicted,    f->num_reproduced,
-                                   f->num_deferred, f->num_tiles,       f->num_bricks,     f->num_pixels,
-                                   f->num_hits,     f->num_provisional, f->num_incomplete, f->used_tiles,
+        const uint64_t counts[] = {f->num_requests, f->num_produced,    f->num_evicted,     f->num_reproduced,
+                                   f->num_deferred, f->num_tiles,       f->num_bricks,      f->num_pixels,
+                                   f->num_hits,     f->num_provisional, f->num_incomplete,  f->used_tiles,
                                    f->used_bricks,  f->resident_tiles,  f->resident_bricks, f->num_coarser};
         for (size_t n = 0; n < sizeof counts / sizeof *counts; n++)
             fprintf(file, ",%llu", (unsigned long long)counts[n]);

@@ -47,6 +47,9 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
     }
     char *temporary;
     int fd = open_beside(path, &temporary);
+    if (fd < 0 && errno == ENOENT)
+        return karst_fail(error, KARST_FAILED,
+                          "cannot write %s: its folder is not there; make it, or name another with %s", path, option);
     if (fd < 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s; name another with %s", path, strerror(errno),
                           option);

@@ -34,6 +34,10 @@ complains 2 "says where the camera is" "a path and a camera" bench hills --path 
 complains 2 "must be no-shadows or standing" "a second engine for nothing that there is" bench hills --beside floor
 complains 2 "give a --path" "a view that stands beside no flight" bench hills --beside standing
 complains 2 "would be the same" "no shadows beside no shadows" bench hills --beside no-shadows --no-shadows
+complains 2 "^karst: --frames is about a flight" "frames of no flight" bench hills --frames 3
+complains 2 "^karst: --budget is about a flight" "a budget for no flight" bench hills --budget 3
+complains 2 "^karst: --fps is about a flight" "frames a second of no flight" bench hills --fps 3
+complains 2 "same file, a.out" "two outputs to one file" bench hills --json a.out --trace a.out
 complains 5 "no path called" "an unknown path" bench hills --path nowhere
 complains 2 "only one of" "two files to stdout" bench hills --json - --csv -
 complains 1 "no-such-folder" "a report in a folder that is not there" bench hills --json no-such-folder/a.json
@@ -146,6 +150,7 @@ result "its ratio is that of the frames"
 
 # As reports were before there was a second engine.
 grep -v '"beside_view"' still.json > old.json
+grep -q beside_view old.json && rm old.json
 run bench hills $quick --runs 1 --json - --compare old.json
 [ $status -eq 0 ] && awk -f "$flatten" stdout | grep -q '^karst_bench = 1' && grep -q 'spread of the runs' stderr &&
     ! grep -q 'not the same' stderr
@@ -219,8 +224,9 @@ END
 else
     skip "the trace and the chart are well formed" "no python3 here"
 fi
-run bench hills $quick --runs 1 --rounds 3 --path ./turn.json --fps 12 --compare changed.json
+run bench hills $quick --runs 1 --rounds 3 --path ./turn.json --fps 12 --no-blend --seed 7 --compare changed.json
 [ $status -eq 0 ] && grep -q 'not the same shadows: true now, false then' stdout &&
+    grep 'not the same settings' stdout | grep -q '"blend": false.*"seed": 7.* now, .*"blend": true.*"seed": null.* then' &&
     grep -qE '^ratios.settled_frame_per_floor +[0-9.]+ +[0-9.]+ +[0-9.]+ ' stdout
 result "a comparison says what was not the same"
 cat > self.sh << 'END'
