@@ -28,6 +28,8 @@ static void print_help(const command_option *options, size_t num_options)
          "copied.\n"
          "floor: for each ray 8 dependent reads of a node table and 8 trilinear samples of a brick, nothing else.\n"
          "jank: the share of frames that take more than twice the median.\n"
+         "beside: a second engine takes the pools once more, and has no display. no-shadows: the same view without\n"
+         "them, after each settled frame; standing: where the path begins, before every 15th frame of the flight.\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
          "5 a path or a report that cannot be read.");
 }
@@ -52,9 +54,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"csv", 0, COMMAND_TEXT, "FILE", "a line for each frame; - is stdout, likewise", &out->csv, 0, 0, NULL},
         {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: time by stage, requests and churn", &out->plot, 0, 0, NULL},
         {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
-        {"beside", 0, COMMAND_TEXT, "VIEW",
-         "a second engine in turns, which takes the pools once more and has no display: no-shadows, the view without "
-         "them; or standing, the view where the path begins, before every 15th frame of the flight",
+        {"beside", 0, COMMAND_TEXT, "VIEW", "frames of a second engine, in turns: no-shadows or standing, see below",
          &out->beside, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
