@@ -22,6 +22,8 @@ typedef enum {
     BENCH_BESIDE, /* of a second engine, in turns with those of the first */
     BENCH_NUM_PHASES
 } bench_phase;
+/* As reports and traces have them. */
+extern const char *const bench_phase_names[BENCH_NUM_PHASES];
 
 /* What a second engine shows, if there is one. */
 typedef enum {

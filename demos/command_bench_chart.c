@@ -157,7 +157,6 @@ static void add_counter(json_t *events, const char *name, double time_us, const 
 
 char *bench_trace(const bench *b, karst_error *error)
 {
-    static const char *const phases[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
     static const char *const churn[] = {"requests", "produced", "evicted"};
     json_t *events = json_array();
     uint64_t first_ns = UINT64_MAX;
@@ -176,7 +175,7 @@ char *bench_trace(const bench *b, karst_error *error)
         if (f->run + 1 != b->runs_done)
             continue;
         char name[64];
-        snprintf(name, sizeof name, "%s %zu", phases[f->phase], f->index);
+        snprintf(name, sizeof name, "%s %zu", bench_phase_names[f->phase], f->index);
         double start_us = (double)(f->ended_ns - f->frame_ns - first_ns) * 1e-3;
         json_array_append_new(events, json_pack("{s:s, s:s, s:s, s:f, s:f, s:i, s:i}", "name", name, "cat", "frame",
                                                 "ph", "X", "ts", start_us, "dur", (double)f->frame_ns * 1e-3, "pid", 1,

@@ -9,7 +9,7 @@
 /* A frame is jank if it takes longer than this times its phase's median. */
 #define JANK 2.0
 
-static const char *const phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
+const char *const bench_phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
 const char *const bench_beside_names[BENCH_NUM_BESIDE] = {NULL, "no-shadows", "standing"};
 
 static int compare_doubles(const void *a, const void *b)
@@ -394,7 +394,7 @@ json_t *bench_report(const bench *b)
     add_ceilings(b, root, scratch);
     bool complete = add_ratios(b, root, scratch);
     for (int phase = 0; phase < BENCH_NUM_PHASES; phase++)
-        json_object_set_new(root, phase_names[phase], describe_phase(b, phase, scratch));
+        json_object_set_new(root, bench_phase_names[phase], describe_phase(b, phase, scratch));
     add_production(b, root, scratch);
     json_object_set_new(root, "cache",
                         json_pack("{s:o, s:o, s:f, s:I}", "tiles",
@@ -449,7 +449,7 @@ char *bench_csv(const bench *b)
           file);
     for (size_t i = 0; i < b->num_frames; i++) {
         const bench_frame *f = &b->frames[i];
-        fprintf(file, "%s,%u,%zu,%.6f", phase_names[f->phase], f->run, f->index, f->time_s);
+        fprintf(file, "%s,%u,%zu,%.6f", bench_phase_names[f->phase], f->run, f->index, f->time_s);
         fprintf(file, ",%.6f,%.6f,%.6f", frame_ms(f, WHOLE_FRAME), frame_ms(f, PRODUCTION), frame_ms(f, CPU));
         for (int stage = 0; stage < KARST_NUM_STAGES; stage++)
             fprintf(file, ",%.6f", frame_ms(f, stage));

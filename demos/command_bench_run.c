@@ -219,18 +219,18 @@ static bool do_rounds(run_state *state, karst_measure *measure, karst_error *err
     karst_ceilings *ceilings = b->ceilings + (size_t)b->runs_done * b->num_rounds, unused;
     begin(state, BENCH_SETTLED, false, "settled");
     for (int round = -WARM_UP_ROUNDS; round < (int)b->num_rounds; round++) {
-        karst_ceilings *now = round >= 0 ? &ceilings[round] : &unused;
+        const size_t index = round >= 0 ? (size_t)round : 0;
+        karst_ceilings *now = round >= 0 ? &ceilings[index] : &unused;
         state->counted = round >= 0;
-        state->index = round >= 0 ? (size_t)round : 0;
+        state->index = index;
         state->phase = BENCH_COLD;
         if (!karst_measure_ceilings(measure, now, error) || !draw(state, state->engine, error))
             return false;
-        state->index = round >= 0 ? (size_t)round : 0;
+        state->index = index;
         state->phase = BENCH_SETTLED;
         if (!draw(state, state->engine, error) || !karst_measure_floor(measure, now, error))
             return false;
-        if (b->beside == BENCH_BESIDE_NO_SHADOWS &&
-            !draw_beside(state, round >= 0 ? (size_t)round : 0, round >= 0, error))
+        if (b->beside == BENCH_BESIDE_NO_SHADOWS && !draw_beside(state, index, round >= 0, error))
             return false;
     }
     return true;

@@ -235,15 +235,8 @@ result "interrupted: nothing is written"
 # Steps of this world take minutes: whoever is asked to end does not wait for them.
 echo 'float density(vec3 p) { float s = 0.0; for (int i = 0; i < 16000; i++) s += sin(p.x * float(i)); return s - p.y; }' \
     > slow.karst
-"$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr &
-slow=$!
-sleep 4
-kill -TERM $slow
-(sleep 60; kill -KILL $slow) > /dev/null 2>&1 &
-watcher=$!
-wait $slow
+timeout --preserve-status -k 60 4 "$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr
 status=$?
-kill $watcher 2> /dev/null
 detail="exit $status: $(cat stderr)"
 [ $status -eq 1 ] && grep -q '^karst: interrupted' stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
 result "interrupted in the middle of a step that takes minutes"
