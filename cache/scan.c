@@ -100,6 +100,55 @@ static void old_sse2(const uint32_t *stamps, uint32_t num, uint32_t serial, uint
 
 static const karst_scan scan_sse2 = {equal_sse2, old_sse2, count_plain};
 
+/* ---- AVX2 ---- */
+
+#define AVX2 __attribute__((target("popcnt,avx2")))
+
+/* Eight masks of 32 bits as bits. */
+#define BITS_AVX2(mask) (uint64_t)(uint32_t)_mm256_movemask_ps(_mm256_castsi256_ps(mask))
+
+AVX2 static inline __m256i load_avx2(const uint32_t *stamps) { return _mm256_loadu_si256((const __m256i *)stamps); }
+
+AVX2 static void equal_avx2(const uint32_t *stamps, uint32_t num, uint32_t serial, uint64_t *words)
+{
+    const __m256i is = _mm256_set1_epi32((int)serial);
+    for (; num > 0; num--, stamps += WORD) {
+        uint64_t word = 0;
+        expect_word(stamps);
+        for (uint32_t i = 0; i < WORD; i += 8)
+            word |= BITS_AVX2(_mm256_cmpeq_epi32(load_avx2(stamps + i), is)) << i;
+        *words++ = word;
+    }
+}
+
+AVX2 static inline __m256i is_old_avx2(__m256i x, __m256i now, __m256i least)
+{
+    __m256i age = _mm256_sub_epi32(now, x);
+    return _mm256_or_si256(_mm256_cmpeq_epi32(_mm256_max_epu32(age, least), age),
+                           _mm256_cmpeq_epi32(x, _mm256_setzero_si256()));
+}
+
+AVX2 static void old_avx2(const uint32_t *stamps, uint32_t num, uint32_t serial, uint32_t age, uint64_t *words)
+{
+    const __m256i now = _mm256_set1_epi32((int)serial), least = _mm256_set1_epi32((int)age);
+    for (; num > 0; num--, stamps += WORD) {
+        uint64_t word = 0;
+        for (uint32_t i = 0; i < WORD; i += 8)
+            word |= BITS_AVX2(is_old_avx2(load_avx2(stamps + i), now, least)) << i;
+        *words++ = word;
+    }
+}
+
+AVX2 static uint32_t count_avx2(const uint64_t *words, uint32_t num)
+{
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < num; i++)
+        sum += (uint32_t)__builtin_popcountll(words[i]);
+    return sum;
+}
+
+static const karst_scan scan_avx2 = {equal_avx2, old_avx2, count_avx2};
+
 /* ---- AVX-512 ---- */
 
 #define AVX512 __attribute__((target("popcnt,avx512f")))
@@ -129,15 +178,7 @@ AVX512 static void old_avx512(const uint32_t *stamps, uint32_t num, uint32_t ser
 #undef STAMPS
 }
 
-AVX512 static uint32_t count_avx512(const uint64_t *words, uint32_t num)
-{
-    uint32_t sum = 0;
-    for (uint32_t i = 0; i < num; i++)
-        sum += (uint32_t)__builtin_popcountll(words[i]);
-    return sum;
-}
-
-static const karst_scan scan_avx512 = {equal_avx512, old_avx512, count_avx512};
+static const karst_scan scan_avx512 = {equal_avx512, old_avx512, count_avx2};
 
 #endif
 
@@ -147,8 +188,11 @@ const karst_scan *karst_scan_of_width(int width)
 {
 #ifdef HAS_WIDTHS
     __builtin_cpu_init();
+    bool has_count = __builtin_cpu_supports("popcnt");
+    if (width == 3)
+        return has_count && __builtin_cpu_supports("avx512f") ? &scan_avx512 : NULL;
     if (width == 2)
-        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("popcnt") ? &scan_avx512 : NULL;
+        return has_count && __builtin_cpu_supports("avx2") ? &scan_avx2 : NULL;
     if (width == 1)
         return &scan_sse2;
 #endif
@@ -176,32 +220,42 @@ typedef struct {
     karst_survey_slot *slots;
 } look;
 
+/* Of the slots that `fits` names, those that are exactly of the age, or what is looked for is all alike. */
+static uint64_t exact_of(const look *l, const uint32_t *a, const uint32_t *b, uint64_t fits)
+{
+    uint64_t exact = 0, more = 0;
+    if (l->stand_ins)
+        return fits;
+    if (!l->has_exact)
+        return 0;
+    l->scan->equal(a, 1, l->ask->serial - l->ask->ages[l->kind], &exact);
+    if (l->two)
+        l->scan->equal(b, 1, l->ask->serial - l->ask->ages[l->kind], &more);
+    return (exact | more) & fits;
+}
+
 /* Of the slots from `first` on, with these stamps, those that `fits` names; of the ones that are exactly of the age the
  * first ask->most in all. */
 static void list_word(look *l, const uint32_t *a, const uint32_t *b, uint32_t first, uint64_t fits)
 {
     const uint32_t most = l->ask->most[l->kind], serial = l->ask->serial, age = l->ask->ages[l->kind];
-    uint64_t exact[2] = {0};
-    if (l->stand_ins) {
-        exact[0] = fits;
-    } else if (l->has_exact) {
-        l->scan->equal(a, 1, serial - age, &exact[0]);
-        if (l->two)
-            l->scan->equal(b, 1, serial - age, &exact[1]);
-        exact[0] = (exact[0] | exact[1]) & fits;
-    }
-    if (l->num_exact >= most) {
-        fits &= ~exact[0];
-        l->num_exact += l->scan->count(exact, 1);
-        exact[0] = 0;
+    karst_survey_slot *slots = l->slots;
+    uint32_t num = l->num, num_exact = l->num_exact;
+    if (num_exact >= most) { /* none of them any more: often they are nearly all */
+        uint64_t exact = exact_of(l, a, b, fits);
+        num_exact += l->scan->count(&exact, 1);
+        fits &= ~exact;
     }
     for (; fits; fits &= fits - 1) {
         uint32_t i = (uint32_t)__builtin_ctzll(fits);
-        if (exact[0] >> i & 1 && l->num_exact++ >= most)
-            continue;
-        uint32_t x = karst_survey_age(a[i], serial), y = karst_survey_age(b[i], serial);
-        l->slots[l->num++] = (karst_survey_slot){first + i, x < y ? x : y};
+        uint32_t x = karst_survey_age(a[i], serial), y = karst_survey_age(b[i], serial), least = x < y ? x : y;
+        bool exact = l->stand_ins || (l->has_exact && least == age);
+        slots[num] = (karst_survey_slot){first + i, least};
+        num += !exact || num_exact < most;
+        num_exact += exact;
     }
+    l->num = num;
+    l->num_exact = num_exact;
 }
 
 /* `there`: the bits of the last word that are slots. */

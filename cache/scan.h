@@ -19,7 +19,7 @@ typedef struct {
 } karst_scan;
 
 /* Width 0 is any processor's. NULL: this one has none of that number. */
-#define KARST_SCAN_WIDTHS 3
+#define KARST_SCAN_WIDTHS 4
 const karst_scan *karst_scan_of_width(int width);
 const karst_scan *karst_scan_best(void);
 
