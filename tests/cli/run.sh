@@ -42,6 +42,9 @@ complains()
 run --help
 [ $status -eq 0 ] && grep -q 'karst render hills' stdout && [ ! -s stderr ]
 result "--help gives an example, on stdout"
+run help help
+[ $status -eq 0 ] && grep -q "^Commands:" stdout
+result "help help is help"
 run help render
 [ $status -eq 0 ] && cp stdout help && for option in output size camera device display pool detail seed budget-bricks \
     budget path frames fps start end live view-distance no-shadows brick-bits frames-max quiet stats help; do
@@ -62,6 +65,7 @@ complains 2 "did you mean 'render'" "a misspelt command" rendr hills
 complains 2 "did you mean --camera" "a misspelt option" render hills --camrea 0,0,0,0,0
 complains 2 "karst --help" "a command that is nothing like one" xyzzy
 complains 2 "which world" "no world" render
+complains 2 "^karst: -o: which file" "an output without a name" render hills -o ''
 complains 2 "one argument too many" "two worlds" render hills asteroid
 complains 2 "needs a value" "an option without its value" render hills --size
 complains 2 "takes no value" "a flag with a value" render hills --no-shadows=1
@@ -94,7 +98,7 @@ sed 's/320/high/' turn.json > bad.json
 turn="$PWD/turn.json"
 complains 5 "bad.json.*keyframe 1, position.*high" "a path with a bad keyframe" \
     render hills --path "$PWD/bad.json" -o %d.png
-complains 5 "no path called 'low-fligth'" "an unknown path" render hills --path low-fligth -o %d.png
+complains 5 "no path is called 'low-fligth' .* did you mean 'low-flight'. There are: .*orbit" "an unknown path" render hills --path low-fligth -o %d.png
 complains 5 "nowhere.json" "a path's file that is not there" render hills --path nowhere.json -o %d.png
 complains 2 "where to" "a path without -o" render hills --path "$turn"
 complains 2 "%05d" "many pictures to one file" render hills --path "$turn" -o a.png
@@ -240,6 +244,15 @@ status=$?
 detail="exit $status: $(cat stderr)"
 [ $status -eq 1 ] && grep -q '^karst: interrupted' stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
 result "interrupted in the middle of a step that takes minutes"
+# timeout(1) asks twice in a moment, and does not mean the second time; one that comes later is meant.
+"$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr &
+sleep 3
+kill -TERM $! && sleep 0.02 && kill -TERM $! && sleep 0.6 && kill -INT $!
+wait $!
+status=$?
+detail="exit $status: $(cat stderr)"
+[ $status -eq 130 ]
+result "interrupted again while it waits: it ends at once"
 
 # ---- flights ----
 fly="render hills --path $turn --frames 3 -q $quick"
