@@ -122,11 +122,16 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
 
+/* ---- command_find.c ---- */
+
+/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD, with a
+ * suggestion and what there is. */
+bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
+/* The file of a camera path, likewise. Errors: KARST_BAD_DATA. */
+bool command_find_path(const char *name, char *path, size_t size_bytes, karst_error *error);
+
 /* ---- command_world.c ---- */
 
-/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD with a
- * suggestion. */
-bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
 /* Says so if a camera stands inside solid ground, and where there is air above it: its picture is a puzzle. */
 void command_say_if_inside(command_talk *talk, const karst_world_config *world, const karst_camera *camera,
                            int voxel_log2_m);

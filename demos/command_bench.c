@@ -137,7 +137,7 @@ static bool check_options(bench *b, const outputs *out, karst_error *error)
     if (!parse_beside(b, out->beside, error) || !karst_display_kind_parse(out->display, &b->display_kind, error) ||
         !command_find_world(b->world, b->world_file, sizeof b->world_file, error))
         return false;
-    if (b->path && (!karst_data_find("paths", b->path, ".json", b->path_file, sizeof b->path_file, error) ||
+    if (b->path && (!command_find_path(b->path, b->path_file, sizeof b->path_file, error) ||
                     !karst_path_check(b->path_file, error)))
         return false;
     for (size_t i = 0; i < num_files; i++) {

@@ -28,6 +28,8 @@ static int open_beside(const char *path, char **temporary)
 
 bool command_check_output(const char *path, const char *option, bool binary, karst_error *error)
 {
+    if (!*path)
+        return karst_fail(error, KARST_USAGE, "%s: which file? Its name is empty", option);
     if (is_stdout(path)) {
         if (binary && isatty(STDOUT_FILENO))
             return karst_fail(error, KARST_USAGE, "%s -: stdout is a terminal; send it to a file or a pipe", option);

@@ -134,7 +134,7 @@ static bool check_flight(render_options *o, karst_error *error)
     flight->num_pictures = (size_t)o->num_pictures;
     flight->fps = o->fps;
     flight->max_frames = (uint32_t)o->max_frames;
-    return karst_data_find("paths", o->path, ".json", o->path_file, sizeof o->path_file, error) &&
+    return command_find_path(o->path, o->path_file, sizeof o->path_file, error) &&
            karst_path_check(o->path_file, error) &&
            command_pictures_check(o->output, o->num_pictures == 1, o->size_px[0], o->size_px[1], error);
 }

@@ -49,7 +49,7 @@ static const command *find_command(const char *name, karst_error *error)
 
 static bool run_help(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    if (argc == 0) {
+    if (argc == 0 || strcmp(argv[0], "help") == 0) {
         print_help(stdout);
         return true;
     }

@@ -9,7 +9,7 @@
 #define COMPILING_S 0.01 /* between looks at a compilation */
 #define GAMEPAD_S 0.033  /* between looks at a gamepad's sticks while nothing happens */
 #define LONGEST_STEP_S 0.25
-#define MOST_BRICKS 8192 /* in a frame: what one waits for, standing, is made in few */
+#define MOST_BRICKS 8192                        /* in a frame: what one waits for, standing, is made in few */
 #define FOUND_AHEAD_BYTES ((uint64_t)512 << 20) /* what a default pool holds */
 
 /* ---- opening ---- */
@@ -384,9 +384,9 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
         v->log = command_log(talk);
         good = command_find_world(v->world, v->world_file, sizeof v->world_file, error) &&
                (!v->settings.stats || command_check_output(v->settings.stats, "--stats", false, error)) &&
-               (!v->settings.replay || (karst_data_find("paths", v->settings.replay, ".json", v->capture.path_file,
-                                                        sizeof v->capture.path_file, error) &&
-                                        karst_path_check(v->capture.path_file, error)));
+               (!v->settings.replay ||
+                (command_find_path(v->settings.replay, v->capture.path_file, sizeof v->capture.path_file, error) &&
+                 karst_path_check(v->capture.path_file, error)));
         v->is_file = strchr(v->world_file, '/') || strstr(v->world_file, ".karst");
         if (good)
             good = run(v, error);

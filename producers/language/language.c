@@ -14,6 +14,7 @@
 #include "producers/language/lower.h"
 
 #define PRELUDE "producers/language/prelude.karst"
+#define MAX_LIST 300 /* characters, about, of names in a hint */
 
 static const char *prelude_text(void)
 {
@@ -42,6 +43,17 @@ static void arena_full(void *user)
     longjmp(c->escape, 1);
 }
 
+/* All that a world has, where none of them is like the name that was given. */
+static const char *all_parameters(const karst_world_header *h, karst_arena *arena)
+{
+    if (h->num_parameters == 0)
+        return "it has none: \"params\" in the file's first comment gives it some";
+    const char *list = h->parameters[0].name;
+    for (uint32_t i = 1; i < h->num_parameters && strlen(list) < MAX_LIST; i++)
+        list = karst_format(arena, "%s, %s", list, h->parameters[i].name);
+    return karst_format(arena, "there are: %s", list);
+}
+
 static void set_parameters(compilation *c, const karst_parameter_value *given, size_t num_given)
 {
     const karst_world_header *h = &c->program->header;
@@ -54,9 +66,11 @@ static void set_parameters(compilation *c, const karst_parameter_value *given, s
         karst_nearest nearest = karst_nearest_begin(given[k].name, strlen(given[k].name));
         while (i < h->num_parameters && strcmp(h->parameters[i].name, given[k].name))
             karst_nearest_offer(&nearest, h->parameters[i++].name);
-        if (i == h->num_parameters)
-            karst_source_error(&c->source, c->source.user_begin, karst_nearest_hint(&nearest, c->source.arena),
+        if (i == h->num_parameters) {
+            const char *hint = karst_nearest_hint(&nearest, c->source.arena);
+            karst_source_error(&c->source, c->source.user_begin, hint ? hint : all_parameters(h, c->source.arena),
                                "this world has no parameter '%s'", given[k].name);
+        }
         double v = given[k].value;
         v = v < h->parameters[i].min ? h->parameters[i].min : v > h->parameters[i].max ? h->parameters[i].max : v;
         c->lowering.parameters[i].value = karst_number_shortest(v);

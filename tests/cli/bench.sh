@@ -38,7 +38,7 @@ complains 2 "^karst: --frames is about a flight" "frames of no flight" bench hil
 complains 2 "^karst: --budget is about a flight" "a budget for no flight" bench hills --budget 3
 complains 2 "^karst: --fps is about a flight" "frames a second of no flight" bench hills --fps 3
 complains 2 "same file, a.out" "two outputs to one file" bench hills --json a.out --trace a.out
-complains 5 "no path called" "an unknown path" bench hills --path nowhere
+complains 5 "no path is called 'nowhere' .*; there are: .*low-flight" "an unknown path" bench hills --path nowhere
 complains 2 "only one of" "two files to stdout" bench hills --json - --csv -
 complains 1 "no-such-folder" "a report in a folder that is not there" bench hills --json no-such-folder/a.json
 complains 5 "unable to open nothing.json: No such file or directory$" "a comparison with nothing" bench hills --compare nothing.json

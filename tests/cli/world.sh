@@ -82,6 +82,7 @@ complains 4 "did you mean 'alps'" "check: a misspelt world" check alp
 complains 4 "no-such.karst" "check: a file that is not there" check no-such.karst
 complains 4 "regular file" "check: a folder" check ./
 complains 4 "hight" "check: an unknown parameter" check plain.karst --param hight=3
+complains 4 "there are: height, rounds" "check: a parameter like none" check plain.karst --param snow=3
 complains 2 "which world" "check: no world" check
 complains 2 "did you mean --param" "check: a misspelt option" check plain.karst --parm a=1
 for world in "$KARST_DATA_DIR"/worlds/*.karst; do

@@ -630,6 +630,10 @@ static void test_given_parameter(void **s)
     assert_string_equal(program->diagnostics->message, "this world has no parameter 'relif'");
     assert_string_equal(program->diagnostics->hint, "did you mean 'relief'?");
     karst_program_graph_destroy(program);
+    program = karst_language_compile("w", text, strlen(text), &(karst_parameter_value){"snow", 1}, 1, &ok, NULL);
+    assert_false(ok);
+    assert_string_equal(program->diagnostics->hint, "there are: relief");
+    karst_program_graph_destroy(program);
     program = karst_language_compile("w", text, strlen(text), &(karst_parameter_value){"relief", 20}, 1, &ok, NULL);
     assert_true(ok);
     assert_true(program->parameters[0].value.value == 9); /* clamped */
