@@ -129,11 +129,15 @@ if wants distance; then
 fi
 
 if wants lanes; then
-    echo; echo "The same kernels with 1 lane, as GPUs run them, on this device: hills, 400x300"
-    bench lanes-16 hills --size 400x300 --no-shadows --runs 1 --rounds 9 &&
-        bench lanes-1 hills --size 400x300 --no-shadows --runs 1 --rounds 3 --lanes 1 &&
-        line "settled frame" "$(calc "$(get lanes-1 settled.time_ms.frame.median) / $(get lanes-16 settled.time_ms.frame.median)")" \
+    echo; echo "The same kernels with 1 lane, as GPUs run them, on this device: 400x300, no shadows"
+    for world in hills karst; do
+        bench lanes-16 $world --size 400x300 --no-shadows --runs 1 --rounds 9 &&
+            bench lanes-1 $world --size 400x300 --no-shadows --runs 1 --rounds 3 --lanes 1 || continue
+        line "$world: settled frame" "$(calc "$(get lanes-1 settled.time_ms.frame.median) / $(get lanes-16 settled.time_ms.frame.median)")" \
             "x of 16 lanes"
+        line "  a brick of production" "$(calc "$(get lanes-16 production.bricks_per_core_s.median) / $(get lanes-1 production.bricks_per_core_s.median)")" \
+            "x of 16 lanes"
+    done
 fi
 
 if wants production; then
