@@ -71,8 +71,13 @@ static void set_parameters(compilation *c, const karst_parameter_value *given, s
             karst_source_error(&c->source, c->source.user_begin, hint ? hint : all_parameters(h, c->source.arena),
                                "this world has no parameter '%s'", given[k].name);
         }
+        const double low = h->parameters[i].min, high = h->parameters[i].max;
         double v = given[k].value;
-        v = v < h->parameters[i].min ? h->parameters[i].min : v > h->parameters[i].max ? h->parameters[i].max : v;
+        v = v < low ? low : v > high ? high : v;
+        if (v < given[k].value || v > given[k].value)
+            karst_source_warn(&c->source, c->source.user_begin, NULL,
+                              "parameter '%s' is %s %.9g, which is used instead of %.9g", given[k].name,
+                              v < given[k].value ? "at most" : "at least", v, given[k].value);
         c->lowering.parameters[i].value = karst_number_shortest(v);
     }
 }

@@ -637,6 +637,11 @@ static void test_given_parameter(void **s)
     program = karst_language_compile("w", text, strlen(text), &(karst_parameter_value){"relief", 20}, 1, &ok, NULL);
     assert_true(ok);
     assert_true(program->parameters[0].value.value == 9); /* clamped */
+    assert_string_equal(program->diagnostics->message, "parameter 'relief' is at most 9, which is used instead of 20");
+    karst_program_graph_destroy(program);
+    program = karst_language_compile("w", text, strlen(text), &(karst_parameter_value){"relief", 9}, 1, &ok, NULL);
+    assert_true(ok);
+    assert_null(program->diagnostics);
     karst_program_graph_destroy(program);
 }
 
