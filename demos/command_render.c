@@ -301,6 +301,10 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
                                           .has_seed = o.has_seed,
                                           .seed = (uint32_t)o.seed};
         command_say_if_inside(talk, &world, &camera, karst_engine_voxel_log2_m(engine));
+    } else if (!o.path && record.settled && record.last.num_hits == 0) {
+        command_say(talk,
+                    "all rays go through air: no surface is in view. --camera X,Y,Z,YAW,PITCH looks elsewhere, and "
+                    "karst check says whether the density is ever above 0");
     }
     done =
         record.settled || record.live ||

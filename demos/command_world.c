@@ -25,7 +25,9 @@ void command_say_if_inside(command_talk *talk, const karst_world_config *world, 
             command_say(talk, "the camera is inside solid ground; there is air %.0f m above it: --camera %s", up_m,
                         text);
         else
-            command_say(talk, "the camera is inside solid ground: --camera X,Y,Z,YAW,PITCH moves it");
+            command_say(talk, "the camera is inside solid ground, with no air in 1000 km above it: --camera "
+                              "X,Y,Z,YAW,PITCH moves it, and "
+                              "karst check says whether the density is ever below 0");
     }
     karst_sampler_destroy(sampler);
     karst_world_close(opened);

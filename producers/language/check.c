@@ -190,7 +190,10 @@ static void say_steepness(const report *r)
             karst_op_name(r->graph->nodes[s.cause].op), s.jumps ? ", jumps" : ", is steep without bound somewhere");
     if (r->program->header.has_lipschitz)
         say(r, "  declared, not proven: at most %.4g steep", r->program->header.lipschitz);
-    say(r, "  density from %.4g to %.4g", range.lo, range.hi);
+    say(r, "  density from %.4g to %.4g%s", range.lo, range.hi,
+        range.hi <= 0  ? ": never above 0, so all is air and there is nothing to see"
+        : range.lo > 0 ? ": always above 0, so all is solid and there is nothing to see"
+                       : "");
 }
 
 /* Sums and differences of numbers without bound, as floats. */

@@ -215,6 +215,10 @@ run render hills -o inside.png --camera 0,-3000,0,0,0 $quick
 [ $status -eq 0 ] && grep -qE "inside solid ground; there is air [0-9]+ m above it: --camera 0,[0-9-]+,0,0,0" stderr &&
     grep -q "^inside.png: " stderr
 result "a camera in rock: a picture, and where there is air"
+echo 'float density(vec3 p) { return -1.0; }' > air.karst
+run render air.karst -o air.png $quick
+[ $status -eq 0 ] && grep -q "no surface is in view" stderr
+result "a picture of air says that there is no surface"
 run render hills -o short.png --frames-max 1 $quick
 [ $status -eq 1 ] && [ -s short.png ] && grep -q 'not settled within 1 ' stderr
 result "not settled: written, said, exit 1"

@@ -62,6 +62,20 @@ static void test_lines(void **s)
           "  density from -inf to inf\n"
           "  line 2: right to 1/100 voxel up to 2.62e+03 m from the origin; say \"extent\" in the header for more\n"
           "  estimated cost: 0.164 ns a voxel and core\n");
+    check("float density(vec3 p) { return sin(p.x) - 2.0; }\n",
+          "world.karst: a world\n"
+          "  voxel 0.0625 m, seed 0, 5 operations (4 as written), longest loop 0 rounds\n"
+          "  bounded: there is a proof for every box\n"
+          "  proven: at most 1 steep (Lipschitz constant)\n"
+          "  density from -3 to -1: never above 0, so all is air and there is nothing to see\n"
+          "  estimated cost: 0.000469 ns a voxel and core\n");
+    check("float density(vec3 p) { return sin(p.x) + 2.0; }\n",
+          "world.karst: a world\n"
+          "  voxel 0.0625 m, seed 0, 5 operations (4 as written), longest loop 0 rounds\n"
+          "  bounded: there is a proof for every box\n"
+          "  proven: at most 1 steep (Lipschitz constant)\n"
+          "  density from 1 to 3: always above 0, so all is solid and there is nothing to see\n"
+          "  estimated cost: 0.000469 ns a voxel and core\n");
     /* Its sines are too much text. */
     check("float density(vec3 p) {\n"
           "    float s = 0.0;\n"
