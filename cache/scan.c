@@ -220,7 +220,7 @@ typedef struct {
     karst_survey_slot *slots;
 } look;
 
-/* Of the slots that `fits` names, those that are exactly of the age, or what is looked for is all alike. */
+/* Of the slots that `fits` names, those that are exactly of the age; stand-ins are all alike. */
 static uint64_t exact_of(const look *l, const uint32_t *a, const uint32_t *b, uint64_t fits)
 {
     uint64_t exact = 0, more = 0;
