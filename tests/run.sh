@@ -34,14 +34,13 @@ for program; do
     case $program in *.sh) shell=sh ;; *) shell= ;; esac
     start=$(date +%s)
     again=
-    timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
-    status=$?
-    # Now and then the leak checker itself crashes as it looks at a driver's threads, and has found nothing then.
-    if [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log"; then
-        again=', again: the leak checker had crashed'
+    for try in 1 2 3 4; do
         timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
         status=$?
-    fi
+        # Now and then the leak checker itself crashes as it looks at a driver's threads, and has found nothing then.
+        [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log" || break
+        again=", after $try times in which the leak checker crashed"
+    done
     seconds=$(($(date +%s) - start))
 
     skips=$(count '^(not )?ok [0-9]+ *# SKIP' "$log")
