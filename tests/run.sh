@@ -34,12 +34,16 @@ for program; do
     case $program in *.sh) shell=sh ;; *) shell= ;; esac
     start=$(date +%s)
     again=
-    for try in 1 2 3 4; do
-        timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
+    options=${ASAN_OPTIONS:-}
+    for try in 1 2 3; do
+        ASAN_OPTIONS=$options timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$program" > "$log" 2>&1
         status=$?
-        # Now and then the leak checker itself crashes as it looks at a driver's threads, and has found nothing then.
         [ $status -ne 0 ] && grep -q 'LeakSanitizer has encountered a fatal error' "$log" || break
-        again=", after $try times in which the leak checker crashed"
+        # The leak checker itself crashed, and has found nothing then: now and then as it looks at a driver's threads,
+        # and each time where the memory of a library's thread-local variables starts 16 bytes into a page (LSan takes
+        # what stands before it for a header of glibc 2.19). It does without looking at these, then.
+        options=${ASAN_OPTIONS:-}:intercept_tls_get_addr=0
+        again=", again: the leak checker had crashed"
     done
     seconds=$(($(date +%s) - start))
 
