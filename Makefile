@@ -47,10 +47,10 @@ COMMAND_LIBS := $(shell pkg-config --libs $(COMMAND_PKGS) 2>/dev/null)
 SOURCES := $(sort $(shell find $(MODULES) -name '*.c'))
 OBJECTS := $(SOURCES:%.c=$(OBJ)/%.o) $(OBJ)/embedded_kernels.o
 # Everything that a kernel may include travels inside the library.
-KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h' -o -name '*.karst') core/dialect.h)
+KERNELS := $(sort $(shell find $(MODULES) -name '*.cl' -o -name '*.clh' -o -name '*_shared.h' -o -name '*.karst') core/device/dialect.h)
 HEADERS := $(sort $(wildcard core/include/karst/*.h))
-COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/karst.c demos/plot.c \
-    $(sort $(wildcard demos/command_*.c demos/view/*.c)))
+COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/command/karst.c demos/command/plot.c \
+    $(sort $(wildcard demos/command/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
@@ -107,21 +107,21 @@ $(OBJ)/%.o: %.c $(OBJ)/flags
 	$(say) CC $<
 	$(Q)mkdir -p $(@D) && $(CC) $(KCFLAGS) $(EXTRA) -MMD -MP -c $< -o $@
 # `karst --version` and karst_info name them.
-$(OBJ)/demos/command_info.o $(OBJ)/core/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
+$(OBJ)/demos/command/command_info.o $(OBJ)/core/display/info.o: EXTRA = -DKARST_BUILD_FLAGS='"$(CONFIG): $(strip $(CFLAGS_$(CONFIG)) $(CFLAGS))"'
 
 # Kernels that the host compiles for itself find their world there.
-$(OBJ)/producers/host_steps.o: EXTRA = -Iproducers/host
+$(OBJ)/producers/density/host_steps.o: EXTRA = -Iproducers/density/host
 # Loops that become vectors, whatever else is not optimised; no value depends on what these leave out.
-$(OBJ)/producers/host_tape.o: EXTRA = -O2 -ftree-vectorize -fno-trapping-math -fno-math-errno \
+$(OBJ)/producers/density/host_tape.o: EXTRA = -O2 -ftree-vectorize -fno-trapping-math -fno-math-errno \
     $(if $(findstring clang,$(CC)),,-fvect-cost-model=dynamic)
 
 # Where installed worlds lie, for programs that are linked statically.
-$(OBJ)/core/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'
-$(OBJ)/core/data_folder.o: $(OBJ)/prefix
+$(OBJ)/core/base/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'
+$(OBJ)/core/base/data_folder.o: $(OBJ)/prefix
 
-$(OBJ)/embedded_kernels.c: core/embed.sh $(OBJ)/kernels $(KERNELS)
+$(OBJ)/embedded_kernels.c: core/device/embed.sh $(OBJ)/kernels $(KERNELS)
 	$(say) EMBED $@
-	$(Q)mkdir -p $(@D) && sh core/embed.sh $(KERNELS) > $@.tmp && mv $@.tmp $@
+	$(Q)mkdir -p $(@D) && sh core/device/embed.sh $(KERNELS) > $@.tmp && mv $@.tmp $@
 $(OBJ)/embedded_kernels.o: $(OBJ)/embedded_kernels.c $(OBJ)/flags
 	$(say) CC $<
 	$(Q)$(CC) $(KCFLAGS) -c $< -o $@

@@ -8,7 +8,7 @@
 #define KARST_CACHE_CACHE_H
 
 #include "cache/layout_shared.h"
-#include "core/context.h"
+#include "core/device/context.h"
 #include "karst/position.h"
 
 typedef struct karst_cache karst_cache;

@@ -1,4 +1,4 @@
-/* Eviction: what host and kernels share. Compiled twice, must agree bit for bit: see core/dialect.h. */
+/* Eviction: what host and kernels share. Compiled twice, must agree bit for bit: see core/device/dialect.h. */
 #ifndef KARST_CACHE_EVICT_SHARED_H
 #define KARST_CACHE_EVICT_SHARED_H
 

@@ -3,7 +3,7 @@
 #define KARST_CACHE_IDENTITY_SHARED_H
 
 #include "cache/layout_shared.h"
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 #define KARST_IDENTITY_TILE 1u
 #define KARST_IDENTITY_BRICK 2u

@@ -1,7 +1,7 @@
 /* The layout of the two pools: what the cache keeps, the producers fill and rays read.
  *
- * Compiled by the host and by every device: see core/dialect.h. All indices are 32-bit; index 0 is "none" for tiles
- * and bricks (slot 0 of each pool is never handed out), tile 1 is the root tile for ever.
+ * Compiled by the host and by every device: see core/device/dialect.h. All indices are 32-bit; index 0 is "none" for
+ * tiles and bricks (slot 0 of each pool is never handed out), tile 1 is the root tile for ever.
  *
  * Levels: level 0 has the finest voxel of the world; a voxel of level l is 2^l of them wide. A *node* of level l is a
  * cube of KARST_BRICK_CELLS voxels of level l on a side; its integer coordinate n means that it spans level-0 voxels
@@ -12,7 +12,7 @@
 #define KARST_CACHE_LAYOUT_SHARED_H
 
 #include "cache/sample_shared.h"
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 #define KARST_BRICK_CELLS 16 /* cells on a side of a brick */
 #define KARST_BRICK_CELLS_LOG2 4
@@ -87,7 +87,7 @@ typedef struct {
                        corners */
     uint solid[2];  /* likewise: set if the block's first sample is solid. Of a block that has no such cell all are as
                        this one */
-    uint slopes[2]; /* how steep it is along each axis: raycast/slopes_shared.h. 0: not known */
+    uint slopes[2]; /* how steep it is along each axis: raycast/cast/slopes_shared.h. 0: not known */
 } karst_brick_info;
 K_ASSERT_SIZE(karst_brick_info, 32);
 

@@ -1,4 +1,4 @@
-/* Usage lists: what host and kernels share. Compiled twice, must agree bit for bit: see core/dialect.h. */
+/* Usage lists: what host and kernels share. Compiled twice, must agree bit for bit: see core/device/dialect.h. */
 #ifndef KARST_CACHE_LRU_SHARED_H
 #define KARST_CACHE_LRU_SHARED_H
 

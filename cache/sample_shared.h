@@ -1,11 +1,11 @@
 /* A sample of the density as a brick holds it: q, and scale * q is the density.
  *
  * Kernels are built for one width, -DKARST_BRICK_BITS=N; without it 16. The host asks by number. Compiled twice: see
- * core/dialect.h. */
+ * core/device/dialect.h. */
 #ifndef KARST_CACHE_SAMPLE_SHARED_H
 #define KARST_CACHE_SAMPLE_SHARED_H
 
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 #ifndef KARST_BRICK_BITS
 #define KARST_BRICK_BITS 16

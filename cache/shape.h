@@ -2,7 +2,7 @@
 #ifndef KARST_CACHE_SHAPE_H
 #define KARST_CACHE_SHAPE_H
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 /* On CPUs a work-item goes through a long chunk by itself: that beats a work-group scan several times over. Elsewhere
  * chunks are short, so that there are work-items enough. */

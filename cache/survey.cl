@@ -1,7 +1,7 @@
 /* Survey: a pass over all stamps. A work-item goes through one chunk of KARST_CHUNK entries, counts, and lists what it
  * finds at the chunk's own place; then one work-group puts the pieces together. No atomics, and order is kept. */
 #include "cache/survey_shared.h"
-#include "core/lanes.clh"
+#include "core/device/lanes.clh"
 
 /* A bit for each lane. */
 #ifdef V_HAS_BITS

@@ -1,4 +1,4 @@
-/* Survey: what host and kernels share. Compiled twice, must agree bit for bit: see core/dialect.h. */
+/* Survey: what host and kernels share. Compiled twice, must agree bit for bit: see core/device/dialect.h. */
 #ifndef KARST_CACHE_SURVEY_SHARED_H
 #define KARST_CACHE_SURVEY_SHARED_H
 

@@ -3,7 +3,7 @@
 #include "cache/identity_shared.h"
 #include "cache/survey_shared.h"
 #include "cache/wants_shared.h"
-#include "core/lanes.clh"
+#include "core/device/lanes.clh"
 
 /* A work-item's share of the active request chunks. */
 static uint2 own_share(__global const karst_survey_result *result)

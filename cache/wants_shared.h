@@ -1,4 +1,4 @@
-/* Wants: what host and kernels share. Compiled twice, must agree bit for bit: see core/dialect.h. */
+/* Wants: what host and kernels share. Compiled twice, must agree bit for bit: see core/device/dialect.h. */
 #ifndef KARST_CACHE_WANTS_SHARED_H
 #define KARST_CACHE_WANTS_SHARED_H
 

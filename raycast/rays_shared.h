@@ -1,4 +1,4 @@
-/* Rays, hits and the view as kernels and host see them. Compiled twice: see core/dialect.h.
+/* Rays, hits and the view as kernels and host see them. Compiled twice: see core/device/dialect.h.
  *
  * A stream of rays has one int64 anchor (a world position: level-0 voxel and fraction). A ray's origin is the anchor
  * plus a float offset; everything a ray touches is localised against the anchor in integers first and becomes float

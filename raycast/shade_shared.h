@@ -1,8 +1,8 @@
-/* Light and colours as the shading kernels take them. Compiled twice: see core/dialect.h. */
+/* Light and colours as the shading kernels take them. Compiled twice: see core/device/dialect.h. */
 #ifndef KARST_RAYCAST_SHADE_SHARED_H
 #define KARST_RAYCAST_SHADE_SHARED_H
 
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 /* The position that the view is relative to: level-0 voxel and a fraction of it, in 2^-32. */
 typedef struct {

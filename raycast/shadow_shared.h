@@ -1,4 +1,4 @@
-/* Shadow rays as shading makes them and casting takes them. Compiled twice: see core/dialect.h.
+/* Shadow rays as shading makes them and casting takes them. Compiled twice: see core/device/dialect.h.
  *
  * One for each pixel of a picture, field by field: field f of all rays, in packet order (karst_packet_order), then
  * field f + 1. So the lanes of a packet are stored and loaded whole. Fields are floats: origin x, y, z (level-0 voxels
@@ -8,7 +8,7 @@
 #ifndef KARST_RAYCAST_SHADOW_SHARED_H
 #define KARST_RAYCAST_SHADOW_SHARED_H
 
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 #define KARST_SHADOW_ORIGIN 0
 #define KARST_SHADOW_WIDTH 3

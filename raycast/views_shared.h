@@ -1,8 +1,8 @@
-/* Pictures that show what the engine does. Compiled twice: see core/dialect.h. */
+/* Pictures that show what the engine does. Compiled twice: see core/device/dialect.h. */
 #ifndef KARST_RAYCAST_VIEWS_SHARED_H
 #define KARST_RAYCAST_VIEWS_SHARED_H
 
-#include "core/dialect.h"
+#include "core/device/dialect.h"
 
 /* What to paint; the order is karst_view's (karst/view.h). */
 #define KARST_PAINT_LEVEL 1

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "noise/bounds.clh"
-#include "producers/language/oracle_internal.h"
+#include "producers/language/oracle/oracle_internal.h"
 #include "reference/jet.h"
 #include "reference/range_ops.h"
 

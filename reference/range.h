@@ -4,7 +4,7 @@
  * the middle of the piece, its range over it, and the range of its derivative; the range is met with the mean value
  * form, middle + slope * [-half, half]. Noise is bounded by its value, gradient and Hessian at the middle and the
  * proved suprema of noise/bounds.clh. What jumps has no slope. This shares no code with the bounds that devices use
- * (producers/language/tape_bounds.clh): only the operations of what is piecewise constant, which are floats by
+ * (producers/language/tape/tape_bounds.clh): only the operations of what is piecewise constant, which are floats by
  * definition. Lattice places keep all of their 56 bits, where devices and the oracle keep 24 and 32.
  */
 #ifndef KARST_REFERENCE_RANGE_H

@@ -2,7 +2,7 @@
 #ifndef KARST_REFERENCE_RANGE_OPS_H
 #define KARST_REFERENCE_RANGE_OPS_H
 
-#include "producers/language/graph.h"
+#include "producers/language/graph/graph.h"
 #include "reference/interval.h"
 
 /* Of one node: the value at the middle, over the piece, and the slope over the piece. Bools are 0, 1 or between; ints

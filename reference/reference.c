@@ -9,13 +9,13 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "producers/language/oracle.h"
-#include "producers/language/world_file.h"
-#include "raycast/cast.h"
-#include "raycast/light.clh"
-#include "raycast/light.h"
-#include "raycast/pinhole.h"
-#include "raycast/rays.clh"
+#include "producers/language/oracle/oracle.h"
+#include "producers/density/world_file.h"
+#include "raycast/cast/cast.h"
+#include "raycast/light/light.clh"
+#include "raycast/light/light.h"
+#include "raycast/cast/pinhole.h"
+#include "raycast/cast/rays.clh"
 #include "reference/trace.h"
 
 #define MAX_THREADS 256

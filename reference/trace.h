@@ -9,7 +9,7 @@
 typedef struct {
     double direction[3];
     double t_min, t_max;
-    float lod_scale;        /* level l > 0 begins at 2^l * lod_scale, as in raycast/walk.clh; 0: full density */
+    float lod_scale;        /* level l > 0 begins at 2^l * lod_scale, as in raycast/cast/walk.clh; 0: full density */
     float blend;            /* the last share of each level in which it turns into the next: as karst_cast_view.blend */
     uint32_t max_intervals; /* before the ray is given up */
 } karst_reference_ray;

@@ -24,7 +24,7 @@
 #include <limits.h>
 #include <pthread.h>
 
-#include "demos/command.h"
+#include "demos/command/command.h"
 
 typedef struct viewer viewer;
 

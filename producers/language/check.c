@@ -8,8 +8,8 @@
 #include <string.h>
 
 #include "cache/layout_shared.h"
-#include "producers/language/emit.h"
-#include "producers/language/lipschitz.h"
+#include "producers/language/emit/emit.h"
+#include "producers/language/graph/lipschitz.h"
 
 typedef struct {
     const karst_program_graph *program;

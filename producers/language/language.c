@@ -9,11 +9,11 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "core/embedded.h"
-#include "producers/language/kinds.h"
-#include "producers/language/lower.h"
+#include "core/device/embedded.h"
+#include "producers/language/graph/kinds.h"
+#include "producers/language/front/lower.h"
 
-#define PRELUDE "producers/language/prelude.karst"
+#define PRELUDE "producers/language/front/prelude.karst"
 #define MAX_LIST 300 /* characters, about, of names in a hint */
 
 static const char *prelude_text(void)

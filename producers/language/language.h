@@ -3,9 +3,9 @@
 #define KARST_LANGUAGE_LANGUAGE_H
 
 #include "karst/error.h"
-#include "producers/language/data.h"
-#include "producers/language/header.h"
-#include "producers/language/source.h"
+#include "producers/language/graph/data.h"
+#include "producers/language/front/header.h"
+#include "producers/language/base/source.h"
 
 #define KARST_LANGUAGE_ARENA_BYTES ((size_t)256 << 20)
 

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "producers/density_producer.h"
-#include "producers/language/world_file.h"
+#include "producers/density/density_producer.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 #define NUM_BRICKS 256

@@ -9,10 +9,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "core/engine_measure_shared.h"
-#include "core/profile.h"
-#include "producers/density_producer.h"
-#include "producers/language/world_file.h"
+#include "core/engine/engine_measure_shared.h"
+#include "core/device/profile.h"
+#include "producers/density/density_producer.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 #define CAPACITY 4096
@@ -221,7 +221,7 @@ static void ceilings_open(ceilings *c, karst_context *context)
     int num_bricks = NUM_NOISE_BRICKS;
     float b = 0.999f;
     c->context = context;
-    c->program = karst_program_build(context, "core/engine_measure.cl", "", NULL, 0, &error);
+    c->program = karst_program_build(context, "core/engine/engine_measure.cl", "", NULL, 0, &error);
     pool_expect(c->program && (c->fma = karst_program_kernel(c->program, "measure_fma", &error)) &&
                     (c->noise = karst_program_kernel(c->program, "measure_noise", &error)) &&
                     (c->out = karst_buffer_create(context, "noise", samples * sizeof(float), NULL, &error)) &&
@@ -380,7 +380,7 @@ static void run(bench *what, const char *text, const char *marks)
 int main(int argc, char **argv)
 {
     const char *only = argc > 1 ? argv[1] : "";
-    setenv("POCL_AFFINITY", "1", 0); /* as the command binds its threads (demos/command_threads.c) */
+    setenv("POCL_AFFINITY", "1", 0); /* as the command binds its threads (demos/command/command_threads.c) */
     if (!strstr("speed", only) && !strstr("bounds", only)) {
         fprintf(stderr, "usage: bench_standard_production [speed|bounds [WORLD.karst]]\n");
         return 2;

@@ -17,10 +17,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "core/helper.h"
+#include "core/device/helper.h"
 #include "karst/karst.h"
-#include "producers/density_producer.h"
-#include "producers/language/world_file.h"
+#include "producers/density/density_producer.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 #define COLD_MARK_S 2.0

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "core/profile.h"
+#include "core/device/profile.h"
 #include "tests/support/cache_rig.h"
 
 #define NUM_BRICKS 65536

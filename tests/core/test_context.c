@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 /* ---- devices ---- */
 

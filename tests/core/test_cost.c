@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "core/cost.h"
+#include "core/engine/cost.h"
 
 #define MOST 8192u
 #define BUDGET_NS 8e6

@@ -10,8 +10,8 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
-#include "core/lanes.clh"
+#include "core/device/context.h"
+#include "core/device/lanes.clh"
 
 /* The same text for this compiler and, as a string, for the device's. */
 #define BOTH(name, ...) \
@@ -24,7 +24,7 @@
 
 #define V_PUT(row, v) v_store_int((v), out + (row)*N + i)
 #define V_PUT_FLOAT(row, v) V_PUT(row, v_as_int(v))
-static const char macros[] = "#include \"core/lanes.clh\"\n"
+static const char macros[] = "#include \"core/device/lanes.clh\"\n"
                              "#define N 256\n"
                              "#define V_PUT(row, v) v_store_int((v), out + (row) * N + i)\n"
                              "#define V_PUT_FLOAT(row, v) V_PUT(row, v_as_int(v))\n";
@@ -112,7 +112,7 @@ static const char kernels[] = "__kernel void run(__global const float *as, __glo
                               "}\n";
 
 static const char across[] =
-    "#include \"core/lanes.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
     "__kernel void run(__global const float *values, __global const int *masks, __global float *extremes,\n"
     "                  __global int *tests)\n"
     "{\n"
@@ -276,9 +276,9 @@ static void test_across_lanes(void **state)
     }
 }
 
-/* Moving lanes: what instructions there are of (core/lanes_avx2.clh, core/lanes_avx512.clh), and what stands for them.
- * Work-item i: the lanes whose bits i has set. */
-static const char moves[] = "#include \"raycast/packing.clh\"\n"
+/* Moving lanes: what instructions there are of (core/device/lanes_avx2.clh, core/device/lanes_avx512.clh), and what
+ * stands for them. Work-item i: the lanes whose bits i has set. */
+static const char moves[] = "#include \"raycast/cast/packing.clh\"\n"
                             "__kernel void run(__global const float *a, __global const float *b,\n"
                             "                  __global int *packed, __global int *looked_up)\n"
                             "{\n"
@@ -342,12 +342,12 @@ static int tear_down_vectors(void **state)
     return tear_down(state);
 }
 
-/* `refused`: the condition that must not hold after core/lanes.clh. */
+/* `refused`: the condition that must not hold after core/device/lanes.clh. */
 static void check_left_out(fixture *f, const char *refused)
 {
     char text[512];
     snprintf(text, sizeof(text),
-             "#include \"core/lanes.clh\"\n#if %s\n#error not left out\n#endif\n"
+             "#include \"core/device/lanes.clh\"\n#if %s\n#error not left out\n#endif\n"
              "__kernel void run(__global int *out) { out[0] = 1; }\n",
              refused);
     const karst_virtual_file file = {"test.cl", text};

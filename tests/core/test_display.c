@@ -10,10 +10,10 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 #include <CL/cl_gl.h>
-#include "core/display_platform.h"
-#include "core/surface.h"
+#include "core/display/display_platform.h"
+#include "core/display/surface.h"
 #include "karst/display.h"
 
 /* ---- libraries that can be hidden: the library's own calls of dlopen end up here ---- */

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 static void test_the_first_error_wins(void **state)
 {

@@ -15,7 +15,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "core/helper.h"
+#include "core/device/helper.h"
 
 #define PARAMETER "relief"
 enum { FIRST_KEY = 1000, NUM_KEYS = 40 };

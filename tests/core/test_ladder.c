@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "core/ladder.h"
+#include "core/engine/ladder.h"
 
 typedef struct {
     double first_need; /* slots of rung 0 */

@@ -10,9 +10,9 @@
 #include <cmocka.h>
 #include <pthread.h>
 
-#include "core/display_platform.h"
-#include "core/log_later.h"
-#include "core/opening.h"
+#include "core/display/display_platform.h"
+#include "core/base/log_later.h"
+#include "core/display/opening.h"
 
 /* ---- a log that knows its thread ---- */
 typedef struct {

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "core/pace.h"
+#include "core/engine/pace.h"
 
 #define NUM_HITS 480000
 

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 static const karst_virtual_file source[] = {{
     "test.cl",

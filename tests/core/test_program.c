@@ -11,8 +11,8 @@
 
 #include <cmocka.h>
 
-#include "core/embedded.h"
-#include "core/source.h"
+#include "core/device/embedded.h"
+#include "core/device/source.h"
 
 #define COUNT(array) (sizeof(array) / sizeof(*(array)))
 
@@ -156,17 +156,18 @@ static void write_file(const char *path, const char *text, size_t length)
 static int make_folder(void **state)
 {
     (void)state;
-    char core[256];
+    char core[256], device[256];
     if (!mkdtemp(folder))
         return -1;
     snprintf(core, sizeof(core), "%s/core", folder);
-    return mkdir(core, 0700) || setenv("KARST_KERNEL_DIR", folder, 1);
+    snprintf(device, sizeof(device), "%s/core/device", folder);
+    return mkdir(core, 0700) || mkdir(device, 0700) || setenv("KARST_KERNEL_DIR", folder, 1);
 }
 
 static int remove_folder(void **state)
 {
     (void)state;
-    static const char *const names[] = {"core/dialect.h", "a.cl", "binary.cl", "core"};
+    static const char *const names[] = {"core/device/dialect.h", "a.cl", "binary.cl", "core/device", "core"};
     for (size_t i = 0; i < COUNT(names); i++) {
         char name[256];
         snprintf(name, sizeof(name), "%s/%s", folder, names[i]);
@@ -179,14 +180,14 @@ static int remove_folder(void **state)
 static void test_the_kernel_folder_goes_before_the_embedded_sources(void **state)
 {
     (void)state;
-    const karst_virtual_file files[] = {{"v.cl", "#include \"core/dialect.h\"\n#include \"core/lanes.clh\"\n"},
-                                        {"a.cl", "virtual\n"}};
-    write_file("core/dialect.h", "from the disk\n", 14);
+    const karst_virtual_file files[] = {
+        {"v.cl", "#include \"core/device/dialect.h\"\n#include \"core/device/lanes.clh\"\n"}, {"a.cl", "virtual\n"}};
+    write_file("core/device/dialect.h", "from the disk\n", 14);
     write_file("a.cl", "on the disk\n", 12);
     karst_error error = {0};
     char *text = karst_source_expand("v.cl", files, COUNT(files), &error);
     assert_non_null(text);
-    assert_non_null(strstr(text, "#line 1 \"core/dialect.h\"\nfrom the disk\n"));
+    assert_non_null(strstr(text, "#line 1 \"core/device/dialect.h\"\nfrom the disk\n"));
     assert_non_null(strstr(text, "v_gather_float")); /* what the folder does not have is embedded */
     free(text);
     assert_expands("a.cl", files, COUNT(files), "#line 1 \"a.cl\"\nvirtual\n"); /* handed in goes first */
@@ -272,7 +273,7 @@ static void test_a_program_runs_with_its_options_and_files(void **state)
 {
     fixture *f = *state;
     const karst_virtual_file files[] = {
-        {"test.cl", "#include \"core/lanes.clh\"\n#include \"world.clh\"\n"
+        {"test.cl", "#include \"core/device/lanes.clh\"\n#include \"world.clh\"\n"
                     "__kernel void tell(__global int *out) { out[0] = WORLD; out[1] = LANES; out[2] = "
                     "KARST_DEVICE_CPU; out[3] = OPTION; }\n"},
         {"world.clh", "#define WORLD 77\n"},
@@ -322,8 +323,8 @@ static void test_a_build_error_points_at_file_and_line(void **state)
     fixture *f = *state;
     skip_without_line_directives(f);
     const karst_virtual_file in_world[] = {
-        {"test.cl", "#include \"core/lanes.clh\"\n#include \"world.clh\"\n__kernel void k(__global int *out) { out[0] "
-                    "= world(1); }\n"},
+        {"test.cl", "#include \"core/device/lanes.clh\"\n#include \"world.clh\"\n"
+                    "__kernel void k(__global int *out) { out[0] = world(1); }\n"},
         {"world.clh", "int world(int x)\n{\n    return x + missing_name;\n}\n"},
     };
     karst_error error = {0};
@@ -336,8 +337,8 @@ static void test_a_build_error_points_at_file_and_line(void **state)
 
     /* Behind an include, the including file's own lines count on. */
     const karst_virtual_file in_entry[] = {
-        {"test.cl", "#include \"core/lanes.clh\"\n\n#include \"world.clh\"\n__kernel void k(__global int *out) { "
-                    "out[0] = wolrd; }\n"},
+        {"test.cl", "#include \"core/device/lanes.clh\"\n\n#include \"world.clh\"\n"
+                    "__kernel void k(__global int *out) { out[0] = wolrd; }\n"},
         {"world.clh", "int world(int x) { return x; }\n"},
     };
     error = (karst_error){0};

@@ -14,7 +14,7 @@
 #include <dirent.h>
 #include <fcntl.h>
 
-#include "core/program_cache.h"
+#include "core/device/program_cache.h"
 
 typedef struct {
     karst_context *context;

@@ -17,8 +17,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "core/engine_parts.h"
-#include "core/helper.h"
+#include "core/engine/engine_parts.h"
+#include "core/device/helper.h"
 #include "karst/karst.h"
 
 enum { WIDTH_PX = 64, HEIGHT_PX = 48 };

@@ -1,4 +1,4 @@
-/* Slopes of bricks (raycast/slopes_shared.h) as an engine keeps them: known once a view stands, and of what a slot
+/* Slopes of bricks (raycast/cast/slopes_shared.h) as an engine keeps them: known once a view stands, and of what a slot
  * holds now, not of what it held before. */
 #include <math.h>
 #include <setjmp.h>
@@ -12,9 +12,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "core/engine_parts.h"
+#include "core/engine/engine_parts.h"
 #include "karst/karst.h"
-#include "raycast/slopes_shared.h"
+#include "raycast/cast/slopes_shared.h"
 
 enum { WIDTH_PX = 160, HEIGHT_PX = 120 };
 

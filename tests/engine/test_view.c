@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "core/engine_internal.h"
+#include "core/engine/engine_internal.h"
 #include "karst/karst.h"
 
 #define WIDTH 160

@@ -6,8 +6,8 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "core/cost.h"
-#include "core/engine_internal.h"
+#include "core/engine/cost.h"
+#include "core/engine/engine_internal.h"
 #include "karst/view.h"
 
 #define BUDGET_NS 3e6

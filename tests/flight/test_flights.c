@@ -8,7 +8,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "core/engine_internal.h"
+#include "core/engine/engine_internal.h"
 
 #define FRAMES_BETWEEN_CHECKS 50
 

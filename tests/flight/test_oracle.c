@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "core/engine_internal.h"
+#include "core/engine/engine_internal.h"
 #include "karst/reference.h"
 #include "karst/view.h"
 #include "karst/world.h"

@@ -7,12 +7,12 @@
 #include <stdlib.h>
 
 #include "producers/language/check.h"
-#include "producers/language/derive.h"
-#include "producers/language/emit.h"
+#include "producers/language/graph/derive.h"
+#include "producers/language/emit/emit.h"
 #include "producers/language/language.h"
-#include "producers/language/oracle.h"
-#include "producers/language/tape.clh"
-#include "producers/language/tape.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/language/tape/tape.clh"
+#include "producers/language/tape/tape.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -11,8 +11,8 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "producers/language/data.h"
-#include "producers/language/tape.h"
+#include "producers/language/graph/data.h"
+#include "producers/language/tape/tape.h"
 
 static uint64_t random_state;
 static inline uint32_t random_bits(void)

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "producers/language/tape.clh"
+#include "producers/language/tape/tape.clh"
 #include "tests/language/random_graph.h"
 
 __extension__ typedef __int128 int128;

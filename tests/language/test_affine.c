@@ -1,7 +1,7 @@
 /* Affine forms: fixed point against integers of 256 bits' worth of care, at every distance. */
-#include "producers/language/affine.clh"
-#include "producers/language/affine.h"
-#include "producers/language/octave.clh"
+#include "producers/language/ops/affine.clh"
+#include "producers/language/graph/affine.h"
+#include "producers/language/ops/octave.clh"
 
 #include <setjmp.h>
 #include <stdarg.h>

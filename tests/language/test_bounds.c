@@ -54,7 +54,7 @@ static enum broken broken;
 #define NOISE_MARGIN (broken == BREAK_NOISE_MARGIN ? 0x1p-24f : 0x1p-22f)
 
 #include "producers/language/language.h"
-#include "producers/language/tape.clh"
+#include "producers/language/tape/tape.clh"
 #include "tests/language/built_ins.h"
 #include "tests/language/random_graph.h"
 #include "tests/language/real_tape.h"

@@ -6,9 +6,9 @@
 
 #include <ctype.h>
 
-#include "producers/language/lower_internal.h"
-#include "producers/language/tape.clh"
-#include "producers/language/tape.h"
+#include "producers/language/front/lower_internal.h"
+#include "producers/language/tape/tape.clh"
+#include "producers/language/tape/tape.h"
 #include "tests/language/built_ins.h"
 
 enum { MAX_NAMES = 256, NAME_BYTES = 32 };
@@ -45,7 +45,7 @@ static bool is_type(const char *word, size_t length)
 static void add_prelude(name_list *list)
 {
     size_t length;
-    char *text = read_text("producers/language/prelude.karst", &length);
+    char *text = read_text("producers/language/front/prelude.karst", &length);
     const char *before = "";
     size_t before_length = 0;
     for (const char *at = text; *at;) {

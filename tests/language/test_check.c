@@ -2,8 +2,8 @@
 #include "world_text.h"
 
 #include "producers/language/check.h"
-#include "producers/language/emit.h"
-#include "producers/language/lipschitz.h"
+#include "producers/language/emit/emit.h"
+#include "producers/language/graph/lipschitz.h"
 
 static char said[16384];
 static void collect(void *user, const char *line)

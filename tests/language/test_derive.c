@@ -4,9 +4,9 @@
 
 #include <glob.h>
 
-#include "producers/language/derive.h"
-#include "producers/language/oracle_internal.h"
-#include "producers/language/tape.clh"
+#include "producers/language/graph/derive.h"
+#include "producers/language/oracle/oracle_internal.h"
+#include "producers/language/tape/tape.clh"
 #include "tests/language/built_ins.h"
 #include "tests/language/random_graph.h"
 

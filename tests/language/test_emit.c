@@ -12,11 +12,11 @@
 #include <cmocka.h>
 
 #include "cache/layout_shared.h"
-#include "core/context.h"
-#include "producers/language/emit.h"
+#include "core/device/context.h"
+#include "producers/language/emit/emit.h"
 #include "producers/language/language.h"
-#include "producers/language/oracle.h"
-#include "producers/language/octave.clh"
+#include "producers/language/oracle/oracle.h"
+#include "producers/language/ops/octave.clh"
 #include "tests/language/built_ins.h"
 #include "tests/language/wild_graph.h"
 
@@ -24,9 +24,9 @@
 #define VOXEL_LOG2_M (-4)
 
 static const char probe[] =
-    "#include \"core/lanes.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
     "#include \"cache/layout_shared.h\"\n"
-    "#include \"producers/density.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#include \"world.clh\"\n"
     "#if LANES == 16\n"
     "#define LOAD_LONG(p) vload16(0, p)\n"
@@ -74,8 +74,8 @@ static uint32_t colour_fraction(uint32_t index, int axis)
 }
 
 static const char colour_probe[] =
-    "#include \"core/lanes.clh\"\n"
-    "#include \"producers/density.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#include \"world.clh\"\n"
     "#if LANES == 16\n"
     "#define LOAD_LONG(p) vload16(0, p)\n"
@@ -112,7 +112,7 @@ static const char colour_probe[] =
     "        anchor[axis] = way == 3u ? 5 : voxels[axis * count] - 1000 * axis;\n"
     "    if (way == 2u)\n"
     "        anchor[2] = voxels[2u * count + first] - 0xf0000000l;\n"
-    /* As exact_steps (raycast/exact.clh) has them of floats. */
+    /* As exact_steps (raycast/cast/exact.clh) has them of floats. */
     "    world_near_at near;\n"
     "    near.voxel = anchor, near.fraction = fraction;\n"
     "    near.reach = 1.0f;\n"

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "producers/language/check.h"
-#include "producers/language/world_file.h"
+#include "producers/density/world_file.h"
 
 enum { MOST_MS = 2000, MOST_MIB = 500 };
 

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "producers/language/ops.clh"
+#include "producers/language/ops/ops.clh"
 
 #define PI 3.14159265358979323846
 

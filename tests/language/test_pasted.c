@@ -4,7 +4,7 @@
 
 #include <dirent.h>
 
-#include "producers/language/world_file.h"
+#include "producers/density/world_file.h"
 
 #define FOLDER "tests/language/pasted"
 enum { NUM_SAMPLES = 400 };

@@ -16,11 +16,11 @@ static bool is_broken;
 #define TAPE_BREAKS_SIDE is_broken
 #define TAPE_SLOTS 256
 
-#include "core/context.h"
-#include "producers/density_producer.h"
-#include "producers/language/oracle.h"
-#include "producers/language/tape_short.clh"
-#include "producers/language/world_file.h"
+#include "core/device/context.h"
+#include "producers/density/density_producer.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/language/tape/tape_short.clh"
+#include "producers/density/world_file.h"
 #include "tests/language/random_graph.h"
 #include "tests/support/pool.h"
 
@@ -218,8 +218,8 @@ static void test_fifty_thousand_ops(void **state)
 /* ---- large colours ---- */
 
 static const char colour_probe[] =
-    "#include \"core/lanes.clh\"\n"
-    "#include \"producers/density.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#include \"world.clh\"\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void colours(K_GLOBAL const ulong *data, int x, int level, K_GLOBAL float *out)\n"

@@ -13,7 +13,7 @@
 #include <math.h>
 
 #include "producers/language/language.h"
-#include "producers/language/oracle.h"
+#include "producers/language/oracle/oracle.h"
 
 typedef struct {
     karst_program_graph *program;

@@ -1,16 +1,16 @@
 /* Generated code for a density with its gradient: with 1 and with 16 lanes the bits are the host oracle's. */
 #include "world_text.h"
 
-#include "core/context.h"
-#include "producers/language/derive.h"
-#include "producers/language/emit.h"
-#include "producers/language/octave.clh"
+#include "core/device/context.h"
+#include "producers/language/graph/derive.h"
+#include "producers/language/emit/emit.h"
+#include "producers/language/ops/octave.clh"
 
 enum { NUM_POINTS = 512, NUM_OUTPUTS = 5 };
 
 static const char probe[] =
-    "#include \"core/lanes.clh\"\n"
-    "#include \"producers/density.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#include \"world.clh\"\n"
     "#if LANES == 16\n"
     "#define LOAD(p) vload16(0, p)\n"

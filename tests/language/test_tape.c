@@ -10,11 +10,11 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 #include "cache/layout_shared.h"
-#include "producers/language/bounds_shared.h"
-#include "producers/language/oracle_internal.h"
-#include "producers/language/tape.clh"
+#include "producers/language/tape/bounds_shared.h"
+#include "producers/language/oracle/oracle_internal.h"
+#include "producers/language/tape/tape.clh"
 #include "tests/language/random_graph.h"
 
 enum { NUM_POINTS = 32, MAX_SLOTS = 96, DEVICE_GRAPHS = 40, OWN_DEVICE_GRAPHS = 8, WORLD_SEED = 7 };
@@ -262,7 +262,7 @@ static void test_slots_are_few_and_safe(void **state)
 /* ---- device ---- */
 
 static const char probe[] =
-    "#include \"producers/language/tape.clh\"\n"
+    "#include \"producers/language/tape/tape.clh\"\n"
     "#if LANES == 16\n"
     "#define LOAD(T, p) vload16(0, p)\n"
     "#else\n"
@@ -503,7 +503,7 @@ static void test_devices_agree_with_the_host(void **state)
 /* ---- the tape as a density program ---- */
 
 static const char world_probe[] =
-    "#include \"producers/language/tape_world.clh\"\n"
+    "#include \"producers/language/tape/tape_world.clh\"\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void row(K_GLOBAL const ulong *data, long x, long y, long z, int level, K_GLOBAL float *out)\n"
     "{\n"

@@ -1,5 +1,5 @@
 /* Pairs of floats: how good they are, and that what is not finite is what IEEE says. */
-#include "producers/language/wide.clh"
+#include "producers/language/ops/wide.clh"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* Bounds of the worlds that Karst ships: over random boxes, from a part of a voxel to a million, near the camera and
  * far away, they hold what the tape gives at points inside, at every footprint that they speak for; and what the search
- * of producers/refine.clh concludes from a box's linear form about its parts is true. */
+ * of producers/steps/refine.clh concludes from a box's linear form about its parts is true. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,18 +14,18 @@
 
 #include "karst/position.h"
 #include "producers/language/language.h"
-#include "producers/language/oracle.h"
-#include "producers/language/tape.h"
-#include "producers/language/world_file.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/language/tape/tape.h"
+#include "producers/density/world_file.h"
 #include "tests/language/random_graph.h"
 
-/* producers/refine.clh, with rules to break */
+/* producers/steps/refine.clh, with rules to break */
 enum broken { BREAK_NOTHING, BREAK_PARTS, BREAK_CORNERS, NUM_BROKEN };
 static enum broken broken;
 #define WORLD_MUTANT(rule) (broken == BREAK_##rule)
 #define WORLD_HAS_DATA
 #define TAPE_SLOTS 256
-#include "producers/language/bounds.clh"
+#include "producers/language/tape/bounds.clh"
 
 enum { NUM_BOXES = 3000, NUM_SAMPLES = 20, NUM_WAYS = 80, TOP_LEVEL = 13 };
 

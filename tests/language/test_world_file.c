@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "karst/camera.h"
-#include "producers/language/world_file.h"
+#include "producers/density/world_file.h"
 
 static void test_shipped_worlds(void **state)
 {

@@ -3,7 +3,7 @@
 #ifndef KARST_TESTS_LANGUAGE_WILD_GRAPH_H
 #define KARST_TESTS_LANGUAGE_WILD_GRAPH_H
 
-#include "producers/language/graph.h"
+#include "producers/language/graph/graph.h"
 
 typedef struct {
     uint64_t state;

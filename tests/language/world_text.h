@@ -14,7 +14,7 @@
 #include <string.h>
 
 #include "producers/language/language.h"
-#include "producers/language/oracle.h"
+#include "producers/language/oracle/oracle.h"
 
 typedef struct {
     karst_program_graph *program;

@@ -1,29 +1,37 @@
-# Reads `path:line:#include ...` and complains where an include goes up, or across where it must not (docs/ARCHITECTURE.md).
+# Reads tests/lint/rooms, then `path:line:#include ...`, and complains where an include goes up, or across where it must not.
 
-function layer(path)
+function folder(path)
 {
-    if (path ~ /^core\/include\/karst\// || path ~ /^karst\//) return "public"
-    if (path ~ /^core\/engine[^\/]*\.(c|h|cl)$/) return "engine"
-    if (path ~ /^(core|noise|cache|producers|raycast|reference|demos|tests)\//) return substr(path, 1, index(path, "/") - 1)
-    return ""
+    return path ~ /\// ? substr(path, 1, match(path, /\/[^\/]*$/) - 1) : ""
+}
+
+# Demos, tests and public headers are a room each, with all that lies in them.
+function room(path, at)
+{
+    if (path ~ /^(core\/include\/)?karst\//) return "public"
+    if (match(path, /^(demos|tests)\//)) return substr(path, 1, RLENGTH - 1)
+    at = folder(path)
+    if (at ~ /^core\/engine(\/|$)/) return "engine"
+    return at ~ /^(core|noise|cache|producers|raycast|reference)(\/|$)/ ? at : ""
 }
 
 function allowed(from, to, target)
 {
-    if (from == "tests") return 1
-    if (to == "tests" || to == "demos") return from == to
+    if (from == "tests" || from == to) return 1
+    if (to == "tests" || to == "demos") return 0
     if (from == "engine") return 1
     if (to == "engine") return 0
-    if (from == "noise") return to == "noise" || target == "core/dialect.h" || target == "core/lanes.clh"
-    if (to == "public") return 1
+    if (to == "public") return from != "noise"
     if (from == "public" || from == "demos") return 0
-    if (from == to) return 1
-    if (from == "core") return 0
-    if (from == "cache") return to == "core"
-    if (from == "reference") return to == "core" || to == "noise" || to == "producers" || to == "raycast"
-    if (to == "reference") return 0
-    # Producers and raycast: what lies below, and of the cache only what others are to see.
-    return to == "core" || to == "noise" || target == "cache/cache.h" || target == "cache/layout_shared.h"
+    return (from, to) in below || (from, target) in below
+}
+
+FILENAME != "-" && FILENAME != "" {
+    if ($0 ~ /^#/ || $0 ~ /^[[:space:]]*$/) next
+    sub(/:/, " ")
+    known[$1] = 1
+    for (i = 2; i <= NF; i++) below[$1, $i] = 1
+    next
 }
 
 {
@@ -31,12 +39,17 @@ function allowed(from, to, target)
     path = part[1]
     if (!match($0, /[<"][^>"]*[>"]/)) next
     target = substr($0, RSTART + 1, RLENGTH - 2)
-    from = layer(path)
+    system_header = substr($0, RSTART, 1) == "<"
+    from = room(path)
     if (from == "") next
-    to = layer(target)
+    if (from !~ /^(public|engine|demos|tests)$/ && !(from in known)) {
+        printf "%s:%s: [arrow] tests/lint/rooms has no room %s\n", path, part[2], from
+        next
+    }
+    to = room(target)
     # Names without a folder: the system's, or a neighbour's.
     if (to == "") {
-        if (target !~ /\// || substr($0, RSTART, 1) == "<") next
+        if (target !~ /\// || system_header) next
         to = "outside"
     }
     if (!allowed(from, to, target))

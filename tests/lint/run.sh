@@ -46,14 +46,14 @@ while read -r file; do
 done < "$scratch/code"
 
 # ---- floors and arrows ----
-xargs -r grep -nHE '^[[:space:]]*#[[:space:]]*include' < "$scratch/code" | awk -f "$here/arrows.awk" >> "$complaints"
+xargs -r grep -nHE '^[[:space:]]*#[[:space:]]*include' < "$scratch/code" | awk -f "$here/arrows.awk" "$here/rooms" - >> "$complaints"
 
 # ---- kernels ----
 list '\.cl$' | grep -v '^tests/' | while read -r kernel; do
     [ -e "${kernel%.cl}.c" ] || echo "$kernel:1: [quartet] no ${kernel%.cl}.c launches it" >> "$complaints"
 done
 # Where setting arguments is defined rather than used.
-grep -vE '^core/(context\.h|launch\.c|program\.c)$' "$scratch/code" | grep -v '^tests/' | while read -r file; do
+grep -vE '^core/device/(context\.h|launch\.c|program\.c)$' "$scratch/code" | grep -v '^tests/' | while read -r file; do
     [ -e "${file%.c}.cl" ] && [ "${file%.c}" != "$file" ] || echo "$file"
 done > "$scratch/no_kernel"
 search no_kernel '(clSetKernelArg|karst_arguments|KARST_ARGUMENTS)[[:space:]]*\(' |

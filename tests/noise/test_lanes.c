@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 #include "noise/fbm.clh"
 #include "noise/simplex.clh"

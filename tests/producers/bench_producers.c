@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "karst/data.h"
-#include "producers/language/world_file.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 #define CAPACITY 4096

@@ -11,9 +11,9 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "producers/finalise.h"
-#include "producers/finalise_shared.h"
-#include "producers/subdivide_shared.h"
+#include "producers/steps/finalise.h"
+#include "producers/steps/finalise_shared.h"
+#include "producers/steps/subdivide_shared.h"
 #include "tests/support/pool.h"
 
 #define SIDE KARST_BRICK_SIDE

@@ -1,6 +1,6 @@
-/* Production on the host (producers/host_steps.h) until kernels are compiled: tiles, states, bricks and what was
- * scrubbed are the kernels' in every byte; kernels take over while work goes on; bounds of long tapes wait for them;
- * and what goes wrong while they are compiled is said. */
+/* Production on the host (producers/density/host_steps.h) until kernels are compiled: tiles, states, bricks and what
+ * was scrubbed are the kernels' in every byte; kernels take over while work goes on; bounds of long tapes wait for
+ * them; and what goes wrong while they are compiled is said. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,7 +12,7 @@
 #include <string.h>
 
 #include "karst/camera.h"
-#include "producers/language/world_file.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 enum { NUM_NODES = 24 };
@@ -191,7 +191,7 @@ static void test_failure(void **state)
     choose_nodes(file, nodes);
     answer(host, nodes, &found);
     assert_false(karst_density_producer_compile(host, KARST_UNTIL_COMPILED, &error));
-    assert_non_null(strstr(error.message, "producers/load.cl"));
+    assert_non_null(strstr(error.message, "producers/steps/load.cl"));
     karst_producer_destroy(host);
 
     /* One that is left while it is compiled, and one that was never begun. */

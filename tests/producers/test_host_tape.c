@@ -1,5 +1,6 @@
-/* Samples of bricks by the host's loops over instructions (producers/host_tape.h) are those of the interpreter, bit for
- * bit, for random graphs over every op, at every width that this processor has, near the origin and far from it. */
+/* Samples of bricks by the host's loops over instructions (producers/density/host_tape.h) are those of the interpreter,
+ * bit for bit, for random graphs over every op, at every width that this processor has, near the origin and far from
+ * it. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -8,7 +9,7 @@
 #include <cmocka.h>
 #include <stdlib.h>
 
-#include "producers/host_tape.h"
+#include "producers/density/host_tape.h"
 #include "tests/language/random_graph.h"
 
 enum { NUM_GRAPHS = 600, WORLD_SEED = 7, STRIDE = 11 }; /* every so many samples are compared */

@@ -13,12 +13,12 @@
 
 #include "karst/camera.h"
 #include "producers/channels.h"
-#include "producers/density_producer.h"
+#include "producers/density/density_producer.h"
 #include "tests/support/pool.h"
 
 /* d = -(y of level-0 voxels) - 0.5: solid below, exact for what is tried here. SPOIL(x) may spoil it. */
 static const char half_space[] =
-    "#include \"producers/density.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#ifndef SPOIL\n"
     "#define SPOIL(d, x) (d)\n"
     "#endif\n"

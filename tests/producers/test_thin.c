@@ -12,7 +12,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "producers/density_producer.h"
+#include "producers/density/density_producer.h"
 #include "tests/support/pool.h"
 
 /* d = radius - distance to a point, to a line, to a plane; the largest over all things. Level-0 voxels; |p| up to 2^14,
@@ -55,7 +55,7 @@ static void make_things(thing_kind kind, thing things[NUM_SIZES])
  * floats. */
 static char *write_program(const thing *things, int count)
 {
-    static const char before[] = "#include \"producers/density.clh\"\n"
+    static const char before[] = "#include \"producers/steps/density.clh\"\n"
                                  "typedef struct { long origin[3]; int level; } world_axes;\n"
                                  "K_INLINE vfloat thing(vfloat x, vfloat y, vfloat z, int kind, float ax, float ay, "
                                  "float az, float nx, float ny, float nz, float r)\n"

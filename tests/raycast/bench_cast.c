@@ -2,8 +2,8 @@
 #include <math.h>
 #include <time.h>
 
-#include "raycast/floor.h"
-#include "raycast/shade.h"
+#include "raycast/cast/floor.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/scene.h"
 
 static double hash(int64_t x, int64_t y, int64_t z)

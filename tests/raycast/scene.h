@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "cache/cache.h"
-#include "raycast/cast.h"
+#include "raycast/cast/cast.h"
 
 #define SCENE_UNUSED __attribute__((unused))
 

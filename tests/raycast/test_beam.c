@@ -1,6 +1,6 @@
 /* Packets that walk in beams leave no trace: hits, pictures, depth, stamps and wishes are those of packets that walk
  * alone, in every byte, at every stage of settling. */
-#include "raycast/shade.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/traces.h"
 
 #define WIDTH 93 /* no whole number of packets or tiles */

@@ -1,6 +1,6 @@
 /* Blending between levels: nothing pops, nothing slips through where levels meet, and a hit still depends on its ray
  * and its cells alone. */
-#include "raycast/shade.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/casting.h"
 
 /* Here voxels are seen from some 30 voxels away, not from 1000: over the share that views have, that is less than two

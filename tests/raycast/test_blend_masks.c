@@ -1,5 +1,5 @@
 /* Where rays look while levels blend: nowhere less, and nowhere else, than two bricks' samples call for. */
-#include "core/context.h"
+#include "core/device/context.h"
 #include "tests/raycast/casting.h"
 
 #define NUM_PAIRS 2000
@@ -7,7 +7,7 @@
 #define SIDE KARST_BRICK_SIDE
 
 static const char probe[] =
-    "#include \"raycast/blend_masks.clh\"\n"
+    "#include \"raycast/cast/blend_masks.clh\"\n"
     "K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1)))\n"
     "void probe_masks(K_GLOBAL const karst_brick_info *infos, K_GLOBAL const uint *fines, uint count,\n"
     "                 K_GLOBAL uint *out)\n"

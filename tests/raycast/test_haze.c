@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "raycast/light.clh"
-#include "raycast/light.h"
+#include "raycast/light/light.clh"
+#include "raycast/light/light.h"
 
 #define VOXEL_M 0.0625
 #define GLOBE_M 6371000.0

@@ -1,7 +1,7 @@
 /* Hints of what beams read change nothing but when memory is fetched, whatever they hold; and they are of what rays
  * read, made when they are needed and left alone where a camera stands still. */
-#include "raycast/hints_shared.h"
-#include "raycast/shade.h"
+#include "raycast/cast/hints_shared.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/traces.h"
 
 #define WIDTH 157 /* no whole number of beams */

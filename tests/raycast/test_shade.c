@@ -1,6 +1,6 @@
 /* Shading: pixels, depth, counters and shadow rays; and the functions from light to bytes. */
-#include "raycast/shade.h"
-#include "raycast/tone.clh"
+#include "raycast/light/shade.h"
+#include "raycast/light/tone.clh"
 #include "tests/raycast/casting.h"
 
 static scene built; /* made once */

@@ -1,6 +1,6 @@
 /* Shadow rays that walk in beams leave no trace: dark pixels, stamps and wishes are those of packets that walk alone,
  * in every byte, at every stage of settling, wherever the sun stands. */
-#include "raycast/shade.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/traces.h"
 
 #define WIDTH 93 /* no whole number of packets or beams */

@@ -1,5 +1,5 @@
 /* How steep bricks are along each axis: from samples, in double; and that no hit depends on whether it is known. */
-#include "raycast/slopes_shared.h"
+#include "raycast/cast/slopes_shared.h"
 #include "tests/raycast/casting.h"
 
 enum { WIDTH = 190, HEIGHT = 130, NUM_PIXELS = WIDTH * HEIGHT };

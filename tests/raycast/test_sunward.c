@@ -1,6 +1,6 @@
 /* What bricks are to rays towards the sun: from its definition, and by the shadows that are cast with it. */
-#include "raycast/sunward.h"
-#include "raycast/shade.h"
+#include "raycast/cast/sunward.h"
+#include "raycast/light/shade.h"
 #include "tests/raycast/casting.h"
 
 /* Bumps of several sizes, of which those that are steep hold shadows. */

@@ -13,8 +13,8 @@
 #include <unistd.h>
 
 #include "karst/reference.h"
-#include "producers/language/oracle.h"
-#include "producers/language/world_file.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/density/world_file.h"
 #include "reference/trace.h"
 
 /* ---- worlds from text ---- */

@@ -14,9 +14,9 @@
 
 #include "karst/camera.h"
 #include "karst/data.h"
-#include "producers/density_producer.h"
-#include "producers/language/oracle.h"
-#include "producers/language/world_file.h"
+#include "producers/density/density_producer.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/density/world_file.h"
 #include "tests/support/pool.h"
 
 #define SHIPPED_MAX 64

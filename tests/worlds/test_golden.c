@@ -1,6 +1,6 @@
 /* Golden hashes of every shipped world: a change of any bit of its samples or of its encoded bricks is noticed. If it
  * is meant (the world was edited, or noise became another), the failing test says the new line for golden.h. */
-#include "producers/load_shared.h"
+#include "producers/steps/load_shared.h"
 #include "tests/worlds/golden.h"
 #include "tests/worlds/shipped.h"
 

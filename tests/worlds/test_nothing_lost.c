@@ -6,11 +6,11 @@
 #include <inttypes.h>
 #include <math.h>
 
-#include "producers/load_shared.h"
+#include "producers/steps/load_shared.h"
 #include "tests/worlds/shipped.h"
 
-#include "producers/language/bounds_shared.h"
-#include "producers/language/tape.clh"
+#include "producers/language/tape/bounds_shared.h"
+#include "producers/language/tape/tape.clh"
 
 #define TOP_LEVEL 9
 #define CAPACITY (64 * KARST_TILE_NODES)

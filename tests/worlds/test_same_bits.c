@@ -1,7 +1,7 @@
 /* The same bits for every shipped world: bricks of every shape of device, points of 16 lanes and of one, the tape, and
  * the host's oracle. Near the surface at the camera, and around 10^9 and 10^15 voxels from there. KARST_TEST_FULL=1
  * compares 10^7 voxels a world instead of some 10^5. */
-#include "producers/evaluate.h"
+#include "producers/steps/evaluate.h"
 #include "tests/worlds/shipped.h"
 
 /* GPUs take the third; the fourth is for completeness, and the last two run the tape instead of generated code. */
@@ -55,8 +55,8 @@ static void evaluate(const shipped_world *world, int s, const karst_channel_layo
     void *words = karst_world_file_data(world->file, world->file->info.seed, &error);
     pool_expect(words, world->name, &error);
     karst_world_file_program(world->file, words, options, &program);
-    const karst_virtual_file file = {"world.clh", shapes[s].tape ? "#include \"producers/language/tape_world.clh\"\n"
-                                                                 : program.source};
+    const char *tape = "#include \"producers/language/tape/tape_world.clh\"\n";
+    const karst_virtual_file file = {"world.clh", shapes[s].tape ? tape : program.source};
     karst_evaluator *evaluator =
         karst_evaluator_create(context, shapes[s].shape, layout, &file, program.options, &error);
     size_t size_bytes = count * (size_t)layout->staging_stride * sizeof(float);
@@ -77,8 +77,8 @@ static void evaluate(const shipped_world *world, int s, const karst_channel_layo
 }
 
 static const char points_source[] =
-    "#include \"core/lanes.clh\"\n"
-    "#include \"producers/density.clh\"\n"
+    "#include \"core/device/lanes.clh\"\n"
+    "#include \"producers/steps/density.clh\"\n"
     "#include \"world.clh\"\n"
     "#if LANES == 16\n"
     "#define LOAD_LONG(p) vload16(0, p)\n"

@@ -1,0 +1,21 @@
+/* Looking again at a picture that stands, where it lacked something: rays as dense as its own, that ask for what is
+ * still missing there once something was made. So what a picture lacks is asked for without drawing it anew. */
+#include "core/engine/engine_parts.h"
+
+bool karst_engine_look_again(karst_engine *engine, karst_error *error)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    return karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error);
+}
+
+bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    const karst_light light = karst_engine_light(engine);
+    return karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
+                                    engine->shadows_asked, error);
+}

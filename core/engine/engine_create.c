@@ -1,0 +1,219 @@
+/* Making and unmaking an engine. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "core/display/display_platform.h"
+#include "core/engine/engine_parts.h"
+#include "core/device/helper.h"
+#include "core/display/opening.h"
+
+#define DEFAULT_WIDTH_PX 1280
+#define DEFAULT_HEIGHT_PX 720
+#define DEFAULT_POOL_BYTES ((uint64_t)512 << 20)
+#define DEFAULT_BUDGET_BRICKS 4096u
+#define MAX_BUDGET_BRICKS 8192u
+#define MAX_BUDGET_MS 60000.0
+/* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to
+ * them. */
+#define MIN_TILES 32u
+#define MIN_BRICKS 32u
+/* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that
+ * is one or two to a brick. */
+#define TILES_PER_BRICK 3u
+
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
+                             karst_error *error)
+{
+    uint64_t set_bytes = KARST_CACHE_BRICK_BYTES_OF(config->brick_bits ? (uint32_t)config->brick_bits : 16u) +
+                         (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
+    uint64_t pool_bytes = config->pool_bytes ? config->pool_bytes : DEFAULT_POOL_BYTES;
+    uint64_t bricks = config->num_bricks ? config->num_bricks : pool_bytes / set_bytes;
+    uint64_t tiles = config->num_tiles ? config->num_tiles : bricks * TILES_PER_BRICK;
+    if (bricks < MIN_BRICKS || tiles < MIN_TILES) {
+        uint64_t least_mib = (MIN_BRICKS * set_bytes + ((uint64_t)1 << 20) - 1) >> 20;
+        return karst_fail(
+            error, KARST_USAGE,
+            "the pools are too small for any picture: %llu bricks and %llu tiles; %llu MiB would do (--pool %llu)",
+            (unsigned long long)bricks, (unsigned long long)tiles, (unsigned long long)least_mib,
+            (unsigned long long)least_mib);
+    }
+    if (tiles > KARST_MAX_TILES || bricks > UINT32_MAX / 2)
+        return karst_fail(error, KARST_USAGE,
+                          "the pools are too large: %llu bricks and %llu tiles; %u tiles are the limit",
+                          (unsigned long long)bricks, (unsigned long long)tiles, KARST_MAX_TILES);
+    *num_tiles = (uint32_t)tiles;
+    *num_bricks = (uint32_t)bricks;
+    return true;
+}
+
+void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
+{
+    int length =
+        snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
+                 config->no_beam ? " " KARST_CAST_NO_BEAM : "");
+    if (config->safe_steps != 0 && config->safe_steps != 1)
+        snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
+                 config->safe_steps > 0 ? config->safe_steps : 0);
+}
+
+void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px)
+{
+    bool is_given = config->width_px || config->height_px;
+    *width_px = is_given ? config->width_px : DEFAULT_WIDTH_PX;
+    *height_px = is_given ? config->height_px : DEFAULT_HEIGHT_PX;
+}
+
+bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
+{
+    return (budget_ms >= 0 && budget_ms <= MAX_BUDGET_MS) ||
+           karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g", budget_ms,
+                      MAX_BUDGET_MS);
+}
+
+static bool take_display(karst_engine *engine, karst_opening *opening, karst_error *error)
+{
+    if (!engine->display)
+        engine->display = karst_opening_display(opening, error);
+    return engine->display != NULL;
+}
+
+/* Before the display, which goes on opening beside what follows; but a device that can share memory with its OpenGL
+ * must be opened for that. */
+static bool open_context(karst_engine *engine, const karst_engine_config *config, karst_opening *opening,
+                         karst_error *error)
+{
+    cl_context_properties sharing[KARST_SHARING_PROPERTIES];
+    size_t num_devices = 0;
+    const karst_device_info *devices = karst_opening_devices(opening, &num_devices, error);
+    const karst_device_info *chosen =
+        devices ? karst_context_choose(devices, num_devices, config->device, error) : NULL;
+    engine->owns_display = !config->in_display;
+    engine->display = config->in_display;
+    if (!chosen || (chosen->has_gl_sharing && !take_display(engine, opening, error)))
+        return false;
+    bool may_share = engine->display && karst_display_sharing(engine->display, sharing);
+    engine->context = karst_context_open(chosen, config->lanes, may_share ? sharing : NULL, config->log, error);
+    karst_opening_go_on(opening);
+    return engine->context != NULL;
+}
+
+karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
+{
+    karst_engine *engine = calloc(1, sizeof *engine);
+    if (!engine) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    uint32_t num_tiles = 0, num_bricks = 0;
+    karst_opening *opening = karst_opening_begin(!config->in_display, config->display, config->log, error);
+    if (!opening) {
+        free(engine);
+        return NULL;
+    }
+    engine->log = config->log;
+    karst_engine_picture_size(config, &engine->width_px, &engine->height_px);
+    engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
+    engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
+    engine->shadows = !config->no_shadows;
+    engine->blend = !config->no_blend;
+    engine->count_changed_pixels = config->count_changed_pixels;
+    engine->budget_ns = config->budget_ms * 1e6;
+    karst_ladder_init(&engine->ladder);
+    karst_pace_init(&engine->pace);
+    karst_cost_init(&engine->cost);
+
+    const karst_world_config world = {.world = config->world,
+                                      .parameters = config->parameters,
+                                      .num_parameters = config->num_parameters,
+                                      .has_seed = config->has_seed,
+                                      .seed = config->seed,
+                                      .log = config->log};
+    engine->view_distance_m = config->view_distance_m;
+    engine->refine = config->refine;
+    if (!karst_engine_world_open(&engine->shown, &world, error) ||
+        !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
+        !karst_engine_size_pools(config, &num_tiles, &num_bricks, error))
+        goto failed;
+    if (config->brick_bits != 0 && config->brick_bits != 8 && config->brick_bits != 16 && config->brick_bits != 32) {
+        karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", config->brick_bits);
+        goto failed;
+    }
+    if (!(config->safe_steps <= 16)) {
+        karst_fail(error, KARST_USAGE, "safe steps times %g: 16 is the limit", config->safe_steps);
+        goto failed;
+    }
+    if (!(engine->detail_px >= 0.25 && engine->detail_px <= 64)) {
+        karst_fail(error, KARST_USAGE, "detail %g: a voxel may be 0.25 to 64 pixels wide", engine->detail_px);
+        goto failed;
+    }
+    if (engine->budget_bricks > MAX_BUDGET_BRICKS) {
+        karst_fail(error, KARST_USAGE, "a budget of %u bricks a frame: the limit is %u", engine->budget_bricks,
+                   MAX_BUDGET_BRICKS);
+        goto failed;
+    }
+    if (!karst_engine_check_budget_ms(config->budget_ms, error))
+        goto failed;
+    engine->world = &engine->shown.file->info;
+    if (!karst_engine_set_view_distance(engine, engine->world, error))
+        goto failed;
+    engine->camera.fov_deg = 60;
+    if (!karst_camera_parse(engine->world->camera, engine->world->voxel_log2_m, &engine->camera, error))
+        goto failed;
+    engine->view_changed = true;
+
+    if (!open_context(engine, config, opening, error))
+        goto failed;
+    karst_helper_set_task(config->helper, config);
+    karst_context_set_helper(engine->context, config->helper);
+    engine->cache = karst_cache_create_of(engine->context, num_tiles, num_bricks, config->max_segment_bytes,
+                                          config->brick_bits, error);
+    if (!engine->cache)
+        goto failed;
+    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks,
+                                         engine->budget_ns > 0};
+    engine->counters =
+        karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
+    char cast_options[128];
+    karst_engine_cast_options(config, cast_options, sizeof cast_options);
+    engine->caster =
+        karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
+    if (engine->shadows &&
+        !(engine->sunward =
+              karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
+        goto failed;
+    if (!engine->counters || !engine->caster ||
+        !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
+                                  error) ||
+        !take_display(engine, opening, error) || !karst_engine_allocate_picture(engine, error))
+        goto failed;
+    karst_opening_end(opening);
+    karst_caster_set_sunward(engine->caster, engine->sunward);
+    karst_engine_adopt_world(engine, &engine->shown);
+    return engine;
+
+failed:
+    karst_opening_end(opening);
+    karst_engine_destroy(engine);
+    return NULL;
+}
+
+void karst_engine_destroy(karst_engine *engine)
+{
+    if (!engine)
+        return;
+    if (engine->context)
+        karst_finish(engine->context, NULL);
+    karst_engine_free_picture(engine);
+    karst_engine_world_close(&engine->shown);
+    karst_caster_destroy(engine->caster);
+    karst_caster_destroy(engine->counting);
+    karst_sunward_destroy(engine->sunward);
+    karst_views_destroy(engine->views);
+    karst_cache_destroy(engine->cache);
+    karst_buffer_destroy(engine->counters);
+    karst_context_destroy(engine->context);
+    if (engine->owns_display)
+        karst_display_destroy(engine->display);
+    free(engine);
+}

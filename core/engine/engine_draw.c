@@ -1,0 +1,119 @@
+/* Casting and shading a frame. */
+#include <math.h>
+#include <string.h>
+
+#include "core/engine/engine_parts.h"
+#include "raycast/light/light.h"
+#include "raycast/cast/pinhole.h"
+
+karst_light karst_engine_light(const karst_engine *engine)
+{
+    const karst_world_info *world = engine->world;
+    double voxel_m = exp2(world->voxel_log2_m);
+    karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
+    karst_haze haze = {world->haze_distance_m, world->haze_height_m, world->haze_globe_m};
+    /* Haze that is as thick everywhere would hide what a longer view is wished for. */
+    if (haze.height_m == 0)
+        haze.distance_m *= fmax(1, engine->view_distance_m / world->view_distance_m);
+    double eye_m[3];
+    for (int axis = 0; axis < 3; axis++)
+        eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;
+    karst_light_set_haze(&light, &haze, eye_m, voxel_m);
+    light.shadow_distance = (float)engine->view_distance_voxels;
+    memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
+    memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
+    memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
+    memcpy(light.ground_steep, world->ground_steep, sizeof world->ground_steep);
+    return light;
+}
+
+void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole)
+{
+    karst_cast_view_init(view, &engine->camera.position, engine->root_corner, engine->top_level);
+    view->serial = engine->serial;
+    view->detail = (float)karst_engine_detail_px(engine);
+    view->own_detail = (float)engine->detail_px;
+    view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
+    karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+}
+
+static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
+                  karst_error *error)
+{
+    const karst_light light = karst_engine_light(engine);
+    karst_shader_set_anchor(engine->shader, &engine->camera.position);
+    if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, pixels, NULL,
+                            engine->counters, error))
+        return false;
+    if (engine->shadows && (!karst_sunward_aim(engine->sunward, light.sun_direction, error) ||
+                            !karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
+                                                        pixels, engine->shadows_asked, engine->shadow_hints, error)))
+        return false;
+    return !engine->view ||
+           karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);
+}
+
+/* Where the counters lie in the host's memory no command is enqueued for them: between two kernels each makes a core
+ * wait longer. Nothing enqueued counts when a picture begins, nor when it has ended. */
+static bool clear_counters(karst_engine *engine, karst_error *error)
+{
+    uint32_t *counters = karst_buffer_memory(engine->counters);
+    if (!counters)
+        return karst_buffer_fill(engine->counters, 0, 0, sizeof engine->counted, error);
+    memset(counters, 0, sizeof engine->counted);
+    return true;
+}
+
+static bool fetch_counters(karst_engine *engine, karst_error *error)
+{
+    return karst_buffer_memory(engine->counters) ||
+           karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
+}
+
+/* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
+bool karst_engine_draw(karst_engine *engine, karst_error *error)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    engine->drawn = engine->camera;
+
+    bool counting = engine->view == KARST_PAINT_STEPS;
+    if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
+                            engine->hints, error))
+        return false;
+    if (engine->shown.refiner) {
+        karst_shade_anchor anchor = {.pad = 0};
+        memcpy(anchor.voxel, engine->camera.position.voxel, sizeof anchor.voxel);
+        memcpy(anchor.fraction, engine->camera.position.fraction, sizeof anchor.fraction);
+        if (!karst_refine_hits(engine->shown.refiner, &view, &pinhole, &anchor, engine->hits, error))
+            return false;
+    }
+    if (!clear_counters(engine, error))
+        return false;
+    cl_mem pixels = karst_surface_begin(engine->surface, error);
+    if (!pixels)
+        return false;
+    engine->drawing = true;
+    return paint(engine, &view, &pinhole, pixels, error) && karst_surface_hand_over(engine->surface, error) &&
+           fetch_counters(engine, error);
+}
+
+bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
+{
+    if (!engine->drawing)
+        return true;
+    engine->drawing = false;
+    if (!karst_surface_end(engine->surface, error))
+        return false;
+    const uint32_t *counters = karst_buffer_memory(engine->counters);
+    if (counters)
+        memcpy(engine->counted, counters, sizeof engine->counted);
+    karst_stats *stats = &engine->stats;
+    stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
+    stats->num_hits = engine->counted[0];
+    stats->num_provisional = engine->counted[1];
+    stats->num_incomplete = engine->counted[2];
+    stats->num_coarser = engine->counted[3];
+    return true;
+}

@@ -1,0 +1,218 @@
+/* The engine's own state, and what its files do for one another. Only core/engine/ includes this. */
+#ifndef KARST_CORE_ENGINE_PARTS_H
+#define KARST_CORE_ENGINE_PARTS_H
+
+#include <stdatomic.h>
+
+#include "cache/cache.h"
+#include "core/device/context.h"
+#include "core/engine/cost.h"
+#include "core/engine/engine_internal.h"
+#include "core/engine/ladder.h"
+#include "core/engine/pace.h"
+#include "core/display/surface.h"
+#include "karst/engine.h"
+#include "karst/path.h"
+#include "karst/world.h"
+#include "producers/language/fingerprint.h"
+#include "producers/language/graph/derive.h"
+#include "producers/density/world_file.h"
+#include "producers/producer.h"
+#include "raycast/cast/cast.h"
+#include "raycast/cast/pinhole.h"
+#include "raycast/cast/refine.h"
+#include "raycast/light/shade.h"
+#include "raycast/light/views.h"
+
+#define KARST_ENGINE_NUM_COUNTERS 4
+#define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
+
+/* A world as an engine shows it. */
+typedef struct {
+    karst_world_file *file;
+    karst_number *values; /* of its parameters, as now in force */
+    uint32_t seed;
+    karst_fingerprint fingerprint; /* of the density with these values and this seed */
+    karst_producer *producer;      /* NULL until it is built */
+    karst_shader *shader;
+    karst_refiner *refiner;             /* NULL: hits stay as bricks have them */
+    karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
+    karst_world_layout gradient_layout; /* of refine_data */
+    karst_buffer *refine_data;
+} karst_engine_world;
+
+/* What is built of a world. */
+typedef struct {
+    bool shadows, refine;
+    uint32_t max_loads; /* of a round */
+    bool start_on_host; /* the producer: see karst_world_build */
+} karst_engine_wishes;
+
+/* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
+typedef struct {
+    uint32_t num_bricks, num_tiles, num_scout_rays;
+    uint64_t brick_cpu_ns, tile_cpu_ns, scout_cpu_ns, again_cpu_ns;
+} karst_engine_made;
+
+/* How the camera moves, by frame. */
+typedef struct {
+    bool has_camera, moved, steady;
+    karst_camera camera; /* of the last frame */
+    double step_m[3], yaw_deg, pitch_deg;
+    double turn_rad; /* of the step, about the vertical */
+} karst_engine_motion;
+
+struct karst_engine {
+    const karst_log *log;
+    karst_engine_world shown;
+    const karst_world_info *world; /* shown's, as producer and shader are */
+    karst_context *context;
+    karst_display *display;
+    bool owns_display;
+    karst_surface *surface;
+    karst_cache *cache;
+    karst_producer *producer;
+    karst_caster *caster;
+    karst_sunward *sunward; /* NULL without shadows */
+    karst_shader *shader;
+    karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
+    uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
+    bool drawing;                                /* a picture was begun that is not ended */
+
+    int width_px, height_px;
+    int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
+    size_t room_px;                      /* of both */
+    bool shadows, blend, refine, count_changed_pixels, reported_non_finite;
+    double detail_px, view_distance_voxels;
+    double view_distance_m; /* as configured; 0: what the world says */
+    uint32_t budget_bricks;
+    double budget_ns; /* 0: bricks only */
+    bool (*goes_on)(void *user); /* karst_engine_set_patience */
+    void *patience;
+    bool settles; /* a frame of karst_engine_settle */
+    karst_cost cost;
+    karst_engine_made made;
+
+    karst_camera camera;
+    karst_engine_motion motion;
+    const karst_path *path; /* that the next frame belongs to; NULL: none is known */
+    double path_s, path_step_s;
+    bool view_changed, size_changed; /* since the last frame; the former is said for both */
+    int64_t root_corner[3];
+    int top_level;
+    bool root_placed;
+    bool has_content; /* a frame of this world has been drawn */
+    bool on_host;     /* the host answers until kernels are compiled: karst_density_producer_is_on_host */
+    atomic_bool has_tape_colours; /* the shader of tapes is compiled */
+
+    int view;               /* karst_view, or KARST_PAINT_*: what is painted instead of the picture */
+    karst_camera drawn;     /* the last frame's */
+    karst_views *views;     /* NULL until one is asked for */
+    karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
+    karst_ladder ladder;
+    karst_pace pace;
+    uint32_t serial, frame;
+    uint32_t turn; /* of answering what was asked for */
+    uint32_t num_whole_scouts;
+    uint32_t num_surveyed; /* slots below this hold no brick whose slopes are not known */
+    bool ahead_is_made; /* the last look ahead found next to nothing */
+    uint8_t *previous_pixels, *pixels; /* only with count_changed_pixels */
+    bool have_previous;
+    karst_stats stats;
+};
+
+/* engine_create.c: what follows from a configuration. Slots of both pools, options of the cast (into size_bytes), the
+ * picture's size. */
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
+                             karst_error *error);
+void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes);
+void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
+
+/* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
+ * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error);
+/* The same text with other values, compiled anew. */
+bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
+                                  karst_error *error);
+/* The shader of an open world; `data` is its producer's, or the same once more. */
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, bool shadows,
+                                        const karst_buffer *data, karst_error *error);
+/* The shader that runs any world's colours on their tape. */
+karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, const karst_buffer *data,
+                                       karst_error *error);
+/* engine_ahead.c. What a helper process does for an engine of this configuration. */
+bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error);
+/* Makes producer, shader and, if wanted, refiner of an open world. */
+bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
+                              const karst_engine_wishes *wishes, karst_error *error);
+void karst_engine_world_close(karst_engine_world *world);
+/* Where rays end in a world, from the configuration or its header. Errors: KARST_USAGE. */
+bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error);
+/* engine_change.c. From now on the engine shows this world, which is built; it is the engine's. */
+void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world);
+
+/* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
+ * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
+ * quick. Errors: KARST_FAILED. */
+bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+/* Runs the shader of tapes once beside the engine, so that it is compiled. */
+bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error);
+
+/* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
+double karst_engine_detail_px(const karst_engine *engine);
+
+/* engine_create.c. Errors: KARST_USAGE. */
+bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
+
+/* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* After its values or seed changed; does nothing without a refiner. Errors: KARST_FAILED. */
+bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error);
+void karst_engine_world_close_refiner(karst_engine_world *world);
+
+/* engine_picture.c. What follows the picture's size. */
+bool karst_engine_check_size(int width_px, int height_px, karst_error *error);
+bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
+void karst_engine_free_picture(karst_engine *engine);
+/* Fills stats.num_changed_pixels; only with count_changed_pixels. */
+bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error);
+
+/* engine_produce.c. Loads the root nodes' bricks if they are missing; answers what the picture's rays asked for (`work`
+ * is that first round), then what scouts ask, within the frame's budget; learns from what the frame took, which must
+ * have been collected. */
+bool karst_engine_load_root(karst_engine *engine, karst_error *error);
+bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error);
+void karst_engine_learn_cost(karst_engine *engine);
+/* Slopes of bricks made since the last call (karst_caster_survey_slopes); with a budget in ms: a part of them a call.
+ * No hit depends on it. */
+bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
+/* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
+uint64_t karst_engine_cpu_ns(const karst_engine *engine);
+
+/* engine_scout.c. Casts a coarse grid of rays, so many pixels apart, that ask for what a camera's picture needs.
+ * `whole`: the one of all pixels, while fewer are drawn; as many rays, between the last ones. */
+/* A brick's voxels are half a pixel wide at least, so it is 8 pixels wide where it is seen from the front: scouts are
+ * less than that apart, or more. */
+#define KARST_SCOUT_PIXELS 7
+bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, int apart_px, karst_error *error);
+uint32_t karst_engine_scout_rays(const karst_engine *engine, int apart_px); /* of a scout */
+/* Once a frame, before it is drawn. */
+void karst_engine_note_motion(karst_engine *engine);
+/* The camera so many frames ahead, by its path or if it goes on as it does; false: it stands, jumps, or goes this way
+ * and that. */
+bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
+
+/* engine_again.c. Casts the parts of the frame's picture that asked for anything once more, to ask for what they lack
+ * now; and likewise its shadow rays, as the picture had them. Standing views on CPU devices only. */
+bool karst_engine_look_again(karst_engine *engine, karst_error *error);
+bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
+
+/* engine_draw.c. Sun, haze and sky; what the picture's rays see; casting and shading it into the display, which is only
+ * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also
+ * after a failure the picture must be ended. */
+karst_light karst_engine_light(const karst_engine *engine);
+void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
+bool karst_engine_draw(karst_engine *engine, karst_error *error);
+bool karst_engine_end_picture(karst_engine *engine, karst_error *error);
+
+#endif

@@ -1,0 +1,414 @@
+/* Answering what rays asked for: rounds of collect, produce and publish, within a frame's budget. */
+#include <math.h>
+#include <time.h>
+
+#include "core/engine/engine_parts.h"
+
+/* Rounds of a frame beyond the picture's own. Each gets at least one level further down. */
+#define MAX_SCOUTS 12
+/* A plan that did not fit what was wanted left so much of the budget. */
+#define UNUSED_SHARE 0.25
+/* A round takes no longer where somebody may want an end. */
+#define PATIENT_ROUND_NS 100e6
+/* Nor does it make more than budget_bricks; but there may be so many such rounds. */
+#define PATIENT_ROUNDS 4u
+/* Of a picture that stands; each gets further down likewise. */
+#define MAX_AGAIN 16
+/* That a frame leaves to the compiling of kernels without which little can be made. */
+#define COMPILING_NS 150000000u
+/* A scout is not worth its cast for less. */
+#define LEAST_BRICKS 8u
+
+/* What is left of a frame's budget. */
+typedef struct {
+    uint32_t bricks, tiles;
+    double ns; /* only with a budget in ms */
+    bool over; /* somebody wanted an end */
+} allowance;
+
+uint64_t karst_engine_cpu_ns(const karst_engine *engine)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    uint64_t ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+    return ns / (uint64_t)(engine->context->compute_units > 0 ? engine->context->compute_units : 1);
+}
+
+/* Who keeps something of each brick is told. */
+static bool note_bricks(karst_engine *engine, const karst_work *work, karst_error *error)
+{
+    return !engine->sunward || karst_sunward_note(engine->sunward, work, error);
+}
+
+/* Answers and publishes. On CPUs tiles and bricks are waited for in turn, to tell their CPU time apart. */
+static bool produce(karst_engine *engine, const karst_work *work, uint32_t *num_constant, karst_error *error)
+{
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    karst_engine_made *made = &engine->made;
+    *num_constant = 0;
+    if (work->num_loads + work->num_subdivides == 0)
+        return true;
+    if (!engine->context->is_cpu) {
+        if (!karst_producer_answer(engine->producer, buffers, work, error) || !note_bricks(engine, work, error))
+            return false;
+    } else {
+        karst_work tiles = *work, bricks = *work;
+        tiles.num_loads = bricks.num_subdivides = 0;
+        if (!karst_finish(engine->context, error))
+            return false;
+        uint64_t start_ns = karst_engine_cpu_ns(engine);
+        if (!karst_producer_answer(engine->producer, buffers, &tiles, error) || !karst_finish(engine->context, error))
+            return false;
+        uint64_t between_ns = karst_engine_cpu_ns(engine);
+        if (!karst_producer_answer(engine->producer, buffers, &bricks, error) ||
+            !note_bricks(engine, &bricks, error) || !karst_finish(engine->context, error))
+            return false;
+        made->tile_cpu_ns += between_ns - start_ns;
+        made->brick_cpu_ns += karst_engine_cpu_ns(engine) - between_ns;
+    }
+    made->num_bricks += work->num_loads;
+    made->num_tiles += work->num_subdivides;
+    if (work->num_loads)
+        engine->num_surveyed = 0;
+    return (!engine->views || karst_views_note(engine->views, work, engine->frame + 1, error)) &&
+           karst_cache_publish(engine->cache, work, NULL, num_constant, error);
+}
+
+/* Requests are those of the picture's own rays, and what scouts asked for and got. */
+static void count_made(karst_engine *engine, const karst_work *work, uint32_t num_constant)
+{
+    karst_stats *stats = &engine->stats;
+    stats->num_produced += work->num_loads + work->num_subdivides;
+    stats->num_evicted += work->num_evicted_tiles + work->num_evicted_bricks;
+    stats->num_reproduced += work->num_reproduced;
+    stats->num_tiles_produced += work->num_subdivides;
+    stats->num_bricks_produced += work->num_loads;
+    stats->num_bricks_constant += num_constant;
+}
+
+static uint64_t made_cpu_ns(const karst_engine *engine)
+{
+    return engine->made.tile_cpu_ns + engine->made.brick_cpu_ns;
+}
+
+/* What a tile costs in this frame. Rounds of few are dearer than those of many, so that who had little to make for long
+ * expects too much; what the frame's own took says so, and is believed half way. Not so of bricks, of which some worlds
+ * have cheap ones and dear ones side by side. */
+static double tile_price_ns(const karst_engine *engine)
+{
+    const karst_engine_made *made = &engine->made;
+    double expected_ns = engine->cost.tiles.expected_ns;
+    if (made->num_tiles < KARST_COST_FULL_MEASURE || !engine->context->is_cpu || engine->cost.fixed)
+        return expected_ns;
+    return fmin(expected_ns, fmax((double)made->tile_cpu_ns / made->num_tiles, expected_ns / 2));
+}
+
+static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
+
+/* One round for the wants of the frame's serial. */
+static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
+                         karst_error *error)
+{
+    karst_collect_params params = {.serial = engine->serial,
+                                   .frame = engine->frame,
+                                   .turn = engine->turn++,
+                                   .camera = *from,
+                                   .max_tiles = least(left->tiles, engine->budget_bricks),
+                                   .max_bricks = least(left->bricks, engine->budget_bricks),
+                                   .may_drop_fallback = true};
+    if (engine->budget_ns > 0) {
+        double round_ns = engine->goes_on ? fmin(left->ns, PATIENT_ROUND_NS) : left->ns;
+        karst_cost_limits limits =
+            karst_cost_plan(&engine->cost, round_ns, least(params.max_bricks, params.max_tiles));
+        if (karst_cost_is_known(&engine->cost)) {
+            params.budget_ns = round_ns;
+            params.load_ns = engine->cost.bricks.expected_ns;
+            params.subdivide_ns = tile_price_ns(engine);
+        } else {
+            params.max_tiles = limits.max_tiles < left->tiles ? limits.max_tiles : left->tiles;
+            params.max_bricks = limits.max_bricks < left->bricks ? limits.max_bricks : left->bricks;
+        }
+    }
+    uint32_t num_constant;
+    uint64_t before_ns = made_cpu_ns(engine);
+    if (!karst_cache_collect(engine->cache, &params, work, error) || !produce(engine, work, &num_constant, error))
+        return false;
+    left->bricks -= work->num_loads;
+    left->tiles -= work->num_subdivides;
+    /* What it took, where that is known already: plans are careful, and what they did not need is for another round. */
+    left->ns -= engine->context->is_cpu && !engine->cost.fixed
+                    ? (double)(made_cpu_ns(engine) - before_ns)
+                    : karst_cost_expected_ns(&engine->cost, work->num_loads, work->num_subdivides);
+    count_made(engine, work, num_constant);
+    return true;
+}
+
+/* Of a view that is new all is coarse as yet, and large on the picture. */
+#define APART_NEW_PX (4 * KARST_SCOUT_PIXELS)
+
+static int scout_apart_px(const karst_engine *engine)
+{
+    return engine->pace.new_view ? APART_NEW_PX : KARST_SCOUT_PIXELS;
+}
+
+/* What a scout is expected to take. */
+static double scout_ns(const karst_engine *engine)
+{
+    return karst_engine_scout_rays(engine, scout_apart_px(engine)) * engine->cost.scout_rays.expected_ns;
+}
+
+/* Without a clock, and nobody looks at what comes before the settled picture. */
+static bool is_settling(const karst_engine *engine) { return engine->settles && engine->budget_ns == 0; }
+
+/* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
+static bool may_go_on(const karst_engine *engine, const karst_work *work, allowance *left)
+{
+    if (work->num_starved_bricks || work->num_starved_tiles)
+        return false;
+    if (left->bricks < LEAST_BRICKS || left->tiles < LEAST_BRICKS)
+        return false;
+    if (work->num_deferred_budget && !is_settling(engine) && !(left->ns > UNUSED_SHARE * engine->budget_ns))
+        return false;
+    left->over = left->over || (engine->goes_on && !engine->goes_on(engine->patience));
+    if (left->over)
+        return false;
+    return engine->budget_ns == 0 ||
+           (karst_cost_is_known(&engine->cost) &&
+            left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS) + scout_ns(engine));
+}
+
+/* Looks from a camera, at the budget's cost, and does what that asks for. */
+static bool scout_round(karst_engine *engine, const karst_camera *from, bool whole, allowance *left, karst_work *work,
+                        karst_error *error)
+{
+    karst_engine_made *made = &engine->made;
+    uint64_t start_ns = karst_engine_cpu_ns(engine);
+    int apart_px = scout_apart_px(engine);
+    if (!karst_engine_scout(engine, from, whole, apart_px, error))
+        return false;
+    /* On a GPU a scout is next to nothing, and waiting for it is not. */
+    if (engine->budget_ns > 0 && engine->context->is_cpu) {
+        if (!karst_finish(engine->context, error))
+            return false;
+        uint64_t took_ns = karst_engine_cpu_ns(engine) - start_ns;
+        made->num_scout_rays += karst_engine_scout_rays(engine, apart_px);
+        made->scout_cpu_ns += took_ns;
+        left->ns -= engine->cost.fixed ? scout_ns(engine) : (double)took_ns;
+    }
+    if (!answer_round(engine, &from->position, left, work, error))
+        return false;
+    engine->stats.num_requests += work->num_loads + work->num_subdivides;
+    return true;
+}
+
+/* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell: those of the camera,
+ * and once they end where they should, those to the sun. */
+static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    const bool sunwards = engine->shadows && engine->stats.num_provisional == 0;
+    for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
+        uint64_t start_ns = karst_engine_cpu_ns(engine);
+        if (!(sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again)(engine, error) ||
+            !karst_finish(engine->context, error))
+            return false;
+        uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
+        engine->made.again_cpu_ns += taken_ns;
+        left->ns -= (double)taken_ns;
+        if (!answer_round(engine, &engine->camera.position, left, work, error))
+            return false;
+        engine->stats.num_requests += work->num_loads + work->num_subdivides;
+        if (work->num_loads + work->num_subdivides == 0)
+            break;
+    }
+    return true;
+}
+
+/* How far ahead, in frames. What is seen first is wanted, subdivided, loaded: three frames at least; and what opens
+ * behind a crest is a second's work and more. */
+static const int frames_ahead[] = {6, 15, 30, 60};
+#define NUM_AHEAD (int)(sizeof frames_ahead / sizeof *frames_ahead)
+
+/* What of the budget is kept for that, once so much of the picture is at the level that is set. */
+#define AHEAD_SHARE 0.35
+#define AHEAD_FROM 0.9
+#define AHEAD_FULL 0.95
+
+static double kept_share(const karst_stats *stats)
+{
+    if (stats->num_hits == 0)
+        return AHEAD_SHARE;
+    double share = 1 - (double)stats->num_coarser / (double)stats->num_hits;
+    return AHEAD_SHARE * fmax(0, fmin(1, (share - AHEAD_FROM) / (AHEAD_FULL - AHEAD_FROM)));
+}
+
+/* The rest is for what the next frames will see, nearest first, as long as there is something to make. */
+static bool look_ahead(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    int num_rounds = 0, num_idle = 0;
+    for (int i = 0; num_idle < NUM_AHEAD && num_rounds < MAX_SCOUTS && may_go_on(engine, work, left); i++) {
+        karst_camera ahead;
+        if (!karst_engine_look_ahead(engine, frames_ahead[i % NUM_AHEAD], &ahead)) {
+            num_idle++;
+            continue;
+        }
+        if (!scout_round(engine, &ahead, false, left, work, error))
+            return false;
+        num_rounds++;
+        num_idle = work->num_loads + work->num_subdivides ? 0 : num_idle + 1;
+    }
+    return true;
+}
+
+/* Fewer pixels are drawn than there might be, and the pools have room for what all of them need. */
+static bool may_look_closer(const karst_engine *engine)
+{
+    const karst_stats *stats = &engine->stats;
+    const karst_cache_buffers *pools = karst_cache_get_buffers(engine->cache);
+    double all_px = (double)engine->room_px / ((double)engine->width_px * engine->height_px);
+    return engine->budget_ns > 0 &&
+           (engine->width_px != engine->whole_width_px || engine->height_px != engine->whole_height_px) &&
+           all_px * (double)stats->bricks.num_used < pools->num_bricks &&
+           all_px * (double)stats->tiles.num_used < pools->num_tiles;
+}
+
+/* What the picture of all pixels needs: so it is there when motion ends. */
+static bool look_closer(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    return !may_look_closer(engine) || !may_go_on(engine, work, left) ||
+           scout_round(engine, &engine->camera, true, left, work, error);
+}
+
+/* Both, by turns first, as often there is time for one look only; ahead less often while there is nothing to make. */
+static bool spend_the_rest(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+{
+    bool ahead_first = engine->frame % (engine->ahead_is_made ? 4 : 2) == 0;
+    if (!ahead_first && !look_closer(engine, left, work, error))
+        return false;
+    uint64_t before = engine->stats.num_produced;
+    if (!look_ahead(engine, left, work, error))
+        return false;
+    if (ahead_first)
+        engine->ahead_is_made = engine->stats.num_produced - before < LEAST_BRICKS;
+    return !ahead_first || look_closer(engine, left, work, error);
+}
+
+/* Before a frame's picture: the host makes up for kernels that are not compiled yet only if frames have a budget, which
+ * they could not keep while they wait. */
+static bool prepare_producer(karst_engine *engine, karst_error *error)
+{
+    bool was_on_host = engine->on_host;
+    bool waits = engine->budget_ns == 0 || engine->cost.fixed;
+    if (waits && !karst_density_producer_compile(engine->producer, KARST_UNTIL_COMPILED, error))
+        return false;
+    engine->on_host = karst_density_producer_is_on_host(engine->producer);
+    if (was_on_host && !engine->on_host && !engine->cost.fixed) /* what things cost is another matter now */
+        karst_cost_init(&engine->cost);
+    return true;
+}
+
+bool karst_engine_load_root(karst_engine *engine, karst_error *error)
+{
+    karst_work work;
+    uint32_t num_constant;
+    if (!prepare_producer(engine, error) || !karst_cache_root_work(engine->cache, engine->serial, &work, error) ||
+        !produce(engine, &work, &num_constant, error))
+        return false;
+    count_made(engine, &work, num_constant);
+    engine->stats.num_requests += work.num_loads;
+    return true;
+}
+
+/* Some frames' worth of bricks, and large pages are found whole: 2 MiB at a time. */
+#define BRICKS_AHEAD 1024u
+
+bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error)
+{
+    if (engine->budget_ns > 0)
+        karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
+    karst_stats *stats = &engine->stats;
+    allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
+    const bool waited_for = is_settling(engine) || (engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved);
+    if (waited_for)
+        left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
+    left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
+    if (engine->on_host && !engine->has_content) /* the sooner the picture is shown; kernels make more of the time */
+        left.bricks = left.tiles = 0;
+    karst_camera ahead; /* who stands looks nowhere else */
+    bool moves = karst_engine_look_ahead(engine, frames_ahead[0], &ahead);
+    const double kept_ns = moves ? kept_share(stats) * engine->budget_ns : 0;
+    left.ns -= kept_ns;
+    /* Whoever waits sees the picture before its content is made. */
+    if (engine->goes_on)
+        engine->goes_on(engine->patience);
+    /* Once the picture is drawn, whose own kernels are compiled first: PoCL compiles one at a time. Pictures in quick
+     * succession would only take the time away from the compiler. */
+    if (!karst_density_producer_compile(engine->producer, engine->has_content ? COMPILING_NS : 0, error))
+        return false;
+    if (!answer_round(engine, &engine->camera.position, &left, work, error) ||
+        !karst_engine_end_picture(engine, error))
+        return false;
+    stats->num_requests += work->num_requests;
+    stats->num_deferred = work->num_deferred_budget + work->num_starved_bricks + work->num_starved_tiles;
+    stats->tiles.num_used = work->num_used_tiles;
+    stats->bricks.num_used = work->num_used_bricks;
+
+    /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. Not in the first
+     * frame of a world: its picture is there, however coarse, and nobody sees it before the frame ends. */
+    karst_work more = *work;
+    int most_scouts = engine->has_content ? MAX_SCOUTS : 0;
+    engine->has_content = true;
+    /* What looks closer below tells as well, once the picture's own is made. */
+    if (may_look_closer(engine) && work->num_deferred_budget == 0)
+        most_scouts = 0;
+    for (int i = 0; i < most_scouts && more.num_loads + more.num_subdivides && may_go_on(engine, &more, &left); i++)
+        if (!scout_round(engine, &engine->camera, false, &left, &more, error))
+            return false;
+    /* On a GPU a viewer's next picture is as fast as looking again. */
+    bool stands = is_settling(engine) ||
+                  (engine->context->is_cpu && engine->goes_on && !moves && !engine->motion.moved);
+    if (stands && most_scouts && work->num_requests > 0 && !follow_up(engine, &left, &more, error))
+        return false;
+    left.ns += kept_ns;
+    return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
+}
+
+/* Of a frame with a budget in ms: at most some 2.5 ms of one core. */
+#define SURVEY_SLOTS 2048u
+
+bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error)
+{
+    const uint32_t num_slots = karst_cache_get_buffers(engine->cache)->num_bricks + KARST_CACHE_ROOT_BRICKS;
+    const uint32_t first = engine->num_surveyed;
+    if (first >= num_slots)
+        return true;
+    engine->num_surveyed = engine->budget_ns > 0 && num_slots - first > SURVEY_SLOTS ? first + SURVEY_SLOTS : num_slots;
+    return karst_caster_survey_slopes(engine->caster, first, engine->num_surveyed, error);
+}
+
+void karst_engine_pretend_cost(karst_engine *engine, double brick_ns, double tile_ns)
+{
+    engine->cost.fixed = true;
+    engine->cost.bricks.expected_ns = brick_ns;
+    engine->cost.tiles.expected_ns = tile_ns;
+}
+
+void karst_engine_learn_cost(karst_engine *engine)
+{
+    karst_stats *stats = &engine->stats;
+    karst_engine_made *made = &engine->made;
+    uint64_t brick_ns = stats->time_ns[KARST_STAGE_EVALUATE] + stats->time_ns[KARST_STAGE_FINALISE];
+    uint64_t tile_ns = stats->time_ns[KARST_STAGE_SUBDIVIDE];
+    /* Of the two clocks the lesser: the device's leaves out the compiling of kernels, the CPU's what others ran. */
+    if (engine->context->is_cpu) {
+        brick_ns = brick_ns < made->brick_cpu_ns ? brick_ns : made->brick_cpu_ns;
+        tile_ns = tile_ns < made->tile_cpu_ns ? tile_ns : made->tile_cpu_ns;
+    }
+    stats->time_ns_production = brick_ns + tile_ns;
+    stats->time_ns_scouts = made->scout_cpu_ns + made->again_cpu_ns;
+    karst_cost_round round = {
+        .num_bricks = made->num_bricks, .num_tiles = made->num_tiles, .brick_ns = brick_ns, .tile_ns = tile_ns};
+    round.num_scout_rays = made->num_scout_rays;
+    round.scout_ns = made->scout_cpu_ns;
+    karst_cost_learn(&engine->cost, &round);
+    *made = (karst_engine_made){0};
+}

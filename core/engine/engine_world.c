@@ -1,0 +1,108 @@
+/* Which world an engine shows: finding its file, compiling it, and what draws and produces it. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/engine/engine_parts.h"
+#include "producers/density/world_find.h"
+
+static bool remember_values(karst_engine_world *world, const karst_world_config *config, karst_error *error)
+{
+    const karst_program_graph *program = world->file->program;
+    world->seed = config->has_seed ? config->seed : program->header.seed;
+    world->values = calloc(program->num_parameters + 1, sizeof *world->values);
+    for (uint32_t i = 0; world->values && i < program->num_parameters; i++)
+        world->values[i] = program->parameters[i].value;
+    return (world->values && karst_fingerprint_init(&world->fingerprint, program, world->values, world->seed)) ||
+           karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_error *error)
+{
+    char path[PATH_MAX];
+    *world = (karst_engine_world){0};
+    world->file = karst_world_find(config, path, error);
+    if (world->file && remember_values(world, config, error))
+        return true;
+    karst_engine_world_close(world);
+    return false;
+}
+
+bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
+                                  karst_error *error)
+{
+    const karst_program_graph *program = old->file->program;
+    karst_world_config config = {.has_seed = true, .seed = old->seed};
+    *world = (karst_engine_world){0};
+    karst_parameter_value *given = calloc(program->num_parameters + 1, sizeof *given);
+    if (!given)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    size_t num_given = 0;
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        if (!program->parameters[i].is_implicit)
+            given[num_given++] = (karst_parameter_value){program->parameters[i].name, values[i].value};
+    const karst_source *source = &program->source;
+    world->file = karst_world_file_compile(program->name, source->text + source->user_begin,
+                                           source->length - source->user_begin, given, num_given, NULL, error);
+    free(given);
+    if (world->file && remember_values(world, &config, error))
+        return true;
+    karst_engine_world_close(world);
+    return false;
+}
+
+void karst_engine_world_close(karst_engine_world *world)
+{
+    karst_engine_world_close_refiner(world);
+    karst_shader_destroy(world->shader);
+    karst_producer_destroy(world->producer);
+    karst_fingerprint_finish(&world->fingerprint);
+    free(world->values);
+    karst_world_file_destroy(world->file);
+    *world = (karst_engine_world){0};
+}
+
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, bool shadows,
+                                        const karst_buffer *data, karst_error *error)
+{
+    if (!world->file->code.colour_source)
+        return karst_shader_create(context, shadows, error);
+    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    karst_world_file_colour_options(world->file, options);
+    karst_shade_colour colour = {.source = world->file->code.colour_source, .options = options, .data = data};
+    return karst_shader_create_coloured(context, shadows, &colour, error);
+}
+
+karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, const karst_buffer *data,
+                                       karst_error *error)
+{
+    const karst_shade_colour colour = {
+        .source = karst_tape_colours_source, .options = karst_tape_colours_options, .data = data};
+    return karst_shader_create_coloured(context, shadows, &colour, error);
+}
+
+bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
+                              const karst_engine_wishes *wishes, karst_error *error)
+{
+    const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
+                                     .finalise_options = karst_cache_brick_option(buffers),
+                                     .start_on_host = wishes->start_on_host};
+    world->producer =
+        karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
+    /* After the producer, whose data a world's colours read. */
+    world->shader = world->producer
+                        ? karst_engine_world_shader(world, context, wishes->shadows, world->producer->data[0], error)
+                        : NULL;
+    return world->shader && (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
+}
+
+bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error)
+{
+    double voxel_m = exp2(info->voxel_log2_m);
+    double distance_m = engine->view_distance_m != 0 ? engine->view_distance_m : info->view_distance_m;
+    double distance_voxels = distance_m / voxel_m;
+    if (!(distance_voxels >= 16 && distance_voxels <= 0x1p56))
+        return karst_fail(error, KARST_USAGE, "a view distance of %g m: this world's goes from %g to %g", distance_m,
+                          16 * voxel_m, 0x1p56 * voxel_m);
+    engine->view_distance_voxels = distance_voxels;
+    return true;
+}

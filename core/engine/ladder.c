@@ -1,0 +1,91 @@
+#include "core/engine/ladder.h"
+
+#include <math.h>
+
+/* Frames that a starved rung may go on producing before it counts as failed: wants seen through stand-ins are more than
+ * the final ones, so some starvation passes by itself. */
+#define MAX_STARVED_FRAMES 24
+/* Frames that it may do so without fewer wants starving than ever before: by then stand-ins push one another out. */
+#define MAX_FRAMES_NO_BETTER 8
+/* Slots' worth of production that a rung may take for a view. What fits takes less than three: itself, its stand-ins
+ * and the way there. With a small budget what does not fit need never starve: each round's few find slots among what
+ * the next rounds will miss. */
+#define MAX_POOLS_PRODUCED 8
+/* In motion: rounds without starvation before a finer rung is tried. */
+#define CALM_FRAMES_TO_REFINE 10
+
+void karst_ladder_init(karst_ladder *ladder) { *ladder = (karst_ladder){.failed = -1}; }
+
+void karst_ladder_view_changed(karst_ladder *ladder)
+{
+    ladder->failed = -1;
+    ladder->frames_on_rung = 0;
+    ladder->frames_since_better = 0;
+    ladder->least_starved = 0;
+    ladder->num_produced = 0;
+    ladder->moved = true;
+}
+
+static bool move_to(karst_ladder *ladder, int rung)
+{
+    ladder->rung = rung;
+    ladder->frames_on_rung = 0;
+    ladder->frames_since_starved = 0;
+    ladder->frames_since_better = 0;
+    ladder->least_starved = 0;
+    ladder->num_produced = 0;
+    return true;
+}
+
+/* Rungs to climb at once. A surface's working set falls with the square of the voxel, that is by half every two rungs.
+ * What is wanted now is less than what the rung needs in the end, so this rarely climbs too far; when it does, the
+ * ladder comes back down. */
+static int rungs_to_climb(const karst_ladder_round *round)
+{
+    double need = (double)(round->num_used + round->num_starved) / (double)(round->num_total ? round->num_total : 1);
+    int rungs = need > 1 ? (int)floor(2 * log2(need)) : 1;
+    return rungs < 1 ? 1 : rungs > 8 ? 8 : rungs;
+}
+
+bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round)
+{
+    bool moved = ladder->moved;
+    ladder->moved = false;
+    ladder->frames_on_rung++;
+    ladder->num_produced += round->num_produced;
+
+    bool thrashes = ladder->num_produced > MAX_POOLS_PRODUCED * round->num_total;
+    if (round->num_starved > 0 || thrashes) {
+        ladder->frames_since_starved = 0;
+        ladder->frames_since_better++;
+        if (ladder->least_starved == 0 || round->num_starved < ladder->least_starved) {
+            ladder->least_starved = round->num_starved;
+            ladder->frames_since_better = 0;
+        }
+        bool stuck = round->num_produced == 0 || ladder->frames_on_rung > MAX_STARVED_FRAMES ||
+                     ladder->frames_since_better > MAX_FRAMES_NO_BETTER || thrashes;
+        if (!stuck)
+            return false;
+        if (ladder->rung > ladder->failed)
+            ladder->failed = ladder->rung;
+        if (ladder->rung + 1 >= KARST_LADDER_RUNGS)
+            return false;
+        int rung = ladder->rung + rungs_to_climb(round);
+        return move_to(ladder, rung < KARST_LADDER_RUNGS ? rung : KARST_LADDER_RUNGS - 1);
+    }
+    ladder->frames_since_starved++;
+
+    if (ladder->rung <= ladder->failed + 1)
+        return false;
+    if (round->num_requests == 0)
+        return move_to(ladder, ladder->rung - 1);
+    /* Never settled in motion: refine once the finer rung's working set is likely to fit with room to spare. */
+    if (moved && ladder->frames_since_starved >= CALM_FRAMES_TO_REFINE &&
+        (double)round->num_used * 1.7 < (double)round->num_total)
+        return move_to(ladder, ladder->rung - 1);
+    return false;
+}
+
+double karst_ladder_factor(const karst_ladder *ladder) { return exp2(ladder->rung / 4.0); }
+
+bool karst_ladder_at_rest(const karst_ladder *ladder) { return ladder->rung <= ladder->failed + 1; }

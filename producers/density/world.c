@@ -1,0 +1,134 @@
+#include "producers/density/world_internal.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/check.h"
+#include "producers/density/world_find.h"
+
+/* ---- opening ---- */
+
+static bool find(karst_world *world, const karst_world_config *config, karst_error *error)
+{
+    char path[PATH_MAX];
+    world->file = karst_world_find(config, path, error);
+    if (!world->file)
+        return false;
+    world->path = strdup(path);
+    return world->path || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+/* ---- what samplers need ---- */
+
+static bool make_oracles(karst_world *world, karst_error *error)
+{
+    const karst_program_graph *program = world->file->program;
+    uint32_t seed = world->metadata.seed;
+    int voxel_log2_m = program->header.voxel_log2_m;
+    karst_error too_large = {0};
+    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
+    world->data = calloc(world->file->layout.num_words, sizeof *world->data);
+    world->derived = karst_derive(&program->world, &too_large);
+    bool done = values && world->data;
+    for (uint32_t i = 0; done && i < program->num_parameters; i++)
+        values[i] = program->parameters[i].value;
+    done = done && karst_world_data_fill(&world->file->layout, values, seed, voxel_log2_m, world->data) &&
+           (world->oracle = karst_oracle_create(&program->world, values, seed, voxel_log2_m, error)) &&
+           (!world->derived ||
+            (world->gradient_oracle = karst_oracle_create(&world->derived->world, values, seed, voxel_log2_m, error)));
+    free(values);
+    return done || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+/* ---- what it says of itself ---- */
+
+static double open_end(double bound)
+{
+    return bound == DBL_MAX ? (double)INFINITY : bound == -DBL_MAX ? -(double)INFINITY : bound;
+}
+
+static bool list_parameters(karst_world *world, karst_error *error)
+{
+    const karst_program_graph *program = world->file->program;
+    world->parameters = calloc(program->num_parameters + 1, sizeof *world->parameters);
+    if (!world->parameters)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    world->metadata.parameters = world->parameters;
+    for (uint32_t i = 0; i < program->num_parameters; i++) {
+        const karst_world_parameter *from = &program->parameters[i];
+        if (from->is_implicit)
+            continue;
+        world->parameters[world->metadata.num_parameters++] = (karst_parameter_info){
+            .name = from->name,
+            .label = from->label,
+            .unit = from->unit,
+            .value = from->value.value,
+            .min = open_end(from->min),
+            .max = open_end(from->max),
+            .step = from->step,
+            .is_structural = from->is_structural,
+            .is_used = from->is_used,
+        };
+    }
+    return true;
+}
+
+static bool describe(karst_world *world, const karst_world_config *config, karst_error *error)
+{
+    const karst_world_header *header = &world->file->program->header;
+    const karst_world_info *info = &world->file->info;
+    world->metadata = (karst_world_metadata){
+        .path = world->path,
+        .name = info->name,
+        .author = header->author,
+        .description = header->description,
+        .voxel_log2_m = header->voxel_log2_m,
+        .seed = config->has_seed ? config->seed : header->seed,
+        .camera = {.fov_deg = 60},
+        .sun_azimuth_deg = info->sun_azimuth_deg,
+        .sun_elevation_deg = info->sun_elevation_deg,
+        .view_distance_m = info->view_distance_m,
+        .extent_m = header->has_extent ? header->extent_m : 0,
+        .declared_lipschitz = header->has_lipschitz ? header->lipschitz : 0,
+        .has_colour = world->file->program->has_colour,
+    };
+    karst_camera_parse(info->camera, header->voxel_log2_m, &world->metadata.camera, NULL);
+    return list_parameters(world, error);
+}
+
+karst_world *karst_world_open(const karst_world_config *config, karst_error *error)
+{
+    karst_world *world = calloc(1, sizeof *world);
+    if (!world) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error))
+        return world;
+    karst_world_close(world);
+    return NULL;
+}
+
+void karst_world_close(karst_world *world)
+{
+    if (!world)
+        return;
+    karst_oracle_destroy(world->gradient_oracle);
+    karst_oracle_destroy(world->oracle);
+    karst_gradient_world_destroy(world->derived);
+    karst_world_file_destroy(world->file);
+    free(world->parameters);
+    free(world->data);
+    free(world->path);
+    free(world);
+}
+
+const karst_world_metadata *karst_world_get_metadata(const karst_world *world) { return &world->metadata; }
+
+bool karst_world_check(const karst_world *world, void (*print)(void *user, const char *line), void *user,
+                       karst_error *error)
+{
+    return karst_language_check(world->file->program, print, user, error);
+}

@@ -1,0 +1,21 @@
+/* What an opened world is made of. Private to world.c and sampler.c. */
+#ifndef KARST_PRODUCERS_WORLD_INTERNAL_H
+#define KARST_PRODUCERS_WORLD_INTERNAL_H
+
+#include "karst/world.h"
+#include "producers/language/graph/derive.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/density/world_file.h"
+
+struct karst_world {
+    karst_world_file *file;
+    karst_gradient_world *derived; /* NULL: it would be too large */
+    uint64_t *data;                /* of the density's tape */
+    /* Samplers clone them. */
+    karst_oracle *oracle, *gradient_oracle;
+    char *path;
+    karst_world_metadata metadata;
+    karst_parameter_info *parameters;
+};
+
+#endif

@@ -1,0 +1,363 @@
+/* One node, one line. */
+#include "producers/language/emit/emit_internal.h"
+
+#include <stdio.h>
+
+#include "core/device/dialect.h"
+
+static const karst_expr_node *node_of(const karst_emit *emit, karst_expr e) { return &emit->graph->nodes[e]; }
+
+const char *karst_emit_type(const karst_emit *emit, karst_expr e)
+{
+    return node_of(emit, e)->type == KARST_TYPE_FLOAT ? "vfloat" : "vint";
+}
+
+/* ---- operands ---- */
+
+/* Hexadecimal by hand: a locale has no say in it. */
+static void float_literal(float value, char *text, size_t size_bytes)
+{
+    uint32_t bits = k_as_uint(value), mantissa = bits & 0x7fffffu;
+    int exponent = (int)(bits >> 23 & 255u);
+    const char *sign = bits >> 31 ? "-" : "";
+    if (exponent == 255)
+        snprintf(text, size_bytes, "(vfloat)(k_as_float(0x%08xu))", (unsigned)bits);
+    else if (exponent == 0)
+        snprintf(text, size_bytes, "(vfloat)(%s0x0.%06xp-126f)", sign, (unsigned)(mantissa << 1));
+    else
+        snprintf(text, size_bytes, "(vfloat)(%s0x1.%06xp%+df)", sign, (unsigned)(mantissa << 1), exponent - 127);
+}
+
+static karst_operand constant(const karst_emit *emit, karst_expr e)
+{
+    karst_operand operand;
+    const karst_number *number = karst_graph_constant(emit->graph, e);
+    uint8_t type = node_of(emit, e)->type;
+    if (type == KARST_TYPE_FLOAT)
+        float_literal(karst_number_to_float(*number), operand.text, sizeof operand.text);
+    else if (type == KARST_TYPE_BOOL)
+        snprintf(operand.text, sizeof operand.text, "(vint)(%d)", number->numerator ? -1 : 0);
+    else
+        snprintf(operand.text, sizeof operand.text, "(vint)((int)0x%08xu)", (unsigned)(uint32_t)number->numerator);
+    return operand;
+}
+
+/* A part of a value: this block's own, or one of fewer axes that another block kept. Lanes along its first axis are
+ * read as they are, if they are this block's too; otherwise the block's lanes share one of them. */
+static karst_operand part(const karst_emit *emit, karst_expr e, char letter)
+{
+    karst_operand operand;
+    uint8_t axes = emit->nodes[e].axes, here = emit->block.axes;
+    const char *name = karst_emit_axes_name(axes);
+    bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
+    uint8_t first = axes & (uint8_t)-axes, lanes = here & (uint8_t)-here;
+    const char *plane = axes == (KARST_DEPENDS_X | KARST_DEPENDS_Y) ? "[iy]" : "";
+    if (emit->block.is_point || emit->block.is_sample || axes == here)
+        snprintf(operand.text, sizeof operand.text, "%c%u", letter, e);
+    else if (!axes)
+        snprintf(operand.text, sizeof operand.text, "axes->%s%c%u", name, letter, e);
+    else if (first == lanes)
+        snprintf(operand.text, sizeof operand.text, "axes->%s%c%u%s[c]", name, letter, e, plane);
+    else
+        snprintf(operand.text, sizeof operand.text, "(%s)(%s(axes->%s%c%u, %s))", is_float ? "vfloat" : "vint",
+                 is_float ? "EMIT_ONE_FLOAT" : "EMIT_ONE_INT", name, letter, e, first == KARST_DEPENDS_Y ? "iy" : "iz");
+    return operand;
+}
+
+karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e)
+{
+    karst_operand operand;
+    const karst_world_layout *layout = emit->layout;
+    if (node_of(emit, e)->op == KARST_OP_CONSTANT)
+        return constant(emit, e);
+    if (!layout->is_known[e])
+        return part(emit, e, node_of(emit, e)->kind == KARST_KIND_WIDE ? 'h' : 'v');
+    bool is_float = node_of(emit, e)->type == KARST_TYPE_FLOAT;
+    snprintf(operand.text, sizeof operand.text, "(%s)(%s(data, %u, %u))", is_float ? "vfloat" : "vint",
+             is_float ? "EMIT_FLOAT" : "EMIT_INT", layout->values_word, layout->word[e]);
+    return operand;
+}
+
+static karst_operand pair_of(const char *hi, const char *lo)
+{
+    karst_operand pair;
+    snprintf(pair.text, sizeof pair.text, "wide_of(%.70s, %.70s)", hi, lo);
+    return pair;
+}
+
+karst_operand karst_emit_wide_operand(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    const karst_world_layout *layout = emit->layout;
+    karst_operand value = karst_emit_operand(emit, e), rest;
+    if (n->op == KARST_OP_CONSTANT) {
+        float_literal(karst_number_rest(*karst_graph_constant(emit->graph, e)), rest.text, sizeof rest.text);
+        return pair_of(value.text, rest.text);
+    }
+    if (layout->is_known[e]) {
+        snprintf(rest.text, sizeof rest.text, "(vfloat)(EMIT_FLOAT(data, %u, %u))", layout->values_word,
+                 layout->num_values + layout->word[e]);
+        return pair_of(value.text, rest.text);
+    }
+    if (n->kind == KARST_KIND_WIDE || n->op == KARST_OP_AFFINE || n->op == KARST_OP_SHIFTED)
+        return pair_of(part(emit, e, 'h').text, part(emit, e, 'l').text);
+    snprintf(rest.text, sizeof rest.text, "wide_from(%.100s)", value.text);
+    return rest;
+}
+
+/* ---- functions ---- */
+
+/* How ops.clh ends a function's name by the type of its argument. */
+static const char *type_suffix(uint8_t type)
+{
+    return type == KARST_TYPE_FLOAT ? "float" : type == KARST_TYPE_UINT ? "uint" : "int";
+}
+
+/* The function of ops.clh for a node. *swapped: its two arguments trade places. */
+static void function_name(const karst_emit *emit, karst_expr e, char *name, size_t size_bytes, bool *swapped)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    uint8_t from = node_of(emit, n->arg[0])->type;
+    const char *op = karst_op_name(n->op);
+    *swapped = false;
+    switch (n->op) {
+    case KARST_OP_LENGTH:
+        snprintf(name, size_bytes, "op_length%d", n->arg[3] ? 4 : n->arg[2] ? 3 : 2);
+        break;
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+        *swapped = from == KARST_TYPE_BOOL; /* true is -1 */
+        snprintf(name, size_bytes, "op_%s_%s", op, type_suffix(from));
+        break;
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+        snprintf(name, size_bytes, "op_%s_%s", op, from == KARST_TYPE_FLOAT ? "float" : "int");
+        break;
+    case KARST_OP_SELECT:
+        snprintf(name, size_bytes, "op_select_%s", n->type == KARST_TYPE_FLOAT ? "float" : "int");
+        break;
+    case KARST_OP_INT_DIVIDE:
+    case KARST_OP_INT_MODULO:
+        snprintf(name, size_bytes, "op_%s_%s", type_suffix(n->type),
+                 n->op == KARST_OP_INT_DIVIDE ? "divide" : "modulo");
+        break;
+    case KARST_OP_SHIFT_RIGHT:
+        snprintf(name, size_bytes, "op_%s_shift_right", type_suffix(n->type));
+        break;
+    case KARST_OP_CONVERT:
+        if (n->type == KARST_TYPE_BOOL)
+            snprintf(name, size_bytes, "op_%s_to_bool", from == KARST_TYPE_FLOAT ? "float" : "int");
+        else if (from == KARST_TYPE_BOOL)
+            snprintf(name, size_bytes, "op_bool_to_%s", n->type == KARST_TYPE_FLOAT ? "float" : "int");
+        else if (from != KARST_TYPE_FLOAT && n->type != KARST_TYPE_FLOAT)
+            snprintf(name, size_bytes, " "); /* int and uint have the same bits */
+        else
+            snprintf(name, size_bytes, "op_%s_to_%s", type_suffix(from), type_suffix(n->type));
+        break;
+    case KARST_OP_BITS:
+        snprintf(name, size_bytes, "%s",
+                 from == KARST_TYPE_FLOAT      ? "op_float_to_bits"
+                 : n->type == KARST_TYPE_FLOAT ? "op_bits_to_float"
+                                               : " ");
+        break;
+    default:
+        snprintf(name, size_bytes, "op_%s", op);
+        break;
+    }
+}
+
+/* ---- places: affine arguments whose exact coordinate counts ---- */
+
+static bool is_turns(const karst_emit *emit, karst_expr e)
+{
+    return node_of(emit, e)->op == KARST_OP_SIN_TURNS || node_of(emit, e)->op == KARST_OP_COS_TURNS;
+}
+
+uint8_t karst_emit_place_axis(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    if (n->op == KARST_OP_NOISE || !karst_takes_place(emit->layout, e, 0))
+        return 0;
+    uint8_t axes = node_of(emit, karst_affine_behind(emit->graph, n->arg[0]))->depends & KARST_AXES;
+    return axes & (axes - 1) ? 0 : axes;
+}
+
+const char *karst_emit_place_type(const karst_emit *emit, karst_expr e)
+{
+    return is_turns(emit, e) ? "noise_coordinate" : "affine_place";
+}
+
+bool karst_emit_is_new_place(karst_emit *emit, karst_expr e)
+{
+    uint32_t word = emit->layout->word[e];
+    bool is_new = emit->placed[word] != emit->serial;
+    emit->placed[word] = emit->serial;
+    return is_new;
+}
+
+void karst_emit_declare_place(karst_emit *emit, karst_expr e)
+{
+    uint8_t axis = karst_emit_place_axis(emit, e), here = emit->block.axes;
+    uint32_t word = emit->layout->word[e];
+    const char *type = karst_emit_place_type(emit, e);
+    if (!karst_emit_is_new_place(emit, e))
+        return;
+    karst_text_add(&emit->text, "    const %s c%u = ", type, word);
+    if (axis && !emit->block.is_point && axis != here && (!emit->block.is_sample || axis != KARST_DEPENDS_X)) {
+        if (emit->block.is_sample)
+            karst_text_add(&emit->text, "emit_%ss(axes->%sc%u, i%s);\n", type, karst_emit_axes_name(axis), word,
+                           karst_emit_axes_name(axis));
+        else if (axis == (here & (uint8_t)-here))
+            karst_text_add(&emit->text, "axes->%sc%u[c];\n", karst_emit_axes_name(axis), word);
+        else
+            karst_text_add(&emit->text, "emit_one_%s(axes->%sc%u, %s);\n", type, karst_emit_axes_name(axis), word,
+                           axis == KARST_DEPENDS_Y ? "iy" : "iz");
+    } else if (is_turns(emit, e)) {
+        karst_text_add(&emit->text, "affine_coordinate(&at, EMIT_LATTICE(data, %u));\n", word);
+    } else {
+        karst_text_add(&emit->text, "affine_cells(&at, EMIT_CELLS(data, %u));\n", word);
+    }
+}
+
+static void place_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    uint32_t word = emit->layout->word[e];
+    bool shifted = node_of(emit, n->arg[0])->op == KARST_OP_SHIFTED;
+    karst_text *text = &emit->text;
+    karst_emit_declare_place(emit, e);
+    karst_operand offset = {""}, period = {""};
+    if (shifted)
+        offset = karst_emit_operand(emit, node_of(emit, n->arg[0])->arg[1]);
+    if (n->op == KARST_OP_MOD)
+        period = karst_emit_operand(emit, n->arg[1]);
+    karst_text_add(text, "    const vfloat v%u = ", e);
+    if (n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS) {
+        const char *function = n->op == KARST_OP_SIN_TURNS ? "affine_sin_turns" : "affine_cos_turns";
+        if (shifted)
+            karst_text_add(text, "%s(noise_coordinate_move(c%u, %s));\n", function, word, offset.text);
+        else
+            karst_text_add(text, "%s(c%u);\n", function, word);
+    } else if (n->op == KARST_OP_MOD) {
+        if (shifted)
+            karst_text_add(text, "affine_mod_shifted(c%u, %s, %s);\n", word, offset.text, period.text);
+        else
+            karst_text_add(text, "affine_fract(c%u) * %s;\n", word, period.text);
+    } else {
+        const char *function = n->op == KARST_OP_FLOOR ? "affine_floor" : "affine_fract";
+        if (shifted)
+            karst_text_add(text, "%s_shifted(c%u, %s);\n", function, word, offset.text);
+        else
+            karst_text_add(text, "%s(c%u);\n", function, word);
+    }
+}
+
+/* ---- lines ---- */
+
+/* Without a second half: what wide_add_float and its kin take. */
+static bool is_plain(const karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    if (n->op == KARST_OP_CONSTANT)
+        return karst_number_rest(*karst_graph_constant(emit->graph, e)) == 0.0f;
+    return !emit->layout->is_known[e] && n->kind != KARST_KIND_WIDE && n->op != KARST_OP_AFFINE &&
+           n->op != KARST_OP_SHIFTED;
+}
+
+/* A sum or difference of pairs, of which one may be a float: up to the semicolon. */
+static void wide_sum(karst_emit *emit, karst_expr e, const char *op)
+{
+    const karst_expr *arg = node_of(emit, e)->arg;
+    const bool first = is_plain(emit, arg[0]), second = is_plain(emit, arg[1]) && !first;
+    karst_text_add(&emit->text, "wide_%s%s%s(%s, %s);\n", first ? "float_" : "", op, second ? "_float" : "",
+                   (first ? karst_emit_operand : karst_emit_wide_operand)(emit, arg[0]).text,
+                   (second ? karst_emit_operand : karst_emit_wide_operand)(emit, arg[1]).text);
+}
+
+/* A function and its arguments, up to the semicolon. */
+static void call(karst_emit *emit, karst_expr e, const char *name, bool swapped, bool wide)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    karst_text_add(&emit->text, "%s(", name);
+    for (int k = 0; k < 4 && n->arg[k]; k++) {
+        karst_expr argument = n->arg[swapped ? 1 - k : k];
+        bool is_float = node_of(emit, argument)->type == KARST_TYPE_FLOAT;
+        karst_operand operand =
+            wide && is_float ? karst_emit_wide_operand(emit, argument) : karst_emit_operand(emit, argument);
+        karst_text_add(&emit->text, "%s%s", k ? ", " : "", operand.text);
+    }
+    karst_text_add(&emit->text, ");\n");
+}
+
+/* Declares h and l as the halves of w, which the text just defined. */
+static void halves(karst_emit *emit, karst_expr e)
+{
+    karst_text_add(&emit->text, "    const vfloat h%u = w%u.hi, l%u = w%u.lo;\n", e, e, e, e);
+}
+
+static void wide_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    char name[48];
+    if (n->op == KARST_OP_LENGTH)
+        snprintf(name, sizeof name, "wide_length%d", n->arg[3] ? 4 : n->arg[2] ? 3 : 2);
+    else
+        snprintf(name, sizeof name, "wide_%s", karst_op_name(n->op));
+    bool is_pair = n->kind == KARST_KIND_WIDE;
+    karst_text_add(&emit->text, "    const %s %c%u = ", is_pair ? "wide" : karst_emit_type(emit, e),
+                   is_pair ? 'w' : 'v', e);
+    if (n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT)
+        wide_sum(emit, e, karst_op_name(n->op));
+    else
+        call(emit, e, name, false, true);
+    if (is_pair)
+        halves(emit, e);
+}
+
+/* An AFFINE or SHIFTED as float, as pair, or both. */
+static void affine_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    karst_text *text = &emit->text;
+    uint8_t needs = emit->nodes[e].needs;
+    if (needs & KARST_PART_VALUE) {
+        karst_text_add(text, "    const vfloat v%u = ", e);
+        if (n->op == KARST_OP_AFFINE)
+            karst_text_add(text, "affine_float(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
+        else
+            call(emit, e, "op_add", false, false);
+    }
+    if (needs & KARST_PART_PAIR) {
+        karst_text_add(text, "    const wide w%u = ", e);
+        if (n->op == KARST_OP_AFFINE)
+            karst_text_add(text, "wide_affine(&at, EMIT_LINEAR(data, %u));\n", emit->layout->word[e]);
+        else
+            wide_sum(emit, e, "add");
+        halves(emit, e);
+    }
+}
+
+void karst_emit_lines(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e);
+    if (n->op == KARST_OP_NOISE) {
+        karst_emit_noise_lines(emit, e);
+    } else if (karst_takes_place(emit->layout, e, 0)) {
+        place_lines(emit, e);
+    } else if (n->op == KARST_OP_AFFINE || n->op == KARST_OP_SHIFTED) {
+        affine_lines(emit, e);
+    } else if (karst_emit_is_wide(emit, e)) {
+        wide_lines(emit, e);
+    } else if (n->op == KARST_OP_FOOTPRINT) {
+        karst_text_add(&emit->text, "    const vfloat v%u = (vfloat)(op_footprint(level, %d));\n", e,
+                       (int)n->extra - KARST_FOOTPRINT_BIAS);
+    } else if (n->op == KARST_OP_NORMAL) {
+        karst_text_add(&emit->text, "    const vfloat v%u = n%c;\n", e, "xyz"[n->extra]);
+    } else {
+        char name[48];
+        bool swapped;
+        function_name(emit, e, name, sizeof name, &swapped);
+        karst_text_add(&emit->text, "    const %s v%u = ", karst_emit_type(emit, e), e);
+        call(emit, e, name, swapped, false);
+    }
+}

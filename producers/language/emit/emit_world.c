@@ -1,0 +1,230 @@
+#include "producers/language/emit/emit.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/emit/emit_internal.h"
+
+const char *karst_emit_axes_name(uint8_t axes)
+{
+    static const char *const names[8] = {"b", "x", "y", "xy", "z", "xz", "yz", "xyz"};
+    return names[axes & KARST_AXES];
+}
+
+void karst_emit_begin_block(karst_emit *emit, karst_block block)
+{
+    emit->block = block;
+    emit->serial++;
+}
+
+static bool is_pair(const karst_emit *emit, karst_expr e) { return emit->graph->nodes[e].kind == KARST_KIND_WIDE; }
+
+bool karst_emit_is_wide(const karst_emit *emit, karst_expr e) { return karst_is_computed_wide(emit->graph, e); }
+
+/* As which part a wide node reads an argument: AFFINE and SHIFTED have both, others what they have. */
+static uint8_t part_of(const karst_emit *emit, karst_expr e, bool wide)
+{
+    uint8_t op = emit->graph->nodes[e].op;
+    return is_pair(emit, e) || (wide && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? KARST_PART_PAIR
+                                                                                           : KARST_PART_VALUE;
+}
+
+size_t karst_emit_inputs(const karst_emit *emit, karst_expr e, karst_emit_input inputs[KARST_MAX_INPUTS])
+{
+    const karst_expr_node *n = &emit->graph->nodes[e];
+    bool wide = karst_emit_is_wide(emit, e);
+    size_t count = 0;
+    for (int k = 0; k < 4; k++) {
+        karst_expr input = n->arg[k];
+        if (karst_takes_place(emit->layout, e, k)) {
+            const karst_expr_node *a = &emit->graph->nodes[input];
+            input = a->op == KARST_OP_SHIFTED ? a->arg[1] : KARST_NO_EXPR;
+        }
+        if (!input || emit->layout->is_known[input])
+            continue;
+        uint8_t part = 0;
+        if (n->op != KARST_OP_SHIFTED || (emit->nodes[e].needs & KARST_PART_VALUE))
+            part |= part_of(emit, input, wide);
+        if (n->op == KARST_OP_SHIFTED && (emit->nodes[e].needs & KARST_PART_PAIR))
+            part |= part_of(emit, input, true);
+        inputs[count++] = (karst_emit_input){input, part};
+    }
+    return count;
+}
+
+uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots)
+{
+    uint32_t count = 0, num_nodes = emit->graph->num_nodes;
+    for (karst_expr e = 0; e < num_nodes; e++)
+        emit->nodes[e] = (karst_emit_node){.axes = emit->graph->nodes[e].depends & KARST_AXES};
+    for (size_t i = 0; i < num_roots; i++)
+        if (!emit->layout->is_known[roots[i]])
+            emit->nodes[roots[i]].needs = part_of(emit, roots[i], false);
+    for (karst_expr e = num_nodes - 1; e > 0; e--) {
+        if (!emit->nodes[e].needs)
+            continue;
+        karst_emit_input inputs[KARST_MAX_INPUTS];
+        size_t num_inputs = karst_emit_inputs(emit, e, inputs);
+        for (size_t i = 0; i < num_inputs; i++)
+            emit->nodes[inputs[i].e].needs |= inputs[i].part;
+        count++;
+    }
+    karst_emit_mark_pairs(emit);
+    return count;
+}
+
+/* What stands in the way of generated code. */
+static bool check(karst_emit *emit, const karst_expr *roots, size_t num_roots, const char *what, karst_error *error)
+{
+    uint32_t count = karst_emit_mark(emit, roots, num_roots), num_octaves = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        const karst_expr_node *n = &emit->graph->nodes[e];
+        if (!emit->nodes[e].needs)
+            continue;
+        if (n->op == KARST_OP_POSITION)
+            return karst_fail(error, KARST_FAILED, "%s was not resolved", what);
+        if (n->op == KARST_OP_NOISE) {
+            num_octaves += emit->graph->noises[n->extra].num_octaves;
+            count += KARST_EMIT_NOISE_OPS - 1;
+        }
+        if (n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS)
+            count += KARST_EMIT_TURNS_OPS - 1;
+    }
+    if (count > KARST_EMIT_MAX_OPS)
+        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u operations; at most %u can be compiled", what,
+                          count, KARST_EMIT_MAX_OPS);
+    if (num_octaves > KARST_EMIT_MAX_OCTAVES)
+        return karst_fail(error, KARST_BAD_WORLD, "%s is too large: %u octaves of noise; at most %u can be compiled",
+                          what, num_octaves, KARST_EMIT_MAX_OCTAVES);
+    return true;
+}
+
+/* Of the nodes that are marked: what another part of the world needs is no part of this one's text. */
+static bool is_gradient_noise_alone(const karst_emit *emit)
+{
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE &&
+            emit->graph->noises[emit->graph->nodes[e].extra].base != KARST_NOISE_GRADIENT)
+            return false;
+    return true;
+}
+
+static const char *only_gradient(const karst_emit *emit)
+{
+    return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT : "";
+}
+
+static void preamble(karst_emit *emit)
+{
+    karst_text_add(&emit->text, "%s#include \"producers/language/emit/emit.clh\"\n\n", only_gradient(emit));
+}
+
+static bool take_text(karst_emit *emit, char **to, karst_error *error)
+{
+    bool good = !emit->text.failed || karst_fail(error, KARST_FAILED, "out of memory");
+    if (good)
+        *to = emit->text.bytes;
+    else
+        karst_text_finish(&emit->text);
+    emit->text = (karst_text){0};
+    return good;
+}
+
+/* The density's text: its own, or, if that were too large, the interpreter of its tape. */
+static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error *error)
+{
+    karst_error why = {0};
+    if (check(emit, &emit->layout->world.density, 1, "density", &why)) {
+        preamble(emit);
+        karst_emit_points(emit, emitted);
+        karst_emit_bricks(emit, emitted);
+    } else if (why.status == KARST_BAD_WORLD) {
+        emitted->is_tape = true;
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_world.clh\"\n", only_gradient(emit));
+    } else {
+        return karst_fail(error, why.status, "%s", why.message);
+    }
+    emitted->is_gradient_noise_alone = is_gradient_noise_alone(emit);
+    return take_text(emit, &emitted->source, error);
+}
+
+/* The same for the colours. */
+static bool write_colours(karst_emit *emit, karst_emitted *emitted, karst_error *error)
+{
+    karst_error why = {0};
+    if (check(emit, emit->layout->world.colour, 3, "colour", &why)) {
+        preamble(emit);
+        karst_emit_colours(emit, emitted);
+    } else if (why.status == KARST_BAD_WORLD) {
+        emitted->is_colour_tape = true;
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_colour.clh\"\n", only_gradient(emit));
+    } else {
+        return karst_fail(error, why.status, "%s", why.message);
+    }
+    return take_text(emit, &emitted->colour_source, error);
+}
+
+static bool begin(karst_emit *emit, const karst_world_layout *layout, karst_error *error)
+{
+    *emit = (karst_emit){.layout = layout, .graph = layout->world.graph};
+    emit->nodes = calloc(emit->graph->num_nodes, sizeof *emit->nodes);
+    emit->placed = calloc(layout->num_words + 1u, sizeof *emit->placed);
+    return (emit->nodes && emit->placed) || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+static void finish(karst_emit *emit)
+{
+    free(emit->nodes);
+    free(emit->placed);
+}
+
+bool karst_emit_is_tape(const karst_world_layout *layout, bool *is_tape, karst_error *error)
+{
+    karst_emit emit;
+    karst_error why = {0};
+    bool done = begin(&emit, layout, error);
+    *is_tape = done && !check(&emit, &layout->world.density, 1, "density", &why) && why.status == KARST_BAD_WORLD;
+    if (done && why.status != KARST_OK && !*is_tape)
+        done = karst_fail(error, why.status, "%s", why.message);
+    finish(&emit);
+    return done;
+}
+
+bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, karst_error *error)
+{
+    karst_emit emit;
+    *emitted = (karst_emitted){0};
+    bool done = begin(&emit, layout, error);
+    done = done && write_density(&emit, emitted, error) &&
+           (!layout->world.has_colour || write_colours(&emit, emitted, error));
+    if (!done)
+        karst_emitted_finish(emitted);
+    finish(&emit);
+    return done;
+}
+
+bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error)
+{
+    const karst_resolved_world *world = &layout->world;
+    const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
+    karst_emit emit;
+    karst_emitted points = {0};
+    bool done = begin(&emit, layout, error);
+    if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
+        preamble(&emit);
+        karst_emit_points(&emit, &points);
+        karst_emit_surfaces(&emit);
+        done = take_text(&emit, source, error);
+    } else {
+        done = false;
+    }
+    finish(&emit);
+    return done;
+}
+
+void karst_emitted_finish(karst_emitted *emitted)
+{
+    free(emitted->source);
+    free(emitted->colour_source);
+    *emitted = (karst_emitted){0};
+}

@@ -1,0 +1,315 @@
+#include "producers/language/front/header.h"
+
+#include <float.h>
+#include <jansson.h>
+#include <math.h>
+#include <string.h>
+
+#include "karst/position.h"
+
+/* As far as a camera may be (karst_engine_set_camera). */
+#define MAX_CAMERA_VOXEL ((int64_t)1 << 61)
+#define COORDINATE_BYTES 160
+
+/* Errors leave by longjmp, so the tree is released before: what is wrong is noted here first. */
+typedef struct {
+    karst_source *source;
+    karst_world_header *header;
+    uint32_t begin, end; /* the object's text */
+    json_t *root;
+} reader;
+
+/* Where a key is written, for messages: the first "key" in quotes behind `from`. */
+static uint32_t place_of(const reader *r, const char *key, uint32_t from)
+{
+    size_t n = strlen(key);
+    for (uint32_t i = from; i + n + 2 <= r->end; i++)
+        if (r->source->text[i] == '"' && !memcmp(r->source->text + i + 1, key, n) && r->source->text[i + 1 + n] == '"')
+            return i;
+    return r->begin;
+}
+
+static _Noreturn void fail(reader *r, const char *key, const char *hint, const char *message)
+{
+    uint32_t where = place_of(r, key, r->begin);
+    json_decref(r->root);
+    karst_source_error(r->source, where, hint, "%s", message);
+}
+
+static const char *text_of(reader *r, json_t *value, const char *key)
+{
+    if (!json_is_string(value))
+        fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is a text in quotes", key));
+    char *text = karst_format(r->source->arena, "%s", json_string_value(value));
+    karst_source_plain(text);
+    return text;
+}
+
+static double number_of(reader *r, json_t *value, const char *key, double low, double high)
+{
+    double d = json_is_number(value) ? json_number_value(value) : (double)NAN;
+    if (!(d >= low && d <= high)) {
+        if (low == -DBL_MAX && high == DBL_MAX)
+            fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is a number", key));
+        fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is a number from %g to %g", key, low, high));
+    }
+    return d;
+}
+
+static json_t *object_of(reader *r, json_t *value, const char *key)
+{
+    if (!json_is_object(value))
+        fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is an object in braces", key));
+    return value;
+}
+
+/* Warns of keys that are not among `known` (space-separated). */
+static void warn_unknown(reader *r, json_t *object, const char *of, const char *known)
+{
+    const char *key;
+    json_t *value;
+    json_object_foreach(object, key, value)
+    {
+        if (r->source->num_warnings >= KARST_MAX_WARNINGS)
+            return; /* each look costs a walk through the text */
+        karst_nearest nearest = karst_nearest_begin(key, strlen(key));
+        bool found = false;
+        for (const char *k = known; *k;) {
+            size_t n = strcspn(k, " ");
+            const char *name = karst_format(r->source->arena, "%.*s", (int)n, k);
+            found |= !strcmp(name, key);
+            karst_nearest_offer(&nearest, name);
+            k += n + (k[n] == ' ');
+        }
+        if (!found)
+            karst_source_warn(r->source, place_of(r, key, r->begin), karst_nearest_hint(&nearest, r->source->arena),
+                              "%s has no key \"%.60s\"", of, key);
+    }
+}
+
+static void read_colour(reader *r, json_t *value, const char *key, double rgb[3])
+{
+    if (!json_is_array(value) || json_array_size(value) != 3)
+        fail(r, key, "write [0.2, 0.4, 0.8]", karst_format(r->source->arena, "\"%s\" is three numbers", key));
+    for (size_t i = 0; i < 3; i++)
+        rgb[i] = number_of(r, json_array_get(value, i), key, 0, 1000);
+}
+
+/* Exact decimals of any length, in a form whose length is bounded. */
+static const char *coordinate_of(reader *r, json_t *value)
+{
+    const char *text = json_is_string(value) ? text_of(r, value, "position")
+                       : json_is_integer(value)
+                           ? karst_format(r->source->arena, "%lld", (long long)json_integer_value(value))
+                       : json_is_real(value) ? karst_format(r->source->arena, "%.17g", json_real_value(value))
+                                             : "";
+    int voxel_log2_m = r->header->voxel_log2_m;
+    int64_t voxel;
+    uint32_t fraction;
+    karst_error why = {0};
+    if (!karst_coordinate_parse(text, voxel_log2_m, &voxel, &fraction, &why))
+        fail(r, "position", "write [\"0\", \"320\", \"0\"]",
+             karst_format(r->source->arena, "\"position\" is three decimals, in metres: %s", why.message));
+    if (voxel > MAX_CAMERA_VOXEL || voxel < -MAX_CAMERA_VOXEL)
+        fail(r, "position", "come nearer, or make the voxel larger",
+             "this \"position\" lies beyond 2^61 voxels from the origin");
+    char *exact = karst_arena_alloc(r->source->arena, COORDINATE_BYTES);
+    karst_coordinate_format(voxel, fraction, voxel_log2_m, exact, COORDINATE_BYTES);
+    return exact;
+}
+
+static void read_camera(reader *r, json_t *camera)
+{
+    karst_world_header *h = r->header;
+    json_t *position = json_object_get(object_of(r, camera, "camera"), "position"), *v;
+    h->has_camera = true;
+    warn_unknown(r, camera, "the camera", "position yaw pitch fov");
+    if (position && (!json_is_array(position) || json_array_size(position) != 3))
+        fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
+    for (size_t i = 0; position && i < 3; i++)
+        h->camera_position[i] = coordinate_of(r, json_array_get(position, i));
+    if ((v = json_object_get(camera, "yaw")))
+        h->camera_yaw_deg = number_of(r, v, "yaw", -36000, 36000);
+    if ((v = json_object_get(camera, "pitch")))
+        h->camera_pitch_deg = number_of(r, v, "pitch", -90, 90);
+    if ((v = json_object_get(camera, "fov")))
+        h->camera_fov_deg = number_of(r, v, "fov", 0.0001, 179);
+}
+
+static void read_light(reader *r)
+{
+    karst_world_header *h = r->header;
+    json_t *sun = json_object_get(r->root, "sun"), *sky = json_object_get(r->root, "sky"), *v;
+    if (sun) {
+        h->has_sun = true;
+        warn_unknown(r, object_of(r, sun, "sun"), "the sun", "azimuth elevation");
+        if ((v = json_object_get(sun, "azimuth")))
+            h->sun_azimuth_deg = number_of(r, v, "azimuth", -36000, 36000);
+        if ((v = json_object_get(sun, "elevation")))
+            h->sun_elevation_deg = number_of(r, v, "elevation", -90, 90);
+    }
+    if (sky) {
+        h->has_sky = true;
+        warn_unknown(r, object_of(r, sky, "sky"), "the sky", "zenith horizon haze haze_height haze_globe");
+        if ((v = json_object_get(sky, "zenith")))
+            read_colour(r, v, "zenith", h->sky_zenith);
+        if ((v = json_object_get(sky, "horizon")))
+            read_colour(r, v, "horizon", h->sky_horizon);
+        if ((v = json_object_get(sky, "haze")))
+            h->haze_distance_m = number_of(r, v, "haze", 0, DBL_MAX);
+        if ((v = json_object_get(sky, "haze_height")))
+            h->haze_height_m = number_of(r, v, "haze_height", 0, DBL_MAX);
+        if ((v = json_object_get(sky, "haze_globe")))
+            h->haze_globe_m = number_of(r, v, "haze_globe", 0, DBL_MAX);
+    }
+}
+
+static bool is_identifier(const char *name)
+{
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
+    return *name && !(*name >= '0' && *name <= '9') && strspn(name, letters) == strlen(name) && strlen(name) <= 64;
+}
+
+static void read_parameter(reader *r, const char *name, json_t *value)
+{
+    karst_world_header *h = r->header;
+    if (!is_identifier(name))
+        fail(r, name, "use letters, digits and _", "a parameter's name is a word that the functions can use");
+    if (h->num_parameters == KARST_HEADER_MAX_PARAMETERS)
+        fail(r, name, NULL,
+             karst_format(r->source->arena, "a world may have %u parameters", KARST_HEADER_MAX_PARAMETERS));
+    karst_header_parameter p = {
+        .min = -DBL_MAX, .max = DBL_MAX, .unit = "", .where = place_of(r, name, place_of(r, "params", r->begin))};
+    p.name = p.label = karst_format(r->source->arena, "%s", name);
+    double number = 0;
+    if (json_is_number(value)) {
+        number = number_of(r, value, name, -DBL_MAX, DBL_MAX);
+    } else {
+        json_t *v;
+        warn_unknown(r, object_of(r, value, name), "a parameter", "value min max step unit label");
+        if ((v = json_object_get(value, "min")))
+            p.min = number_of(r, v, "min", -DBL_MAX, DBL_MAX);
+        if ((v = json_object_get(value, "max")))
+            p.max = number_of(r, v, "max", -DBL_MAX, DBL_MAX);
+        if ((v = json_object_get(value, "step")))
+            p.step = number_of(r, v, "step", 0, DBL_MAX);
+        if ((v = json_object_get(value, "unit")))
+            p.unit = text_of(r, v, "unit");
+        if ((v = json_object_get(value, "label")))
+            p.label = text_of(r, v, "label");
+        if (!(v = json_object_get(value, "value")))
+            fail(r, name, "write { \"value\": 1 }",
+                 karst_format(r->source->arena, "parameter \"%s\" has no value", name));
+        number = number_of(r, v, name, -DBL_MAX, DBL_MAX);
+    }
+    if (!(p.min <= number && number <= p.max))
+        fail(r, name, NULL,
+             karst_format(r->source->arena, "the value of \"%s\" is not between its min and its max", name));
+    p.value = karst_number_shortest(number);
+    h->parameters[h->num_parameters++] = p;
+}
+
+static void read_voxel(reader *r, json_t *value)
+{
+    double voxel = json_is_number(value) ? json_number_value(value) : 0;
+    if (!(voxel >= 0x1p-40 && voxel <= 0x1p40))
+        fail(r, "voxel", "write 0.0625", "\"voxel\" is the width of the finest voxel in metres, from 2^-40 to 2^40");
+    int k = ilogb(voxel);
+    double power = ldexp(1.0, k);
+    if (voxel > power * 1.4142135623730951) /* the nearer one, by ratio */
+        power = ldexp(1.0, ++k);
+    if (voxel != power)
+        karst_source_warn(r->source, place_of(r, "voxel", r->begin), NULL,
+                          "\"voxel\" is rounded to a power of two: %.12g m", power);
+    r->header->voxel_log2_m = k > 40 ? 40 : k;
+}
+
+static void read_root(reader *r)
+{
+    karst_world_header *h = r->header;
+    json_t *v;
+    warn_unknown(r, r->root, "the header",
+                 "name author description seed voxel extent params camera sun sky lipschitz view");
+    if ((v = json_object_get(r->root, "name")))
+        h->name = text_of(r, v, "name");
+    if ((v = json_object_get(r->root, "author")))
+        h->author = text_of(r, v, "author");
+    if ((v = json_object_get(r->root, "description")))
+        h->description = text_of(r, v, "description");
+    if ((v = json_object_get(r->root, "seed"))) {
+        if (!json_is_integer(v) || json_integer_value(v) < 0 || json_integer_value(v) > UINT32_MAX)
+            fail(r, "seed", NULL, "\"seed\" is an integer from 0 to 4294967295");
+        h->seed = (uint32_t)json_integer_value(v);
+    }
+    if ((v = json_object_get(r->root, "voxel")))
+        read_voxel(r, v);
+    if ((v = json_object_get(r->root, "extent"))) {
+        h->has_extent = true;
+        h->extent_m = number_of(r, v, "extent", 0, DBL_MAX);
+    }
+    if ((v = json_object_get(r->root, "lipschitz"))) {
+        h->has_lipschitz = true;
+        h->lipschitz = number_of(r, v, "lipschitz", 0, DBL_MAX);
+    }
+    if ((v = json_object_get(r->root, "view")))
+        h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
+    if ((v = json_object_get(r->root, "camera")))
+        read_camera(r, v);
+    read_light(r);
+    if ((v = json_object_get(r->root, "params"))) {
+        const char *name;
+        json_t *value;
+        json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
+    }
+}
+
+/* The text of the object in the first comment; false: there is none. */
+static bool find_object(const karst_source *source, uint32_t *begin, uint32_t *end)
+{
+    const char *s = source->text;
+    uint32_t i = source->user_begin, n = source->length;
+    for (;;) { /* line comments may stand before it */
+        while (i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r')))
+            i++;
+        if (i + 1 >= n || s[i] != '/' || s[i + 1] != '/')
+            break;
+        while (i < n && s[i] != '\n')
+            i++;
+    }
+    if (i + 1 >= n || s[i] != '/' || s[i + 1] != '*')
+        return false;
+    for (i += 2; i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r') || s[i] == '*'); i++)
+        ;
+    if (i >= n || s[i] != '{')
+        return false;
+    *begin = i;
+    for (*end = i; *end + 1 < n && !(s[*end] == '*' && s[*end + 1] == '/'); ++*end)
+        ;
+    return *end + 1 < n; /* a comment that never ends is the lexer's to report */
+}
+
+void karst_header_read(karst_source *source, karst_world_header *header)
+{
+    *header = (karst_world_header){.name = "",
+                                   .author = "",
+                                   .description = "",
+                                   .voxel_log2_m = -4,
+                                   .camera_position = {"0", "0", "0"},
+                                   .camera_fov_deg = 60,
+                                   .sun_azimuth_deg = 135,
+                                   .sun_elevation_deg = 40};
+    reader r = {.source = source, .header = header};
+    if (!find_object(source, &r.begin, &r.end))
+        return;
+    header->is_given = true;
+    json_error_t e;
+    r.root = json_loadb(source->text + r.begin, r.end - r.begin, JSON_REJECT_DUPLICATES, &e);
+    if (!r.root) {
+        uint32_t where =
+            r.begin + (e.position > 0 && (uint32_t)e.position <= r.end - r.begin ? (uint32_t)e.position - 1 : 0);
+        char *message = karst_format(source->arena, "the header is not JSON: %s", e.text);
+        karst_source_error(source, where, "quote all names, put commas between, none at the end", "%s", message);
+    }
+    read_root(&r);
+    json_decref(r.root);
+}

@@ -1,0 +1,46 @@
+/* The header of a world file: the JSON in its first comment. */
+#ifndef KARST_LANGUAGE_HEADER_H
+#define KARST_LANGUAGE_HEADER_H
+
+#include "producers/language/base/number.h"
+#include "producers/language/base/source.h"
+
+#define KARST_HEADER_MAX_PARAMETERS 64u
+
+typedef struct {
+    const char *name;
+    karst_number value;
+    double min, max, step;    /* -DBL_MAX, DBL_MAX, 0 where the header is silent */
+    const char *unit, *label; /* never NULL */
+    uint32_t where;
+} karst_header_parameter;
+
+/* All optional; has_ fields say what was given, everything else holds its default. Strings are never NULL and live in
+ * the source's arena. */
+typedef struct {
+    bool is_given; /* there is a header */
+    const char *name, *author, *description;
+    uint32_t seed;    /* 0 */
+    int voxel_log2_m; /* level-0 voxel is 2^this metres; -4: 1/16 m */
+    bool has_extent;
+    double extent_m; /* how far from the origin the world means something */
+    bool has_lipschitz;
+    double lipschitz; /* declared: |density(a) - density(b)| <= lipschitz * |a - b| */
+    bool has_camera;
+    const char *camera_position[3];                          /* decimal text, metres; "0" */
+    double camera_yaw_deg, camera_pitch_deg, camera_fov_deg; /* 0, 0, 60 */
+    bool has_sun;
+    double sun_azimuth_deg, sun_elevation_deg; /* 135, 40 */
+    bool has_sky;
+    double sky_zenith[3], sky_horizon[3], haze_distance_m; /* linear RGB; 0: no haze */
+    double haze_height_m, haze_globe_m;                    /* 0: not said */
+    double view_distance_m;                                /* 0: not said */
+    uint32_t num_parameters;
+    karst_header_parameter parameters[KARST_HEADER_MAX_PARAMETERS];
+} karst_world_header;
+
+/* Reads the header if the user's text begins with a comment that holds an object ("/" "*{ ... }*" "/"). Unknown keys
+ * are warned about; wrong types and values out of range are errors at their line. */
+void karst_header_read(karst_source *source, karst_world_header *header);
+
+#endif

@@ -1,0 +1,43 @@
+/* From syntax to graph: the text is executed once, with symbols for the position, and what it computes becomes the
+ * graph. Calls are inlined, loops unrolled, vectors taken apart; branches on what varies execute both sides and select.
+ */
+#ifndef KARST_LANGUAGE_LOWER_H
+#define KARST_LANGUAGE_LOWER_H
+
+#include "producers/language/front/parser.h"
+
+#define KARST_MAX_INLINING 64u
+#define KARST_MAX_ITERATIONS 16384u
+#define KARST_MAX_SELECT_ENTRIES 64u
+#define KARST_MAX_RAW_NODES (1u << 20)
+#define KARST_MAX_LIVE_NODES (1u << 16)
+#define KARST_MAX_OCTAVES 512u
+#define KARST_MAX_PARAMETERS 64u
+
+/* A parameter as the front end sees it: a uniform float with a name. */
+typedef struct {
+    const char *name;
+    karst_number value;
+    bool is_implicit;   /* iTime and its like: appended when used */
+    bool is_structural; /* out: it decided a loop, an array's size or a number of octaves: a change means compiling
+                           again */
+    bool is_used;       /* out */
+} karst_lower_parameter;
+
+typedef struct {
+    karst_source *source;
+    karst_names *names;
+    karst_parser *parser;
+    karst_graph *graph; /* empty */
+    karst_lower_parameter parameters[KARST_MAX_PARAMETERS + 16];
+    uint32_t num_parameters;
+    /* out */
+    karst_expr density, colour[3];
+    bool has_colour;
+    uint32_t max_iterations_seen;
+} karst_lowering;
+
+/* Lowers both entry points. Errors go through the source. */
+void karst_lower(karst_lowering *lowering);
+
+#endif

@@ -1,0 +1,301 @@
+/* Calls: which function is meant, constructors, inlining. */
+#include "producers/language/front/lower_internal.h"
+
+#include <string.h>
+
+const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count)
+{
+    char *text = karst_format(s->arena, "(");
+    for (uint32_t i = 0; i < count && i < 8; i++)
+        text = karst_format(s->arena, "%s%s%s", text, i ? ", " : "", arguments[i].type->name);
+    return karst_format(s->arena, "%s%s)", text, count > 8 ? ", ..." : "");
+}
+
+const char *karst_a_type(karst_lower_state *s, const karst_type *type)
+{
+    return karst_format(s->arena, "%s%s", karst_type_article(type), type->name);
+}
+
+/* ---- constructors ---- */
+
+static karst_value construct_matrix(karst_lower_state *s, const karst_type *type, const karst_value *arguments,
+                                    uint32_t count, uint32_t where)
+{
+    karst_value r = karst_value_zero(s, type, where);
+    uint32_t n = type->size;
+    if (count == 1 && arguments[0].type->shape == KARST_SHAPE_SCALAR) { /* a diagonal */
+        for (uint32_t i = 0; i < n; i++)
+            r.e[i * n + i] = karst_expr_convert(s->graph, KARST_TYPE_FLOAT, arguments[0].e[0]);
+        return r;
+    }
+    if (count == 1 && arguments[0].type->shape ==
+                          KARST_SHAPE_MATRIX) { /* the upper left of a larger, the rest as in the unit matrix */
+        uint32_t m = arguments[0].type->size;
+        for (uint32_t i = 0; i < n; i++)
+            for (uint32_t j = 0; j < n; j++)
+                r.e[i * n + j] = i < m && j < m ? arguments[0].e[i * m + j] : karst_graph_float(s->graph, i == j);
+        return r;
+    }
+    uint32_t filled = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        if (!karst_type_is_plain(arguments[i].type))
+            karst_source_error(s->source, where, NULL, "%s is not made from %s", karst_a_type(s, type),
+                               karst_a_type(s, arguments[i].type));
+        for (uint32_t k = 0; k < arguments[i].type->num_scalars; k++) {
+            if (filled == type->num_scalars)
+                karst_source_error(s->source, where, NULL, "%s has %u numbers; %s has more", karst_a_type(s, type),
+                                   type->num_scalars, karst_type_list(s, arguments, count));
+            r.e[filled++] = karst_expr_convert(s->graph, KARST_TYPE_FLOAT, arguments[i].e[k]);
+        }
+    }
+    if (filled != type->num_scalars)
+        karst_source_error(s->source, where, NULL, "%s has %u numbers, not %u", karst_a_type(s, type),
+                           type->num_scalars, filled);
+    return r;
+}
+
+static karst_value construct_plain(karst_lower_state *s, const karst_type *type, const karst_value *arguments,
+                                   uint32_t count, uint32_t where)
+{
+    karst_value r = karst_value_new(s, type, where);
+    uint32_t filled = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const karst_type *from = arguments[i].type;
+        if (!karst_type_is_plain(from) && from->shape != KARST_SHAPE_MATRIX)
+            karst_source_error(s->source, where, NULL, "%s is not made from %s", karst_a_type(s, type),
+                               karst_a_type(s, from));
+        if (filled == type->num_scalars)
+            karst_source_error(s->source, where, "leave out what is too much", "%s has %u component%s; %s has more",
+                               karst_a_type(s, type), type->num_scalars, type->num_scalars == 1 ? "" : "s",
+                               karst_type_list(s, arguments, count));
+        for (uint32_t k = 0; k < from->num_scalars && filled < type->num_scalars; k++)
+            r.e[filled++] = karst_expr_convert(s->graph, type->scalar, arguments[i].e[k]);
+    }
+    if (count == 1 && filled == 1) /* one number for all components */
+        for (; filled < type->num_scalars; filled++)
+            r.e[filled] = r.e[0];
+    if (filled != type->num_scalars)
+        karst_source_error(s->source, where, NULL, "%s has %u components, not %u", karst_a_type(s, type),
+                           type->num_scalars, filled);
+    return r;
+}
+
+karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e)
+{
+    karst_value arguments[KARST_MAX_ARGUMENTS];
+    uint32_t count = 0, listed = 0;
+    for (const karst_ast_expr *a = e->a; a; a = a->next)
+        listed++;
+    const karst_type *type = karst_lower_type(s, e->of, listed, e->where);
+    if (type->shape == KARST_SHAPE_VOID)
+        karst_source_error(s->source, e->where, NULL, "there is no value of type void");
+    if (type->shape == KARST_SHAPE_ARRAY || type->shape == KARST_SHAPE_STRUCT) {
+        karst_ast_expr list = {.kind = KARST_AST_LIST, .where = e->where, .a = e->a};
+        return karst_lower_initialiser(s, &list, type);
+    }
+    for (const karst_ast_expr *a = e->a; a; a = a->next) {
+        if (count == 16)
+            karst_source_error(s->source, a->where, NULL, "%s is not made from that many values",
+                               karst_a_type(s, type));
+        arguments[count++] = karst_lower_expression(s, a);
+    }
+    if (!count)
+        karst_source_error(s->source, e->where, karst_format(s->arena, "write %s(0)", type->name), "%s() needs a value",
+                           type->name);
+    return type->shape == KARST_SHAPE_MATRIX ? construct_matrix(s, type, arguments, count, e->where)
+                                             : construct_plain(s, type, arguments, count, e->where);
+}
+
+/* ---- which function ---- */
+
+/* The cost of calling f so: conversions needed; -1: impossible. */
+static int call_cost(karst_lower_state *s, const karst_ast_function *f, const karst_value *arguments, uint32_t count)
+{
+    if (f->num_parameters != count)
+        return -1;
+    int cost = 0;
+    const karst_ast_variable *p = f->parameters;
+    for (uint32_t i = 0; i < count; i++, p = p->next) {
+        if (p->type.unsupported)
+            return -1;
+        const karst_type *type = karst_lower_type(s, &p->type, 0, p->where);
+        int one = p->is_out ? (arguments[i].type == type ? 0 : -1) : karst_type_conversion(arguments[i].type, type);
+        if (one < 0)
+            return -1;
+        cost += one;
+    }
+    return cost;
+}
+
+static const char *signature(karst_lower_state *s, const karst_ast_function *f)
+{
+    const char *text = karst_format(s->arena, "%s(", karst_lower_name(s, f->name));
+    for (const karst_ast_variable *p = f->parameters; p; p = p->next)
+        text = karst_format(
+            s->arena, "%s%s%s%s", text, p == f->parameters ? "" : ", ", p->is_out ? (p->is_in ? "inout " : "out ") : "",
+            p->type.unsupported ? p->type.unsupported : karst_lower_type(s, &p->type, 0, p->where)->name);
+    return karst_format(s->arena, "%s)", text);
+}
+
+/* The best of the functions of that name in one layer. *any says whether there is one at all. */
+static karst_ast_function *find_function(karst_lower_state *s, uint32_t name, bool in_prelude,
+                                         const karst_value *arguments, uint32_t count, uint32_t where, bool *any)
+{
+    karst_ast_function *best = NULL;
+    int best_cost = 0;
+    bool tie = false;
+    for (karst_ast_function *f = s->parser->functions; f; f = f->next) {
+        if (f->name != name || f->is_prelude != in_prelude)
+            continue;
+        *any = true;
+        int cost = call_cost(s, f, arguments, count);
+        if (cost < 0 || (best && cost > best_cost) || (best && cost == best_cost && !f->body))
+            continue;
+        tie = best && cost == best_cost && best->body;
+        best = f;
+        best_cost = cost;
+    }
+    if (tie)
+        karst_source_error(s->source, where, "convert the arguments by hand", "two functions '%s' fit %s equally well",
+                           karst_lower_name(s, name), karst_type_list(s, arguments, count));
+    return best;
+}
+
+static _Noreturn void no_fit(karst_lower_state *s, uint32_t name, bool in_prelude, const karst_value *arguments,
+                             uint32_t count, uint32_t where)
+{
+    const char *hint = NULL;
+    int listed = 0;
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+        if (f->name == name && f->is_prelude == in_prelude && listed++ < 4)
+            hint = hint ? karst_format(s->arena, "%s, %s", hint, signature(s, f))
+                        : karst_format(s->arena, "there is %s", signature(s, f));
+    karst_source_error(s->source, where, hint, "no function '%s' takes %s", karst_lower_name(s, name),
+                       karst_type_list(s, arguments, count));
+}
+
+static const struct {
+    const char *name, *instead;
+} refused[] = {
+    {"texture", "use noise(p) or write a function"},
+    {"texture2D", "use noise(p) or write a function"},
+    {"textureLod", "use noise(p) or write a function"},
+    {"texelFetch", "use noise(p) or write a function"},
+    {"textureCube", "use noise(p) or write a function"},
+    {"tex3D", "use noise(p) or write a function"},
+    {"dFdx", "compute a difference of two calls"},
+    {"dFdy", "compute a difference of two calls"},
+    {"fwidth", "detail is faded out without it: use a constant"},
+};
+
+static _Noreturn void unknown_function(karst_lower_state *s, uint32_t name, uint32_t where)
+{
+    const char *text = karst_lower_name(s, name);
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
+        if (!strcmp(text, refused[i].name))
+            karst_source_error(s->source, where, refused[i].instead,
+                               "a world has no screen and no textures, so there is no '%s'", text);
+    if (karst_variable_find(s, name))
+        karst_source_error(s->source, where, NULL, "'%s' is a variable, not a function", text);
+    karst_nearest nearest = karst_nearest_begin(text, strlen(text));
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+        karst_nearest_offer(&nearest, karst_lower_name(s, f->name));
+    karst_offer_builtins(&nearest);
+    karst_source_error(s->source, where, karst_nearest_hint(&nearest, s->arena), "there is no function '%s'", text);
+}
+
+static bool is_function(const karst_lower_state *s, uint32_t name)
+{
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+        if (f->name == name && (f->is_prelude || !karst_in_prelude(s)))
+            return true;
+    return karst_is_builtin(karst_lower_name(s, name));
+}
+
+/* ---- inlining ---- */
+
+static void copy_out(karst_lower_state *s, const karst_ast_expr *text, karst_value value)
+{
+    karst_place place = karst_lower_place(s, text, "changed by this call");
+    karst_place_write(s, &place, value);
+}
+
+karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
+                                 const karst_ast_expr *const *texts, uint32_t where)
+{
+    const char *name = karst_lower_name(s, f->name);
+    if (!f->body)
+        karst_source_error(s->source, where, "write its body", "function '%s' is declared, but has no body", name);
+    if (f->busy)
+        karst_source_error(s->source, where, "write a loop with a bound", "'%s' calls itself: there is no recursion",
+                           name);
+    if (s->inlined >= KARST_MAX_INLINING)
+        karst_source_error(s->source, where, NULL, "calls are nested deeper than %u", KARST_MAX_INLINING);
+    if (!f->statement)
+        karst_parse_body(s->parser, f);
+    const karst_type *result_type = karst_lower_type(s, &f->result, 0, f->where);
+    karst_value result = karst_value_zero(s, result_type, where);
+    karst_frame caller = s->frame;
+    size_t num_variables = s->num_variables;
+    uint32_t *formal = NULL; /* slots of the parameters */
+    formal = karst_arena_alloc(s->arena, (f->num_parameters + 1) * sizeof *formal);
+    const karst_ast_variable *p = f->parameters;
+    for (uint32_t i = 0; i < f->num_parameters; i++, p = p->next) {
+        const karst_type *type = karst_lower_type(s, &p->type, 0, p->where);
+        karst_value value = p->is_in ? karst_lower_convert(s, arguments[i], type, "this argument", where)
+                                     : karst_value_zero(s, type, where);
+        karst_variable *v = karst_variable_declare(s, p->name, type, p->is_const, where);
+        formal[i] = v->slot;
+        memcpy(s->slots + v->slot, value.e, type->num_scalars * sizeof *value.e);
+    }
+    s->frame = (karst_frame){.function = f,
+                             .result_type = result_type,
+                             .result = karst_slot_index(s, result.e),
+                             .first_variable = num_variables};
+    f->busy = true;
+    s->inlined++;
+    karst_lower_body(s, f->statement);
+    s->inlined--;
+    f->busy = false;
+    s->frame = caller;
+    s->num_variables = num_variables;
+    p = f->parameters;
+    for (uint32_t i = 0; i < f->num_parameters; i++, p = p->next)
+        if (p->is_out && texts)
+            copy_out(s, texts[i],
+                     (karst_value){.type = karst_lower_type(s, &p->type, 0, p->where), .e = s->slots + formal[i]});
+    if (result_type->shape != KARST_SHAPE_VOID)
+        s->top = karst_slot_index(s, result.e) + result_type->num_scalars; /* the callee's variables are gone */
+    return result;
+}
+
+karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
+{
+    karst_value arguments[KARST_MAX_ARGUMENTS], result;
+    if (!is_function(s, e->name))
+        unknown_function(s, e->name, e->where);
+    const karst_ast_expr *texts[KARST_MAX_ARGUMENTS];
+    uint32_t count = 0;
+    for (const karst_ast_expr *a = e->a; a; a = a->next) {
+        if (count == KARST_MAX_ARGUMENTS)
+            karst_source_error(s->source, a->where, NULL, "a call may have %u arguments", KARST_MAX_ARGUMENTS);
+        texts[count] = a;
+        arguments[count++] = karst_lower_expression(s, a);
+    }
+    bool any = false;
+    karst_ast_function *f = NULL;
+    if (!karst_in_prelude(s))
+        f = find_function(s, e->name, false, arguments, count, e->where, &any);
+    if (!f && any) /* the user's functions hide all others of that name */
+        no_fit(s, e->name, false, arguments, count, e->where);
+    if (!f)
+        f = find_function(s, e->name, true, arguments, count, e->where, &any);
+    if (f) {
+        karst_value value = karst_lower_function(s, f, arguments, texts, e->where);
+        s->graph->where = e->where;
+        return value;
+    }
+    if (karst_lower_builtin(s, karst_lower_name(s, e->name), arguments, count, e->where, &result))
+        return result;
+    no_fit(s, e->name, true, arguments, count, e->where);
+}

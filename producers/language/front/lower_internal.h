@@ -1,0 +1,164 @@
+/* What the parts of the lowering share. Every value is an array of scalars in one stack of slots; variables live there
+ * too.
+ *
+ * Branches: while a branch is open, every change of a variable is written in a journal. Closing the branch takes the
+ * changes out again; merging two sides makes each changed variable a select of its two values. So inside a branch, text
+ * reads what it wrote, without masks. */
+#ifndef KARST_LANGUAGE_LOWER_INTERNAL_H
+#define KARST_LANGUAGE_LOWER_INTERNAL_H
+
+#include "producers/language/front/lower.h"
+
+#define KARST_MAX_SLOTS (1u << 19)
+#define KARST_MAX_STEPS 2000000u /* expressions executed: about a second */
+#define KARST_MAX_DEPTH 2000u    /* of C's recursion over calls and nested text together */
+
+/* A value: type->num_scalars expressions, in the slot stack (valid until it is released) or elsewhere. */
+typedef struct {
+    const karst_type *type;
+    karst_expr *e;
+} karst_value;
+
+typedef struct {
+    uint32_t name;
+    const karst_type *type;
+    uint32_t slot; /* of its first scalar */
+    bool is_const;
+} karst_variable;
+
+typedef struct {
+    uint32_t slot;
+    karst_expr value; /* before, in the journal; after, in the changes */
+} karst_change;
+
+/* What is open while a function is executed. Slots of bools that say which lanes have left: merged like any variable.
+ */
+typedef struct {
+    const karst_ast_function *function;
+    const karst_type *result_type;
+    uint32_t result, returned, broken, continued;
+    bool in_loop,
+        may_leave; /* may_leave: a return, break or continue was executed under the present branch or before */
+    size_t first_variable, first_in_block;
+} karst_frame;
+
+typedef struct {
+    karst_ast_variable *ast;
+    const karst_type *type;
+    uint32_t slot;
+    bool ready, busy, written, warned;
+} karst_global;
+
+typedef struct {
+    karst_lowering *io;
+    karst_source *source;
+    karst_names *names;
+    karst_parser *parser;
+    karst_arena *arena;
+    karst_graph *graph;
+    karst_array_types array_types;
+    karst_expr *slots;
+    uint32_t top, global_top; /* locals grow up, globals down */
+    uint32_t *stamps, serial; /* per slot: scratch marks of merging */
+    karst_expr *marks;
+    karst_variable *variables;
+    size_t num_variables, variable_room;
+    karst_change *journal, *changes;
+    size_t num_journal, journal_room, num_changes, change_room;
+    uint32_t open_branches;
+    karst_global *globals;
+    uint32_t num_globals;
+    karst_frame frame;
+    uint32_t steps, depth, inlined, iterations;
+    karst_expr no, yes, zero; /* constants */
+} karst_lower_state;
+
+/* ---- lower_state.c ---- */
+karst_expr *karst_slots_push(karst_lower_state *s, uint32_t count, uint32_t where);
+static inline uint32_t karst_slot_index(const karst_lower_state *s, const karst_expr *e)
+{
+    return (uint32_t)(e - s->slots);
+}
+karst_value karst_value_new(karst_lower_state *s, const karst_type *type, uint32_t where);
+karst_value karst_value_zero(karst_lower_state *s, const karst_type *type, uint32_t where);
+void karst_slot_set(karst_lower_state *s, uint32_t slot, karst_expr value);
+/* Counts work and C recursion. */
+void karst_lower_enter(karst_lower_state *s, uint32_t where);
+static inline void karst_lower_leave(karst_lower_state *s) { s->depth--; }
+typedef struct {
+    size_t journal, changes;
+    uint32_t top;
+} karst_branch;
+karst_branch karst_branch_open(karst_lower_state *s);
+/* Takes what changed since out again; the changes stay on the stack of changes. */
+void karst_branch_close(karst_lower_state *s, karst_branch branch);
+/* Merges changes [first, middle) made where `condition` holds with [middle, end) made where it does not; drops them. */
+void karst_branch_merge(karst_lower_state *s, karst_expr condition, size_t first, size_t middle);
+karst_variable *karst_variable_declare(karst_lower_state *s, uint32_t name, const karst_type *type, bool is_const,
+                                       uint32_t where);
+karst_variable *karst_variable_find(karst_lower_state *s, uint32_t name);
+karst_global *karst_global_find(karst_lower_state *s, uint32_t name); /* evaluates its initialiser at the first call */
+const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
+                                   uint32_t where);
+/* Whose text is being executed: names are looked up in the prelude alone while its own functions run. */
+static inline bool karst_in_prelude(const karst_lower_state *s)
+{
+    return s->frame.function && s->frame.function->is_prelude;
+}
+const char *karst_lower_name(const karst_lower_state *s, uint32_t name);
+
+/* ---- lower_expr.c ---- */
+karst_value karst_lower_expression(karst_lower_state *s, const karst_ast_expr *e);
+/* The same, but a variable's value is not copied: valid until the variable changes. */
+karst_value karst_lower_whole(karst_lower_state *s, const karst_ast_expr *e);
+/* An int or float that is known now; `what` begins the error: "the size of an array". Parameters that decide it become
+ * structural. */
+karst_number karst_lower_constant(karst_lower_state *s, karst_expr e, const char *what, uint32_t where);
+/* Uniform, with a value that the host can compute. */
+bool karst_lower_is_known(karst_lower_state *s, karst_expr e);
+bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *number);
+/* `value` as `to`, or an error that names both: "cannot use a vec3 as float". */
+karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const karst_type *to, const char *context,
+                                uint32_t where);
+karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type);
+karst_value karst_lower_arithmetic(karst_lower_state *s, uint32_t op, karst_value a, karst_value b, uint32_t where);
+karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, const char *context);
+
+/* ---- lower_place.c: what can be assigned to, and parts of values ---- */
+typedef struct {
+    const karst_type *type;
+    uint32_t num_choices; /* 1, or the entries of an array that a varying index picks from */
+    karst_expr index;     /* of the choice, clamped */
+    uint32_t *slots;      /* of choice k: slots[k * type->num_scalars] onwards */
+} karst_place;
+karst_place karst_lower_place(karst_lower_state *s, const karst_ast_expr *e, const char *why);
+karst_value karst_place_read(karst_lower_state *s, const karst_place *place, uint32_t where);
+void karst_place_write(karst_lower_state *s, const karst_place *place, karst_value value);
+karst_value karst_lower_member(karst_lower_state *s, const karst_ast_expr *e);
+karst_value karst_lower_index(karst_lower_state *s, const karst_ast_expr *e);
+
+/* ---- lower_call.c ---- */
+karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e);
+karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e);
+karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
+                                 const karst_ast_expr *const *texts, uint32_t where);
+
+/* ---- lower_builtin.c ---- */
+/* false: there is no built-in of that name. Errors if there is, but not for these arguments. */
+bool karst_lower_builtin(karst_lower_state *s, const char *name, karst_value *arguments, uint32_t count, uint32_t where,
+                         karst_value *result);
+bool karst_is_builtin(const char *name);
+/* Each in turn, from 0; NULL past the last. What the prelude defines is not among them. */
+const char *karst_builtin_name(size_t number);
+void karst_offer_builtins(karst_nearest *nearest);
+/* "an int", for messages. */
+const char *karst_a_type(karst_lower_state *s, const karst_type *type);
+/* "(vec3, float)", for messages. */
+const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count);
+
+/* ---- lower_stmt.c ---- */
+void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);
+/* Executes the body of a function, with its parameters declared, as the only thing in `s->frame`. */
+void karst_lower_body(karst_lower_state *s, const karst_ast_statement *body);
+
+#endif

@@ -1,0 +1,246 @@
+#include "producers/language/front/lower_internal.h"
+
+#include <string.h>
+
+karst_expr *karst_slots_push(karst_lower_state *s, uint32_t count, uint32_t where)
+{
+    if (count > s->global_top - s->top)
+        karst_source_error(s->source, where, NULL, "the variables here need more than %u numbers at a time",
+                           KARST_MAX_SLOTS);
+    karst_expr *e = s->slots + s->top;
+    s->top += count;
+    return e;
+}
+
+karst_value karst_value_new(karst_lower_state *s, const karst_type *type, uint32_t where)
+{
+    s->steps += type->num_scalars / 8; /* large values take their time */
+    return (karst_value){.type = type, .e = karst_slots_push(s, type->num_scalars, where)};
+}
+
+static karst_expr zero_of(karst_lower_state *s, karst_scalar_type type)
+{
+    return type == KARST_TYPE_FLOAT ? s->zero : karst_graph_number(s->graph, type, karst_number_int(0));
+}
+
+static void fill_zero(karst_lower_state *s, const karst_type *type, karst_expr *e)
+{
+    if (type->shape == KARST_SHAPE_STRUCT)
+        for (uint32_t i = 0; i < type->num_fields; i++)
+            fill_zero(s, type->fields[i].type, e + type->fields[i].offset);
+    else if (type->shape == KARST_SHAPE_ARRAY)
+        for (uint32_t i = 0; i < type->count; i++)
+            fill_zero(s, type->element, e + i * type->element->num_scalars);
+    else
+        for (uint32_t i = 0; i < type->num_scalars; i++)
+            e[i] = zero_of(s, type->scalar);
+}
+
+karst_value karst_value_zero(karst_lower_state *s, const karst_type *type, uint32_t where)
+{
+    karst_value v = karst_value_new(s, type, where);
+    fill_zero(s, type, v.e);
+    return v;
+}
+
+void karst_slot_set(karst_lower_state *s, uint32_t slot, karst_expr value)
+{
+    if (s->open_branches) {
+        s->journal = karst_arena_grow(s->arena, s->journal, s->num_journal, &s->journal_room, s->num_journal + 1,
+                                      sizeof *s->journal);
+        s->journal[s->num_journal++] = (karst_change){.slot = slot, .value = s->slots[slot]};
+    }
+    s->slots[slot] = value;
+}
+
+void karst_lower_enter(karst_lower_state *s, uint32_t where)
+{
+    if (where >= s->source->user_begin)
+        s->graph->where = s->source->blame = where; /* what the prelude does, its caller did */
+    if (++s->steps > KARST_MAX_STEPS)
+        karst_source_error(s->source, where, "make the loops shorter, or call fewer functions in them",
+                           "this takes more than %u steps to compile", KARST_MAX_STEPS);
+    if (++s->depth > KARST_MAX_DEPTH)
+        karst_source_error(s->source, where, "split it with variables or functions",
+                           "calls and brackets are nested deeper than %u here", KARST_MAX_DEPTH);
+}
+
+/* ---- branches ---- */
+
+karst_branch karst_branch_open(karst_lower_state *s)
+{
+    s->open_branches++;
+    return (karst_branch){.journal = s->num_journal, .changes = s->num_changes, .top = s->top};
+}
+
+void karst_branch_close(karst_lower_state *s, karst_branch branch)
+{
+    s->open_branches--;
+    s->serial++;
+    for (size_t i = branch.journal; i < s->num_journal; i++) {
+        uint32_t slot = s->journal[i].slot;
+        if ((slot >= branch.top && slot < s->global_top) || s->stamps[slot] == s->serial)
+            continue; /* a local born in the branch, or noted already */
+        s->stamps[slot] = s->serial;
+        s->changes = karst_arena_grow(s->arena, s->changes, s->num_changes, &s->change_room, s->num_changes + 1,
+                                      sizeof *s->changes);
+        s->changes[s->num_changes++] = (karst_change){.slot = slot, .value = s->slots[slot]};
+    }
+    while (s->num_journal > branch.journal) {
+        s->num_journal--;
+        s->slots[s->journal[s->num_journal].slot] = s->journal[s->num_journal].value;
+    }
+}
+
+void karst_branch_merge(karst_lower_state *s, karst_expr condition, size_t first, size_t middle)
+{
+    uint32_t open = s->serial + 1, done = s->serial + 2;
+    s->serial += 2;
+    for (size_t i = first; i < middle; i++) {
+        s->stamps[s->changes[i].slot] = open;
+        s->marks[s->changes[i].slot] = s->changes[i].value;
+    }
+    for (size_t i = middle; i < s->num_changes; i++) {
+        uint32_t slot = s->changes[i].slot;
+        karst_expr yes = s->stamps[slot] == open ? s->marks[slot] : s->slots[slot];
+        s->stamps[slot] = done;
+        karst_slot_set(s, slot, karst_expr_3(s->graph, KARST_OP_SELECT, condition, yes, s->changes[i].value));
+    }
+    for (size_t i = first; i < middle; i++) {
+        uint32_t slot = s->changes[i].slot;
+        if (s->stamps[slot] == open)
+            karst_slot_set(s, slot,
+                           karst_expr_3(s->graph, KARST_OP_SELECT, condition, s->changes[i].value, s->slots[slot]));
+    }
+    s->num_changes = first;
+}
+
+/* ---- names ---- */
+
+const char *karst_lower_name(const karst_lower_state *s, uint32_t name) { return karst_name_text(s->names, name); }
+
+karst_variable *karst_variable_declare(karst_lower_state *s, uint32_t name, const karst_type *type, bool is_const,
+                                       uint32_t where)
+{
+    karst_variable v = {.name = name, .type = type, .is_const = is_const};
+    v.slot = karst_slot_index(s, karst_slots_push(s, type->num_scalars, where));
+    s->variables =
+        karst_arena_grow(s->arena, s->variables, s->num_variables, &s->variable_room, s->num_variables + 1, sizeof v);
+    s->variables[s->num_variables] = v;
+    return &s->variables[s->num_variables++];
+}
+
+karst_variable *karst_variable_find(karst_lower_state *s, uint32_t name)
+{
+    for (size_t i = s->num_variables; i > s->frame.first_variable; i--)
+        if (s->variables[i - 1].name == name)
+            return &s->variables[i - 1];
+    return NULL;
+}
+
+/* A global's initialiser is evaluated when it is first met, outside all branches: it cannot depend on what functions
+ * did. */
+static void prepare_global(karst_lower_state *s, karst_global *g)
+{
+    const karst_ast_variable *v = g->ast;
+    if (g->busy)
+        karst_source_error(s->source, v->where, NULL, "the value of '%s' depends on itself",
+                           karst_lower_name(s, v->name));
+    g->busy = true;
+    karst_frame frame = s->frame;
+    uint32_t open = s->open_branches, top = s->top;
+    karst_ast_function here = {.is_prelude = v->is_prelude};
+    s->frame = (karst_frame){.function = &here, .first_variable = s->num_variables};
+    s->open_branches = 0;
+    uint32_t count = 0;
+    for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
+        count++;
+    g->type = karst_lower_type(s, &v->type, count, v->where);
+    karst_value value =
+        v->value ? karst_lower_initialiser(s, v->value, g->type) : karst_value_zero(s, g->type, v->where);
+    /* Globals live in a region of their own, as long as the state does. */
+    karst_expr *copy = karst_arena_alloc(s->arena, value.type->num_scalars * sizeof *copy);
+    memcpy(copy, value.e, value.type->num_scalars * sizeof *copy);
+    s->frame = frame;
+    s->open_branches = open;
+    s->top = top;
+    if (g->type->num_scalars > s->global_top - s->top)
+        karst_source_error(s->source, v->where, NULL, "the globals need too many numbers");
+    s->global_top -= g->type->num_scalars;
+    g->slot = s->global_top;
+    memcpy(s->slots + g->slot, copy, g->type->num_scalars * sizeof *copy);
+    g->busy = false;
+    g->ready = true;
+}
+
+karst_global *karst_global_find(karst_lower_state *s, uint32_t name)
+{
+    karst_global *found = NULL;
+    for (uint32_t i = 0; i < s->num_globals; i++)
+        if (s->globals[i].ast->name == name && (s->globals[i].ast->is_prelude || !karst_in_prelude(s)))
+            found = &s->globals[i]; /* the user's come last, and hide the prelude's */
+    if (found && !found->ready)
+        prepare_global(s, found);
+    return found;
+}
+
+/* ---- types ---- */
+
+static const karst_type *struct_type(karst_lower_state *s, karst_ast_struct *structure)
+{
+    if (structure->type)
+        return structure->type;
+    karst_type *type = karst_arena_alloc(s->arena, sizeof *type);
+    uint32_t count = 0;
+    for (const karst_ast_variable *f = structure->fields; f; f = f->next)
+        count++;
+    *type =
+        (karst_type){.shape = KARST_SHAPE_STRUCT, .name = karst_lower_name(s, structure->name), .num_fields = count};
+    type->fields = karst_arena_alloc(s->arena, count * sizeof *type->fields);
+    karst_field *field = type->fields;
+    for (const karst_ast_variable *f = structure->fields; f; f = f->next, field++) {
+        karst_lower_enter(s, f->where); /* structs of structs of structs */
+        field->name = f->name;
+        field->type = karst_lower_type(s, &f->type, 0, f->where);
+        if (field->type->shape == KARST_SHAPE_VOID)
+            karst_source_error(s->source, f->where, NULL, "a field cannot be void");
+        field->offset = type->num_scalars;
+        type->num_scalars += field->type->num_scalars;
+        if (type->num_scalars > KARST_MAX_SLOTS / 4)
+            karst_source_error(s->source, f->where, NULL, "struct '%s' is too large", type->name);
+        karst_lower_leave(s);
+    }
+    return structure->type = type;
+}
+
+const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
+                                   uint32_t where)
+{
+    if (type->unsupported)
+        karst_source_error(s->source, where, "use noise(p) or write a function",
+                           "a world has no textures, so there is no '%s'", type->unsupported);
+    const karst_type *base = type->base ? type->base : struct_type(s, type->structure);
+    uint32_t count = unsized_count;
+    if (!type->size && !type->unsized)
+        return base;
+    if (type->size) {
+        karst_value size = karst_lower_expression(s, type->size);
+        if (size.type->shape != KARST_SHAPE_SCALAR ||
+            (size.type->scalar != KARST_TYPE_INT && size.type->scalar != KARST_TYPE_UINT))
+            karst_source_error(s->source, type->size->where, NULL, "the size of an array is an int, not %s",
+                               size.type->name);
+        karst_number n = karst_lower_constant(s, size.e[0], "the size of an array", type->size->where);
+        if (n.value < 1 || n.value > KARST_MAX_ARRAY)
+            karst_source_error(s->source, type->size->where, NULL, "an array may have 1 to %u elements, not %.0f",
+                               KARST_MAX_ARRAY, n.value);
+        count = (uint32_t)n.value;
+    } else if (!count || count > KARST_MAX_ARRAY) {
+        karst_source_error(s->source, where, "write the number of elements into the brackets",
+                           "the size of this array is not known");
+    }
+    if (base->shape == KARST_SHAPE_VOID)
+        karst_source_error(s->source, where, NULL, "there are no arrays of void");
+    if ((uint64_t)base->num_scalars * count > KARST_MAX_SLOTS / 4)
+        karst_source_error(s->source, where, NULL, "this array is too large");
+    return karst_type_array(&s->array_types, base, count);
+}

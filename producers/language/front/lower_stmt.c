@@ -1,0 +1,340 @@
+/* Statements.
+ *
+ * A return, break or continue under a condition that varies sets a bool, which merges like any variable: the rest of
+ * the block is then executed as a branch on its not being set. Nothing else knows about masks. */
+#include "producers/language/front/lower_internal.h"
+
+#include <string.h>
+
+static void lower_statement(karst_lower_state *s, const karst_ast_statement *st);
+
+static karst_expr or_of(karst_lower_state *s, karst_expr a, karst_expr b)
+{
+    return karst_expr_2(s->graph, KARST_OP_OR, a, b);
+}
+static karst_expr not_of(karst_lower_state *s, karst_expr a) { return karst_expr_1(s->graph, KARST_OP_NOT, a); }
+
+/* Whether a lane has left the present block. */
+static karst_expr left_block(karst_lower_state *s)
+{
+    const karst_frame *f = &s->frame;
+    karst_expr left = s->slots[f->returned];
+    return f->in_loop ? or_of(s, left, or_of(s, s->slots[f->broken], s->slots[f->continued])) : left;
+}
+
+static bool is_known(const karst_lower_state *s, karst_expr e, bool value)
+{
+    const karst_number *n = karst_graph_constant(s->graph, e);
+    return n && (n->numerator != 0) == value;
+}
+
+void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first)
+{
+    for (const karst_ast_statement *st = first; st; st = st->next) {
+        lower_statement(s, st);
+        karst_expr left = left_block(s);
+        if (is_known(s, left, true))
+            return;
+        if (is_known(s, left, false) || !st->next)
+            continue;
+        karst_lower_enter(s, st->next->where);
+        karst_branch rest = karst_branch_open(s);
+        /* In here nobody has left yet: what follows sees plain bools again. */
+        karst_slot_set(s, s->frame.returned, s->no);
+        if (s->frame.in_loop) {
+            karst_slot_set(s, s->frame.broken, s->no);
+            karst_slot_set(s, s->frame.continued, s->no);
+        }
+        karst_lower_statements(s, st->next);
+        karst_branch_close(s, rest);
+        karst_branch_merge(s, not_of(s, left), rest.changes, s->num_changes);
+        karst_lower_leave(s);
+        return;
+    }
+}
+
+static void lower_block(karst_lower_state *s, const karst_ast_statement *first)
+{
+    size_t num_variables = s->num_variables, outer = s->frame.first_in_block;
+    uint32_t top = s->top;
+    s->frame.first_in_block = num_variables;
+    karst_lower_statements(s, first);
+    s->frame.first_in_block = outer;
+    s->num_variables = num_variables;
+    s->top = top;
+}
+
+static void check_name_is_free(karst_lower_state *s, const karst_ast_variable *v)
+{
+    for (size_t i = s->frame.first_in_block; i < s->num_variables; i++)
+        if (s->variables[i].name == v->name)
+            karst_source_error(s->source, v->where, "rename one of them, or assign without a type",
+                               "there is a variable '%s' here already", karst_lower_name(s, v->name));
+}
+
+static void lower_declaration(karst_lower_state *s, const karst_ast_statement *st)
+{
+    for (const karst_ast_variable *v = st->variables; v; v = v->next) {
+        karst_lower_enter(s, v->where);
+        check_name_is_free(s, v);
+        uint32_t count = 0;
+        for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
+            count++;
+        uint32_t top = s->top;
+        const karst_type *type = karst_lower_type(s, &v->type, count, v->where);
+        if (type->shape == KARST_SHAPE_VOID)
+            karst_source_error(s->source, v->where, NULL, "a variable cannot be void");
+        s->top = top;
+        /* The slots first, so that they outlive what the initialiser needs; the name last, so that "float x = x" means
+         * the outer one. */
+        karst_variable *declared = karst_variable_declare(s, 0, type, v->is_const, v->where);
+        uint32_t slot = declared->slot;
+        size_t at = s->num_variables - 1;
+        top = s->top;
+        karst_value value = v->value ? karst_lower_initialiser(s, v->value, type) : karst_value_zero(s, type, v->where);
+        memcpy(s->slots + slot, value.e, type->num_scalars * sizeof *value.e);
+        s->top = top;
+        s->variables[at].name = v->name;
+        karst_lower_leave(s);
+    }
+}
+
+static void lower_if(karst_lower_state *s, const karst_ast_statement *st)
+{
+    karst_expr condition = karst_lower_condition(s, st->value, "the condition of 'if'");
+    if (karst_graph_constant(s->graph, condition)) {
+        lower_block(s, is_known(s, condition, true) ? st->body : st->otherwise);
+        return;
+    }
+    karst_branch yes = karst_branch_open(s);
+    lower_block(s, st->body);
+    karst_branch_close(s, yes);
+    size_t middle = s->num_changes;
+    karst_branch no = karst_branch_open(s);
+    lower_block(s, st->otherwise);
+    karst_branch_close(s, no);
+    karst_branch_merge(s, condition, yes.changes, middle);
+}
+
+/* ---- loops ---- */
+
+/* Collects the terms of a && b && c, the last first. */
+static uint32_t conjuncts(const karst_ast_expr *e, const karst_ast_expr *terms[16])
+{
+    uint32_t n = 0;
+    while (e->kind == KARST_AST_BINARY && e->op == KARST_P2('&', '&') && n < 15) {
+        terms[n++] = e->b;
+        e = e->a;
+    }
+    terms[n++] = e;
+    return n;
+}
+
+/* The value of variables that a loop's condition and step count: while the loop is executed they go on for all lanes,
+ * so that a counter stays a constant; what lanes that have left had is kept here and put back behind the loop. */
+typedef struct {
+    karst_change *items; /* slot, value for lanes that have left */
+    size_t count, room;
+} kept;
+
+static void keep(karst_lower_state *s, kept *k, karst_expr live, size_t first)
+{
+    for (size_t i = first; i < s->num_changes; i++) {
+        karst_change c = s->changes[i];
+        size_t j = 0;
+        while (j < k->count && k->items[j].slot != c.slot)
+            j++;
+        if (j == k->count) {
+            k->items = karst_arena_grow(s->arena, k->items, k->count, &k->room, k->count + 1, sizeof *k->items);
+            k->items[k->count++] = (karst_change){.slot = c.slot, .value = s->slots[c.slot]};
+        }
+        k->items[j].value = karst_expr_3(s->graph, KARST_OP_SELECT, live, c.value, k->items[j].value);
+        karst_slot_set(s, c.slot, c.value);
+    }
+    s->num_changes = first;
+}
+
+/* Where a body wrote to a counted variable under a condition, what lanes that have left had moves along. */
+static void refresh(karst_lower_state *s, kept *k, karst_expr live)
+{
+    for (size_t j = 0; j < k->count; j++)
+        k->items[j].value =
+            karst_expr_3(s->graph, KARST_OP_SELECT, live, s->slots[k->items[j].slot], k->items[j].value);
+}
+
+static karst_expr live_lanes(karst_lower_state *s)
+{
+    return not_of(s, or_of(s, s->slots[s->frame.returned], s->slots[s->frame.broken]));
+}
+
+/* Evaluates the condition for all lanes. false: the loop ends. */
+static bool loop_goes_on(karst_lower_state *s, const karst_ast_statement *st, kept *k, bool *bounded)
+{
+    const karst_ast_expr *terms[16];
+    karst_expr values[16];
+    if (!st->value)
+        return true;
+    uint32_t n = conjuncts(st->value, terms);
+    uint32_t top = s->top;
+    karst_expr live = live_lanes(s);
+    karst_branch branch = karst_branch_open(s);
+    karst_expr varying = s->yes;
+    bool ends = false;
+    for (uint32_t i = n; i-- > 0 && !ends;) {
+        karst_number known;
+        values[i] = karst_lower_condition(s, terms[i], "the condition of 'for'");
+        if (!karst_lower_try_constant(s, values[i], &known))
+            varying = karst_expr_2(s->graph, KARST_OP_AND, varying, values[i]);
+        else if (known.numerator)
+            *bounded = true;
+        else
+            ends = true;
+    }
+    karst_branch_close(s, branch);
+    keep(s, k, live, branch.changes);
+    s->top = top;
+    if (!ends && varying != s->yes)
+        karst_slot_set(s, s->frame.broken, or_of(s, s->slots[s->frame.broken], not_of(s, varying)));
+    return !ends && !is_known(s, live_lanes(s), false);
+}
+
+static void loop_step(karst_lower_state *s, const karst_ast_statement *st, kept *k)
+{
+    if (!st->step)
+        return;
+    uint32_t top = s->top;
+    karst_expr live = live_lanes(s);
+    karst_branch branch = karst_branch_open(s);
+    karst_lower_expression(s, st->step);
+    karst_branch_close(s, branch);
+    keep(s, k, live, branch.changes);
+    s->top = top;
+}
+
+static _Noreturn void endless(karst_lower_state *s, const karst_ast_statement *st, bool bounded)
+{
+    if (bounded)
+        karst_source_error(s->source, st->where, "make it shorter", "this loop runs more than %u times",
+                           KARST_MAX_ITERATIONS);
+    karst_source_error(s->source, st->where, "add a counter: for (int i = 0; i < 100 && CONDITION; i++)",
+                       "nothing bounds this loop");
+}
+
+static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
+{
+    size_t num_variables = s->num_variables;
+    uint32_t top = s->top;
+    karst_frame outer = s->frame;
+    s->frame.first_in_block = num_variables;
+    if (st->first)
+        lower_statement(s, st->first);
+    s->frame.broken = karst_slot_index(s, karst_slots_push(s, 2, st->where));
+    s->frame.continued = s->frame.broken + 1;
+    s->frame.in_loop = true;
+    s->slots[s->frame.broken] = s->slots[s->frame.continued] = s->no;
+    kept k = {0};
+    bool bounded = false;
+    for (uint32_t i = 0; loop_goes_on(s, st, &k, &bounded); i++) {
+        /* Only what varies has ended it so far: give up before the graph is full. */
+        bool unbounded = !bounded && i == (st->value ? 4 : 1024) && !is_known(s, s->slots[s->frame.broken], false);
+        if (i == KARST_MAX_ITERATIONS || unbounded)
+            endless(s, st, bounded);
+        karst_lower_enter(s, st->where);
+        karst_expr live = live_lanes(s);
+        if (i + 1 > s->io->max_iterations_seen)
+            s->io->max_iterations_seen = i + 1;
+        if (is_known(s, live, true)) {
+            lower_block(s, st->body);
+            karst_slot_set(s, s->frame.continued, s->no);
+        } else {
+            karst_branch branch = karst_branch_open(s);
+            karst_slot_set(s, s->frame.returned, s->no);
+            karst_slot_set(s, s->frame.broken, s->no);
+            lower_block(s, st->body);
+            karst_slot_set(s, s->frame.continued, s->no);
+            karst_branch_close(s, branch);
+            karst_branch_merge(s, live, branch.changes, s->num_changes);
+        }
+        karst_lower_leave(s);
+        refresh(s, &k, live);
+        if (is_known(s, live_lanes(s), false))
+            break;
+        loop_step(s, st, &k);
+    }
+    for (size_t j = 0; j < k.count; j++)
+        karst_slot_set(s, k.items[j].slot, k.items[j].value);
+    s->frame.broken = outer.broken;
+    s->frame.continued = outer.continued;
+    s->frame.in_loop = outer.in_loop;
+    s->frame.first_in_block = outer.first_in_block;
+    s->num_variables = num_variables;
+    s->top = top;
+}
+
+/* ---- leaving ---- */
+
+static void lower_return(karst_lower_state *s, const karst_ast_statement *st)
+{
+    const karst_type *type = s->frame.result_type;
+    const char *name = karst_lower_name(s, s->frame.function->name);
+    if (!st->value && type->shape != KARST_SHAPE_VOID)
+        karst_source_error(s->source, st->where, karst_format(s->arena, "write return and %s", karst_a_type(s, type)),
+                           "'%s' must give %s", name, karst_a_type(s, type));
+    if (st->value) {
+        karst_value value = karst_lower_expression(s, st->value);
+        if (type->shape == KARST_SHAPE_VOID && value.type->shape != KARST_SHAPE_VOID)
+            karst_source_error(s->source, st->value->where, NULL, "'%s' is void and gives no value", name);
+        value = karst_lower_convert(s, value, type, "the result", st->value->where);
+        for (uint32_t i = 0; i < type->num_scalars; i++)
+            karst_slot_set(s, s->frame.result + i, value.e[i]);
+    }
+    karst_slot_set(s, s->frame.returned, s->yes);
+}
+
+static void lower_statement(karst_lower_state *s, const karst_ast_statement *st)
+{
+    if (!st)
+        return;
+    karst_lower_enter(s, st->where);
+    uint32_t top = s->top;
+    switch ((karst_ast_statement_kind)st->kind) {
+    case KARST_AST_DECLARE:
+        lower_declaration(s, st);
+        top = s->top;
+        break;
+    case KARST_AST_EVALUATE:
+        karst_lower_expression(s, st->value);
+        break;
+    case KARST_AST_BLOCK:
+        lower_block(s, st->first);
+        break;
+    case KARST_AST_IF:
+        lower_if(s, st);
+        break;
+    case KARST_AST_FOR:
+        lower_for(s, st);
+        break;
+    case KARST_AST_RETURN:
+        lower_return(s, st);
+        break;
+    case KARST_AST_BREAK:
+    case KARST_AST_CONTINUE:
+        if (!s->frame.in_loop)
+            karst_source_error(s->source, st->where, NULL, "there is no loop around this '%s'",
+                               st->kind == KARST_AST_BREAK ? "break" : "continue");
+        karst_slot_set(s, st->kind == KARST_AST_BREAK ? s->frame.broken : s->frame.continued, s->yes);
+        break;
+    }
+    s->top = top;
+    karst_lower_leave(s);
+}
+
+void karst_lower_body(karst_lower_state *s, const karst_ast_statement *body)
+{
+    s->frame.returned = karst_slot_index(s, karst_slots_push(s, 1, body->where));
+    s->slots[s->frame.returned] = s->no;
+    lower_block(s, body->first);
+    if (s->frame.result_type->shape != KARST_SHAPE_VOID && is_known(s, s->slots[s->frame.returned], false))
+        karst_source_error(s->source, body->where, "end it with return", "'%s' never returns a value",
+                           karst_lower_name(s, s->frame.function->name));
+}

@@ -1,0 +1,202 @@
+/* Statements. */
+#include "producers/language/front/parser.h"
+
+static karst_ast_statement *parse_statement(karst_parser *p);
+
+static karst_ast_statement *make(karst_parser *p, karst_ast_statement_kind kind, uint32_t where)
+{
+    karst_ast_statement *s = karst_arena_alloc(p->arena, sizeof *s);
+    s->kind = (uint8_t)kind;
+    s->where = where;
+    return s;
+}
+
+karst_ast_statement *karst_parse_block(karst_parser *p)
+{
+    karst_ast_statement *block = make(p, KARST_AST_BLOCK, karst_parser_peek(p)->where), **link = &block->first;
+    karst_parser_expect(p, '{', "to open the block");
+    karst_ast_struct *structs = p->structs;
+    const karst_ast_struct *outer_structs = p->outer_structs;
+    p->outer_structs = structs;
+    while (!karst_parser_accept(p, '}')) {
+        if (karst_parser_peek(p)->kind == KARST_TOKEN_END)
+            karst_source_error(p->source, block->where, "close it with }", "this block never ends");
+        *link = parse_statement(p);
+        if (*link)
+            link = &(*link)->next;
+    }
+    p->structs = structs;
+    p->outer_structs = outer_structs;
+    return block;
+}
+
+karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, bool is_const)
+{
+    karst_ast_variable *first = NULL, **link = &first;
+    do {
+        karst_ast_variable *v = karst_arena_alloc(p->arena, sizeof *v);
+        v->where = karst_parser_peek(p)->where;
+        v->name = karst_parser_name(p, "the name of a variable");
+        v->type = type;
+        v->is_const = is_const;
+        v->is_prelude = p->is_prelude;
+        karst_parse_array_size(p, &v->type);
+        if (karst_parser_accept(p, '='))
+            v->value = karst_parse_assignment(p);
+        *link = v;
+        link = &v->next;
+    } while (karst_parser_accept(p, ','));
+    return first;
+}
+
+/* A declaration, if the tokens look like one: [const] TYPE NAME, or TYPE[3] NAME. */
+static bool at_declaration(const karst_parser *p)
+{
+    for (size_t n = 0;; n++) {
+        const karst_token *t = karst_parser_ahead(p, n);
+        karst_keyword keyword = karst_parser_keyword(p, t);
+        if (keyword == KARST_KEYWORD_CONST)
+            return true;
+        if (keyword != KARST_KEYWORD_QUALIFIER)
+            break;
+    }
+    if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
+        return true;
+    if (karst_parser_at_type(p))
+        return !karst_token_is(karst_parser_ahead(p, 1), '(') &&
+               !(karst_token_is(karst_parser_ahead(p, 1), '[') && karst_token_is(karst_parser_ahead(p, 4), '('));
+    /* Two names in a row: a type that is not known. */
+    return karst_parser_peek(p)->kind == KARST_TOKEN_NAME &&
+           karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE &&
+           karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME &&
+           karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_NONE;
+}
+
+/* A struct for the rest of its block, and perhaps variables of it; NULL: there are none. */
+static karst_ast_statement *parse_local_struct(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_DECLARE, karst_parser_peek(p)->where);
+    karst_parse_struct(p);
+    if (karst_token_is(karst_parser_peek(p), ';'))
+        return NULL;
+    s->variables = karst_parse_variables(p, (karst_ast_type){.structure = p->structs}, false);
+    return s;
+}
+
+static karst_ast_statement *parse_declaration(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_DECLARE, karst_parser_peek(p)->where);
+    bool is_const = false;
+    for (karst_keyword k;
+         (k = karst_parser_keyword(p, karst_parser_peek(p))) == KARST_KEYWORD_CONST || k == KARST_KEYWORD_QUALIFIER;
+         p->at++)
+        is_const |= k == KARST_KEYWORD_CONST;
+    s->variables = karst_parse_variables(p, karst_parse_type(p), is_const);
+    return s;
+}
+
+static karst_ast_statement *parse_simple(karst_parser *p)
+{
+    if (at_declaration(p))
+        return parse_declaration(p);
+    karst_ast_statement *s = make(p, KARST_AST_EVALUATE, karst_parser_peek(p)->where);
+    s->value = karst_parse_expression(p);
+    return s;
+}
+
+static karst_ast_statement *parse_if(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_IF, karst_parser_peek(p)->where);
+    p->at++;
+    karst_parser_expect(p, '(', "behind 'if'");
+    s->value = karst_parse_expression(p);
+    karst_parser_expect(p, ')', "behind the condition");
+    s->body = parse_statement(p);
+    if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_ELSE) {
+        p->at++;
+        s->otherwise = parse_statement(p);
+    }
+    return s;
+}
+
+static karst_ast_statement *parse_for(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_FOR, karst_parser_peek(p)->where);
+    p->at++;
+    karst_parser_expect(p, '(', "behind 'for'");
+    if (!karst_parser_accept(p, ';')) {
+        s->first = parse_simple(p);
+        karst_parser_expect(p, ';', "behind the loop's first part");
+    }
+    if (!karst_token_is(karst_parser_peek(p), ';'))
+        s->value = karst_parse_expression(p);
+    karst_parser_expect(p, ';', "behind the loop's condition");
+    if (!karst_token_is(karst_parser_peek(p), ')'))
+        s->step = karst_parse_expression(p);
+    karst_parser_expect(p, ')', "behind the loop's step");
+    s->body = parse_statement(p);
+    return s;
+}
+
+/* NULL: an empty statement. */
+static karst_ast_statement *parse_statement_inner(karst_parser *p)
+{
+    const karst_token *t = karst_parser_peek(p);
+    karst_ast_statement *s;
+    if (karst_token_is(t, '{'))
+        return karst_parse_block(p);
+    if (karst_parser_accept(p, ';'))
+        return NULL;
+    switch (karst_parser_keyword(p, t)) {
+    case KARST_KEYWORD_IF:
+        return parse_if(p);
+    case KARST_KEYWORD_FOR:
+        return parse_for(p);
+    case KARST_KEYWORD_RETURN:
+        s = make(p, KARST_AST_RETURN, t->where);
+        p->at++;
+        if (!karst_token_is(karst_parser_peek(p), ';'))
+            s->value = karst_parse_expression(p);
+        break;
+    case KARST_KEYWORD_BREAK:
+    case KARST_KEYWORD_CONTINUE:
+        s = make(p, karst_parser_keyword(p, t) == KARST_KEYWORD_BREAK ? KARST_AST_BREAK : KARST_AST_CONTINUE, t->where);
+        p->at++;
+        break;
+    case KARST_KEYWORD_PRECISION:
+        while (!karst_token_is(karst_parser_peek(p), ';') && karst_parser_peek(p)->kind != KARST_TOKEN_END)
+            p->at++;
+        karst_parser_expect(p, ';', "behind 'precision'");
+        return NULL;
+    case KARST_KEYWORD_WHILE:
+        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100 && CONDITION; i++)",
+                           "there is no 'while': a loop must have a bound");
+    case KARST_KEYWORD_DO:
+        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100; i++) { ... if (!CONDITION) break; }",
+                           "there is no 'do': a loop must have a bound");
+    case KARST_KEYWORD_SWITCH:
+        karst_source_error(p->source, t->where, "write if (x == 0) ... else if (x == 1) ...", "there is no 'switch'");
+    case KARST_KEYWORD_GOTO:
+        karst_source_error(p->source, t->where, "use if, for, break and return", "there is no 'goto'");
+    case KARST_KEYWORD_DISCARD:
+        karst_source_error(p->source, t->where, "return a negative density: that is air",
+                           "there is no 'discard': a density has no pixel to drop");
+    case KARST_KEYWORD_STRUCT:
+        s = parse_local_struct(p);
+        break;
+    case KARST_KEYWORD_ELSE:
+        karst_source_error(p->source, t->where, NULL, "there is no 'if' before this 'else'");
+    default:
+        s = parse_simple(p);
+    }
+    karst_parser_expect(p, ';', "behind the statement");
+    return s;
+}
+
+static karst_ast_statement *parse_statement(karst_parser *p)
+{
+    karst_parser_enter(p);
+    karst_ast_statement *s = parse_statement_inner(p);
+    karst_parser_leave(p);
+    return s;
+}

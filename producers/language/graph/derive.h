@@ -1,0 +1,25 @@
+/* The gradient of a density as a graph: three more outputs of the same kind, so that every back end has it.
+ *
+ * Forward differentiation, node by node, of the resolved graph. At a tie it is the derivative of the side that `select`
+ * takes; jumps contribute 0, and so does what is piecewise constant, and a root or a length at 0. Where a density is
+ * not finite, its gradient need not be. */
+#ifndef KARST_LANGUAGE_DERIVE_H
+#define KARST_LANGUAGE_DERIVE_H
+
+#include "karst/error.h"
+#include "producers/language/graph/data.h"
+
+/* Immutable once made: any number of threads may read it; karst_oracle_create and karst_world_layout_init write to its
+ * arena. */
+typedef struct {
+    karst_arena arena;
+    karst_graph graph;
+    karst_resolved_world world; /* the same density, without colour, and its gradient */
+} karst_gradient_world;
+
+/* Of a resolved world without derivatives of noise, which need not outlive it. Destroy with
+ * karst_gradient_world_destroy. Errors: KARST_BAD_WORLD (the gradient is too large), KARST_FAILED (memory). */
+karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_error *error);
+void karst_gradient_world_destroy(karst_gradient_world *world); /* NULL is fine */
+
+#endif

@@ -1,0 +1,386 @@
+#include "producers/language/graph/kinds.h"
+#include "producers/language/graph/soften.h"
+
+#include <math.h>
+
+/* What a node of the canonical graph is, before anything is built. */
+typedef enum { FORM_UNIFORM, FORM_AFFINE, FORM_SHIFTED, FORM_FLOAT } form_class;
+
+/* What its users want of it. */
+enum { WANT_VALUE = 1, WANT_FORM = 2 };
+
+/* offset + sum of coefficient[i] * p[i] + shift, in nodes of the resolved graph; KARST_NO_EXPR where there is none. */
+typedef struct {
+    karst_expr coefficient[3], offset, shift;
+} form;
+
+typedef struct {
+    const karst_graph *from;
+    karst_graph *to;
+    uint8_t *class, *wants;
+    karst_expr *value; /* of each node of `from` that is wanted */
+    form *forms;       /* of each that is wanted so */
+} resolver;
+
+static bool has_form(const resolver *r, karst_expr e)
+{
+    return r->class[e] == FORM_AFFINE || r->class[e] == FORM_SHIFTED;
+}
+
+/* ---- first pass, upwards: what is affine ---- */
+
+static form_class class_of_sum(form_class a, form_class b)
+{
+    if (a == FORM_UNIFORM && b == FORM_UNIFORM)
+        return FORM_UNIFORM;
+    bool affine = (a == FORM_UNIFORM || a == FORM_AFFINE) && (b == FORM_UNIFORM || b == FORM_AFFINE);
+    bool some = a == FORM_AFFINE || a == FORM_SHIFTED || b == FORM_AFFINE || b == FORM_SHIFTED;
+    return affine ? FORM_AFFINE : some ? FORM_SHIFTED : FORM_FLOAT;
+}
+
+static form_class class_of_product(form_class a, form_class b)
+{
+    return a == FORM_UNIFORM ? b : b == FORM_UNIFORM ? a : FORM_FLOAT;
+}
+
+/* A uniform factor that keeps a form exact: constants that are not finite, and divisions by zero, are left to floats.
+ */
+static form_class class_of_factor(const resolver *r, karst_expr e, bool divides)
+{
+    const karst_number *n = karst_graph_constant(r->from, e);
+    if (n && (!isfinite(n->value) || (divides && n->value == 0)))
+        return FORM_FLOAT;
+    return r->class[e];
+}
+
+static form_class classify(const resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
+    form_class a = class_of_factor(r, n->arg[0], false), b = class_of_factor(r, n->arg[1], n->op == KARST_OP_DIVIDE);
+    form_class c = class_of_factor(r, n->arg[2], false);
+    if (n->op == KARST_OP_NOISE)
+        return FORM_FLOAT; /* even of a constant: the host has no value for it */
+    if (karst_graph_is_uniform(r->from, e)) {
+        for (int k = 0; k < 4; k++)
+            if (r->class[n->arg[k]] != FORM_UNIFORM)
+                return FORM_FLOAT;
+        return FORM_UNIFORM;
+    }
+    switch (n->op) {
+    case KARST_OP_POSITION:
+        return FORM_AFFINE;
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+        return class_of_sum(a, b);
+    case KARST_OP_MULTIPLY:
+        return class_of_product(a, b);
+    case KARST_OP_DIVIDE:
+        return b == FORM_UNIFORM ? a : FORM_FLOAT;
+    case KARST_OP_FMA:
+        return class_of_sum(class_of_product(a, b), c);
+    case KARST_OP_NEGATE:
+        return a;
+    default:
+        return FORM_FLOAT;
+    }
+}
+
+/* ---- second pass, downwards: what is wanted ---- */
+
+static bool is_comparison(karst_op op) { return op >= KARST_OP_LESS && op <= KARST_OP_NOT_EQUAL; }
+
+/* A comparison of two affine forms is one of their difference with 0, which is exact. */
+static bool compares_forms(const resolver *r, const karst_expr_node *n)
+{
+    form_class a = r->class[n->arg[0]], b = r->class[n->arg[1]];
+    return is_comparison(n->op) && (a == FORM_AFFINE || b == FORM_AFFINE) && (a == FORM_AFFINE || a == FORM_UNIFORM) &&
+           (b == FORM_AFFINE || b == FORM_UNIFORM);
+}
+
+/* True if the node works on the exact place of argument k. */
+static bool uses_place(const resolver *r, const karst_expr_node *n, int k)
+{
+    if (!has_form(r, n->arg[k]))
+        return false;
+    switch (n->op) {
+    case KARST_OP_NOISE:
+        return true;
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_FRACT:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+        return k == 0;
+    case KARST_OP_MOD:
+        return k == 0 && r->class[n->arg[1]] == FORM_UNIFORM;
+    default:
+        return false;
+    }
+}
+
+static void want_arguments(resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
+    bool differs = compares_forms(r, n);
+    if (r->class[e] == FORM_AFFINE)
+        r->wants[e] |= WANT_FORM; /* its float comes from the form, too */
+    if (r->wants[e] & WANT_FORM)
+        for (int k = 0; k < 4; k++)
+            r->wants[n->arg[k]] |= has_form(r, n->arg[k]) ? WANT_FORM : WANT_VALUE;
+    if (!(r->wants[e] & WANT_VALUE) || r->class[e] == FORM_AFFINE)
+        return;
+    for (int k = 0; k < 4; k++)
+        r->wants[n->arg[k]] |= has_form(r, n->arg[k]) && (differs || uses_place(r, n, k)) ? WANT_FORM : WANT_VALUE;
+}
+
+static void want_attributes(resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
+    if (n->op != KARST_OP_NOISE)
+        return;
+    r->wants[r->from->noises[n->extra].gain] |= WANT_VALUE;
+    r->wants[r->from->noises[n->extra].lacunarity] |= WANT_VALUE;
+}
+
+/* ---- third pass, upwards: building ---- */
+
+static karst_expr sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
+{
+    if (!b)
+        return a;
+    if (!a)
+        return op == KARST_OP_SUBTRACT ? karst_expr_1(r->to, KARST_OP_NEGATE, b) : b;
+    return karst_expr_2(r->to, op, a, b);
+}
+
+static form form_sum(resolver *r, karst_op op, form a, form b)
+{
+    form s;
+    for (int i = 0; i < 3; i++)
+        s.coefficient[i] = sum(r, op, a.coefficient[i], b.coefficient[i]);
+    s.offset = sum(r, op, a.offset, b.offset);
+    s.shift = sum(r, op, a.shift, b.shift);
+    return s;
+}
+
+static karst_expr scaled(resolver *r, karst_op op, karst_expr a, karst_expr by)
+{
+    return a ? karst_expr_2(r->to, op, a, by) : a;
+}
+
+/* op: MULTIPLY or DIVIDE */
+static form form_scaled(resolver *r, karst_op op, form a, karst_expr by)
+{
+    form s;
+    for (int i = 0; i < 3; i++)
+        s.coefficient[i] = scaled(r, op, a.coefficient[i], by);
+    s.offset = scaled(r, op, a.offset, by);
+    s.shift = scaled(r, op, a.shift, by);
+    return s;
+}
+
+/* The form of an argument, whatever it is. */
+static form form_of(resolver *r, karst_expr e)
+{
+    if (has_form(r, e))
+        return r->forms[e];
+    if (r->class[e] == FORM_UNIFORM)
+        return (form){.offset = r->value[e]};
+    return (form){.shift = r->value[e]};
+}
+
+static form form_product(resolver *r, karst_expr a, karst_expr b)
+{
+    bool first = class_of_factor(r, a, false) == FORM_UNIFORM;
+    if (!first && class_of_factor(r, b, false) != FORM_UNIFORM)
+        return (form){.shift = karst_expr_2(r->to, KARST_OP_MULTIPLY, r->value[a], r->value[b])};
+    return form_scaled(r, KARST_OP_MULTIPLY, form_of(r, first ? b : a), r->value[first ? a : b]);
+}
+
+static form build_form(resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
+    form f = {0};
+    switch (n->op) {
+    case KARST_OP_POSITION:
+        f.coefficient[n->extra] = karst_graph_float(r->to, 1);
+        return f;
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+        return form_sum(r, n->op, form_of(r, n->arg[0]), form_of(r, n->arg[1]));
+    case KARST_OP_MULTIPLY:
+        return form_product(r, n->arg[0], n->arg[1]);
+    case KARST_OP_DIVIDE:
+        return form_scaled(r, KARST_OP_DIVIDE, form_of(r, n->arg[0]), r->value[n->arg[1]]);
+    case KARST_OP_FMA:
+        return form_sum(r, KARST_OP_ADD, form_product(r, n->arg[0], n->arg[1]), form_of(r, n->arg[2]));
+    default: /* NEGATE */
+        return form_sum(r, KARST_OP_SUBTRACT, f, form_of(r, n->arg[0]));
+    }
+}
+
+static bool is_zero(const karst_graph *graph, karst_expr e)
+{
+    const karst_number *n = karst_graph_constant(graph, e);
+    return n && karst_number_is(*n, 0);
+}
+
+/* The form without its shift, as a leaf; or as a uniform value, if the position has cancelled. */
+static karst_expr affine_leaf(resolver *r, form f)
+{
+    karst_affine a = {.offset = is_zero(r->to, f.offset) ? KARST_NO_EXPR : f.offset};
+    bool any = false;
+    for (int i = 0; i < 3; i++) {
+        a.coefficient[i] = is_zero(r->to, f.coefficient[i]) ? KARST_NO_EXPR : f.coefficient[i];
+        any |= a.coefficient[i] != KARST_NO_EXPR;
+    }
+    if (!any)
+        return a.offset ? a.offset : karst_graph_float(r->to, 0);
+    return karst_graph_affine(r->to, a);
+}
+
+/* What a node that works on exact places is given. */
+static karst_expr place_of(resolver *r, form f)
+{
+    karst_expr leaf = affine_leaf(r, f);
+    if (!f.shift || is_zero(r->to, f.shift))
+        return leaf;
+    if (r->to->nodes[leaf].op != KARST_OP_AFFINE)
+        return karst_expr_2(r->to, KARST_OP_ADD, leaf, f.shift);
+    return karst_graph_raw(r->to, KARST_OP_SHIFTED, KARST_TYPE_FLOAT, 0, leaf, f.shift, 0, 0);
+}
+
+static karst_expr apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b)
+{
+    if (karst_graph_is_uniform(r->to, place)) /* folds */
+        return b ? karst_expr_2(r->to, op, place, b) : karst_expr_1(r->to, op, place);
+    return karst_graph_raw(r->to, op, KARST_TYPE_FLOAT, 0, place, b, 0, 0);
+}
+
+/* sin and cos of 2 pi times the place. */
+static karst_expr turn(resolver *r, karst_op op, form f)
+{
+    karst_expr turns = karst_graph_number(r->to, KARST_TYPE_FLOAT, karst_number_double(0.15915494309189533577));
+    karst_expr place = place_of(r, form_scaled(r, KARST_OP_MULTIPLY, f, turns));
+    karst_op code = r->to->nodes[place].op;
+    if (code == KARST_OP_AFFINE || code == KARST_OP_SHIFTED)
+        return karst_graph_raw(r->to, op == KARST_OP_SIN ? KARST_OP_SIN_TURNS : KARST_OP_COS_TURNS, KARST_TYPE_FLOAT, 0,
+                               place, 0, 0, 0);
+    return karst_expr_1(r->to, op, place_of(r, f)); /* the position has cancelled */
+}
+
+static karst_expr on_place(resolver *r, const karst_expr_node *n)
+{
+    form f = form_of(r, n->arg[0]);
+    switch (n->op) {
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+        return turn(r, n->op, f);
+    case KARST_OP_CEIL: /* -floor(-a) */
+        return karst_expr_1(
+            r->to, KARST_OP_NEGATE,
+            apply_to_place(r, KARST_OP_FLOOR, place_of(r, form_sum(r, KARST_OP_SUBTRACT, (form){0}, f)), 0));
+    case KARST_OP_RINT: /* floor(a + 1/2): an exact tie goes up */
+        f.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
+        return apply_to_place(r, KARST_OP_FLOOR, place_of(r, f), 0);
+    case KARST_OP_MOD:
+        return apply_to_place(r, KARST_OP_MOD, place_of(r, f), r->value[n->arg[1]]);
+    default:
+        return apply_to_place(r, n->op, place_of(r, f), 0);
+    }
+}
+
+static karst_expr build_noise(resolver *r, const karst_expr_node *n)
+{
+    karst_noise noise = r->from->noises[n->extra];
+    noise.gain = r->value[noise.gain];
+    noise.lacunarity = r->value[noise.lacunarity];
+    karst_expr a[3];
+    for (int k = 0; k < 3; k++)
+        a[k] = uses_place(r, n, k) ? place_of(r, r->forms[n->arg[k]]) : r->value[n->arg[k]];
+    return karst_graph_noise(r->to, noise, a[0], a[1], a[2]);
+}
+
+static karst_expr build_value(resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
+    if (n->op == KARST_OP_CONSTANT)
+        return karst_graph_number(r->to, n->type, r->from->constants[n->extra]);
+    if (r->class[e] == FORM_AFFINE)
+        return affine_leaf(r, r->forms[e]);
+    if (n->op == KARST_OP_NOISE)
+        return build_noise(r, n);
+    if (compares_forms(r, n)) {
+        karst_expr difference =
+            affine_leaf(r, form_sum(r, KARST_OP_SUBTRACT, form_of(r, n->arg[0]), form_of(r, n->arg[1])));
+        return karst_expr_2(r->to, n->op, difference, karst_graph_float(r->to, 0));
+    }
+    if (uses_place(r, n, 0))
+        return on_place(r, n);
+    return karst_graph_raw(r->to, n->op, n->type, n->extra, r->value[n->arg[0]], r->value[n->arg[1]],
+                           r->value[n->arg[2]], r->value[n->arg[3]]);
+}
+
+/* ---- kinds ---- */
+
+/* Uniform nodes are known to the host, but for noise and what comes of it. */
+void karst_kinds_set(karst_graph *graph, uint32_t first)
+{
+    for (uint32_t e = first; e < graph->num_nodes; e++) {
+        karst_expr_node *n = &graph->nodes[e];
+        bool known = karst_graph_is_uniform(graph, e) && n->op != KARST_OP_NOISE;
+        bool steps = n->arg[0] != KARST_NO_EXPR;
+        for (int k = 0; k < 4 && n->arg[k]; k++) {
+            uint8_t kind = graph->nodes[n->arg[k]].kind;
+            known &= kind == KARST_KIND_UNIFORM;
+            steps &= kind == KARST_KIND_STEPS || kind == KARST_KIND_UNIFORM;
+        }
+        steps |=
+            n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL || n->op == KARST_OP_RINT || n->type != KARST_TYPE_FLOAT;
+        n->kind = known                       ? KARST_KIND_UNIFORM
+                  : n->op == KARST_OP_AFFINE  ? KARST_KIND_AFFINE
+                  : n->op == KARST_OP_SHIFTED ? KARST_KIND_SHIFTED
+                  : steps                     ? KARST_KIND_STEPS
+                                              : KARST_KIND_FLOAT;
+    }
+}
+
+void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *settings, karst_graph *resolved,
+                         karst_expr *roots, size_t num_roots)
+{
+    karst_arena *arena = resolved->arena;
+    uint32_t count = graph->num_nodes;
+    karst_graph built;
+    karst_graph_init(&built, arena, 4 * resolved->max_nodes, resolved->full, resolved->user);
+    resolver r = {.from = graph, .to = &built};
+    r.class = karst_arena_alloc(arena, count);
+    r.wants = karst_arena_alloc(arena, count);
+    r.value = karst_arena_alloc(arena, count * sizeof *r.value);
+    r.forms = karst_arena_alloc(arena, count * sizeof *r.forms);
+    for (uint32_t e = 1; e < count; e++)
+        r.class[e] = (uint8_t)classify(&r, e);
+    for (size_t i = 0; i < num_roots; i++)
+        r.wants[roots[i]] |= WANT_VALUE;
+    for (uint32_t e = count - 1; e > 0; e--)
+        if (r.wants[e]) {
+            want_arguments(&r, e);
+            want_attributes(&r, e);
+        }
+    for (uint32_t e = 1; e < count; e++) {
+        built.where = graph->nodes[e].where;
+        if ((r.wants[e] & WANT_FORM) && has_form(&r, e))
+            r.forms[e] = build_form(&r, e);
+        if (r.wants[e] & WANT_VALUE)
+            r.value[e] = build_value(&r, e);
+    }
+    for (size_t i = 0; i < num_roots; i++)
+        roots[i] = r.value[roots[i]];
+    if (num_roots > 1) /* colours */
+        karst_soften(&built, settings->voxel_log2_m, roots + 1, num_roots - 1);
+    karst_graph_extract(&built, resolved, roots, num_roots);
+    karst_kinds_set(resolved, 1);
+    karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);
+    karst_graph_ranges(resolved, settings, ranges);
+    karst_kinds_widen(resolved, settings, ranges);
+}

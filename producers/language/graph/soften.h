@@ -1,0 +1,15 @@
+/* Colours without aliasing: what changes faster than a footprint shows is faded to its mean, edges become as wide as
+ * the footprint (LANGUAGE, "band limit"). Octaves of noise fade by themselves; this is for what the text does with
+ * sines, fract, mod and comparisons. Densities keep their edges: their features are the surface. */
+#ifndef KARST_LANGUAGE_SOFTEN_H
+#define KARST_LANGUAGE_SOFTEN_H
+
+#include "producers/language/graph/graph.h"
+
+/* Appends to the graph (with AFFINE leaves, kinds not set yet) what the roots, floats, are to become, and updates them.
+ * How fast an argument changes is an estimate by the chain rule, from uniform numbers alone: exact for what is affine,
+ * typical for noise; what has none (a normal, say) stays sharp. With a footprint of 0 nothing changes but exact ties.
+ * A voxel of level 0 is 2^voxel_log2_m metres wide. */
+void karst_soften(karst_graph *graph, int voxel_log2_m, karst_expr *roots, size_t num_roots);
+
+#endif

@@ -1,0 +1,207 @@
+#include "producers/language/oracle/oracle_internal.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "producers/language/graph/uniform.h"
+
+/* ---- plans ---- */
+
+/* Each argument is computed if its user is; and as a float, where that decides what is piecewise constant. */
+static void mark_halves(const karst_oracle *o, uint8_t *halves)
+{
+    for (karst_expr e = o->graph->num_nodes - 1; e > 0; e--) {
+        const karst_expr_node *n = &o->graph->nodes[e];
+        if (!halves[e] || o->known[e])
+            continue;
+        if (n->kind == KARST_KIND_STEPS)
+            halves[e] |= KARST_ORACLE_DEVICE;
+        for (int k = 0; k < 4; k++)
+            halves[n->arg[k]] |= halves[e];
+    }
+}
+
+/* AFFINE nodes without a record are an argument's form only, never a value. */
+static bool has_value(const karst_oracle *o, karst_expr e)
+{
+    return !o->known[e] && !(o->graph->nodes[e].op == KARST_OP_AFFINE && o->layout.word[e] == KARST_NO_WORD);
+}
+
+static bool make_plan(const karst_oracle *o, const karst_expr *roots, size_t num_roots, uint8_t halves,
+                      karst_oracle_plan *plan)
+{
+    uint32_t count = o->graph->num_nodes;
+    plan->nodes = calloc(count, sizeof *plan->nodes);
+    plan->halves = calloc(count, 1);
+    uint8_t *wanted = calloc(count, 1);
+    if (plan->nodes && plan->halves && wanted) {
+        for (size_t i = 0; i < num_roots; i++)
+            wanted[roots[i]] = halves;
+        mark_halves(o, wanted);
+        for (karst_expr e = 1; e < count; e++)
+            if (wanted[e] && has_value(o, e)) {
+                plan->halves[plan->num_nodes] = wanted[e];
+                plan->nodes[plan->num_nodes++] = e;
+            }
+    }
+    free(wanted);
+    return plan->nodes && plan->halves && wanted;
+}
+
+static bool make_plans(karst_oracle *o)
+{
+    const karst_resolved_world *world = &o->layout.world;
+    const uint8_t both = KARST_ORACLE_DEVICE | KARST_ORACLE_PRECISE;
+    const karst_expr *g = world->gradient, all[4] = {g[0], g[1], g[2], world->density};
+    return make_plan(o, &world->density, 1, both, &o->density) &&
+           make_plan(o, &world->density, 1, KARST_ORACLE_PRECISE, &o->precise_density) &&
+           (!world->has_colour || make_plan(o, world->colour, 3, both, &o->colour)) &&
+           (!world->has_gradient || make_plan(o, all, 4, both, &o->gradient));
+}
+
+static void drop_plan(karst_oracle_plan *plan)
+{
+    free(plan->nodes);
+    free(plan->halves);
+}
+
+/* ---- making ---- */
+
+static void fill_known_slots(karst_oracle *o)
+{
+    for (karst_expr e = 1; e < o->graph->num_nodes; e++) {
+        karst_oracle_slot *s = &o->slots[e];
+        if (!o->known[e])
+            continue;
+        uint8_t type = o->graph->nodes[e].type;
+        s->d = o->values[e].value;
+        s->f = karst_number_to_float(o->values[e]);
+        s->low = type == KARST_TYPE_FLOAT ? karst_number_rest(o->values[e]) : 0;
+        s->i = type == KARST_TYPE_BOOL    ? -(o->values[e].numerator != 0)
+               : type == KARST_TYPE_FLOAT ? 0
+                                          : (int)(uint)o->values[e].numerator;
+    }
+}
+
+karst_oracle *karst_oracle_create(const karst_resolved_world *world, const karst_number *parameters, uint32_t seed,
+                                  int voxel_log2_m, karst_error *error)
+{
+    karst_oracle *o = calloc(1, sizeof *o);
+    if (!o || !karst_world_layout_init(&o->layout, world))
+        goto failed;
+    o->graph = world->graph;
+    uint32_t count = o->graph->num_nodes;
+    o->values = calloc(count, sizeof *o->values);
+    o->known = calloc(count, 1);
+    o->words = calloc(o->layout.num_words, sizeof *o->words);
+    o->slots = calloc(count, sizeof *o->slots);
+    if (!o->values || !o->known || !o->words || !o->slots ||
+        !karst_world_data_fill(&o->layout, parameters, seed, voxel_log2_m, o->words))
+        goto failed;
+    karst_uniform_evaluate(o->graph, parameters, o->values, o->known);
+    if (!make_plans(o))
+        goto failed;
+    fill_known_slots(o);
+    return o;
+failed:
+    karst_oracle_destroy(o);
+    karst_fail(error, KARST_FAILED, "out of memory");
+    return NULL;
+}
+
+karst_oracle *karst_oracle_clone(const karst_oracle *oracle, karst_error *error)
+{
+    karst_oracle *o = malloc(sizeof *o);
+    if (o) {
+        *o = *oracle;
+        o->original = oracle->original ? oracle->original : oracle;
+        o->slots = calloc(o->graph->num_nodes, sizeof *o->slots);
+    }
+    if (!o || !o->slots) {
+        free(o);
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    fill_known_slots(o);
+    return o;
+}
+
+void karst_oracle_destroy(karst_oracle *oracle)
+{
+    if (!oracle)
+        return;
+    if (!oracle->original) {
+        free(oracle->values);
+        free(oracle->known);
+        free(oracle->words);
+        drop_plan(&oracle->density);
+        drop_plan(&oracle->precise_density);
+        drop_plan(&oracle->colour);
+        drop_plan(&oracle->gradient);
+    }
+    free(oracle->slots);
+    free(oracle);
+}
+
+/* ---- evaluating ---- */
+
+static void evaluate(karst_oracle *o, const karst_oracle_plan *plan, const karst_position *at, int level)
+{
+    for (int i = 0; i < 3; i++) {
+        o->at.voxel[i] = at->voxel[i];
+        o->at.fraction[i] = at->fraction[i];
+    }
+    o->level = level;
+    for (uint32_t i = 0; i < plan->num_nodes; i++) {
+        if (plan->halves[i] & KARST_ORACLE_DEVICE)
+            karst_oracle_step_float(o, plan->nodes[i]);
+        if (plan->halves[i] & KARST_ORACLE_PRECISE)
+            karst_oracle_step_double(o, plan->nodes[i]);
+    }
+}
+
+karst_oracle_value karst_oracle_node(const karst_oracle *o, karst_expr e)
+{
+    const karst_oracle_slot *s = &o->slots[e];
+    switch (o->graph->nodes[e].type) {
+    case KARST_TYPE_FLOAT:
+        return (karst_oracle_value){s->f, s->d};
+    case KARST_TYPE_BOOL:
+        return (karst_oracle_value){s->i ? 1.0f : 0.0f, s->d};
+    case KARST_TYPE_UINT:
+        return (karst_oracle_value){(float)(uint)s->i, s->d};
+    default:
+        return (karst_oracle_value){(float)s->i, s->d};
+    }
+}
+
+karst_oracle_value karst_oracle_density(karst_oracle *oracle, const karst_position *at, int level)
+{
+    evaluate(oracle, &oracle->density, at, level);
+    return karst_oracle_node(oracle, oracle->layout.world.density);
+}
+
+double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *at, int level)
+{
+    evaluate(oracle, &oracle->precise_density, at, level);
+    return oracle->slots[oracle->layout.world.density].d;
+}
+
+void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
+                         karst_oracle_value rgb[3])
+{
+    for (int i = 0; i < 3; i++)
+        oracle->normal[i] = normal[i];
+    evaluate(oracle, &oracle->colour, at, level);
+    for (int i = 0; i < 3; i++)
+        rgb[i] = karst_oracle_node(oracle, oracle->layout.world.colour[i]);
+}
+
+karst_oracle_value karst_oracle_gradient(karst_oracle *oracle, const karst_position *at, int level,
+                                         karst_oracle_value gradient[3])
+{
+    evaluate(oracle, &oracle->gradient, at, level);
+    for (int i = 0; i < 3; i++)
+        gradient[i] = karst_oracle_node(oracle, oracle->layout.world.gradient[i]);
+    return karst_oracle_node(oracle, oracle->layout.world.density);
+}

@@ -1,0 +1,54 @@
+/* What the two halves of the oracle share. */
+#ifndef KARST_LANGUAGE_ORACLE_INTERNAL_H
+#define KARST_LANGUAGE_ORACLE_INTERNAL_H
+
+#include "producers/language/ops/affine.clh"
+#include "producers/language/ops/octave.clh"
+#include "producers/language/oracle/oracle.h"
+#include "producers/language/ops/wide.clh"
+
+/* A node's value in both worlds. Of a BOOL, i is the mask (-1 or 0) and d 1 or 0; of INT and UINT d is the number. */
+typedef struct {
+    vfloat f;
+    vfloat high,
+        low; /* as a pair: AFFINE and SHIFTED have a float besides, which may differ from `high`; others high = f */
+    vint i;
+    double d;
+} karst_oracle_slot;
+
+/* What some roots need of a graph, in order; PRECISE and DEVICE say which halves of a node's value: with doubles alone,
+ * floats are computed only where they decide what is piecewise constant. */
+enum { KARST_ORACLE_DEVICE = 1, KARST_ORACLE_PRECISE = 2 };
+typedef struct {
+    karst_expr *nodes;
+    uint8_t *halves;
+    uint32_t num_nodes;
+} karst_oracle_plan;
+
+struct karst_oracle {
+    karst_world_layout layout;
+    const karst_graph *graph;
+    karst_number *values; /* of uniform nodes */
+    uint8_t *known;
+    uint64_t *words; /* the world's data, as devices read it */
+    karst_oracle_plan density, precise_density, colour, gradient;
+    const karst_oracle *original; /* whose all of the above is, if this is a clone */
+    karst_oracle_slot *slots;
+    affine_position at;
+    float normal[3];
+    int level;
+};
+
+static inline void *karst_oracle_record(const karst_oracle *oracle, karst_expr e)
+{
+    return oracle->words + oracle->layout.word[e];
+}
+
+/* oracle_float.c: fills f, low, i of a node that is not known. */
+void karst_oracle_step_float(karst_oracle *oracle, karst_expr e);
+/* oracle_double.c: fills d; the node's floats are there. */
+void karst_oracle_step_double(karst_oracle *oracle, karst_expr e);
+/* A fixed-point form as a double: error 2^-52 of its value. */
+double karst_oracle_affine(const karst_oracle *oracle, const karst_linear *form);
+
+#endif

@@ -1,0 +1,24 @@
+/* The data of a world that has a tape for its bounds: where what lies. Compiled twice: see core/device/dialect.h. */
+#ifndef KARST_LANGUAGE_BOUNDS_SHARED_H
+#define KARST_LANGUAGE_BOUNDS_SHARED_H
+
+#include "core/device/dialect.h"
+
+/* The first words of the data; positions are words from its beginning. */
+typedef struct {
+    uint num_instructions;
+    uint code;      /* karst_instruction */
+    uint constants; /* of the tape */
+    uint values;    /* of the layout */
+    uint num_values;
+    uint output; /* the operand that is the density */
+    /* The same of a tape of the colours, if the world has one; 0 otherwise. */
+    uint num_colour_instructions;
+    uint colour_code;
+    uint colour_constants;
+    uint colour_output[3];
+    uint unused[4];
+} karst_data_header;
+K_ASSERT_SIZE(karst_data_header, 64);
+
+#endif

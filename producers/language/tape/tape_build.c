@@ -1,0 +1,365 @@
+/* From a resolved graph to a tape: which nodes run, where their arguments are read, which slot each result goes to. */
+#include "producers/language/tape/tape_internal.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/language/ops/octave.clh"
+
+_Static_assert((int)TAPE_FLOAT_TYPE == KARST_TYPE_FLOAT && (int)TAPE_INT_TYPE == KARST_TYPE_INT &&
+                   (int)TAPE_UINT_TYPE == KARST_TYPE_UINT && (int)TAPE_BOOL_TYPE == KARST_TYPE_BOOL,
+               "tape_shared.h has graph.h's types");
+_Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
+                   (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW && (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
+               "octave.clh has graph.h's shapes");
+
+static bool is_pair(const karst_tape_builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
+
+bool karst_tape_is_wide(const karst_tape_builder *b, karst_expr e) { return karst_is_computed_wide(b->graph, e); }
+
+karst_expr karst_tape_reads(const karst_tape_builder *b, karst_expr e, int k)
+{
+    karst_expr argument = b->graph->nodes[e].arg[k];
+    if (!argument || !karst_takes_place(b->layout, e, k))
+        return argument;
+    const karst_expr_node *n = &b->graph->nodes[argument];
+    return n->op == KARST_OP_SHIFTED ? n->arg[1] : KARST_NO_EXPR;
+}
+
+/* Whether this part of a node reads its arguments as pairs, where they are or may be some. */
+static bool reads_pairs(const karst_tape_builder *b, karst_expr e, int part)
+{
+    return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : karst_tape_is_wide(b, e);
+}
+
+int karst_tape_part(const karst_tape_builder *b, karst_expr argument, bool as_pair)
+{
+    uint8_t op = b->graph->nodes[argument].op;
+    return is_pair(b, argument) || (as_pair && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? PART_PAIR
+                                                                                                  : PART_VALUE;
+}
+
+static bool is_number(const karst_tape_builder *b, karst_expr e, float value)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    return n->op == KARST_OP_CONSTANT && n->type == KARST_TYPE_FLOAT &&
+           karst_number_to_float(*karst_graph_constant(b->graph, e)) == value;
+}
+
+karst_expr karst_tape_fades(const karst_tape_builder *b, karst_expr e)
+{
+    const karst_expr_node *nodes = b->graph->nodes, *n = &nodes[e];
+    if (n->op != KARST_OP_MULTIPLY || n->type != KARST_TYPE_FLOAT || karst_tape_is_wide(b, e))
+        return KARST_NO_EXPR;
+    for (int k = 0; k < 2; k++) {
+        const karst_expr_node *square = &nodes[n->arg[k]], *line = &nodes[n->arg[1 - k]];
+        karst_expr t = square->arg[0];
+        if (square->op != KARST_OP_MULTIPLY || square->arg[1] != t || line->op != KARST_OP_FMA || is_pair(b, t) ||
+            karst_tape_is_wide(b, n->arg[k]) || karst_tape_is_wide(b, n->arg[1 - k]) || b->layout->is_known[t] ||
+            !is_number(b, line->arg[2], 3))
+            continue;
+        if ((line->arg[0] == t && is_number(b, line->arg[1], -2)) ||
+            (line->arg[1] == t && is_number(b, line->arg[0], -2)))
+            return t;
+    }
+    return KARST_NO_EXPR;
+}
+
+static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_roots)
+{
+    for (uint32_t i = 0; i < num_roots; i++) {
+        int part = karst_tape_part(b, roots[i], false);
+        b->needed[roots[i]][part] = 1;
+        b->last_use[roots[i]][part] = UINT32_MAX;
+    }
+    for (karst_expr e = b->graph->num_nodes - 1; e > 0; e--) {
+        for (int part = 0; part < NUM_PARTS; part++) {
+            if (!b->needed[e][part] || b->layout->is_known[e])
+                continue;
+            for (int k = 0; k < 4; k++) {
+                karst_expr argument = karst_tape_reads(b, e, k);
+                int read = karst_tape_part(b, argument, reads_pairs(b, e, part));
+                b->needed[argument][read] = 1;
+                if (b->last_use[argument][read] < e)
+                    b->last_use[argument][read] = e;
+            }
+            karst_expr t = karst_tape_fades(b, e);
+            b->needed[t][PART_VALUE] = 1;
+            if (b->last_use[t][PART_VALUE] < e)
+                b->last_use[t][PART_VALUE] = e;
+        }
+    }
+}
+
+static uint32_t bits_of(const karst_number *number, uint8_t type)
+{
+    if (type == KARST_TYPE_FLOAT)
+        return k_as_uint(karst_number_to_float(*number));
+    if (type == KARST_TYPE_BOOL)
+        return number->numerator ? 0xffffffffu : 0;
+    return (uint32_t)number->numerator;
+}
+
+static uint32_t constant_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    const karst_number *number = karst_graph_constant(b->graph, e);
+    karst_tape *tape = b->tape;
+    if (!b->constant[e][as_pair]) {
+        b->constant[e][as_pair] = tape->num_constants + 1;
+        tape->constants[tape->num_constants++] = bits_of(number, n->type);
+        if (as_pair)
+            tape->constants[tape->num_constants++] = k_as_uint(karst_number_rest(*number));
+    }
+    return TAPE_CONSTANT | (as_pair ? TAPE_PAIR : 0) | (b->constant[e][as_pair] - 1);
+}
+
+uint32_t karst_tape_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    if (!e)
+        return TAPE_NOTHING;
+    bool of_floats = as_pair && n->type == KARST_TYPE_FLOAT;
+    if (n->op == KARST_OP_CONSTANT)
+        return constant_operand(b, e, of_floats);
+    if (b->layout->is_known[e])
+        return TAPE_VALUE | (of_floats ? TAPE_PAIR : 0) | b->layout->word[e];
+    int part = karst_tape_part(b, e, as_pair);
+    return (part == PART_PAIR ? TAPE_PAIR : 0) | b->slot[e][part];
+}
+
+/* ---- ops ---- */
+
+static const uint8_t plain_ops[KARST_NUM_OPS] = {
+    [KARST_OP_AFFINE] = TAPE_AFFINE,
+    [KARST_OP_NORMAL] = TAPE_NORMAL,
+    [KARST_OP_FOOTPRINT] = TAPE_FOOTPRINT,
+    [KARST_OP_ADD] = TAPE_ADD,
+    [KARST_OP_SUBTRACT] = TAPE_SUBTRACT,
+    [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
+    [KARST_OP_DIVIDE] = TAPE_DIVIDE,
+    [KARST_OP_FMA] = TAPE_FMA,
+    [KARST_OP_NEGATE] = TAPE_NEGATE,
+    [KARST_OP_MIN] = TAPE_MIN,
+    [KARST_OP_MAX] = TAPE_MAX,
+    [KARST_OP_ABS] = TAPE_ABS,
+    [KARST_OP_FLOOR] = TAPE_FLOOR,
+    [KARST_OP_CEIL] = TAPE_CEIL,
+    [KARST_OP_RINT] = TAPE_RINT,
+    [KARST_OP_FRACT] = TAPE_FRACT,
+    [KARST_OP_MOD] = TAPE_MOD,
+    [KARST_OP_MIX] = TAPE_MIX,
+    [KARST_OP_SQRT] = TAPE_SQRT,
+    [KARST_OP_LENGTH] = TAPE_LENGTH,
+    [KARST_OP_SIN] = TAPE_SIN,
+    [KARST_OP_COS] = TAPE_COS,
+    [KARST_OP_SIN_TURNS] = TAPE_SIN_TURNS,
+    [KARST_OP_COS_TURNS] = TAPE_COS_TURNS,
+    [KARST_OP_EXP2] = TAPE_EXP2,
+    [KARST_OP_LOG] = TAPE_LOG,
+    [KARST_OP_ATAN] = TAPE_ATAN,
+    [KARST_OP_NOISE] = TAPE_NOISE,
+    [KARST_OP_SHIFTED] = TAPE_ADD,
+    [KARST_OP_LESS] = TAPE_LESS,
+    [KARST_OP_LESS_EQUAL] = TAPE_LESS_EQUAL,
+    [KARST_OP_EQUAL] = TAPE_EQUAL,
+    [KARST_OP_NOT_EQUAL] = TAPE_NOT_EQUAL,
+    [KARST_OP_NOT] = TAPE_NOT,
+    [KARST_OP_AND] = TAPE_AND,
+    [KARST_OP_OR] = TAPE_OR,
+    [KARST_OP_SELECT] = TAPE_SELECT,
+    [KARST_OP_INT_ADD] = TAPE_INT_ADD,
+    [KARST_OP_INT_SUBTRACT] = TAPE_INT_SUBTRACT,
+    [KARST_OP_INT_MULTIPLY] = TAPE_INT_MULTIPLY,
+    [KARST_OP_INT_DIVIDE] = TAPE_INT_DIVIDE,
+    [KARST_OP_INT_MODULO] = TAPE_INT_MODULO,
+    [KARST_OP_BIT_AND] = TAPE_BIT_AND,
+    [KARST_OP_BIT_OR] = TAPE_BIT_OR,
+    [KARST_OP_BIT_XOR] = TAPE_BIT_XOR,
+    [KARST_OP_BIT_NOT] = TAPE_BIT_NOT,
+    [KARST_OP_SHIFT_LEFT] = TAPE_SHIFT_LEFT,
+    [KARST_OP_SHIFT_RIGHT] = TAPE_SHIFT_RIGHT,
+    [KARST_OP_CONVERT] = TAPE_CONVERT,
+    [KARST_OP_BITS] = TAPE_BITS,
+};
+
+uint8_t karst_tape_plain_op(const karst_tape_builder *b, karst_expr e) { return plain_ops[b->graph->nodes[e].op]; }
+
+static uint8_t op_of(const karst_tape_builder *b, karst_expr e)
+{
+    uint8_t op = b->graph->nodes[e].op;
+    if (!karst_takes_place(b->layout, e, 0))
+        return plain_ops[op];
+    return op == KARST_OP_FLOOR   ? TAPE_PLACE_FLOOR
+           : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT
+           : op == KARST_OP_MOD   ? TAPE_PLACE_MOD
+                                  : plain_ops[op];
+}
+
+static bool can_run(const karst_tape_builder *b, karst_expr e, karst_error *error)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
+    if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE ||
+        (is_turns && !karst_takes_place(b->layout, e, 0)))
+        return karst_fail(error, KARST_BAD_WORLD, "%s is not an op of a resolved graph", karst_op_name(n->op));
+    return true;
+}
+
+static void release_arguments(karst_tape_builder *b, karst_expr e, int part)
+{
+    for (int k = 0; k < 4; k++) {
+        karst_expr argument = karst_tape_reads(b, e, k);
+        int read = karst_tape_part(b, argument, reads_pairs(b, e, part));
+        /* the value of a node comes before its pair and may be read by it again */
+        bool again = part == PART_VALUE && b->needed[e][PART_PAIR];
+        if (argument && b->last_use[argument][read] == e && !again && !b->layout->is_known[argument]) {
+            b->free_slots[b->num_free++] = b->slot[argument][read];
+            b->last_use[argument][read] = 0; /* once, if it is read twice */
+        }
+    }
+    const karst_expr others[2] = {karst_tape_fades(b, e), karst_tape_curve_reads(b, e)};
+    for (int k = 0; k < 2; k++) {
+        int read = karst_tape_part(b, others[k], false);
+        if (others[k] && b->last_use[others[k]][read] == e && !b->layout->is_known[others[k]]) {
+            b->free_slots[b->num_free++] = b->slot[others[k]][read];
+            b->last_use[others[k]][read] = 0;
+        }
+    }
+}
+
+karst_instruction *karst_tape_append(karst_tape_builder *b, karst_instruction i)
+{
+    karst_tape *tape = b->tape;
+    if (i.op != TAPE_CURVE) {
+        bool is_wide_op = (i.flags & TAPE_IS_WIDE) != 0;
+        (is_wide_op ? tape->wide_ops : tape->ops)[i.op / 32] |= 1u << i.op % 32;
+    }
+    tape->has_steps |= i.op != TAPE_CURVE && (i.flags & TAPE_IS_STEPS) != 0;
+    tape->code[tape->num_instructions] = i;
+    return &tape->code[tape->num_instructions++];
+}
+
+static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
+{
+    const karst_expr_node *n = &b->graph->nodes[e];
+    karst_instruction i = {.op = op_of(b, e), .type = n->type, .word = b->layout->word[e]};
+    bool as_pair = reads_pairs(b, e, part);
+    i.flags = (n->kind == KARST_KIND_STEPS ? TAPE_IS_STEPS : 0) | (as_pair || part == PART_PAIR ? TAPE_IS_WIDE : 0);
+    for (int k = 0; k < 4; k++) {
+        i.arg[k] = karst_tape_operand(b, karst_tape_reads(b, e, k), as_pair);
+        i.count += n->arg[k] != 0;
+    }
+    karst_expr t = karst_tape_fades(b, e);
+    if (t) {
+        i.arg[2] = karst_tape_operand(b, t, false);
+        i.flags |= TAPE_IS_FADE;
+    }
+    /* a choice's type is its values' */
+    i.argument_type = b->graph->nodes[n->arg[0]].type;
+    if (n->op == KARST_OP_NORMAL)
+        i.count = n->extra;
+    if (n->op == KARST_OP_FOOTPRINT)
+        i.count = n->extra - KARST_FOOTPRINT_BIAS;
+    if (n->op == KARST_OP_NOISE) {
+        const karst_noise *noise = &b->graph->noises[n->extra];
+        i.count = noise->num_octaves;
+        i.argument_type = (uint8_t)karst_noise_way(b->graph, e);
+        i.type = noise->shape;
+        i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
+    }
+    if (b->with_curves)
+        i.flags |= (uint8_t)(b->is_curve[e] == 1 ? TAPE_IS_CURVE : b->is_seen[e] ? 0 : TAPE_IS_PASSED);
+    release_arguments(b, e, part);
+    b->slot[e][part] = b->num_free ? b->free_slots[--b->num_free] : b->tape->num_slots++;
+    i.slot = b->slot[e][part];
+    karst_tape_append(b, i);
+}
+
+static bool build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, bool with_curves,
+                  karst_tape *tape, karst_error *error)
+{
+    uint32_t count = layout->world.graph->num_nodes;
+    karst_tape_builder b = {.layout = layout, .graph = layout->world.graph, .tape = tape, .with_curves = with_curves};
+    bool done = false;
+    *tape = (karst_tape){.num_outputs = num_roots};
+    b.needed = calloc(count, sizeof *b.needed);
+    b.last_use = calloc(count, sizeof *b.last_use);
+    b.slot = calloc(count, sizeof *b.slot);
+    b.constant = calloc(count, sizeof *b.constant);
+    b.free_slots = calloc(NUM_PARTS * (size_t)count, sizeof *b.free_slots);
+    b.source = calloc(count, sizeof *b.source);
+    b.is_curve = calloc(count, 1);
+    b.is_seen = calloc(count, 1);
+    tape->constants = calloc(3 * (size_t)count, sizeof *tape->constants); /* each as a number and as a pair */
+    bool fits = b.needed && b.last_use && b.slot && b.constant && b.free_slots && b.source && b.is_curve && b.is_seen;
+    if (fits) {
+        mark(&b, roots, num_roots);
+        if (with_curves)
+            karst_tape_find_curves(&b, roots, num_roots);
+        tape->code = calloc(NUM_PARTS * (size_t)count + b.num_curve_code, sizeof *tape->code);
+    }
+    if (!tape->code || !tape->constants) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        goto end;
+    }
+    for (karst_expr e = 1; e < count; e++) {
+        for (int part = 0; part < NUM_PARTS; part++) {
+            if (!b.needed[e][part] || layout->is_known[e])
+                continue;
+            if (!can_run(&b, e, error))
+                goto end;
+            if (b.is_curve[e] == 1)
+                karst_tape_add_curve(&b, e);
+            add_instruction(&b, e, part);
+        }
+    }
+    for (uint32_t i = 0; i < num_roots; i++)
+        tape->output[i] = karst_tape_operand(&b, roots[i], false);
+    tape->num_slots += tape->num_slots == 0;
+    done = true;
+end:
+    free(b.needed);
+    free(b.last_use);
+    free(b.slot);
+    free(b.constant);
+    free(b.free_slots);
+    free(b.source);
+    free(b.is_curve);
+    free(b.is_seen);
+    if (!done)
+        karst_tape_finish(tape);
+    return done;
+}
+
+bool karst_tape_build(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots, karst_tape *tape,
+                      karst_error *error)
+{
+    return build(layout, roots, num_roots, true, tape, error);
+}
+
+bool karst_tape_build_plain(const karst_world_layout *layout, const karst_expr *roots, uint32_t num_roots,
+                            karst_tape *tape, karst_error *error)
+{
+    return build(layout, roots, num_roots, false, tape, error);
+}
+
+void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes)
+{
+    uint32_t slots = 16;
+    while (slots < tape->num_slots)
+        slots *= 2;
+    snprintf(options, size_bytes,
+             "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
+             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d",
+             slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
+             tape->has_curves);
+}
+
+void karst_tape_finish(karst_tape *tape)
+{
+    free(tape->code);
+    free(tape->constants);
+    *tape = (karst_tape){0};
+}

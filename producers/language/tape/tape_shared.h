@@ -1,0 +1,142 @@
+/* The tape: a world's graph as a list of instructions that one interpreter executes, whatever the world. Compiled
+ * twice: see core/device/dialect.h.
+ *
+ * Operands are slots (values of earlier instructions; the builder reuses those that nobody reads again), constants of
+ * the tape, or values in the world's data (data.h), which parameters decide: a change of these leaves the tape as it
+ * is.
+ */
+#ifndef KARST_LANGUAGE_TAPE_SHARED_H
+#define KARST_LANGUAGE_TAPE_SHARED_H
+
+#include "core/device/dialect.h"
+
+/* The ops of graph.h that a tape may hold; arguments as there. */
+enum {
+    TAPE_AFFINE, /* its float */
+    TAPE_NORMAL,    /* along axis `count` */
+    TAPE_FOOTPRINT, /* of the level asked for, in metres; a voxel of level 0 is 2^(int)count of them wide */
+    TAPE_ADD,
+    TAPE_SUBTRACT,
+    TAPE_MULTIPLY,
+    TAPE_DIVIDE,
+    TAPE_FMA,
+    TAPE_NEGATE,
+    TAPE_MIN,
+    TAPE_MAX,
+    TAPE_ABS,
+    TAPE_FLOOR,
+    TAPE_CEIL,
+    TAPE_RINT,
+    TAPE_FRACT,
+    TAPE_MOD,
+    TAPE_MIX,
+    TAPE_SQRT,
+    TAPE_LENGTH, /* of `count` arguments */
+    TAPE_SIN,
+    TAPE_COS,
+    TAPE_EXP2,
+    TAPE_LOG,
+    TAPE_ATAN,
+    TAPE_PLACE_FLOOR,
+    TAPE_PLACE_FRACT,
+    TAPE_PLACE_MOD, /* of the exact place at `word`; a: the offset, b: MOD's divisor */
+    TAPE_SIN_TURNS,
+    TAPE_COS_TURNS, /* of the lattice at `word`; a: the offset */
+    TAPE_NOISE, /* `count` octaves at `word`; a, b, c: the arguments' float parts; base and shape in `argument_type` and
+                   `type`, its derivative in `flags` */
+    TAPE_LESS,
+    TAPE_LESS_EQUAL,
+    TAPE_EQUAL,
+    TAPE_NOT_EQUAL,
+    TAPE_NOT,
+    TAPE_AND,
+    TAPE_OR,
+    TAPE_SELECT,
+    TAPE_INT_ADD,
+    TAPE_INT_SUBTRACT,
+    TAPE_INT_MULTIPLY,
+    TAPE_INT_DIVIDE,
+    TAPE_INT_MODULO,
+    TAPE_BIT_AND,
+    TAPE_BIT_OR,
+    TAPE_BIT_XOR,
+    TAPE_BIT_NOT,
+    TAPE_SHIFT_LEFT,
+    TAPE_SHIFT_RIGHT,
+    TAPE_CONVERT,
+    TAPE_BITS,
+    TAPE_CURVE, /* head of a curve, see below */
+    TAPE_NUM_OPS
+};
+
+/* The ops that a tape runs, so that interpreters are compiled for no others: a whole one takes seconds. Bit sets, as
+ * options of a build; without them, all. Ops that are TAPE_IS_WIDE stand in the second pair of sets alone. */
+#ifndef TAPE_OPS_LOW
+#define TAPE_OPS_LOW 0xffffffffu
+#define TAPE_OPS_HIGH 0xffffffffu
+#define TAPE_WIDE_LOW 0xffffffffu
+#define TAPE_WIDE_HIGH 0xffffffffu
+#define TAPE_HAS_STEPS 1
+#define TAPE_HAS_CURVES 1
+#endif
+#define TAPE_IS_IN(low, high, op) ((((op) < 32 ? (low) >> ((op)&31) : (high) >> ((op)&31)) & 1u) != 0u)
+#define TAPE_RUNS(op) TAPE_IS_IN(TAPE_OPS_LOW, TAPE_OPS_HIGH, op)
+#define TAPE_RUNS_WIDE(op) TAPE_IS_IN(TAPE_WIDE_LOW, TAPE_WIDE_HIGH, op)
+#define TAPE_HAS_WIDE ((TAPE_WIDE_LOW | TAPE_WIDE_HIGH) != 0u)
+#define TAPE_HAS_DISCRETE ((TAPE_OPS_LOW >> TAPE_LESS | TAPE_OPS_HIGH) != 0u) /* ints, bools, choices by them */
+#define TAPE_COMPARES_WIDE                                                                      \
+    (TAPE_RUNS_WIDE(TAPE_LESS) | TAPE_RUNS_WIDE(TAPE_LESS_EQUAL) | TAPE_RUNS_WIDE(TAPE_EQUAL) | \
+     TAPE_RUNS_WIDE(TAPE_NOT_EQUAL))
+
+/* In a case of an interpreter's switch: what no tape of its runs is no code. */
+#define TAPE_NEEDS(op)  \
+    if (!TAPE_RUNS(op)) \
+    break
+#define TAPE_NEEDS_WIDE(op)  \
+    if (!TAPE_RUNS_WIDE(op)) \
+    break
+
+/* karst_scalar_type */
+#define TAPE_FLOAT_TYPE 0
+#define TAPE_INT_TYPE 1
+#define TAPE_UINT_TYPE 2
+#define TAPE_BOOL_TYPE 3
+
+/* Operands */
+#define TAPE_NOTHING 0xffffffffu
+#define TAPE_CONSTANT 0x80000000u /* | index of a constant of the tape */
+#define TAPE_VALUE 0x40000000u    /* | index of a value in the world's data */
+#define TAPE_PAIR 0x20000000u     /* | any: what the float leaves is there, too (wide.clh) */
+#define TAPE_INDEX 0x1fffffffu
+
+/* A step of a shortened tape: index of an instruction, and, if it is decided, number of the argument that it gives,
+ * from 1 on. */
+#define TAPE_STEP_INDEX 0x0fffffffu
+#define TAPE_STEP_SIDE 28
+
+#define TAPE_IS_STEPS 1u    /* piecewise constant: arguments that are one number make it one number */
+#define TAPE_IS_WIDE 2u     /* computed in pairs */
+#define TAPE_IS_FADE 4u     /* a product t * t * (3 - 2 * t); argument c is t, for bounds */
+#define TAPE_IS_CURVE 8u    /* bounds come from the curve before it */
+#define TAPE_IN_CURVE 64u   /* of a curve: nothing else runs it */
+#define TAPE_IS_PASSED 128u /* bounds pass over it: only curves that have their own copy read it */
+#define TAPE_DERIVATIVE 4   /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
+
+/* A curve: the ops by which one number f, the source, decides another, bounded as one function of f (tape_curve.clh).
+ * `count` instructions that read the source in the slot of their head, then the head (TAPE_CURVE), then the instruction
+ * that gives the same to everybody else. The head's arguments: a, the source, or what moves its place; b, the result;
+ * c, the divisor of a place. Its `word`: karst_cells of that place, or TAPE_NOTHING. */
+
+typedef struct {
+    uchar op;
+    uchar type;          /* of the result */
+    uchar argument_type; /* of argument a */
+    uchar flags;
+    uint slot; /* of the result */
+    uint arg[4];
+    uint word; /* of its record in the world's data */
+    uint count;
+} karst_instruction;
+K_ASSERT_SIZE(karst_instruction, 32);
+
+#endif

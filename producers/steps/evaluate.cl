@@ -1,0 +1,55 @@
+/* Evaluate: KARST_BRICK_SIDE^3 samples of each load into staging memory, x fastest. Two shapes, the same bits. */
+#include "core/device/lanes.clh"
+#include "producers/steps/density.clh"
+#include "world.clh"
+#include "producers/steps/load_shared.h"
+
+#if KARST_GROUP == 1
+
+#include "producers/steps/evaluate.clh"
+
+/* CPU: work-item i fills brick i. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                      world_data data)
+{
+    uint brick = (uint)get_global_id(0);
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
+    evaluate_brick(WORLD_DATA(data, origin, loads[brick].level, samples));
+}
+
+#else
+
+/* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates.
+ */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
+karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *restrict staging,
+                      world_data data)
+{
+    uint brick = (uint)get_group_id(0);
+
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
+    int level = loads[brick].level;
+    for (int first = (int)get_local_id(0) * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
+        vint sample = v_min((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES - 1));
+        vint row = (sample * 7711) >> 17; /* sample / 17, exact for these */
+        vint z = (row * 241) >> 12;
+        vint steps[3] = {sample - row * KARST_BRICK_SIDE, row - z * KARST_BRICK_SIDE, z};
+        world_point_at at;
+        float values[LANES];
+        for (int axis = 0; axis < 3; axis++) {
+            at.voxel[axis] = (vlong)(loads[brick].origin[axis]) + v_int_to_long(steps[axis]) * (vlong)(1L << level);
+            at.fraction[axis] = (vuint)(0);
+        }
+        v_store_float(world_point(WORLD_DATA(data, &at, level)), values);
+        for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++)
+            samples[first + lane] = values[lane];
+    }
+}
+
+#endif

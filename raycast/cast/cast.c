@@ -1,0 +1,347 @@
+/* Launching the cast kernels, and localising a stream's anchor in the tree. */
+#include "raycast/cast/cast.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "raycast/cast/hints_shared.h"
+
+#define NUM_VIEWS 8 /* casts that may be queued before one has to wait for the oldest */
+#define RAYS_PER_GROUP (KARST_PACKET_RAYS * KARST_GROUP_PACKETS)
+
+struct karst_caster {
+    karst_context *context;
+    karst_cache_buffers cache;
+    karst_program *program;
+    cl_kernel pinhole, survey;
+    cl_kernel rays, shadows; /* NULL: left out */
+    const karst_sunward *sunward; /* borrowed; NULL: none */
+    bool beams; /* a work-item casts a beam, not `lanes` rays */
+    karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
+    karst_buffer *view;               /* on the device; written in queue order */
+    karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
+    cl_event written[NUM_VIEWS];
+    unsigned next_view;
+};
+
+karst_caster *karst_caster_create(karst_context *context, const karst_cache_buffers *cache, karst_error *error)
+{
+    return karst_caster_create_with(context, cache, "", error);
+}
+
+karst_caster *karst_caster_create_with(karst_context *context, const karst_cache_buffers *cache, const char *options,
+                                       karst_error *error)
+{
+    karst_caster *caster = calloc(1, sizeof(*caster));
+    if (!caster) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    char all_options[512];
+    snprintf(all_options, sizeof(all_options), "-DSEGMENTS=%u %s%s", cache->num_segments, options,
+             karst_cache_brick_option(cache));
+    caster->context = context;
+    caster->cache = *cache;
+    bool has_rays = !strstr(options, KARST_CAST_NO_STREAMS), has_shadows = !strstr(options, KARST_CAST_NO_SHADOWS);
+    bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
+    caster->beams = beams;
+    caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
+    caster->asked = karst_buffer_create(context, "view", sizeof(uint32_t), NULL, error);
+    caster->program = karst_program_build(context, "raycast/cast/cast.cl", all_options, NULL, 0, error);
+    if (caster->program) {
+        caster->pinhole = karst_program_kernel(caster->program, "cast_pinhole", error);
+        caster->survey = karst_program_kernel(caster->program, "survey_slopes", error);
+        if (has_rays)
+            caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
+        if (has_shadows)
+            caster->shadows = karst_program_kernel(caster->program, "cast_shadows", error);
+    }
+    if (!caster->view || !caster->asked || !caster->pinhole || !caster->survey || (has_rays && !caster->rays) ||
+        (has_shadows && !caster->shadows)) {
+        karst_caster_destroy(caster);
+        return NULL;
+    }
+    return caster;
+}
+
+void karst_caster_destroy(karst_caster *caster)
+{
+    if (!caster)
+        return;
+    for (int i = 0; i < NUM_VIEWS; i++)
+        if (caster->written[i]) {
+            clWaitForEvents(1, &caster->written[i]);
+            clReleaseEvent(caster->written[i]);
+        }
+    if (caster->pinhole)
+        clReleaseKernel(caster->pinhole);
+    if (caster->survey)
+        clReleaseKernel(caster->survey);
+    if (caster->rays)
+        clReleaseKernel(caster->rays);
+    if (caster->shadows)
+        clReleaseKernel(caster->shadows);
+    karst_program_destroy(caster->program);
+    karst_buffer_destroy(caster->view);
+    karst_buffer_destroy(caster->asked);
+    free(caster);
+}
+
+/* (v * 2^32 + fraction) * 2^-32 as a float, rounded down, so that it stays below the next integer. */
+static float float_down(uint64_t v, uint32_t fraction)
+{
+    unsigned __int128 wide = (unsigned __int128)v << 32 | fraction;
+    int shift = 0;
+    while (wide >> shift >= 1u << 24)
+        shift++;
+    return ldexpf((float)(uint32_t)(wide >> shift), shift - 32);
+}
+
+void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3],
+                          int top_level)
+{
+    memset(view, 0, sizeof(*view));
+    view->top_level = top_level;
+    view->detail = 1;
+    view->stands_for = 1;
+    for (int a = 0; a < 3; a++) {
+        for (int level = 0; level <= top_level; level++) {
+            int shift = KARST_BRICK_CELLS_LOG2 + level;
+            int64_t node = anchor->voxel[a] >> shift;
+            uint64_t in_node = (uint64_t)anchor->voxel[a] & (((uint64_t)1 << shift) - 1);
+            view->levels[level].in_node[a] = ldexpf(float_down(in_node, anchor->fraction[a]), -level);
+            uint64_t to_end = ((uint64_t)1 << shift) - in_node - (anchor->fraction[a] != 0);
+            view->levels[level].to_end[a] = ldexpf(float_down(to_end, -anchor->fraction[a]), -level);
+            view->levels[level].parity |= (uint)(node & 1) << a;
+        }
+        int64_t root = root_corner[a] - (anchor->voxel[a] >> (KARST_BRICK_CELLS_LOG2 + top_level));
+        /* Out there nothing is seen; only overflow must be kept away. */
+        view->root[a] = root > 1 << 20 ? 1 << 20 : root < -(1 << 20) ? -(1 << 20) : (int)root;
+    }
+}
+
+static bool upload_view(karst_caster *caster, const karst_cast_view *view, karst_error *error)
+{
+    unsigned i = caster->next_view++ % NUM_VIEWS;
+    cl_int code = CL_SUCCESS;
+    if (caster->written[i]) {
+        code = clWaitForEvents(1, &caster->written[i]);
+        clReleaseEvent(caster->written[i]);
+        caster->written[i] = NULL;
+    }
+    caster->views[i] = *view;
+    if (code == CL_SUCCESS)
+        code = clEnqueueWriteBuffer(caster->context->queue, caster->view->mem, CL_FALSE, 0, sizeof(*view),
+                                    &caster->views[i], 0, NULL, &caster->written[i]);
+    if (code != CL_SUCCESS)
+        return karst_fail(error, KARST_FAILED, "cannot upload the view of a cast: %s", karst_cl_error_name(code));
+    return true;
+}
+
+static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error *error)
+{
+    if (hits->size_bytes / sizeof(karst_hit) >= num_rays)
+        return true;
+    return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold the hits of %llu rays", hits->size_bytes,
+                      (unsigned long long)num_rays);
+}
+
+/* Groups of packets in a picture if each takes this many of them, side by side and one below the other. */
+static size_t num_groups(int width_px, int height_px, int across, int down)
+{
+    size_t wide_px = (size_t)(KARST_GROUP_SIDE * across), high_px = (size_t)(KARST_GROUP_SIDE * down);
+    return ((size_t)width_px + wide_px - 1) / wide_px * (((size_t)height_px + high_px - 1) / high_px);
+}
+
+/* Launches a kernel for all pixels of a picture. */
+static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px, int height_px, karst_error *error)
+{
+    size_t group_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
+    size_t size = caster->beams ? num_groups(width_px, height_px, KARST_BEAM_ACROSS, KARST_BEAM_DOWN)
+                                : num_groups(width_px, height_px, 1, 1) * group_size;
+    return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, caster->beams ? 1 : group_size, error);
+}
+
+/* The pools, in the order of POOL_PARAMETERS (raycast/cast/walk.clh), of which `asked` is the last. */
+#define POOL_ARGUMENTS(c)                                                                                           \
+    KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
+        KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),          \
+        KARST_BUFFER_ARG((c).bricks[4]), KARST_BUFFER_ARG((c).bricks[5]), KARST_BUFFER_ARG((c).bricks[6]),          \
+        KARST_BUFFER_ARG((c).bricks[7]), KARST_VALUE_ARG((c).bricks_per_segment), KARST_BUFFER_ARG((c).tile_stamp), \
+        KARST_BUFFER_ARG((c).brick_stamp), KARST_BUFFER_ARG((c).brick_fallback), KARST_BUFFER_ARG((c).want_brick),  \
+        KARST_BUFFER_ARG((c).want_children), KARST_BUFFER_ARG((c).want_chunk), KARST_BUFFER_ARG((c).want_rays),     \
+        KARST_BUFFER_ARG((c).tile_info)
+
+static bool check_asked(const karst_caster *caster, const karst_buffer *asked, const karst_pinhole *pinhole,
+                        cl_uint notes, karst_error *error)
+{
+    return notes == KARST_CAST_NOTES_NOTHING ||
+           asked->size_bytes >= karst_cast_asked_bytes(caster->context, pinhole->width_px, pinhole->height_px) ||
+           karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold what a picture of %dx%d asks for",
+                      asked->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+static bool check_hints(const karst_caster *caster, const karst_buffer *hints, const karst_pinhole *pinhole,
+                        karst_error *error)
+{
+    return !hints ||
+           hints->size_bytes >=
+               karst_cast_hint_bytes(caster->context, &caster->cache, pinhole->width_px, pinhole->height_px) ||
+           karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold the hints of a picture of %dx%d",
+                      hints->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_buffer *hits, const karst_buffer *asked, const karst_buffer *hints, cl_uint notes,
+                         karst_error *error)
+{
+    const cl_mem written = hits ? hits->mem : NULL, hinted = hints ? hints->mem : NULL;
+    const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
+    if (!check_hints(caster, hints, pinhole, error) || !check_asked(caster, asked, pinhole, notes, error) ||
+        !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error)) ||
+        !KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
+                         KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)) ||
+        !upload_view(caster, view, error)) /* last: cores begin with it */
+        return false;
+    return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
+}
+
+bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, hits, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, error);
+}
+
+bool karst_cast_picture(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        karst_buffer *hits, karst_buffer *asked, karst_buffer *hints, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, hits, asked, hints, KARST_CAST_NOTES_ASKED, error);
+}
+
+bool karst_cast_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      karst_buffer *asked, karst_error *error)
+{
+    return cast_pinhole(caster, view, pinhole, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
+}
+
+size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buffers *cache, int width_px,
+                             int height_px)
+{
+    /* As CAST_HINTS in raycast/cast/hints.clh. */
+    if (context->lanes == 1 || cache->brick_bits == 32)
+        return 0;
+    return num_groups(width_px, height_px, KARST_BEAM_ACROSS, KARST_BEAM_DOWN) * sizeof(karst_beam_hints);
+}
+
+size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int height_px)
+{
+    /* A word for each work-item, and the first, which is nobody's. Beams, of which there are fewest, have two more each
+     * for their packets. */
+    return (1 + num_groups(width_px, height_px, 1, 1) * (RAYS_PER_GROUP / (size_t)context->lanes)) * sizeof(uint32_t);
+}
+
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error)
+{
+    if (!caster->rays)
+        return karst_fail(error, KARST_FAILED, "the caster was made without streams");
+    if (!check_hits(hits, num_rays, error))
+        return false;
+    if (rays->size_bytes / sizeof(karst_ray) < num_rays)
+        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes,
+                          num_rays);
+    if (!upload_view(caster, view, error))
+        return false;
+    cl_int any = any_hit;
+    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
+                         KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
+        return false;
+    const size_t rays_per_item =
+        caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
+    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
+                        (num_rays + rays_per_item - 1) / rays_per_item,
+                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
+}
+
+size_t karst_cast_shadow_bytes(int width_px, int height_px)
+{
+    return (size_t)width_px * (size_t)height_px * KARST_SHADOW_FIELDS * sizeof(float);
+}
+
+bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole *pinhole, karst_error *error)
+{
+    if (rays->size_bytes >= karst_cast_shadow_bytes(pinhole->width_px, pinhole->height_px))
+        return true;
+    return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold the shadow rays of a picture of %dx%d",
+                      rays->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward) { caster->sunward = sunward; }
+
+static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         const karst_light *light, const karst_buffer *rays, cl_mem pixels,
+                         const karst_buffer *asked, const karst_buffer *hints, cl_uint notes, karst_error *error)
+{
+    if (!caster->shadows)
+        return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
+    karst_shadow_sun sun = {.t_max = light->shadow_distance,
+                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
+                            .width_px = pinhole->width_px,
+                            .height_px = pinhole->height_px};
+    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    const bool known = caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
+    const cl_mem hinted = hints ? hints->mem : NULL;
+    const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
+    cl_mem bricks = known ? karst_sunward_bricks(caster->sunward)->mem : NULL;
+    if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
+        !check_asked(caster, asked, pinhole, notes, error) || !check_hints(caster, hints, pinhole, error) ||
+        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
+                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes), KARST_VALUE_ARG(bricks),
+                         KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
+        return false;
+    return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
+}
+
+bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, NULL, KARST_CAST_NOTES_NOTHING,
+                        error);
+}
+
+bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                const karst_light *light, const karst_buffer *rays, cl_mem pixels,
+                                karst_buffer *asked, karst_buffer *hints, karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, error);
+}
+
+bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
+                              karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
+}
+
+bool karst_caster_survey_slopes(karst_caster *caster, uint32_t first, uint32_t end, karst_error *error)
+{
+    const karst_cache_buffers *c = &caster->cache;
+    const uint32_t num_slots = (uint32_t)(c->brick_owner->size_bytes / sizeof(karst_brick_owner));
+    const size_t lanes = (size_t)caster->context->lanes;
+    end = end < num_slots ? end : num_slots;
+    return first >= end ||
+           (KARST_ARGUMENTS(caster->survey, error, KARST_BUFFER_ARG(c->brick_owner), KARST_BUFFER_ARG(c->brick_info),
+                            KARST_BUFFER_ARG(c->bricks[0]), KARST_BUFFER_ARG(c->bricks[1]),
+                            KARST_BUFFER_ARG(c->bricks[2]), KARST_BUFFER_ARG(c->bricks[3]),
+                            KARST_BUFFER_ARG(c->bricks[4]), KARST_BUFFER_ARG(c->bricks[5]),
+                            KARST_BUFFER_ARG(c->bricks[6]), KARST_BUFFER_ARG(c->bricks[7]),
+                            KARST_VALUE_ARG(c->bricks_per_segment), KARST_VALUE_ARG(first), KARST_VALUE_ARG(end)) &&
+            karst_launch(caster->context, caster->survey, KARST_STAGE_FINALISE, (end - first + lanes - 1) / lanes, 1,
+                         error));
+}

@@ -1,0 +1,243 @@
+/* Entry point of refining: hits of bricks to hits of the true density. See raycast/cast/refine.h. */
+#include "raycast/cast/rays.clh"
+#include "raycast/rays_shared.h"
+#include "raycast/shade_shared.h"
+/* The world's density and gradient. */
+#include "world.clh"
+
+#include "raycast/cast/exact.clh"
+
+/* Farther than this from where the brick had it, in voxels of its level, a root is another one. */
+#define REFINE_REACH 2.0f
+/* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
+#define REFINE_CLOSE 0.015625f
+/* Where Newton's step does not lead nearer: steps towards the other sign, in voxels, and so many to narrow what they
+ * find. */
+#define REFINE_SEARCH_STEPS 5
+#define REFINE_NARROW_STEPS 5
+__constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
+
+/* With many lanes what is large is called: one copy of the density, one of its gradient. */
+#if LANES > 1
+#define REFINE_CALL static __attribute__((noinline)) K_WIDE
+#else
+#define REFINE_CALL RAY_INLINE
+#endif
+
+/* The field that hits of one level lie on: that level's density, or, where levels blend, f + w (c - f) with the next
+ * one's (raycast/cast/blend.clh). */
+typedef struct {
+    K_GLOBAL const ulong *data;
+    const karst_shade_anchor *anchor;
+    const vector3 *direction;
+    int level;
+    vint lanes;                       /* whose hits blend */
+    float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
+} refine_field;
+
+typedef struct {
+    vfloat t;
+    vfloat gradient[3];
+    vint found;
+} refined;
+
+RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
+
+REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
+{
+    return world_point(data, place, level);
+}
+
+REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
+{
+    return world_surface(data, place, level, gradient);
+}
+
+RAY_INLINE vfloat field_weight(const refine_field *field, vfloat t)
+{
+    vfloat w = lane_unit(k_fma(t, (vfloat)(field->weight_slope), (vfloat)(field->weight_start)));
+    return v_select(field->lanes, w, (vfloat)(0.0f));
+}
+
+RAY_INLINE vfloat field_density(const refine_field *field, vfloat t)
+{
+    world_point_at place;
+    exact_places(&place, field->anchor, field->direction, t);
+    vfloat d = density_at(field->data, &place, field->level), w = field_weight(field, t);
+    vint blended = v_gt(w, (vfloat)(0.0f));
+    if (v_any(blended))
+        d = v_select(blended, k_fma(w, density_at(field->data, &place, field->level + 1) - d, d), d);
+    return d;
+}
+
+RAY_INLINE vfloat field_surface(const refine_field *field, vfloat t, vfloat gradient[3])
+{
+    world_point_at place;
+    exact_places(&place, field->anchor, field->direction, t);
+    vfloat d = surface_at(field->data, &place, field->level, gradient), w = field_weight(field, t);
+    vint blended = v_gt(w, (vfloat)(0.0f));
+    if (v_any(blended)) {
+        vfloat next[3];
+        d = v_select(blended, k_fma(w, surface_at(field->data, &place, field->level + 1, next) - d, d), d);
+        for (int i = 0; i < 3; i++)
+            gradient[i] = v_select(blended, k_fma(w, next[i] - gradient[i], gradient[i]), gradient[i]);
+    }
+    return d;
+}
+
+/* For lanes of `m`, whose density is d0 at t and d1 at t1: the change of sign that lies nearest, backward from solid
+ * and forward from air, bracketed and narrowed. */
+RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat d0, vfloat t1, vfloat d1, vint m)
+{
+    const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    const vfloat one_half = (vfloat)(0.5f), zero = (vfloat)(0.0f);
+    refined r;
+    vfloat side = v_select(is_positive(d0), (vfloat)(-voxel), (vfloat)(voxel));
+    /* the near end with the sign of d0, the far end with the other */
+    vfloat near = t, at_near = d0, far = t1, at_far = d1;
+    r.found = m & (is_positive(d0) ^ is_positive(d1)) & v_lt(k_fabs(d1), (vfloat)(INFINITY));
+    for (int i = 0; i < REFINE_SEARCH_STEPS; i++) {
+        vint go = m & ~r.found;
+        if (!v_any(go))
+            break;
+        vfloat next = k_fma(side, (vfloat)(search_steps[i]), near);
+        vfloat d = field_density(field, lane_max(next, zero));
+        vint other = go & (is_positive(d) ^ is_positive(d0)) & v_ge(next, zero);
+        far = v_select(other, next, far);
+        at_far = v_select(other, d, at_far);
+        r.found |= other;
+        near = v_select(go & ~other, next, near);
+        at_near = v_select(go & ~other, d, at_near);
+    }
+    r.t = t;
+    r.gradient[0] = r.gradient[1] = r.gradient[2] = zero;
+    if (!v_any(r.found))
+        return r;
+    /* False position that halves the weight of an end that stays (Illinois). */
+    for (int i = 0; i < REFINE_NARROW_STEPS; i++) {
+        vfloat share = at_near / (at_near - at_far);
+        share = v_select(v_gt(share, zero) & v_lt(share, (vfloat)(1.0f)), share, one_half);
+        vfloat next = k_fma(far - near, share, near);
+        vfloat d = field_density(field, v_select(r.found, next, t));
+        vint as_far = is_positive(d) ^ is_positive(at_near);
+        at_near = v_select(as_far, at_near * one_half, d);
+        at_far = v_select(as_far, d, at_far * one_half);
+        near = v_select(as_far, near, next);
+        far = v_select(as_far, next, far);
+        r.t = v_select(r.found, next, t);
+    }
+    field_surface(field, r.t, r.gradient);
+    return r;
+}
+
+/* The lanes of `m`, which hit at t. */
+RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxels_per_m, vint m)
+{
+    const vfloat zero = (vfloat)(0.0f);
+    const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    const vector3 *direction = field->direction;
+    refined r;
+    vfloat d0 = field_surface(field, t, r.gradient);
+    /* Into solid the density rises. */
+    vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
+    vfloat voxels_per_unit = voxels_per_m / slope;
+    vfloat step = -d0 * voxels_per_unit, t1 = t, d1 = d0;
+    r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(REFINE_REACH * voxel));
+    r.t = v_select(r.found, lane_max(t + step, zero), t);
+    vint unsure = r.found & v_gt(k_fabs(step), (vfloat)(REFINE_CLOSE * voxel));
+    if (v_any(unsure)) {
+        t1 = v_select(unsure, r.t, t);
+        d1 = v_select(unsure, field_density(field, t1), d0);
+        /* Most of the way to zero, as the density is nearly straight here, or as near as can be told. */
+        vint nearer =
+            v_le(k_fabs(d1), k_fabs(d0) * 0.25f) | v_le(k_fabs(d1 * voxels_per_unit), (vfloat)(REFINE_CLOSE * voxel));
+        r.found &= ~unsure | nearer;
+        /* The secant through both, no farther again. */
+        vfloat next = -d1 * step / (d1 - d0);
+        next = v_select(v_le(k_fabs(next), k_fabs(step)), next, zero);
+        r.t = v_select(unsure, lane_max(t1 + next, zero), r.t);
+    }
+    vint rest = m & ~r.found & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
+    if (v_any(rest)) {
+        refined searched = refine_by_search(field, t, d0, t1, d1, rest);
+        r.t = v_select(searched.found, searched.t, r.t);
+        for (int i = 0; i < 3; i++)
+            r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);
+        r.found |= searched.found;
+    }
+    return r;
+}
+
+/* Down the gradient; off where there is none. */
+RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
+{
+    /* scaled first: squares of very large or small gradients are no floats */
+    vfloat most = lane_max(lane_max(k_fabs(gradient[0]), k_fabs(gradient[1])), k_fabs(gradient[2]));
+    vint good = v_gt(most, (vfloat)(1.0e-37f)) & v_lt(most, (vfloat)(1.0e37f));
+    vfloat scale = 1.0f / v_select(good, most, (vfloat)(1.0f));
+    vfloat x = gradient[0] * scale, y = gradient[1] * scale, z = gradient[2] * scale;
+    vfloat square = k_fma(x, x, k_fma(y, y, z * z));
+    good &= v_gt(square, (vfloat)(0.0f));
+    vfloat unit = -1.0f / k_sqrt(v_select(good, square, (vfloat)(1.0f)));
+    normal->x = x * unit;
+    normal->y = y * unit;
+    normal->z = z * unit;
+    return good;
+}
+
+#define HIT_WORD(word) v_gather_int((K_GLOBAL const int *)hits, record + (word))
+#if LANES == 16
+#define OF_LANE(v, l) (v).l
+#else
+#define OF_LANE(v, l) (v)
+#define EACH_LANE(F) F(s0)
+#endif
+#define STORE_REFINED_(l)                                \
+    if (OF_LANE(found, l)) {                             \
+        K_GLOBAL karst_hit *hit = hits + OF_LANE(at, l); \
+        hit->t = OF_LANE(t, l);                          \
+        hit->kind = (uint)OF_LANE(word, l);              \
+        hit->normal[0] = OF_LANE(normal.x, l);           \
+        hit->normal[1] = OF_LANE(normal.y, l);           \
+        hit->normal[2] = OF_LANE(normal.z, l);           \
+    }
+
+__kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
+                                 float voxels_per_m, float footprint, float blend, K_GLOBAL karst_hit *hits)
+{
+    vint x, y;
+    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    vector3 direction = pinhole_direction(&pinhole, x, y);
+    vint at = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+    vint record = at * (int)(sizeof(karst_hit) / sizeof(int));
+    vint word = HIT_WORD(1), kind = word & 0xff, level = word >> 8 & 0xff;
+    vint left = valid & (v_eq(kind, (vint)((int)KARST_HIT_SURFACE)) | v_eq(kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+    if (!v_any(left))
+        return;
+    vfloat t = v_select(left, v_as_float(HIT_WORD(0)), (vfloat)(0.0f));
+    vint found = (vint)(0);
+    vector3 normal = direction;
+    while (v_any(left)) {
+        const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
+        vint mine = left & v_eq(level, (vint)(here));
+        refine_field field = {data, &anchor, &direction, here, (vint)(0), 0.0f, 0.0f};
+        if (blend > 0.0f) { /* as level_weight in raycast/cast/blend.clh */
+            field.lanes = mine & v_eq(kind, (vint)((int)KARST_HIT_SURFACE));
+            field.weight_slope = footprint * k_as_float((uint)(126 - here) << 23) / blend;
+            field.weight_start = (blend - 1.0f) / blend;
+        }
+        refined r = refine_lanes(&field, t, voxels_per_m, mine);
+        vector3 down;
+        vint good = r.found & normal_of_gradient(r.gradient, &down);
+        t = v_select(good, r.t, t);
+        normal.x = v_select(good, down.x, normal.x);
+        normal.y = v_select(good, down.y, normal.y);
+        normal.z = v_select(good, down.z, normal.z);
+        found |= good;
+        left &= ~mine;
+    }
+    word &= ~(int)KARST_HIT_UNBLENDED; /* the true density has both levels */
+    EACH_LANE(STORE_REFINED_)
+}

@@ -1,0 +1,120 @@
+/* Launching the shading kernel. */
+#include "raycast/light/shade.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+/* By measuring: docs/performance/shading.md. */
+#define ITEMS_PER_UNIT 4u /* drivers may hand several to one core */
+#define MOST_PART_PACKETS 512u
+#define LEAST_PART_PACKETS 64u
+#define PARTS_PER_UNIT 16u
+
+struct karst_shader {
+    karst_context *context;
+    karst_program *program;
+    cl_kernel pixels;
+    bool shadows;
+    cl_mem data;         /* of the world's colours; NULL: it has none */
+    karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
+    karst_shade_anchor anchor;
+};
+
+karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error)
+{
+    return karst_shader_create_coloured(context, shadows, NULL, error);
+}
+
+void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        shader->anchor.voxel[axis] = anchor->voxel[axis];
+        shader->anchor.fraction[axis] = anchor->fraction[axis];
+    }
+}
+
+karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+                                           karst_error *error)
+{
+    karst_shader *shader = calloc(1, sizeof(*shader));
+    if (!shader) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    char options[512];
+    snprintf(options, sizeof(options), "%s%s%s", shadows ? "-DSHADE_SHADOWS" : "",
+             colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
+    const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
+    shader->context = context;
+    shader->shadows = shadows;
+    shader->data = colour && colour->data ? colour->data->mem : NULL;
+    shader->taken = karst_buffer_create(context, "shading", sizeof(uint32_t), NULL, error);
+    if (shader->taken)
+        shader->program = karst_program_build(context, "raycast/light/shade.cl", options, &world, 1, error);
+    if (shader->program)
+        shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
+    if (!shader->pixels) {
+        karst_shader_destroy(shader);
+        return NULL;
+    }
+    return shader;
+}
+
+void karst_shader_destroy(karst_shader *shader)
+{
+    if (!shader)
+        return;
+    if (shader->pixels)
+        clReleaseKernel(shader->pixels);
+    karst_program_destroy(shader->program);
+    karst_buffer_destroy(shader->taken);
+    free(shader);
+}
+
+static bool check_size(const karst_buffer *buffer, size_t bytes_per_pixel, const karst_pinhole *pinhole,
+                       karst_error *error)
+{
+    if (buffer->size_bytes / bytes_per_pixel >= (size_t)pinhole->width_px * (size_t)pinhole->height_px)
+        return true;
+    return karst_fail(error, KARST_FAILED, "the buffer %s of %zu bytes is too small for a picture of %dx%d",
+                      buffer->name, buffer->size_bytes, pinhole->width_px, pinhole->height_px);
+}
+
+/* Packets that a work-item takes at a time: many, as cores that shade neighbours wait for each other's rows, but such
+ * that no core is left with much when the others have nothing to do. */
+static uint32_t part_size(const karst_context *context, uint32_t num_packets)
+{
+    uint32_t size = MOST_PART_PACKETS;
+    while (size > LEAST_PART_PACKETS && num_packets / size < PARTS_PER_UNIT * (uint32_t)context->compute_units)
+        size /= 2;
+    return size;
+}
+
+bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
+                        karst_buffer *depth, karst_buffer *counters, karst_error *error)
+{
+    if (shader->shadows != (shadow_rays != NULL))
+        return karst_fail(error, KARST_FAILED, "the shader was made with%s shadows", shader->shadows ? "" : "out");
+    if (shadow_rays && !karst_cast_check_shadow_rays(shadow_rays, pinhole, error))
+        return false;
+    size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
+    const uint32_t num_packets = (uint32_t)(across * down * KARST_GROUP_PACKETS);
+    const uint32_t part_packets = part_size(shader->context, num_packets);
+    /* Packets as lanes: a few work-items take them from a counter. Rays as work-items: a work-group has a group. */
+    const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
+    const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t global_size =
+        counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
+    const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
+    return check_size(hits, sizeof(karst_hit), pinhole, error) &&
+           (!depth || check_size(depth, sizeof(float), pinhole, error)) &&
+           KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
+                           KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
+                           KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
+                           KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+                           KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken),
+                           KARST_VALUE_ARG(num_packets), KARST_VALUE_ARG(part_packets)) &&
+           karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, global_size, local_size, error);
+}

@@ -1,0 +1,231 @@
+/* Entry point of shading: pixels, and shadow rays, from hits. See raycast/light/shade.h. */
+#include "raycast/shade_shared.h"
+#include "raycast/light/light.clh"
+#include "raycast/shadow_shared.h"
+#include "raycast/light/surface.clh"
+/* The world's own colours: empty if it has none. */
+#include "world.clh"
+#ifdef SHADE_WORLD_COLOUR
+#include "raycast/cast/exact.clh"
+#endif
+
+/* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
+#define SHADOW_OFFSET 1.5f
+
+#ifdef SHADE_WORLD_COLOUR
+/* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
+ * are. */
+RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
+                               const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
+                               vint hit)
+{
+    world_point_at place;
+    world_near_at near;
+    colour albedo = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+    vfloat t = v_select(hit, s->t, (vfloat)(0.0f));
+    exact_steps(&near, anchor, direction, t, v_max_across(t));
+    if (WORLD_COLOUR_TAKES_PLACES || near.is_far)
+        exact_places(&place, anchor, direction, t);
+    vint own = hit, next = hit & v_gt(s->weight, (vfloat)(0.0f));
+    while (v_any(own | next)) {
+        vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
+        int level = (int)v_min_across(left);
+        vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
+        vfloat red, green, blue;
+        world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
+        vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
+        albedo.r = k_fma(share, lane_unit(red), albedo.r);
+        albedo.g = k_fma(share, lane_unit(green), albedo.g);
+        albedo.b = k_fma(share, lane_unit(blue), albedo.b);
+        own &= ~from_own;
+        next &= ~from_next;
+    }
+    return albedo;
+}
+#else
+typedef int near_octave;
+#define WORLD_NEAR_OCTAVES 0
+#endif
+
+/* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
+#if LANES == 16
+#define PIXEL_(l) \
+    if (valid.l)  \
+        to[index.l] = v.l;
+RAY_INLINE void store_rows(K_GLOBAL int *to, vint index, vint valid, int width, vint v)
+{
+    if (v_all(valid)) {
+        K_GLOBAL int *p = to + index.s0;
+        vstore4(v.s0123, 0, p);
+        vstore4(v.s4567, 0, p + width);
+        vstore4(v.s89ab, 0, p + 2 * width);
+        vstore4(v.scdef, 0, p + 3 * width);
+    } else {
+        EACH_LANE(PIXEL_)
+    }
+}
+#else
+RAY_INLINE void store_rows(K_GLOBAL int *to, vint index, vint valid, int width, vint v)
+{
+    if (valid)
+        to[index] = v;
+}
+#endif
+
+#ifdef SHADE_SHADOWS
+/* Writes the shadow rays of a packet: of the lanes `sunny`, towards the sun from just above the surface, which is
+ * `dark` if they do not get there. */
+RAY_INLINE void store_shadow_rays(K_GLOBAL float *rays, size_t plane, vint order, vint valid, float cone, float detail,
+                                  const surface_hits *s, const vector3 *direction, vint sunny, vint dark)
+{
+    vfloat voxel = v_as_float((s->level + 127) << 23);
+    /* The level of the hit or coarser, from the first step on. */
+    vfloat width = lane_max(s->t * cone, voxel * (1.0001f / detail));
+    store_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid, v_select(sunny, width, (vfloat)(0.0f)));
+    if (!v_any(sunny))
+        return;
+    vfloat offset = voxel * k_fma(s->weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
+    store_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid, k_fma(direction->x, s->t, s->normal.x * offset));
+    store_ordered(rays + (KARST_SHADOW_ORIGIN + 1) * plane, order, valid,
+                  k_fma(direction->y, s->t, s->normal.y * offset));
+    store_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid,
+                  k_fma(direction->z, s->t, s->normal.z * offset));
+    store_ordered(rays + KARST_SHADOW_DARK * plane, order, valid, v_as_float(dark));
+}
+#endif
+
+RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
+{
+    return tone_byte(c->r, dither) | tone_byte(c->g, dither) << 8 | tone_byte(c->b, dither) << 16 | (int)0xff000000;
+}
+
+/* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
+#if LANES == 16
+#define SHADE_CALL static K_WIDE __attribute__((noinline))
+#else
+#define SHADE_CALL RAY_INLINE
+#endif
+
+/* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to
+ * counts: hits, provisional, incomplete, coarser than own_detail. */
+SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
+                             K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
+                             const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
+                             __local const near_octave *octaves, float detail, float own_detail, float blend,
+                             uint packet, uint counts[4])
+{
+    vint x, y;
+    vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
+    if (v_any(valid)) {
+        vector3 direction = pinhole_direction(pinhole, x, y);
+        vint place = packet_order(x, y, pinhole->width_px, pinhole->height_px);
+        surface_hits s = load_surface(hits, place, valid, &direction, pinhole->cone * detail, blend);
+        vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
+        vfloat to_sun = dot3(&direction, light->sun_direction);
+        colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+        if (v_any(valid & ~hit))
+            c = sky_colour(light, &direction, to_sun);
+        vfloat dither = tone_dither(x, y);
+        vint sunny = (vint)(0), dark = (vint)(0);
+        if (v_any(hit)) {
+            vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+#ifdef SHADE_WORLD_COLOUR
+            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit);
+#else
+            colour albedo = plain_albedo(light, &s.normal);
+#endif
+            colour ground = ground_colour(light, &s.normal, albedo, lit);
+            ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+            c.r = v_select(hit, ground.r, c.r);
+            c.g = v_select(hit, ground.g, c.g);
+            c.b = v_select(hit, ground.b, c.b);
+#ifdef SHADE_SHADOWS
+            sunny = hit & v_gt(lit, (vfloat)(0.0f));
+            if (v_any(sunny)) {
+                ground = ground_colour(light, &s.normal, albedo, (vfloat)(0.0f));
+                ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+                dark = pixel_bytes(&ground, dither);
+            }
+#endif
+        }
+#ifdef SHADE_SHADOWS
+        store_shadow_rays(shadow_rays, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid,
+                          pinhole->cone, detail, &s, &direction, sunny, dark);
+#endif
+        const vint index = y * pinhole->width_px + x;
+        store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, pixel_bytes(&c, dither));
+        if (depth)
+            store_rows((K_GLOBAL int *)depth, index, valid, pinhole->width_px,
+                       v_as_int(v_select(hit, s.t, (vfloat)(INFINITY))));
+        counts[0] += (uint)count_lanes(hit);
+        counts[1] += (uint)count_lanes(hit & v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
+        counts[2] += (uint)count_lanes(valid & v_mask(v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0))));
+        /* A proof of solid needs no finer level. */
+        vfloat wanted = s.t * (pinhole->cone * own_detail * 1.0001f), voxel = v_as_float((s.level + 127) << 23);
+        vint coarser = hit & (v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL))) |
+                              (v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE))) & v_mask(v_lt(wanted, voxel)) &
+                               v_mask(v_gt(s.level, (vint)(0)))));
+        if (own_detail > 0.0f)
+            counts[3] += (uint)count_lanes(coarser);
+    }
+}
+
+/* With packets as lanes, work-items take parts of part_packets from a counter until none are left, whatever their
+ * number: `taken` is 0 before a launch and after it, and the size of work-groups is 1. Rays as work-items are a whole
+ * number of groups, and a work-group is one. */
+__kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinhole, karst_light light,
+                                  K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
+                                  K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
+                                  K_GLOBAL const ulong *data, float own_detail, K_GLOBAL uint *taken, uint num_packets,
+                                  uint part_packets)
+{
+    __local near_octave known[WORLD_NEAR_OCTAVES + 1];
+    /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
+     * what its optimisers have put in functions that it calls. */
+    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
+    uint counts[4] = {0, 0, 0, 0};
+#if LANES == 16
+    const uint num_parts = (num_packets + part_packets - 1) / part_packets;
+    uint part = atomic_inc(taken);
+#ifdef SHADE_WORLD_COLOUR
+    if (part < num_parts)
+        world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, 0, 1);
+#endif
+    for (; part < num_parts; part = atomic_inc(taken)) {
+        const uint first = part * part_packets, left = num_packets - first;
+        for (uint i = 0; i < part_packets && i < left; i++)
+            shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
+                         blend, first + i, counts);
+    }
+    /* Each item is refused once, and the last of them leaves the word as it was. */
+    if (part == num_parts + (uint)get_num_groups(0) - 1)
+        atomic_xchg(taken, 0u);
+    for (int i = 0; i < 4; i++)
+        if (counts[i])
+            atomic_add(&counters[i], counts[i]);
+#else
+    (void)taken;
+    (void)num_packets;
+    (void)part_packets;
+#ifdef SHADE_WORLD_COLOUR
+    world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    barrier(CLK_LOCAL_MEM_FENCE);
+#endif
+    /* Packets past the picture's end have no valid pixel. */
+    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
+                 (uint)get_global_id(0), counts);
+    /* Each work-item has counters of its own: adding to shared ones would make it wait. */
+    __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][4];
+    for (int i = 0; i < 4; i++)
+        sums[get_local_id(0)][i] = counts[i];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (get_local_id(0) == 0)
+        for (int i = 0; i < 4; i++) {
+            uint sum = 0;
+            for (uint item = 0; item < get_local_size(0); item++)
+                sum += sums[item][i];
+            if (sum)
+                atomic_add(&counters[i], sum);
+        }
+#endif
+}

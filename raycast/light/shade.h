@@ -1,0 +1,46 @@
+/* Shading: hit records into pixels and depth. */
+#ifndef KARST_RAYCAST_SHADE_H
+#define KARST_RAYCAST_SHADE_H
+
+#include "raycast/cast/cast.h"
+#include "raycast/shade_shared.h"
+
+typedef struct karst_shader karst_shader;
+
+/* A world's own colours. */
+typedef struct {
+    /* Text in the lane dialect that defines, with LANES lanes and the types of producers/steps/density.clh,
+     *     void world_colour(world_data data, const world_near_at *near, __local const near_octave *octaves,
+     *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
+     *                       vfloat *red, vfloat *green, vfloat *blue);
+     * the albedo (linear RGB) at places, band-limited to voxels of a level. `place` is only looked at where
+     * near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel, fraction in 2^-32) void
+     * world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],
+     *                               __local near_octave *octaves, uint item, uint num_items);
+     * has made WORLD_NEAR_OCTAVES octaves: each of num_items work-items, from 0, its part, and a barrier after that.
+     * near_octave is the text's own type. Borrowed during creation. */
+    const char *source;
+    const char *options;      /* build options for it */
+    const karst_buffer *data; /* borrowed for the shader's life */
+} karst_shade_colour;
+
+/* Builds the shading kernel; one that makes shadow rays, too, if `shadows`. Errors: KARST_FAILED. */
+karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error);
+/* The same for a world with colours of its own: the light's ground colours then only matter for what the ground throws
+ * back. Whoever uses it sets the anchor of each view (karst_shader_set_anchor) before it shades. */
+karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+                                           karst_error *error);
+void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
+void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
+
+/* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);
+ * depth in level-0 voxels along the ray, INFINITY for none; NULL: it is not wanted. counters (4 uints, zeroed by the
+ * caller's engine beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays
+ * (karst_cast_shadow_bytes): NULL exactly if the shader was made without shadows. Else pixels are as they are in the
+ * sun, and each hit that faces it gets a ray, which starts at the hit's level and grows coarser with the sun's own
+ * width; karst_cast_shadows then darkens the pixels that lie in shadow. */
+bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                        const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
+                        karst_buffer *depth, karst_buffer *counters, karst_error *error);
+
+#endif
