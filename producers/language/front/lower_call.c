@@ -214,14 +214,53 @@ static bool is_function(const karst_lower_state *s, uint32_t name)
 
 /* ---- inlining ---- */
 
-static void copy_out(karst_lower_state *s, const karst_ast_expr *text, karst_value value)
+/* The variable that `e` is, or is a part of; NULL: none. *has_index: which part is worked out. */
+static const karst_ast_expr *root_of(const karst_ast_expr *e, bool *has_index)
 {
-    karst_place place = karst_lower_place(s, text, "changed by this call");
+    while (e->kind == KARST_AST_MEMBER || e->kind == KARST_AST_INDEX) {
+        *has_index |= e->kind == KARST_AST_INDEX;
+        e = e->a;
+    }
+    return e->kind == KARST_AST_NAME ? e : NULL;
+}
+
+static bool may_change(const karst_lower_state *s, uint32_t name, uint32_t argument)
+{
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next) {
+        const karst_ast_variable *p = f->name == name && !f->is_prelude ? f->parameters : NULL;
+        for (uint32_t i = 0; p && i < argument; i++)
+            p = p->next;
+        if (p && p->is_out)
+            return true;
+    }
+    return false;
+}
+
+/* Where an argument is that the call may change, if finding it evaluates an index: that is done once, before the call.
+ */
+static bool find_place(karst_lower_state *s, uint32_t function, uint32_t argument, const karst_ast_expr *text,
+                       karst_place *place)
+{
+    bool has_index = false;
+    const karst_ast_expr *root = root_of(text, &has_index);
+    if (!root || !has_index || karst_in_prelude(s) || !may_change(s, function, argument))
+        return false;
+    const karst_variable *v = karst_variable_find(s, root->name);
+    const karst_global *g = v ? NULL : karst_global_find(s, root->name);
+    if (v ? v->is_const : !g || g->ast->is_const)
+        return false;
+    *place = karst_lower_place(s, text, "changed by this call");
+    return true;
+}
+
+static void copy_out(karst_lower_state *s, const karst_argument_place *to, karst_value value)
+{
+    karst_place place = to->is_found ? to->place : karst_lower_place(s, to->text, "changed by this call");
     karst_place_write(s, &place, value);
 }
 
 karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
-                                 const karst_ast_expr *const *texts, uint32_t where)
+                                 const karst_argument_place *places, uint32_t where)
 {
     const char *name = karst_lower_name(s, f->name);
     if (!f->body)
@@ -261,8 +300,8 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
     s->num_variables = num_variables;
     p = f->parameters;
     for (uint32_t i = 0; i < f->num_parameters; i++, p = p->next)
-        if (p->is_out && texts)
-            copy_out(s, texts[i],
+        if (p->is_out && places)
+            copy_out(s, &places[i],
                      (karst_value){.type = karst_lower_type(s, &p->type, 0, p->where), .e = s->slots + formal[i]});
     if (result_type->shape != KARST_SHAPE_VOID)
         s->top = karst_slot_index(s, result.e) + result_type->num_scalars; /* the callee's variables are gone */
@@ -274,13 +313,15 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
     karst_value arguments[KARST_MAX_ARGUMENTS], result;
     if (!is_function(s, e->name))
         unknown_function(s, e->name, e->where);
-    const karst_ast_expr *texts[KARST_MAX_ARGUMENTS];
+    karst_argument_place places[KARST_MAX_ARGUMENTS];
     uint32_t count = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next) {
         if (count == KARST_MAX_ARGUMENTS)
             karst_source_error(s->source, a->where, NULL, "a call may have %u arguments", KARST_MAX_ARGUMENTS);
-        texts[count] = a;
-        arguments[count++] = karst_lower_expression(s, a);
+        karst_argument_place *at = &places[count];
+        at->text = a;
+        at->is_found = find_place(s, e->name, count, a, &at->place);
+        arguments[count++] = at->is_found ? karst_place_read(s, &at->place, a->where) : karst_lower_expression(s, a);
     }
     bool any = false;
     karst_ast_function *f = NULL;
@@ -291,7 +332,7 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
     if (!f)
         f = find_function(s, e->name, true, arguments, count, e->where, &any);
     if (f) {
-        karst_value value = karst_lower_function(s, f, arguments, texts, e->where);
+        karst_value value = karst_lower_function(s, f, arguments, places, e->where);
         s->graph->where = e->where;
         return value;
     }

@@ -357,14 +357,6 @@ static karst_value lower_unary(karst_lower_state *s, const karst_ast_expr *e)
     return r;
 }
 
-/* A copy that closing the branch does not take back: the result of a call is a variable of the branch. */
-static karst_value keep_value(karst_lower_state *s, karst_value value, uint32_t where)
-{
-    karst_value copy = karst_value_new(s, value.type, where);
-    memcpy(copy.e, value.e, value.type->num_scalars * sizeof *copy.e);
-    return copy;
-}
-
 static karst_value lower_choice(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_expr condition = karst_lower_condition(s, e->a, "the condition before '?'");
@@ -372,12 +364,11 @@ static karst_value lower_choice(karst_lower_state *s, const karst_ast_expr *e)
     if (known)
         return karst_lower_expression(s, known->numerator ? e->b : e->c);
     karst_branch yes = karst_branch_open(s);
-    karst_value a = keep_value(s, karst_lower_expression(s, e->b), e->where);
+    karst_value a = karst_lower_expression(s, e->b);
     karst_branch_close(s, yes);
     size_t middle = s->num_changes;
     karst_branch no = karst_branch_open(s);
-    karst_value b = keep_value(s, karst_lower_expression(s, e->c), e->where);
-    no.top = yes.top; /* what the first side left on the stack is no variable */
+    karst_value b = karst_lower_expression(s, e->c);
     karst_branch_close(s, no);
     karst_branch_merge(s, condition, yes.changes, middle);
     if (karst_type_conversion(b.type, a.type) >= 0)
@@ -432,7 +423,8 @@ static karst_expr parameter_leaf(karst_lower_state *s, const char *name, bool is
 {
     karst_lowering *io = s->io;
     uint32_t i = 0;
-    while (i < io->num_parameters && strcmp(io->parameters[i].name, name))
+    while (i < io->num_parameters &&
+           (io->parameters[i].is_implicit != is_implicit || strcmp(io->parameters[i].name, name)))
         i++;
     if (i == io->num_parameters) {
         if (!is_implicit || i == KARST_MAX_PARAMETERS + 16)

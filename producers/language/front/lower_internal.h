@@ -46,6 +46,7 @@ typedef struct {
     karst_ast_variable *ast;
     const karst_type *type;
     uint32_t slot;
+    karst_expr *initial; /* what its initialiser gave */
     bool ready, busy, written, warned;
 } karst_global;
 
@@ -90,7 +91,7 @@ typedef struct {
     uint32_t top;
 } karst_branch;
 karst_branch karst_branch_open(karst_lower_state *s);
-/* Takes what changed since out again; the changes stay on the stack of changes. */
+/* Takes what changed since out again; the changes stay on the stack of changes. Values made in the branch stay. */
 void karst_branch_close(karst_lower_state *s, karst_branch branch);
 /* Merges changes [first, middle) made where `condition` holds with [middle, end) made where it does not; drops them. */
 void karst_branch_merge(karst_lower_state *s, karst_expr condition, size_t first, size_t middle);
@@ -140,8 +141,15 @@ karst_value karst_lower_index(karst_lower_state *s, const karst_ast_expr *e);
 /* ---- lower_call.c ---- */
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e);
 karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e);
+/* Where the value of an out parameter goes. */
+typedef struct {
+    const karst_ast_expr *text;
+    bool is_found; /* before the call: `place` is where */
+    karst_place place;
+} karst_argument_place;
+/* `places`: of each argument; NULL: what it puts out is lost. */
 karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
-                                 const karst_ast_expr *const *texts, uint32_t where);
+                                 const karst_argument_place *places, uint32_t where);
 
 /* ---- lower_builtin.c ---- */
 /* false: there is no built-in of that name. Errors if there is, but not for these arguments. */

@@ -73,22 +73,29 @@ karst_branch karst_branch_open(karst_lower_state *s)
     return (karst_branch){.journal = s->num_journal, .changes = s->num_changes, .top = s->top};
 }
 
+/* Nobody outside the branch has a variable there. */
+static bool is_born_in(const karst_lower_state *s, karst_branch branch, uint32_t slot)
+{
+    return slot >= branch.top && slot < s->global_top;
+}
+
 void karst_branch_close(karst_lower_state *s, karst_branch branch)
 {
     s->open_branches--;
     s->serial++;
     for (size_t i = branch.journal; i < s->num_journal; i++) {
         uint32_t slot = s->journal[i].slot;
-        if ((slot >= branch.top && slot < s->global_top) || s->stamps[slot] == s->serial)
-            continue; /* a local born in the branch, or noted already */
+        if (is_born_in(s, branch, slot) || s->stamps[slot] == s->serial)
+            continue;
         s->stamps[slot] = s->serial;
         s->changes = karst_arena_grow(s->arena, s->changes, s->num_changes, &s->change_room, s->num_changes + 1,
                                       sizeof *s->changes);
         s->changes[s->num_changes++] = (karst_change){.slot = slot, .value = s->slots[slot]};
     }
     while (s->num_journal > branch.journal) {
-        s->num_journal--;
-        s->slots[s->journal[s->num_journal].slot] = s->journal[s->num_journal].value;
+        karst_change before = s->journal[--s->num_journal];
+        if (!is_born_in(s, branch, before.slot)) /* it may hold the branch's own value by now, which is wanted */
+            s->slots[before.slot] = before.value;
     }
 }
 
@@ -138,8 +145,25 @@ karst_variable *karst_variable_find(karst_lower_state *s, uint32_t name)
     return NULL;
 }
 
-/* A global's initialiser is evaluated when it is first met, outside all branches: it cannot depend on what functions
- * did. */
+/* The value of a global's initialiser. It is evaluated when the global is first met, but as if before all functions:
+ * outside all branches, and with the values that other globals began with. */
+static karst_value initial_value(karst_lower_state *s, const karst_global *g)
+{
+    size_t count = 0, room = 0;
+    karst_change *now = NULL; /* what functions have done to globals */
+    for (const karst_global *other = s->globals; other < s->globals + s->num_globals; other++)
+        for (uint32_t i = 0; other->ready && other->written && i < other->type->num_scalars; i++) {
+            uint32_t slot = other->slot + i;
+            now = karst_arena_grow(s->arena, now, count, &room, count + 1, sizeof *now);
+            now[count++] = (karst_change){.slot = slot, .value = s->slots[slot]};
+            s->slots[slot] = other->initial[i];
+        }
+    karst_value value = karst_lower_initialiser(s, g->ast->value, g->type);
+    for (size_t i = 0; i < count; i++)
+        s->slots[now[i].slot] = now[i].value;
+    return value;
+}
+
 static void prepare_global(karst_lower_state *s, karst_global *g)
 {
     const karst_ast_variable *v = g->ast;
@@ -156,11 +180,10 @@ static void prepare_global(karst_lower_state *s, karst_global *g)
     for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
         count++;
     g->type = karst_lower_type(s, &v->type, count, v->where);
-    karst_value value =
-        v->value ? karst_lower_initialiser(s, v->value, g->type) : karst_value_zero(s, g->type, v->where);
+    karst_value value = v->value ? initial_value(s, g) : karst_value_zero(s, g->type, v->where);
     /* Globals live in a region of their own, as long as the state does. */
-    karst_expr *copy = karst_arena_alloc(s->arena, value.type->num_scalars * sizeof *copy);
-    memcpy(copy, value.e, value.type->num_scalars * sizeof *copy);
+    g->initial = karst_arena_alloc(s->arena, value.type->num_scalars * sizeof *g->initial);
+    memcpy(g->initial, value.e, value.type->num_scalars * sizeof *g->initial);
     s->frame = frame;
     s->open_branches = open;
     s->top = top;
@@ -168,7 +191,7 @@ static void prepare_global(karst_lower_state *s, karst_global *g)
         karst_source_error(s->source, v->where, NULL, "the globals need too many numbers");
     s->global_top -= g->type->num_scalars;
     g->slot = s->global_top;
-    memcpy(s->slots + g->slot, copy, g->type->num_scalars * sizeof *copy);
+    memcpy(s->slots + g->slot, g->initial, g->type->num_scalars * sizeof *g->initial);
     g->busy = false;
     g->ready = true;
 }

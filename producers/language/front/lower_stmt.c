@@ -171,27 +171,27 @@ static karst_expr live_lanes(karst_lower_state *s)
 static bool loop_goes_on(karst_lower_state *s, const karst_ast_statement *st, kept *k, bool *bounded)
 {
     const karst_ast_expr *terms[16];
-    karst_expr values[16];
     if (!st->value)
         return true;
     uint32_t n = conjuncts(st->value, terms);
     uint32_t top = s->top;
-    karst_expr live = live_lanes(s);
-    karst_branch branch = karst_branch_open(s);
-    karst_expr varying = s->yes;
+    karst_expr live = live_lanes(s), varying = s->yes;
     bool ends = false;
     for (uint32_t i = n; i-- > 0 && !ends;) {
         karst_number known;
-        values[i] = karst_lower_condition(s, terms[i], "the condition of 'for'");
-        if (!karst_lower_try_constant(s, values[i], &known))
-            varying = karst_expr_2(s->graph, KARST_OP_AND, varying, values[i]);
-        else if (known.numerator)
+        karst_branch branch = karst_branch_open(s);
+        karst_expr value = karst_lower_condition(s, terms[i], "the condition of 'for'");
+        karst_branch_close(s, branch);
+        keep(s, k, live, branch.changes);
+        if (!karst_lower_try_constant(s, value, &known)) {
+            varying = karst_expr_2(s->graph, KARST_OP_AND, varying, value);
+            live = karst_expr_2(s->graph, KARST_OP_AND, live, value); /* the others do not come to the next term */
+        } else if (known.numerator) {
             *bounded = true;
-        else
+        } else {
             ends = true;
+        }
     }
-    karst_branch_close(s, branch);
-    keep(s, k, live, branch.changes);
     s->top = top;
     if (!ends && varying != s->yes)
         karst_slot_set(s, s->frame.broken, or_of(s, s->slots[s->frame.broken], not_of(s, varying)));
