@@ -80,9 +80,9 @@ static void build_failed(const karst_context *context, const char *entry, const 
     free(log);
 }
 
-/* Compiles expanded source; the result is released by the caller. */
+/* Compiles expanded source, up to kernels or up to what a linker takes; the result is released by the caller. */
 static cl_program compile(karst_context *context, const char *entry, const char *options, const char *source,
-                          karst_error *error)
+                          bool is_linked, karst_error *error)
 {
     cl_int code = CL_SUCCESS;
     cl_program program = clCreateProgramWithSource(context->cl, 1, &source, NULL, &code);
@@ -90,7 +90,8 @@ static cl_program compile(karst_context *context, const char *entry, const char 
         karst_fail(error, KARST_FAILED, "cannot build %s: %s", entry, karst_cl_error_name(code));
         return NULL;
     }
-    code = clBuildProgram(program, 1, &context->device, options, NULL, NULL);
+    code = is_linked ? clBuildProgram(program, 1, &context->device, options, NULL, NULL)
+                     : clCompileProgram(program, 1, &context->device, options, 0, NULL, NULL, NULL, NULL);
     if (code != CL_SUCCESS) {
         build_failed(context, entry, options, program, code, error);
         clReleaseProgram(program);
@@ -135,19 +136,38 @@ static const char *vectors_option(void)
     return vectors && !strcmp(vectors, "avx2") ? "-DKARST_VECTORS_AVX2 " : "";
 }
 
+/* What every program is built with, and its own options. */
+static bool write_options(const karst_context *context, const char *entry, const char *options, char all[MAX_OPTIONS],
+                          karst_error *error)
+{
+    int length = snprintf(all, MAX_OPTIONS, "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
+                          context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
+                          context->is_cpu ? 1 : 0, vectors_option(), options ? options : "");
+    return (length >= 0 && length < MAX_OPTIONS) ||
+           karst_fail(error, KARST_FAILED, "cannot build %s: its options are too long", entry);
+}
+
+bool karst_program_try(karst_context *context, const char *entry, const char *options, const karst_virtual_file *files,
+                       size_t num_files, karst_error *error)
+{
+    char all_options[MAX_OPTIONS];
+    char *source = write_options(context, entry, options, all_options, error)
+                       ? karst_source_expand(entry, files, num_files, error)
+                       : NULL;
+    cl_program cl = source ? compile(context, entry, all_options, source, false, error) : NULL;
+    if (cl)
+        clReleaseProgram(cl);
+    free(source);
+    return cl != NULL;
+}
+
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error)
 {
     char all_options[MAX_OPTIONS];
-    int length = snprintf(all_options, sizeof(all_options), "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
-                          context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
-                          context->is_cpu ? 1 : 0, vectors_option(),
-                          options ? options : "");
-    if (length < 0 || (size_t)length >= sizeof(all_options)) {
-        karst_fail(error, KARST_FAILED, "cannot build %s: its options are too long", entry);
-        return NULL;
-    }
-    char *source = karst_source_expand(entry, files, num_files, error);
+    char *source = write_options(context, entry, options, all_options, error)
+                       ? karst_source_expand(entry, files, num_files, error)
+                       : NULL;
     if (!source)
         return NULL;
     uint64_t start = karst_clock_ns();
@@ -160,7 +180,7 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
         karst_fail(error, KARST_FAILED, "%s is not kept", entry);
     } else if (!cl) {
         karst_claim claim = karst_helper_begin_build(context->helper, hash);
-        cl = compile(context, entry, all_options, source, error);
+        cl = compile(context, entry, all_options, source, true, error);
         karst_helper_end_build(context->helper, hash, claim);
         if (cl)
             karst_program_cache_store(context, &key, cl);

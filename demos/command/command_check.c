@@ -8,6 +8,7 @@
 typedef struct {
     command_parameters parameters;
     uint64_t seed;
+    const char *device;
     bool has_seed, quiet;
 } check_options;
 
@@ -18,7 +19,9 @@ static void print_help(const command_option *options, size_t num_options)
          "the\n"
          "program; noises, and which are separable (fast); what is proven of its steepness, and what cannot be "
          "bounded;\n"
-         "how far from the origin it is precise; the estimated cost of a voxel.\n"
+         "how far from the origin it is precise; the estimated cost of a voxel; whether the device's compiler takes "
+         "what\n"
+         "is made of it. Only this needs a device.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nWorlds (or the path of a world file, which ends in .karst):");
@@ -65,6 +68,17 @@ static void say_lines(command_talk *talk, char *lines)
     }
 }
 
+/* Where there is no device, all else that was said holds. */
+static bool try_code(const karst_world *world, const check_options *o, karst_error *error)
+{
+    karst_error why = {0};
+    bool good = karst_world_try_code(world, o->device, &why);
+    bool is_tried = good || o->device || why.status != KARST_NO_DEVICE;
+    if (!o->quiet && (good || !is_tried))
+        printf("  %s\n", good ? "the device's compiler takes it" : "not tried: no OpenCL device is there");
+    return good || !is_tried || karst_fail(error, why.status, "%s", why.message);
+}
+
 static bool check(const char *name, const check_options *o, command_talk *talk, karst_error *error)
 {
     char path[PATH_MAX];
@@ -82,7 +96,8 @@ static bool check(const char *name, const check_options *o, command_talk *talk, 
     if (!world || o->quiet)
         say_lines(talk, kept.text);
     free(kept.text);
-    bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error));
+    bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error)) &&
+                try_code(world, o, error);
     karst_world_close(world);
     return done;
 }
@@ -94,6 +109,8 @@ bool command_check(int argc, char **argv, command_talk *talk, karst_error *error
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "another value for a parameter; may be given again",
          &o.parameters, 0, 0, NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o.seed, 0, 4294967295.0, &o.has_seed},
+        {"device", 0, COMMAND_TEXT, "DEVICE", "number or part of the name from karst info; cpu; gpu", &o.device, 0, 0,
+         NULL},
         {"quiet", 'q', COMMAND_FLAG, NULL, "only mistakes and warnings, to stderr", &o.quiet, 0, 0, NULL},
     };
     const size_t num_options = sizeof options / sizeof *options;

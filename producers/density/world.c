@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "producers/language/check.h"
+#include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
 
 /* ---- opening ---- */
@@ -131,4 +132,18 @@ bool karst_world_check(const karst_world *world, void (*print)(void *user, const
                        karst_error *error)
 {
     return karst_language_check(world->file->program, print, user, error);
+}
+
+bool karst_world_try_code(const karst_world *world, const char *device, karst_error *error)
+{
+    karst_error refusal = {0};
+    karst_context *context = karst_context_create(device, 0, NULL, error);
+    if (!context)
+        return false;
+    bool good = karst_try_world(context, world->file, world->derived ? &world->derived->world : NULL, &refusal);
+    karst_context_destroy(context);
+    return good || karst_fail(error, refusal.status,
+                              "the device's compiler refuses the code of this world. This is a mistake of Karst, not "
+                              "of the text: please report it. It says: %.700s",
+                              refusal.message);
 }

@@ -150,6 +150,18 @@ static void resolve(compilation *c)
         p->world.colour[i] = roots[i + 1];
 }
 
+/* Text that compiles to what no back end can compute is not let through: a compiler of kernels would be the first to
+ * notice, or, with one lane, nobody. */
+static void check_form(compilation *c)
+{
+    const karst_program_graph *p = c->program;
+    const char *fault;
+    if (!karst_resolved_world_check(&p->world, &fault))
+        karst_source_error(&c->source, p->resolved.nodes[p->world.density].where,
+                           "this is a mistake of Karst, not of the text: please report it",
+                           "this world was translated into what cannot be computed: %s", fault);
+}
+
 static void list_parameters(compilation *c)
 {
     karst_program_graph *p = c->program;
@@ -190,6 +202,7 @@ static void compile(compilation *c, const char *name, const char *text, size_t l
     extract(c);
     list_parameters(c);
     resolve(c);
+    check_form(c);
     c->program->max_iterations = c->lowering.max_iterations_seen;
 }
 

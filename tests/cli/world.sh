@@ -1,5 +1,5 @@
 #!/bin/sh
-# karst check and karst sample from outside: neither needs a device.
+# karst check and karst sample from outside: neither needs a device, though check asks its compiler where there is one.
 set -u
 . tests/tap.sh
 karst=${KARST:-build/karst}
@@ -70,6 +70,13 @@ result "check -q: warnings, and nothing else"
 printf 'float density(vec3 p) { return p.x / p.y; }\n' > divides.karst
 run check divides.karst
 prints "check: what cannot be bounded, and why" "not bounded: line 1 divides by what may be 0"
+run check coloured.karst
+prints "check: the device's compiler is asked" "the device's compiler takes it"
+OCL_ICD_VENDORS=/nonexistent run check coloured.karst
+prints "check: without a device the rest holds" "voxel" "not tried: no OpenCL device"
+run check plain.karst --device nosuch
+[ $status -eq 3 ] && grep -q '^karst: .*nosuch' stderr
+result "check: a device that is named must be there"
 complains 4 "wrong.karst:2:12: .*hieght" "check: a world that does not compile" check wrong.karst
 grep -q '    return hieght(p);' stderr && grep -q '^  *^' stderr && grep -q "did you mean 'height'" stderr
 result "check: the line, a caret and a suggestion"

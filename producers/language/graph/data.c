@@ -312,3 +312,19 @@ bool karst_is_computed_wide(const karst_graph *graph, karst_expr e)
         return is_pair(graph, e);
     }
 }
+
+bool karst_resolved_world_check(const karst_resolved_world *world, const char **fault)
+{
+    const karst_expr_node *nodes = world->graph->nodes;
+    if (!karst_graph_check(world->graph, fault))
+        return false;
+    if (nodes[world->density].type != KARST_TYPE_FLOAT)
+        *fault = "a density that is no float";
+    for (int i = 0; i < 3; i++) {
+        if (world->has_colour && nodes[world->colour[i]].type != KARST_TYPE_FLOAT)
+            *fault = "a colour that is no float";
+        if (world->has_gradient && nodes[world->gradient[i]].type != KARST_TYPE_FLOAT)
+            *fault = "a gradient that is no float";
+    }
+    return !*fault;
+}

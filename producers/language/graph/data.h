@@ -17,6 +17,9 @@ typedef struct {
     bool has_colour, has_gradient;
 } karst_resolved_world;
 
+/* karst_graph_check, and whether the roots are floats. */
+bool karst_resolved_world_check(const karst_resolved_world *world, const char **fault);
+
 #define KARST_NO_WORD 0xffffffffu
 
 typedef struct {

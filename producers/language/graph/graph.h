@@ -204,8 +204,8 @@ const char *karst_op_name(karst_op op); /* "add" */
 
 /* Copies what `roots` reach into an empty graph, in the same order, and updates the roots. */
 void karst_graph_extract(const karst_graph *graph, karst_graph *live, karst_expr *roots, size_t num_roots);
-/* Every node of a well-formed graph: arguments before users, types and argument counts as the ops say. For tests and
- * the fuzzer. */
+/* Whether a graph is well formed: arguments before users, types and argument counts as the ops say. Else *fault says
+ * what is not. Thread-safe. */
 bool karst_graph_check(const karst_graph *graph, const char **fault);
 
 #endif
