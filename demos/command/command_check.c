@@ -96,8 +96,7 @@ static bool check(const char *name, const check_options *o, command_talk *talk, 
     if (!world || o->quiet)
         say_lines(talk, kept.text);
     free(kept.text);
-    bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error)) &&
-                try_code(world, o, error);
+    bool done = world && (o->quiet || karst_world_check(world, print_line, stdout, error)) && try_code(world, o, error);
     karst_world_close(world);
     return done;
 }

@@ -27,9 +27,8 @@
 
 static const char head[] = "#include \"producers/language/emit/emit.clh\"\n";
 /* What a graph's texts define. */
-static const char *const names[] = {"world_axes",  "world_point",    "world_prepare", "world_plane",
-                                    "world_row",   "world_sample",   "world_colour",  "world_colour_prepare",
-                                    "world_surface"};
+static const char *const names[] = {"world_axes",   "world_point",  "world_prepare",        "world_plane",  "world_row",
+                                    "world_sample", "world_colour", "world_colour_prepare", "world_surface"};
 static const char *const macros[] = {"WORLD_FACE_IN_ROWS", "WORLD_COLOUR_TAKES_PLACES", "WORLD_NEAR_OCTAVES"};
 
 /* What has been met in texts that compiled. */
@@ -237,7 +236,7 @@ static void compile_both(const char *text)
 static uint32_t num_graphs(void)
 {
     const char *text = getenv("FRONT_END_GRAPHS");
-    return text                          ? (uint32_t)strtoul(text, NULL, 10)
+    return text                         ? (uint32_t)strtoul(text, NULL, 10)
            : getenv("KARST_TEST_FULL")  ? 5000
            : getenv("KARST_TEST_QUICK") ? 100
                                         : 500;
