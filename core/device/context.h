@@ -158,8 +158,8 @@ typedef struct {
  * guards. What was built is kept on disk: see core/device/program_cache.h. */
 karst_program *karst_program_build(karst_context *context, const char *entry, const char *options,
                                    const karst_virtual_file *files, size_t num_files, karst_error *error);
-/* Whether the same would be accepted: the compiler's front end alone, in a tenth of the time. Nothing is kept. Errors: as
- * above. */
+/* Whether the same would be accepted: the compiler's front end alone, in a tenth of the time. Nothing is kept. Errors:
+ * as above. */
 bool karst_program_try(karst_context *context, const char *entry, const char *options, const karst_virtual_file *files,
                        size_t num_files, karst_error *error);
 void karst_program_destroy(karst_program *program);

@@ -77,10 +77,10 @@ const karst_world_metadata *karst_world_get_metadata(const karst_world *world);
 bool karst_world_check(const karst_world *world, void (*print)(void *user, const char *line), void *user,
                        karst_error *error);
 
-/* Has the compiler of a device (see `karst info`: number, part of a name, "cpu", "gpu"; NULL: first GPU, else first CPU)
- * read all code that is made of the world: what it accepts here, it accepts when a picture is drawn. Some tenths of a
- * second; far less for code that the driver has seen before. Errors: KARST_NO_DEVICE, KARST_FAILED (it is refused: with
- * the compiler's first lines). */
+/* Has the compiler of a device (see `karst info`: number, part of a name, "cpu", "gpu"; NULL: first GPU, else first
+ * CPU) read all code that is made of the world: what it accepts here, it accepts when a picture is drawn. Some tenths
+ * of a second; far less for code that the driver has seen before. Thread-safe. Errors: KARST_NO_DEVICE, KARST_FAILED
+ * (it is refused: with the compiler's first lines). */
 bool karst_world_try_code(const karst_world *world, const char *device, karst_error *error);
 
 /* ---- samples ---- */
