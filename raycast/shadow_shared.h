@@ -3,7 +3,7 @@
  * One for each pixel of a picture, field by field: field f of all rays, in packet order (karst_packet_order), then
  * field f + 1. So the lanes of a packet are stored and loaded whole. Fields are floats: origin x, y, z (level-0 voxels
  * from the stream's anchor); the footprint that the ray begins with (0: the pixel has no ray, and its other fields are
- * not written); and, as bits, the pixel's RGBA8 in shadow.
+ * not written); and, as bits, what the pixel's word becomes in shadow: RGBA8, or a mark.
  */
 #ifndef KARST_RAYCAST_SHADOW_SHARED_H
 #define KARST_RAYCAST_SHADOW_SHARED_H
@@ -20,11 +20,15 @@
 
 /* What the rays of a picture have in common. */
 typedef struct {
-    float direction[4]; /* unit, towards the sun; [3] unused */
+    float direction[4]; /* unit, towards the sun's centre; [3] unused */
     float t_max;        /* level-0 voxels */
     float cone;         /* growth of the footprint per unit of t */
     int width_px, height_px;
+    /* The sun's disc, as seen at distance 1: two vectors across the direction; zeros: a point. [3] unused. */
+    float across[4], along[4];
+    uint sample; /* of the pixels: which of raycast/cast/jitter.clh; 0: all rays go to the sun's centre */
+    uint pad[3];
 } karst_shadow_sun;
-K_ASSERT_SIZE(karst_shadow_sun, 32);
+K_ASSERT_SIZE(karst_shadow_sun, 80);
 
 #endif

@@ -19,6 +19,7 @@ struct karst_caster {
     cl_kernel pinhole, survey;
     cl_kernel rays, shadows; /* NULL: left out */
     const karst_sunward *sunward; /* borrowed; NULL: none */
+    bool sun_disc; /* KARST_CAST_SUN_DISC */
     bool beams; /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
     karst_buffer *view;               /* on the device; written in queue order */
@@ -48,6 +49,7 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
     bool has_rays = !strstr(options, KARST_CAST_NO_STREAMS), has_shadows = !strstr(options, KARST_CAST_NO_SHADOWS);
     bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
     caster->beams = beams;
+    caster->sun_disc = strstr(options, KARST_CAST_SUN_DISC) != NULL;
     caster->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     caster->asked = karst_buffer_create(context, "view", sizeof(uint32_t), NULL, error);
     caster->program = karst_program_build(context, "raycast/cast/cast.cl", all_options, NULL, 0, error);
@@ -283,6 +285,26 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
 
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward) { caster->sunward = sunward; }
 
+/* The disc that sample `sample` of the pixels sees a place on. */
+static void spread_sun(karst_shadow_sun *sun, uint32_t sample)
+{
+    const float *d = sun->direction;
+    /* Across the axis that the direction is farthest from. */
+    int axis = 0;
+    for (int a = 1; a < 3; a++)
+        if (fabsf(d[a]) < fabsf(d[axis]))
+            axis = a;
+    const int next = (axis + 1) % 3, last = (axis + 2) % 3;
+    const float length = sqrtf(d[next] * d[next] + d[last] * d[last]), radius = 0.5f * KARST_SUN_CONE;
+    sun->sample = sample;
+    sun->across[next] = -d[last] / length * radius;
+    sun->across[last] = d[next] / length * radius;
+    for (int a = 0; a < 3; a++) {
+        const int b = (a + 1) % 3, c = (a + 2) % 3;
+        sun->along[a] = d[b] * sun->across[c] - d[c] * sun->across[b];
+    }
+}
+
 static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                          const karst_light *light, const karst_buffer *rays, cl_mem pixels,
                          const karst_buffer *asked, const karst_buffer *hints, cl_uint notes, karst_error *error)
@@ -294,7 +316,9 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                             .width_px = pinhole->width_px,
                             .height_px = pinhole->height_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
-    const bool known = caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
+    if (caster->sun_disc)
+        spread_sun(&sun, pinhole->sample);
+    const bool known = !caster->sun_disc && caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
     const cl_mem hinted = hints ? hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     cl_mem bricks = known ? karst_sunward_bricks(caster->sunward)->mem : NULL;

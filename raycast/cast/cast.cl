@@ -71,7 +71,6 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
     vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
     b->asked = 0;
-    b->found.only_whether = to_sun;
     for (int p = 0; p < BEAM_PACKETS; p++) {
         falls |= start[p].alive & start[p].octants;
         climbs |= start[p].alive & ~start[p].octants;
@@ -375,6 +374,7 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
         valid[p] = mask_bits(m);
     }
     begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
+    b.found.only_whether = 0;
     cast_beam(&own, view, 1, 0, &b, start);
     note_packets(notes, &b);
     if (hits)
@@ -422,6 +422,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
                      RAY_WORD(9), m);
     }
     begin_without_hints(&b.hints);
+    b.found.only_whether = 0;
     cast_beam(&own, view, 0, 0, &b, start);
     store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
 }
@@ -452,6 +453,24 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 }
 #endif
 
+/* With CAST_SUN_DISC each ray goes to a place of its own on the sun. */
+#ifdef CAST_SUN_DISC
+#define ONE_SUN 0
+RAY_INLINE vector3 towards_disc(const karst_shadow_sun *sun, vint x, vint y)
+{
+    const jitter at = jitter_on_disc(jitter_of(x, y, sun->sample, JITTER_SUN));
+    vector3 d;
+    d.x = k_fma(at.u, (vfloat)(sun->across[0]), k_fma(at.v, (vfloat)(sun->along[0]), (vfloat)(sun->direction[0])));
+    d.y = k_fma(at.u, (vfloat)(sun->across[1]), k_fma(at.v, (vfloat)(sun->along[1]), (vfloat)(sun->direction[1])));
+    d.z = k_fma(at.u, (vfloat)(sun->across[2]), k_fma(at.v, (vfloat)(sun->along[2]), (vfloat)(sun->direction[2])));
+    const vfloat scale = 1.0f / k_sqrt(k_fma(d.x, d.x, k_fma(d.y, d.y, d.z * d.z)));
+    d.x *= scale, d.y *= scale, d.z *= scale;
+    return d;
+}
+#else
+#define ONE_SUN 1
+#endif
+
 BEAM_FUNCTION
     void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
                           K_GLOBAL const float *rays, uint turn, uint num_turns, const packet_notes *notes,
@@ -463,7 +482,7 @@ BEAM_FUNCTION
     own.sunward = sunward;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
     const vfloat zero = (vfloat)(0.0f);
-    const vector3 direction = {(vfloat)(sun->direction[0]), (vfloat)(sun->direction[1]), (vfloat)(sun->direction[2])};
+    const vector3 centre = {(vfloat)(sun->direction[0]), (vfloat)(sun->direction[1]), (vfloat)(sun->direction[2])};
     beam b;
     packet_start start[BEAM_PACKETS];
     uint casts = 0;
@@ -479,13 +498,19 @@ BEAM_FUNCTION
             origin.z = load_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid);
             casts = 1;
         }
-        start_packet(&b, &start[p], p, view, 0, 1, &origin, &direction, zero, (vfloat)(sun->t_max), width,
+#ifdef CAST_SUN_DISC
+        const vector3 direction = sun->sample ? towards_disc(sun, x, y) : centre;
+#else
+        const vector3 direction = centre;
+#endif
+        start_packet(&b, &start[p], p, view, 0, ONE_SUN, &origin, &direction, zero, (vfloat)(sun->t_max), width,
                      (vfloat)(sun->cone), m);
     }
     if (!casts)
         return;
     begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
-    cast_beam(&own, view, 0, 1, &b, start);
+    b.found.only_whether = 1;
+    cast_beam(&own, view, 0, ONE_SUN, &b, start);
     note_packets(notes, &b);
     end_hints(&b.hints);
     for (int p = 0; p < BEAM_PACKETS && pixels; p++)

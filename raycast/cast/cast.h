@@ -28,6 +28,9 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
 /* Leave out what karst_cast_rays or karst_cast_shadows take, which then fail: there is less to compile. */
 #define KARST_CAST_NO_STREAMS "-DCAST_NO_STREAMS"
 #define KARST_CAST_NO_SHADOWS "-DCAST_NO_SHADOWS"
+/* Shadow rays of a picture's samples (karst_pinhole.sample) go to different places on the sun, not to its centre: what
+ * is known of bricks towards the sun does not help then. */
+#define KARST_CAST_SUN_DISC "-DCAST_SUN_DISC"
 /* And one with a factor (printf's %g) on the steps that slopes prove to be safe: 0 for none. */
 #define KARST_CAST_SAFE_STEPS "-DKARST_SAFE_STEP_FACTOR=((float)%g)"
 /* The same with further build options (tests and measurements), such as "-DKARST_SAFE_STEP_SHARE=0.5f". */

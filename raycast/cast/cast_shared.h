@@ -4,14 +4,14 @@
 
 #include "core/device/dialect.h"
 
-/* A pinhole camera as a compact stream: ray (x, y) of width x height, pixel centres, unit directions. */
+/* A pinhole camera as a compact stream: ray (x, y) of width x height, unit directions. */
 typedef struct {
     float right[4], up[4], forward[4]; /* orthonormal; [3] unused */
     float half_width, half_height;     /* tangent of half the field of view, horizontally and vertically */
     float t_min, t_max;                /* level-0 voxels */
     float cone;                        /* footprint per unit of t: 2 * half_height / height_px */
     int width_px, height_px;
-    uint pad;
+    uint sample; /* 0: rays through the pixels' centres; else this one of raycast/cast/jitter.clh, from 1 */
 } karst_pinhole;
 K_ASSERT_SIZE(karst_pinhole, 80);
 

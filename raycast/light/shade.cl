@@ -99,6 +99,25 @@ RAY_INLINE vint pixel_bytes(const colour *c, vfloat dither)
     return tone_byte(c->r, dither) | tone_byte(c->g, dither) << 8 | tone_byte(c->b, dither) << 16 | (int)0xff000000;
 }
 
+#ifdef SHADE_RADIANCE
+/* What pixels are without the sun, and what it adds where it is not hidden: linear light, plane by plane in packet
+ * order. */
+RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, vint valid, const colour *base,
+                               const colour *sun)
+{
+    store_ordered(parts, order, valid, base->r);
+    store_ordered(parts + plane, order, valid, base->g);
+    store_ordered(parts + 2 * plane, order, valid, base->b);
+#ifdef SHADE_SHADOWS
+    store_ordered(parts + 3 * plane, order, valid, sun->r);
+    store_ordered(parts + 4 * plane, order, valid, sun->g);
+    store_ordered(parts + 5 * plane, order, valid, sun->b);
+#else
+    (void)sun;
+#endif
+}
+#endif
+
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
 #if LANES == 16
 #define SHADE_CALL static K_WIDE __attribute__((noinline))
@@ -125,8 +144,11 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
         if (v_any(valid & ~hit))
             c = sky_colour(light, &direction, to_sun);
+#ifndef SHADE_RADIANCE
         vfloat dither = tone_dither(x, y);
-        vint sunny = (vint)(0), dark = (vint)(0);
+#endif
+        vint sunny = (vint)(0), dark = (vint)(1);
+        colour sun = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
 #ifdef SHADE_WORLD_COLOUR
@@ -144,7 +166,16 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             if (v_any(sunny)) {
                 ground = ground_colour(light, &s.normal, albedo, (vfloat)(0.0f));
                 ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+#ifdef SHADE_RADIANCE
+                sun.r = v_select(sunny, c.r - ground.r, sun.r);
+                sun.g = v_select(sunny, c.g - ground.g, sun.g);
+                sun.b = v_select(sunny, c.b - ground.b, sun.b);
+                c.r = v_select(sunny, ground.r, c.r);
+                c.g = v_select(sunny, ground.g, c.g);
+                c.b = v_select(sunny, ground.b, c.b);
+#else
                 dark = pixel_bytes(&ground, dither);
+#endif
             }
 #endif
         }
@@ -153,10 +184,17 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
                           pinhole->cone, detail, &s, &direction, sunny, dark);
 #endif
         const vint index = y * pinhole->width_px + x;
+#ifdef SHADE_RADIANCE
+        store_radiance(depth, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid, &c, &sun);
+#ifdef SHADE_SHADOWS
+        store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, (vint)(0));
+#endif
+#else
         store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, pixel_bytes(&c, dither));
         if (depth)
             store_rows((K_GLOBAL int *)depth, index, valid, pinhole->width_px,
                        v_as_int(v_select(hit, s.t, (vfloat)(INFINITY))));
+#endif
         counts[0] += (uint)count_lanes(hit);
         counts[1] += (uint)count_lanes(hit & v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
         counts[2] += (uint)count_lanes(valid & v_mask(v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0))));
