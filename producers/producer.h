@@ -58,6 +58,8 @@ typedef struct {
     float sky_zenith[3], sky_horizon[3], ground_flat[3], ground_steep[3]; /* linear RGB */
     double haze_distance_m; /* at which haze hides 1 - 1/e of the surface, where it is thickest */
     double haze_height_m;   /* in which it thins to 1/e, going up from y = 0; 0: it does not */
+    bool has_exposure;
+    double exposure_stops; /* of pictures, where it is said */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
 } karst_world_info;
 

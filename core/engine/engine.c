@@ -185,7 +185,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     if (!engine->surface)
         return karst_fail(error, KARST_FAILED, "this engine lost its picture memory; set a size that fits");
     /* Who looks at the same for long gains by what pays off late. */
-    const bool stands = stats->settled && !engine->view_changed;
+    const bool stands = engine->complete && !engine->view_changed;
     *stats = (karst_stats){0};
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
     /* 0 means none in both: they wrap around to 1. */
@@ -196,8 +196,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->frame = engine->frame;
     /* More pixels of the same are no new view. */
     bool moved = engine->view_changed && !engine->size_changed;
-    if (engine->view_changed)
+    if (engine->view_changed) {
         karst_ladder_view_changed(&engine->ladder);
+        engine->num_summed = 0;
+    }
+    engine->complete = false;
     engine->view_changed = engine->size_changed = false;
     stats->detail_asked_px = engine->detail_px;
     stats->detail_given_px = karst_engine_detail_px(engine);
@@ -211,8 +214,12 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     engine->path = NULL;
 
     bool rung_moved = step_ladder(engine, &work), pace_changed = step_pace(engine, &work, moved);
-    stats->settled = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&
+    engine->complete = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&
                      !pace_changed && karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
+    if (!karst_engine_end_sample(engine, engine->complete, rung_moved || pace_changed, error))
+        return false;
+    stats->settled = engine->complete && engine->num_summed == engine->samples;
+    stats->num_samples = engine->num_summed;
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
     report_non_finite(engine);
 

@@ -78,13 +78,15 @@ static bool make_picture(ahead *a, karst_error *error)
     int width_px, height_px;
     karst_engine_picture_size(a->config, &width_px, &height_px);
     size_t num_px = (size_t)width_px * (size_t)height_px;
+    const bool radiance = karst_engine_shade_ways(a->config) & KARST_SHADE_RADIANCE;
+    const size_t depth_floats = radiance ? 2 * KARST_RADIANCE_PLANES : 1;
     karst_cast_view_init(&a->view, &origin, corner, 8);
     a->view.serial = 1;
     karst_pinhole_init(&a->pinhole, &camera, width_px, height_px, 16);
     a->light = (karst_light){.sun_direction = {0, 1, 0, 0}, .haze_distance = 1, .shadow_distance = 1};
     return make(a, &a->hits, num_px * sizeof(karst_hit), error) &&
            make(a, &a->shadow_rays, karst_cast_shadow_bytes(width_px, height_px), error) &&
-           make(a, &a->depth, num_px * sizeof(float), error) &&
+           make(a, &a->depth, depth_floats * num_px * sizeof(float), error) &&
            make(a, &a->pixels, num_px * 4, error) &&
            make(a, &a->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error);
 }
@@ -105,7 +107,7 @@ static bool compile_shading(ahead *a, karst_error *error)
     karst_buffer *buffer = data ? karst_buffer_create(a->context, "ahead", data_bytes, data, error) : NULL;
     free(data);
     karst_shader *shader =
-        buffer ? karst_engine_world_shader(&a->world, a->context, shadows, buffer, error) : NULL;
+        buffer ? karst_engine_world_shader(&a->world, a->context, karst_engine_shade_ways(a->config), buffer, error) : NULL;
     if (shader)
         karst_shader_set_anchor(shader, &origin);
     bool done = shader && karst_shade_pixels(shader, &a->view, &a->pinhole, &a->light, a->hits,
@@ -119,18 +121,34 @@ static bool compile_shading(ahead *a, karst_error *error)
 
 static bool compile_cast(ahead *a, karst_error *error)
 {
-    char options[128];
+    char options[160];
+    const bool one_sun = !a->config->no_shadows && a->config->samples <= 1;
     karst_engine_cast_options(a->config, options, sizeof options);
     karst_caster *caster = karst_caster_create_with(a->context, &a->cache, options, error);
-    karst_sunward *sunward =
-        caster && !a->config->no_shadows ? karst_sunward_create(a->context, &a->cache, error) : NULL;
-    bool done = caster && (a->config->no_shadows || sunward) &&
-                (!sunward || (karst_sunward_aim(sunward, a->light.sun_direction, error) &&
-                              karst_cast_shadows(caster, &a->view, &a->pinhole, &a->light, a->shadow_rays,
-                                                 a->pixels->mem, error))) &&
+    karst_sunward *sunward = caster && one_sun ? karst_sunward_create(a->context, &a->cache, error) : NULL;
+    bool done = caster && (!one_sun || sunward) &&
+                (!sunward || karst_sunward_aim(sunward, a->light.sun_direction, error)) &&
+                (a->config->no_shadows || karst_cast_shadows(caster, &a->view, &a->pinhole, &a->light, a->shadow_rays,
+                                                             a->pixels->mem, error)) &&
                 karst_cast_pinhole(caster, &a->view, &a->pinhole, a->hits, error) && karst_finish(a->context, error);
     karst_sunward_destroy(sunward);
     karst_caster_destroy(caster);
+    return done;
+}
+
+static bool compile_radiance(ahead *a, karst_error *error)
+{
+    const size_t num_px = (size_t)a->pinhole.width_px * (size_t)a->pinhole.height_px;
+    const karst_radiance_look look = {KARST_TONE_FILMIC, 0};
+    if (!(karst_engine_shade_ways(a->config) & KARST_SHADE_RADIANCE))
+        return true;
+    karst_radiance *radiance = karst_radiance_create(a->context, !a->config->no_shadows, error);
+    bool done = radiance && karst_radiance_set_room(radiance, num_px, error) &&
+                karst_radiance_show(radiance, a->pinhole.width_px, a->pinhole.height_px, 0, true, &look,
+                                    a->pixels->mem, error) &&
+                karst_radiance_add(radiance, a->pinhole.width_px, a->pinhole.height_px, 0, error) &&
+                karst_finish(a->context, error);
+    karst_radiance_destroy(radiance);
     return done;
 }
 
@@ -156,7 +174,7 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
     if (done)
         karst_context_set_helper(a.context, config->helper);
     return done && make_pools(&a, error) && compile_production(&a, error) && make_picture(&a, error) &&
-           compile_shading(&a, error) && compile_cast(&a, error) && compile_cache(&a, error);
+           compile_shading(&a, error) && compile_cast(&a, error) && compile_radiance(&a, error) && compile_cache(&a, error);
 }
 
 int karst_helper_run(void)

@@ -63,7 +63,7 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
 
 static bool build(karst_engine *engine, karst_engine_world *world, karst_error *error)
 {
-    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks,
+    const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0};
     return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error);
 }
@@ -223,7 +223,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         return karst_engine_set_view_distance(engine, engine->world, error);
     world->producer = old->producer;
     old->producer = NULL;
-    world->shader = karst_engine_tape_shader(engine->context, engine->shadows, world->producer->data[0], error);
+    world->shader = karst_engine_tape_shader(engine->context, engine->shade, world->producer->data[0], error);
     karst_engine_world_close(old);
     karst_engine_adopt_world(engine, world);
     *world = (karst_engine_world){0};

@@ -50,8 +50,9 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_ti
 void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
 {
     int length =
-        snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
-                 config->no_beam ? " " KARST_CAST_NO_BEAM : "");
+        snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
+                 config->no_beam ? " " KARST_CAST_NO_BEAM : "",
+                 config->samples > 1 && !config->no_shadows ? " " KARST_CAST_SUN_DISC : "");
     if (config->safe_steps != 0 && config->safe_steps != 1)
         snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
                  config->safe_steps > 0 ? config->safe_steps : 0);
@@ -64,11 +65,31 @@ void karst_engine_picture_size(const karst_engine_config *config, int *width_px,
     *height_px = is_given ? config->height_px : DEFAULT_HEIGHT_PX;
 }
 
+unsigned karst_engine_shade_ways(const karst_engine_config *config)
+{
+    const bool radiance = config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
+    return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u);
+}
+
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
 {
     return (budget_ms >= 0 && budget_ms <= MAX_BUDGET_MS) ||
            karst_fail(error, KARST_USAGE, "a budget of %g ms a frame: it may be 0 (count bricks only) to %g", budget_ms,
                       MAX_BUDGET_MS);
+}
+
+static bool check_look(const karst_engine_config *config, karst_error *error)
+{
+    if (config->samples > KARST_ENGINE_MAX_SAMPLES)
+        return karst_fail(error, KARST_USAGE, "%u samples of a pixel: it may be 1 to %d", config->samples,
+                          KARST_ENGINE_MAX_SAMPLES);
+    if ((unsigned)config->tone >= KARST_NUM_TONES)
+        return karst_fail(error, KARST_USAGE, "there is no tone number %d", (int)config->tone);
+    if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
+        return karst_fail(error, KARST_USAGE, "there is no exposure number %d", (int)config->exposure);
+    return config->exposure != KARST_EXPOSURE_GIVEN || fabs(config->exposure_stops) <= KARST_ENGINE_MAX_EXPOSURE ||
+           karst_fail(error, KARST_USAGE, "an exposure of %g stops: it may be -%d to %d", config->exposure_stops,
+                      KARST_ENGINE_MAX_EXPOSURE, KARST_ENGINE_MAX_EXPOSURE);
 }
 
 static bool take_display(karst_engine *engine, karst_opening *opening, karst_error *error)
@@ -116,6 +137,11 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
+    engine->shade = karst_engine_shade_ways(config);
+    engine->samples = config->samples ? config->samples : 1;
+    engine->tone = config->tone;
+    engine->exposure = config->exposure;
+    engine->exposure_stops = config->exposure_stops;
     engine->blend = !config->no_blend;
     engine->count_changed_pixels = config->count_changed_pixels;
     engine->budget_ns = config->budget_ms * 1e6;
@@ -152,7 +178,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
                    MAX_BUDGET_BRICKS);
         goto failed;
     }
-    if (!karst_engine_check_budget_ms(config->budget_ms, error))
+    if (!karst_engine_check_budget_ms(config->budget_ms, error) || !check_look(config, error))
         goto failed;
     engine->world = &engine->shown.file->info;
     if (!karst_engine_set_view_distance(engine, engine->world, error))
@@ -170,17 +196,20 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
                                           config->brick_bits, error);
     if (!engine->cache)
         goto failed;
-    const karst_engine_wishes wishes = {engine->shadows, engine->refine, engine->budget_bricks,
+    const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
-    char cast_options[128];
+    char cast_options[160];
     karst_engine_cast_options(config, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
-    if (engine->shadows &&
+    if (engine->shadows && engine->samples == 1 &&
         !(engine->sunward =
               karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
+        goto failed;
+    if ((engine->shade & KARST_SHADE_RADIANCE) &&
+        !(engine->radiance = karst_radiance_create(engine->context, engine->shadows, error)))
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
@@ -210,6 +239,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_caster_destroy(engine->counting);
     karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
+    karst_radiance_destroy(engine->radiance);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

@@ -35,6 +35,7 @@ void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view
     view->own_detail = (float)engine->detail_px;
     view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
     karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+    pinhole->sample = karst_engine_sample(engine);
 }
 
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
@@ -42,12 +43,16 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
 {
     const karst_light light = karst_engine_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
-    if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, pixels, NULL,
+    karst_buffer *parts = engine->radiance ? karst_radiance_parts(engine->radiance) : NULL;
+    const cl_mem shaded = engine->radiance ? karst_radiance_marks(engine->radiance)->mem : pixels;
+    if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, shaded, parts,
                             engine->counters, error))
         return false;
-    if (engine->shadows && (!karst_sunward_aim(engine->sunward, light.sun_direction, error) ||
+    if (engine->shadows && ((engine->sunward && !karst_sunward_aim(engine->sunward, light.sun_direction, error)) ||
                             !karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
-                                                        pixels, engine->shadows_asked, engine->shadow_hints, error)))
+                                                        shaded, engine->shadows_asked, engine->shadow_hints, error)))
+        return false;
+    if (engine->radiance && !karst_engine_show_radiance(engine, pixels, error))
         return false;
     return !engine->view ||
            karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);

@@ -21,6 +21,7 @@
 #include "raycast/cast/cast.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
+#include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
 
@@ -43,7 +44,8 @@ typedef struct {
 
 /* What is built of a world. */
 typedef struct {
-    bool shadows, refine;
+    unsigned shade; /* KARST_SHADE_* */
+    bool refine;
     uint32_t max_loads; /* of a round */
     bool start_on_host; /* the producer: see karst_world_build */
 } karst_engine_wishes;
@@ -73,8 +75,9 @@ struct karst_engine {
     karst_cache *cache;
     karst_producer *producer;
     karst_caster *caster;
-    karst_sunward *sunward; /* NULL without shadows */
+    karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
+    karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -82,6 +85,7 @@ struct karst_engine {
     int width_px, height_px;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
     size_t room_px;                      /* of both */
+    unsigned shade; /* KARST_SHADE_* */
     bool shadows, blend, refine, count_changed_pixels, reported_non_finite;
     double detail_px, view_distance_voxels;
     double view_distance_m; /* as configured; 0: what the world says */
@@ -90,6 +94,12 @@ struct karst_engine {
     bool (*goes_on)(void *user); /* karst_engine_set_patience */
     void *patience;
     bool settles; /* a frame of karst_engine_settle */
+    uint32_t samples;    /* of a pixel that a settled picture has; 1: rays go through the pixels' centres */
+    uint32_t num_summed; /* of this view, complete */
+    bool complete;       /* the last frame lacked nothing: with more samples, it is one of them */
+    karst_tone tone;
+    karst_exposure exposure;
+    double exposure_stops;
     karst_cost cost;
     karst_engine_made made;
 
@@ -127,6 +137,7 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_ti
                              karst_error *error);
 void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes);
 void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
+unsigned karst_engine_shade_ways(const karst_engine_config *config); /* KARST_SHADE_* */
 
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
@@ -135,10 +146,10 @@ bool karst_engine_world_open(karst_engine_world *world, const karst_world_config
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
                                   karst_error *error);
 /* The shader of an open world; `data` is its producer's, or the same once more. */
-karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, bool shadows,
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, unsigned ways,
                                         const karst_buffer *data, karst_error *error);
 /* The shader that runs any world's colours on their tape. */
-karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, const karst_buffer *data,
+karst_shader *karst_engine_tape_shader(karst_context *context, unsigned ways, const karst_buffer *data,
                                        karst_error *error);
 /* engine_ahead.c. What a helper process does for an engine of this configuration. */
 bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *error);
@@ -206,6 +217,14 @@ bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_c
  * now; and likewise its shadow rays, as the picture had them. Standing views on CPU devices only. */
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
+
+/* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres. */
+uint32_t karst_engine_sample(const karst_engine *engine);
+/* Shows what shading left of a sample, and those before it. */
+bool karst_engine_show_radiance(karst_engine *engine, cl_mem pixels, karst_error *error);
+/* After a frame that lacked nothing, if `complete`: adds its sample, until there are enough. Else, where the picture's
+ * detail changed, its samples begin anew. */
+bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_changed, karst_error *error);
 
 /* engine_draw.c. Sun, haze and sky; what the picture's rays see; casting and shading it into the display, which is only
  * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also

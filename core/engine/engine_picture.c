@@ -28,7 +28,8 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
     engine->asked =
         karst_buffer_create(engine->context, "asked",
                             karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL, error);
-    if (!engine->surface || !engine->hits || !engine->asked)
+    if (!engine->surface || !engine->hits || !engine->asked ||
+        (engine->radiance && !karst_radiance_set_room(engine->radiance, num_pixels, error)))
         return false;
     size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
                                               engine->width_px, engine->height_px);

@@ -39,7 +39,7 @@ static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error 
         !trial_buffer(t, &t->work.subdivide_tiles, sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->hits, TRIAL_PX * sizeof(karst_hit), error) ||
         !trial_buffer(t, &t->shadow_rays, karst_cast_shadow_bytes(TRIAL_SIDE_PX, TRIAL_SIDE_PX), error) ||
-        !trial_buffer(t, &t->depth, TRIAL_PX * sizeof(float), error) ||
+        !trial_buffer(t, &t->depth, 2 * KARST_RADIANCE_PLANES * TRIAL_PX * sizeof(float), error) ||
         !trial_buffer(t, &t->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->pixels, TRIAL_PX * 4, error))
         return false;
@@ -110,7 +110,7 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
     bool done = trial_open(&t, engine->context, buffers->brick_bits, error);
     t.cache.num_segments = buffers->num_segments;
-    karst_shader *shader = done ? karst_engine_tape_shader(t.context, engine->shadows, t.counters, error) : NULL;
+    karst_shader *shader = done ? karst_engine_tape_shader(t.context, engine->shade, t.counters, error) : NULL;
     done = shader && trial_shade(&t, shader, engine->shadows, error);
     if (t.context)
         karst_finish(t.context, NULL);
@@ -122,7 +122,7 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *opened, karst_error *error)
 {
     trial t;
-    const karst_engine_wishes wishes = {engine->shadows, engine->refine, 1, false};
+    const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
     bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&

@@ -61,23 +61,23 @@ void karst_engine_world_close(karst_engine_world *world)
     *world = (karst_engine_world){0};
 }
 
-karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, bool shadows,
+karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, unsigned ways,
                                         const karst_buffer *data, karst_error *error)
 {
     if (!world->file->code.colour_source)
-        return karst_shader_create(context, shadows, error);
+        return karst_shader_create(context, ways, error);
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
     karst_world_file_colour_options(world->file, options);
     karst_shade_colour colour = {.source = world->file->code.colour_source, .options = options, .data = data};
-    return karst_shader_create_coloured(context, shadows, &colour, error);
+    return karst_shader_create_coloured(context, ways, &colour, error);
 }
 
-karst_shader *karst_engine_tape_shader(karst_context *context, bool shadows, const karst_buffer *data,
+karst_shader *karst_engine_tape_shader(karst_context *context, unsigned ways, const karst_buffer *data,
                                        karst_error *error)
 {
     const karst_shade_colour colour = {
         .source = karst_tape_colours_source, .options = karst_tape_colours_options, .data = data};
-    return karst_shader_create_coloured(context, shadows, &colour, error);
+    return karst_shader_create_coloured(context, ways, &colour, error);
 }
 
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
@@ -90,7 +90,7 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
         karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
     /* After the producer, whose data a world's colours read. */
     world->shader = world->producer
-                        ? karst_engine_world_shader(world, context, wishes->shadows, world->producer->data[0], error)
+                        ? karst_engine_world_shader(world, context, wishes->shade, world->producer->data[0], error)
                         : NULL;
     return world->shader && (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
 }

@@ -122,6 +122,34 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
 
+/* ---- command_look.c ---- */
+
+/* How a picture looks: samples, tone, exposure. Texts and numbers as options give them. */
+typedef struct {
+    uint64_t samples;
+    const char *tone;     /* NULL: filmic */
+    const char *exposure; /* NULL: what the world or the picture says */
+    karst_tone parsed_tone;
+    bool has_exposure, auto_exposure;
+    double exposure_stops;
+} command_look;
+
+/* Lines of an option table; `what` is said of the default number of samples. */
+#define COMMAND_LOOK_OPTIONS(look, what)                                                                            \
+    {"samples", 0, COMMAND_INTEGER, "N", "rays for each pixel, which smooth edges and shadows " what,               \
+     &(look)->samples, 1, KARST_ENGINE_MAX_SAMPLES, NULL},                                                          \
+        {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
+         0, 0, NULL},                                                                                               \
+    {                                                                                                               \
+        "exposure", 0, COMMAND_TEXT, "STOPS",                                                                       \
+            "each twice as bright, or auto: by the picture's median (default: the world's, or auto)",               \
+            &(look)->exposure, 0, 0, NULL                                                                           \
+    }
+
+/* Errors: KARST_USAGE. */
+bool command_check_look(command_look *look, karst_error *error);
+void command_set_look(const command_look *look, karst_engine_config *config);
+
 /* ---- command_find.c ---- */
 
 /* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD, with a

@@ -160,6 +160,7 @@ char *command_record_json(command_record *record)
     json_object_set_new(root, "frames_to_settle",
                         record->settled && !record->live ? json_integer((json_int_t)record->frames_to_settle)
                                                          : json_null());
+    json_object_set_new(root, "samples", json_integer((json_int_t)last->num_samples));
     json_object_set_new(root, "elapsed_ms", json_real((double)record->elapsed_ns / 1e6));
     if (record->start_ns)
         json_object_set_new(

@@ -12,6 +12,7 @@ typedef struct {
     int size_px[2];
     uint64_t seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
+    command_look look;
     command_flight flight;
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
 } render_options;
@@ -20,7 +21,7 @@ typedef struct {
     command_talk *talk;
     command_record *record;
     karst_error *error;
-    uint64_t start_ns;
+    uint64_t start_ns, num_samples;
 } run_state;
 
 static void print_help(const command_option *options, size_t num_options)
@@ -72,6 +73,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
+        COMMAND_LOOK_OPTIONS(&o->look, "(default: 8)"),
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
@@ -152,7 +154,7 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    return karst_display_kind_parse(o->display, display, error) &&
+    return karst_display_kind_parse(o->display, display, error) && command_check_look(&o->look, error) &&
            command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
            (o->path ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
@@ -162,8 +164,8 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
 static bool note_frame(void *user, const karst_stats *stats)
 {
     run_state *state = user;
-    command_progress(state->talk, "frame %u   %llu bricks   %llu requests   %.1f s", stats->frame,
-                     (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
+    command_progress(state->talk, "frame %u   sample %u of %llu   %llu bricks   %llu requests   %.1f s", stats->frame,
+                     stats->num_samples, (unsigned long long)state->num_samples, (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
                      (double)(command_clock_ns() - state->start_ns) / 1e9);
     return command_record_add(state->record, stats, state->error) && !command_interrupted();
 }
@@ -173,7 +175,7 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
                    karst_error *error)
 {
     karst_error frame_error = {0};
-    run_state state = {talk, record, &frame_error, command_clock_ns()};
+    run_state state = {talk, record, &frame_error, command_clock_ns(), o->look.samples};
     bool ran = karst_engine_settle(engine, (uint32_t)o->max_frames, note_frame, &state, &record->settled, error);
     record->elapsed_ns = command_clock_ns() - state.start_ns;
     command_end_progress(talk);
@@ -248,12 +250,18 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.brick_bits = (int)o->brick_bits;
     config.no_beam = o->no_beam;
     config.lanes = (int)o->lanes;
+    command_set_look(&o->look, &config);
     return config;
 }
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    render_options o = {.display = "auto", .size_px = {1280, 720}, .pool_mib = 512, .max_frames = 1000, .detail_px = 1};
+    render_options o = {.display = "auto",
+                        .size_px = {1280, 720},
+                        .pool_mib = 512,
+                        .max_frames = 1000,
+                        .detail_px = 1,
+                        .look = {.tone = "filmic", .samples = 8}};
     karst_display_kind display_kind;
     uint64_t start_ns = command_clock_ns();
     if (!parse_options(argc, argv, talk, &o, error))

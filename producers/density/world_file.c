@@ -200,6 +200,8 @@ static void set_info(karst_world_file *file)
         .ground_flat = {0.13f, 0.12f, 0.10f},
         .ground_steep = {0.17f, 0.15f, 0.13f},
         .haze_distance_m = 0.6 * view_distance_m,
+        .has_exposure = header->has_exposure,
+        .exposure_stops = header->exposure_stops,
     };
     if (header->has_sky) {
         set_colours(file->info.sky_zenith, header->sky_zenith);

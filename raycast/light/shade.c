@@ -1,6 +1,8 @@
 /* Launching the shading kernel. */
 #include "raycast/light/shade.h"
 
+#include "raycast/light/radiance_shared.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -14,15 +16,15 @@ struct karst_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel pixels;
-    bool shadows;
+    bool shadows, radiance;
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
 };
 
-karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error)
+karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error)
 {
-    return karst_shader_create_coloured(context, shadows, NULL, error);
+    return karst_shader_create_coloured(context, ways, NULL, error);
 }
 
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
@@ -33,7 +35,7 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
     }
 }
 
-karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways, const karst_shade_colour *colour,
                                            karst_error *error)
 {
     karst_shader *shader = calloc(1, sizeof(*shader));
@@ -42,11 +44,12 @@ karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows,
         return NULL;
     }
     char options[512];
-    snprintf(options, sizeof(options), "%s%s%s", shadows ? "-DSHADE_SHADOWS" : "",
-             colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
+    shader->shadows = ways & KARST_SHADE_SHADOWS;
+    shader->radiance = ways & KARST_SHADE_RADIANCE;
+    snprintf(options, sizeof(options), "%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+             shader->radiance ? " -DSHADE_RADIANCE" : "", colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
-    shader->shadows = shadows;
     shader->data = colour && colour->data ? colour->data->mem : NULL;
     shader->taken = karst_buffer_create(context, "shading", sizeof(uint32_t), NULL, error);
     if (shader->taken)
@@ -96,6 +99,9 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
 {
     if (shader->shadows != (shadow_rays != NULL))
         return karst_fail(error, KARST_FAILED, "the shader was made with%s shadows", shader->shadows ? "" : "out");
+    const size_t depth_floats = !shader->radiance ? 1 : KARST_RADIANCE_PLANES * (shader->shadows ? 2 : 1);
+    if (shader->radiance && !depth)
+        return karst_fail(error, KARST_FAILED, "the shader was made for radiance, which needs room");
     if (shadow_rays && !karst_cast_check_shadow_rays(shadow_rays, pinhole, error))
         return false;
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
@@ -109,7 +115,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
-           (!depth || check_size(depth, sizeof(float), pinhole, error)) &&
+           (!depth || check_size(depth, depth_floats * sizeof(float), pinhole, error)) &&
            KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
                            KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
                            KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),

@@ -24,11 +24,16 @@ typedef struct {
     const karst_buffer *data; /* borrowed for the shader's life */
 } karst_shade_colour;
 
-/* Builds the shading kernel; one that makes shadow rays, too, if `shadows`. Errors: KARST_FAILED. */
-karst_shader *karst_shader_create(karst_context *context, bool shadows, karst_error *error);
+/* What a shading kernel is built for: to make shadow rays, too; and to write linear light (karst_radiance_parts), not
+ * bytes. */
+#define KARST_SHADE_SHADOWS 1u
+#define KARST_SHADE_RADIANCE 2u
+
+/* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
+karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
 /* The same for a world with colours of its own: the light's ground colours then only matter for what the ground throws
  * back. Whoever uses it sets the anchor of each view (karst_shader_set_anchor) before it shades. */
-karst_shader *karst_shader_create_coloured(karst_context *context, bool shadows, const karst_shade_colour *colour,
+karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways, const karst_shade_colour *colour,
                                            karst_error *error);
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
@@ -38,7 +43,9 @@ void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
  * caller's engine beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays
  * (karst_cast_shadow_bytes): NULL exactly if the shader was made without shadows. Else pixels are as they are in the
  * sun, and each hit that faces it gets a ray, which starts at the hit's level and grows coarser with the sun's own
- * width; karst_cast_shadows then darkens the pixels that lie in shadow. */
+ * width; karst_cast_shadows then darkens the pixels that lie in shadow.
+ * A shader for radiance writes no bytes: `depth` gets the parts of a sample instead, and `pixels`, with shadows, marks
+ * that are 0 (raycast/light/radiance_shared.h), where karst_cast_shadows notes which rays end. */
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);

@@ -20,6 +20,25 @@ extern "C" {
 
 typedef struct karst_engine karst_engine;
 
+#define KARST_ENGINE_MAX_SAMPLES 4096
+#define KARST_ENGINE_MAX_EXPOSURE 20 /* stops, either way */
+
+/* How linear light becomes bytes. */
+typedef enum {
+    KARST_TONE_OF_PLAIN, /* each channel by a film's curve; bright colours go pale */
+    KARST_TONE_OF_FILM,  /* the strongest channel by that curve, the others in proportion: colours keep their hue */
+    KARST_NUM_TONES
+} karst_tone;
+/* How bright pictures are. */
+typedef enum {
+    KARST_EXPOSURE_OF_WORLD,   /* what the world's header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
+    KARST_EXPOSURE_OF_PICTURE, /* goes half the way to where the picture's median luminance is a usual one */
+    KARST_EXPOSURE_GIVEN,
+    KARST_NUM_EXPOSURES
+} karst_exposure;
+/* "plain", "filmic". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error);
+
 /* How to make an engine. Zero-initialised fields mean the default that stands beside them. */
 typedef struct {
     const char *world; /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
@@ -53,6 +72,13 @@ typedef struct {
     bool count_changed_pixels; /* fill karst_stats.num_changed_pixels: costs a read-back a frame */
     bool refine; /* move each hit from the bricks' surface to the true density's, with its exact gradient as normal;
                   * only for world files. Costs a few evaluations of the density for each pixel */
+    /* Rays for each pixel of a settled picture, spread over the pixel and the sun's disc; 1; to
+     * KARST_ENGINE_MAX_SAMPLES. Each frame draws one of them until all are complete. With more than one the sun is 0.53
+     * degrees wide, and shadows are soft. */
+    uint32_t samples;
+    karst_tone tone; /* KARST_TONE_OF_PLAIN */
+    karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
+    double exposure_stops;   /* KARST_EXPOSURE_GIVEN: each makes a picture twice as bright; to KARST_ENGINE_MAX_EXPOSURE */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
@@ -90,6 +116,10 @@ bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
 
 /* The last frame's picture: 8-bit RGBA, top row first, width * height * 4 bytes into the caller's memory. */
 bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_bytes, karst_error *error);
+/* The last frame's light, before exposure and tone: linear red, green and blue, the mean of its samples so far; three
+ * floats a pixel, top row first. Errors: KARST_USAGE (another number of values; no frame has been drawn yet; an engine
+ * of one sample and plain tone with the world's exposure, which keeps bytes only), KARST_FAILED. */
+bool karst_engine_read_radiance(karst_engine *engine, float *rgb, size_t num_values, karst_error *error);
 /* The last frame's depth: metres along each ray's direction to the hit, INFINITY where there is none; width * height
  * floats. Errors: KARST_USAGE (no frame has been drawn yet, too few values), KARST_FAILED. */
 bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error);

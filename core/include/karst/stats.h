@@ -37,7 +37,8 @@ typedef struct {
 typedef struct {
     char device[128];
     uint32_t frame;                     /* counts frames of this engine */
-    bool settled;                       /* this frame asked for nothing, produced nothing, evicted nothing */
+    bool settled; /* this frame asked for nothing, produced nothing, evicted nothing, and its picture has all samples */
+    uint32_t num_samples; /* of each pixel that this view has so far, all complete */
     uint64_t time_ns_frame;             /* wall clock of the frame */
     uint64_t time_ns_cpu; /* CPU time of this process over the cores meanwhile: on CPU devices what the frame takes on a
                            * machine that nobody else uses */

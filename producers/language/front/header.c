@@ -229,7 +229,7 @@ static void read_root(reader *r)
     karst_world_header *h = r->header;
     json_t *v;
     warn_unknown(r, r->root, "the header",
-                 "name author description seed voxel extent params camera sun sky lipschitz view");
+                 "name author description seed voxel extent params camera sun sky lipschitz view exposure");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -250,6 +250,10 @@ static void read_root(reader *r)
     if ((v = json_object_get(r->root, "lipschitz"))) {
         h->has_lipschitz = true;
         h->lipschitz = number_of(r, v, "lipschitz", 0, DBL_MAX);
+    }
+    if ((v = json_object_get(r->root, "exposure"))) {
+        h->has_exposure = true;
+        h->exposure_stops = number_of(r, v, "exposure", -20, 20);
     }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));

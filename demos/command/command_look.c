@@ -1,0 +1,33 @@
+/* Options about how pictures look. */
+#include "command.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+bool command_check_look(command_look *look, karst_error *error)
+{
+    look->parsed_tone = KARST_TONE_OF_FILM;
+    if (look->tone && !karst_tone_parse(look->tone, &look->parsed_tone, error))
+        return false;
+    look->has_exposure = look->exposure != NULL;
+    look->auto_exposure = look->exposure && strcmp(look->exposure, "auto") == 0;
+    if (!look->exposure || look->auto_exposure)
+        return true;
+    char *end;
+    look->exposure_stops = strtod(look->exposure, &end);
+    if (end != look->exposure && !*end && look->exposure_stops >= -KARST_ENGINE_MAX_EXPOSURE &&
+        look->exposure_stops <= KARST_ENGINE_MAX_EXPOSURE)
+        return true;
+    return karst_fail(error, KARST_USAGE, "--exposure %.40s: must be auto, or stops from -%d to %d", look->exposure,
+                      KARST_ENGINE_MAX_EXPOSURE, KARST_ENGINE_MAX_EXPOSURE);
+}
+
+void command_set_look(const command_look *look, karst_engine_config *config)
+{
+    config->samples = (uint32_t)look->samples;
+    config->tone = look->parsed_tone;
+    config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
+                       : look->has_exposure ? KARST_EXPOSURE_GIVEN
+                                            : KARST_EXPOSURE_OF_WORLD;
+    config->exposure_stops = look->exposure_stops;
+}
