@@ -101,13 +101,14 @@ static bool compile_production(ahead *a, karst_error *error)
 static bool compile_shading(ahead *a, karst_error *error)
 {
     const bool shadows = !a->config->no_shadows;
+    const unsigned ways = karst_engine_shade_ways(a->config);
     const karst_position origin = {{0}, {0}};
     void *data = karst_world_file_data(a->world.file, a->world.seed, error);
     size_t data_bytes = a->world.file->data_bytes;
     karst_buffer *buffer = data ? karst_buffer_create(a->context, "ahead", data_bytes, data, error) : NULL;
     free(data);
     karst_shader *shader =
-        buffer ? karst_engine_world_shader(&a->world, a->context, karst_engine_shade_ways(a->config), buffer, error) : NULL;
+        buffer ? karst_engine_world_shader(&a->world, a->context, ways, buffer, error) : NULL;
     if (shader)
         karst_shader_set_anchor(shader, &origin);
     bool done = shader && karst_shade_pixels(shader, &a->view, &a->pinhole, &a->light, a->hits,
@@ -174,7 +175,8 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
     if (done)
         karst_context_set_helper(a.context, config->helper);
     return done && make_pools(&a, error) && compile_production(&a, error) && make_picture(&a, error) &&
-           compile_shading(&a, error) && compile_cast(&a, error) && compile_radiance(&a, error) && compile_cache(&a, error);
+           compile_shading(&a, error) && compile_cast(&a, error) &&
+           compile_radiance(&a, error) && compile_cache(&a, error);
 }
 
 int karst_helper_run(void)

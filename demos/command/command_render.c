@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define DEFAULT_SAMPLES 8
+
 typedef struct {
     const char *world, *output, *stats, *camera, *device, *display, *path;
     char path_file[PATH_MAX], world_file[PATH_MAX];
@@ -73,7 +75,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
-        COMMAND_LOOK_OPTIONS(&o->look, "(default: 8)"),
+        COMMAND_LOOK_OPTIONS(&o->look, "(default: 8; 1 with --live)"),
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
@@ -131,6 +133,8 @@ static bool check_flight(render_options *o, karst_error *error)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (!o->output)
         return karst_fail(error, KARST_USAGE, "where to? For example -o frames/%%05d.png or -o out.mp4");
+    if (flight->live && o->look.samples > 1)
+        return karst_fail(error, KARST_USAGE, "--samples and --live: a picture that is drawn once has one sample");
     flight->file = o->path_file;
     flight->output = o->output;
     flight->num_pictures = (size_t)o->num_pictures;
@@ -146,6 +150,8 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
 {
     if (!o->output && !o->path)
         o->output = "out.png";
+    if (!o->look.samples)
+        o->look.samples = o->flight.live ? 1 : DEFAULT_SAMPLES;
     karst_camera camera = {.fov_deg = 60};
     if (o->lanes != 0 && o->lanes != 1 && o->lanes != 16)
         return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)o->lanes);
@@ -154,7 +160,7 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    return karst_display_kind_parse(o->display, display, error) && command_check_look(&o->look, error) &&
+    return command_check_look(&o->look, error) && karst_display_kind_parse(o->display, display, error) &&
            command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
            (o->path ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
@@ -165,7 +171,8 @@ static bool note_frame(void *user, const karst_stats *stats)
 {
     run_state *state = user;
     command_progress(state->talk, "frame %u   sample %u of %llu   %llu bricks   %llu requests   %.1f s", stats->frame,
-                     stats->num_samples, (unsigned long long)state->num_samples, (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
+                     stats->num_samples, (unsigned long long)state->num_samples,
+                     (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests,
                      (double)(command_clock_ns() - state->start_ns) / 1e9);
     return command_record_add(state->record, stats, state->error) && !command_interrupted();
 }
@@ -261,7 +268,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
                         .pool_mib = 512,
                         .max_frames = 1000,
                         .detail_px = 1,
-                        .look = {.tone = "filmic", .samples = 8}};
+                        .look = {.samples = 0}};
     karst_display_kind display_kind;
     uint64_t start_ns = command_clock_ns();
     if (!parse_options(argc, argv, talk, &o, error))

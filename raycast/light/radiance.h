@@ -23,8 +23,8 @@ bool karst_radiance_set_room(karst_radiance *radiance, size_t num_pixels, karst_
 karst_buffer *karst_radiance_parts(karst_radiance *radiance);
 karst_buffer *karst_radiance_marks(karst_radiance *radiance);
 
-/* Bytes of the mean of the first `num_summed` samples and, if `has_current`, of the one at hand, into pixels (RGBA8, top
- * row first). Asynchronous. Errors: KARST_FAILED. */
+/* Bytes of the mean of the first `num_summed` samples and, if `has_current`, of the one at hand, into pixels (RGBA8,
+ * top row first). Asynchronous. Errors: KARST_FAILED. */
 bool karst_radiance_show(karst_radiance *radiance, int width_px, int height_px, uint32_t num_summed, bool has_current,
                          const karst_radiance_look *look, cl_mem pixels, karst_error *error);
 /* Adds the sample at hand to the first `num_summed` (0: it is the first). Asynchronous. Errors: KARST_FAILED. */

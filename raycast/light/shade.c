@@ -47,7 +47,8 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->shadows = ways & KARST_SHADE_SHADOWS;
     shader->radiance = ways & KARST_SHADE_RADIANCE;
     snprintf(options, sizeof(options), "%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
-             shader->radiance ? " -DSHADE_RADIANCE" : "", colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
+             shader->radiance ? " -DSHADE_RADIANCE" : "", colour ? " -DSHADE_WORLD_COLOUR " : "",
+             colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
     shader->data = colour && colour->data ? colour->data->mem : NULL;

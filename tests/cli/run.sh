@@ -88,6 +88,10 @@ complains 2 "whole number" "a seed that is too large" render hills --seed 429496
 complains 2 "0.25 to 64" "a detail out of range" render hills --detail 1000
 complains 2 "number" "a view distance that is none" render hills --view-distance nan
 complains 2 "none" "an unknown way to display" render hills --display x11
+complains 2 "1 to 4096|from 1 to 4096" "no samples" render hills --samples 0
+complains 2 "plain, filmic" "an unknown tone" render hills --tone vivid
+complains 2 "auto, or stops" "an exposure that is none" render hills --exposure nan
+complains 2 "drawn once" "samples of a picture that is drawn once" render hills --path "$turn" -o %d.png --live --samples 2
 complains 2 "1 or 16" "an odd number of lanes" render hills --lanes 4
 complains 3 "karst info" "an unknown device" render hills --device no-such-device
 
@@ -177,6 +181,11 @@ result "an EXR with depth and normals"
 run render hills -o second.png --quiet $quick
 [ $status -eq 0 ] && cmp first.png second.png && [ ! -s stderr ]
 result "the same command gives the same bytes; --quiet says nothing"
+awk -f "$flatten" first.json | grep -q "^samples = 8$"
+result "a picture has eight samples"
+run render hills -o bright.png -q --exposure 2 $quick
+[ $status -eq 0 ] && ! cmp -s first.png bright.png
+result "another exposure is another picture"
 for way in none osmesa egl; do
     run render hills -o $way.png --display $way $quick
     [ $status -eq 0 ] && cmp first.png $way.png

@@ -31,7 +31,7 @@ typedef enum {
 } karst_tone;
 /* How bright pictures are. */
 typedef enum {
-    KARST_EXPOSURE_OF_WORLD,   /* what the world's header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
+    KARST_EXPOSURE_OF_WORLD,   /* what its header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
     KARST_EXPOSURE_OF_PICTURE, /* goes half the way to where the picture's median luminance is a usual one */
     KARST_EXPOSURE_GIVEN,
     KARST_NUM_EXPOSURES
@@ -78,7 +78,7 @@ typedef struct {
     uint32_t samples;
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
-    double exposure_stops;   /* KARST_EXPOSURE_GIVEN: each makes a picture twice as bright; to KARST_ENGINE_MAX_EXPOSURE */
+    double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
