@@ -98,6 +98,25 @@ typedef struct {
  * nothing to do, which is told at once. Ends an open round. */
 bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error);
 
+/* A box of level-0 voxels, corners included, and how far beyond it content of level l changed: margin_voxels << l. */
+typedef struct {
+    int64_t min[3], max[3];
+    uint32_t margin_voxels;
+} karst_drop_box;
+
+typedef struct {
+    uint64_t num_nodes, num_bricks; /* nodes that forgot what they were, and bricks of theirs */
+} karst_dropped;
+
+/* Forgets what is known of every node that one of the boxes meets: verdicts, and bricks, whose slots are free again;
+ * children stay. Only between publish and the next cast. Their bricks that the cast of `serial` used are worked on anew
+ * by karst_cache_drop_work. Adds to *dropped. Waits for the device. Errors: KARST_FAILED. */
+bool karst_cache_drop(karst_cache *cache, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
+                      karst_dropped *dropped, karst_error *error);
+/* The work of loading those bricks, coarse ones first, as karst_cache_root_work: to be asked until num_loads is 0. What
+ * was dropped is on the next picture at the level that it had. */
+bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error);
+
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
  * (unlinked from its parent or owner, checked by generation both ways). Waits for the device once;

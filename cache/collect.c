@@ -55,20 +55,11 @@ static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, k
     return karst_cache_send(buffer, 0, values, num * sizeof(*values), error);
 }
 
-static karst_work empty_work(const karst_cache *cache)
-{
-    return (karst_work){.load_nodes = cache->load_nodes,
-                        .load_slots = cache->load_slots,
-                        .load_results = cache->load_results,
-                        .subdivide_nodes = cache->subdivide_nodes,
-                        .subdivide_tiles = cache->subdivide_tiles};
-}
-
 bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error)
 {
     const uint32_t first_node = KARST_ROOT_TILE * KARST_TILE_NODES;
     karst_node nodes[KARST_TILE_NODES];
-    *work = empty_work(cache);
+    *work = karst_cache_empty_work(cache);
     if (!cache->has_root || cache->roots_loaded)
         return true;
     karst_cache_abandon(cache);
@@ -191,7 +182,7 @@ static bool collect(karst_cache *cache, const karst_collect_params *params, kars
 
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error)
 {
-    *work = empty_work(cache);
+    *work = karst_cache_empty_work(cache);
     if (params->serial == 0)
         return karst_fail(error, KARST_USAGE, "a cast's serial is never 0");
     karst_cache_abandon(cache);

@@ -99,13 +99,15 @@ typedef struct {
 K_ASSERT_SIZE(karst_brick_owner, 8);
 
 /* Rays only store the frame's serial number (never 0; compared for equality or by signed difference, so that it may
- * wrap): tile_stamp[tile]        the tile was walked through brick_stamp[slot]       the brick was marched at the level
- * that the footprint asked for brick_fallback[slot]    the brick was marched in place of a finer one that is missing
+ * wrap):
+ *   tile_stamp[tile]        the tile was walked through
+ *   brick_stamp[slot]       the brick was marched at the level that the footprint asked for
+ *   brick_fallback[slot]    the brick was marched in place of a finer one that is missing
  *   want_brick[node]        a ray wants this node's brick
  *   want_children[node]     a ray wants this node's children
  *   want_chunk[node / KARST_REQUEST_CHUNK]   one of the two was stored in this chunk: lets collect skip the rest
  *   want_rays[node]         how many of the picture's rays ended in this node on a brick that stands in for what it
- * lacks: the upper half is the serial's lower one, the lower half the number
+ *                           lacks: the upper half is the serial's lower one, the lower half the number
  */
 #define KARST_REQUEST_CHUNK 64
 

@@ -227,7 +227,17 @@ void karst_cache_destroy(karst_cache *cache)
     free(cache->granted_bricks);
     free(cache->granted_tiles);
     free(cache->identities);
+    free(cache->dropped_nodes);
     free(cache);
+}
+
+karst_work karst_cache_empty_work(const karst_cache *cache)
+{
+    return (karst_work){.load_nodes = cache->load_nodes,
+                        .load_slots = cache->load_slots,
+                        .load_results = cache->load_results,
+                        .subdivide_nodes = cache->subdivide_nodes,
+                        .subdivide_tiles = cache->subdivide_tiles};
 }
 
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache) { return &cache->buffers; }
@@ -261,6 +271,7 @@ bool karst_cache_clear(karst_cache *cache, karst_error *error)
     karst_slots_reset(&cache->root_slots);
     karst_churn_forget(&cache->churn);
     cache->num_granted_tiles = cache->num_granted_bricks = 0;
+    cache->num_dropped = cache->next_dropped = 0;
     if (!cache->has_root)
         return true;
     cache->has_root = false;

@@ -36,6 +36,8 @@ struct karst_cache {
     uint32_t num_committed; /* brick slots below have memory, or will have soon */
     karst_commit *commit;   /* finds it; NULL until it is wanted */
     uint32_t root_nodes[KARST_TILE_NODES]; /* of karst_cache_root_work, until it is sent */
+    uint32_t *dropped_nodes; /* whose bricks karst_cache_drop_work is to load: from next_dropped on */
+    uint32_t num_dropped, next_dropped, max_dropped;
     uint64_t *identities;
     bool has_names; /* these are here */
     bool has_root, roots_loaded; /* roots_loaded: no root node wants a brick */
@@ -48,6 +50,8 @@ void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t
 /* Builds the kernels with which the device collects, where there are none yet: a cache whose host collects is made
  * without, so that no start waits for their compiler. Errors: KARST_FAILED. */
 bool karst_cache_take_kernels(karst_cache *cache, karst_error *error);
+/* A round's work without any. */
+karst_work karst_cache_empty_work(const karst_cache *cache);
 /* Gives slots that were granted but never published back: there is no open round afterwards. */
 void karst_cache_abandon(karst_cache *cache);
 

@@ -9,11 +9,6 @@
 
 #include "cache/cache.h"
 
-/* A box of level-0 voxels, corners included. Empty if min > max on any axis. */
-typedef struct {
-    int64_t min[3], max[3];
-} karst_voxel_box;
-
 typedef struct karst_producer karst_producer;
 
 /* What each kind of producer fills in. `self` is the producer. All enqueue on the context's queue and return at once.
@@ -29,15 +24,12 @@ typedef struct {
      * load_results. */
     bool (*load)(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
                  uint32_t count, karst_error *error);
-    /* The box in which content changed since the last call; empty: nowhere. */
-    karst_voxel_box (*take_dirty)(karst_producer *self);
     void (*destroy)(karst_producer *self);
 } karst_producer_ops;
 
 struct karst_producer {
     const karst_producer_ops *ops;
     const char *name;    /* of the world, for people */
-    uint64_t version;    /* changes with the content */
     uint32_t max_chunk;  /* loads that it takes at a time */
     karst_buffer **data; /* device buffers that its kernels read (parameters); NULL-terminated, may be NULL */
 };

@@ -256,7 +256,7 @@ if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
     tests="core/test_dialect noise/test_lanes producers/test_finalise cache/test_lists cache/test_changes raycast/test_cast
         producers/test_producer raycast/test_cast_exact worlds/test_same_bits worlds/test_golden language/test_emit
         language/test_tape raycast/test_shade engine/test_engine core/test_program core/test_profile core/test_context
-        core/test_display producers/test_thin cache/test_model cache/test_scenarios raycast/test_cast_requests"
+        core/test_display producers/test_thin cache/test_model cache/test_scenarios raycast/test_cast_requests edits/test_edits edits/test_edited"
     programs=
     for test in $tests; do
         [ -e "tests/$test.c" ] && programs="$programs $build/release/tests/$test"

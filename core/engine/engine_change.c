@@ -64,8 +64,9 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
 static bool build(karst_engine *engine, karst_engine_world *world, karst_error *error)
 {
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
-                                         engine->budget_ns > 0};
-    return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error);
+                                         engine->budget_ns > 0, engine->edits != NULL};
+    return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error) &&
+           karst_engine_world_set_layers(engine, world, error);
 }
 
 /* ---- parameters ---- */

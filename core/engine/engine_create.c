@@ -197,7 +197,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if (!engine->cache)
         goto failed;
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
-                                         engine->budget_ns > 0};
+                                         engine->budget_ns > 0, config->edits != NULL};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
@@ -219,7 +219,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
-    return engine;
+    if (!config->edits || karst_engine_load_edits(engine, config->edits, error))
+        return engine;
+    karst_engine_destroy(engine);
+    return NULL;
 
 failed:
     karst_opening_end(opening);
@@ -235,6 +238,8 @@ void karst_engine_destroy(karst_engine *engine)
         karst_finish(engine->context, NULL);
     karst_engine_free_picture(engine);
     karst_engine_world_close(&engine->shown);
+    if (engine->edits)
+        engine->edits->ops->destroy(engine->edits);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_sunward_destroy(engine->sunward);

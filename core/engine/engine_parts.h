@@ -17,6 +17,7 @@
 #include "producers/language/fingerprint.h"
 #include "producers/language/graph/derive.h"
 #include "producers/density/world_file.h"
+#include "producers/layer.h"
 #include "producers/producer.h"
 #include "raycast/cast/cast.h"
 #include "raycast/cast/pinhole.h"
@@ -48,6 +49,7 @@ typedef struct {
     bool refine;
     uint32_t max_loads; /* of a round */
     bool start_on_host; /* the producer: see karst_world_build */
+    bool has_layers;    /* they are to take part in what it makes */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -74,6 +76,8 @@ struct karst_engine {
     karst_surface *surface;
     karst_cache *cache;
     karst_producer *producer;
+    karst_layer *edits; /* NULL: there were none yet */
+    karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
@@ -161,6 +165,12 @@ void karst_engine_world_close(karst_engine_world *world);
 bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error);
 /* engine_change.c. From now on the engine shows this world, which is built; it is the engine's. */
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world);
+
+/* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
+bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
+/* Makes the engine's layers part of what an open world's producer makes; does nothing without layers.
+ * Errors: KARST_USAGE (voxels of another size), KARST_FAILED. */
+bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error);
 
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is

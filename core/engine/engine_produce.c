@@ -315,6 +315,14 @@ bool karst_engine_load_root(karst_engine *engine, karst_error *error)
         return false;
     count_made(engine, &work, num_constant);
     engine->stats.num_requests += work.num_loads;
+    /* And what an edit made forget, so that no picture shows its surroundings as they look from far away. */
+    do {
+        if (!karst_cache_drop_work(engine->cache, engine->serial, &work, error) ||
+            !produce(engine, &work, &num_constant, error))
+            return false;
+        count_made(engine, &work, num_constant);
+        engine->stats.num_requests += work.num_loads;
+    } while (work.num_loads);
     return true;
 }
 

@@ -122,7 +122,7 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *opened, karst_error *error)
 {
     trial t;
-    const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false};
+    const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false, engine->edits != NULL};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
     bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&

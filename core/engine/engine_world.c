@@ -85,7 +85,8 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
 {
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
                                      .finalise_options = karst_cache_brick_option(buffers),
-                                     .start_on_host = wishes->start_on_host};
+                                     .in_two_steps = wishes->has_layers,
+                                     .start_on_host = wishes->start_on_host && !wishes->has_layers};
     world->producer =
         karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
     /* After the producer, whose data a world's colours read. */

@@ -65,6 +65,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &b->seed, 0, 4294967295.0, &b->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &b->parameters, 0, 0, NULL},
+        {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &b->edits, 0, 0,
+         NULL},
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},

@@ -75,6 +75,7 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     bool has_seed, no_shadows, no_blend, no_beam, refine;
+    const char *edits;
     bench_beside beside;
     command_parameters parameters;
     karst_helper *helper; /* shares the compiling of the first start; NULL: none */

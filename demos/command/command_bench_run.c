@@ -151,6 +151,7 @@ static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log,
     config.no_shadows = b->no_shadows || (is_beside && b->beside == BENCH_BESIDE_NO_SHADOWS);
     config.no_blend = b->no_blend;
     config.refine = b->refine;
+    config.edits = b->edits;
     config.brick_bits = (int)b->brick_bits;
     config.no_beam = b->no_beam;
     config.lanes = (int)b->lanes;

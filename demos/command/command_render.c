@@ -17,6 +17,7 @@ typedef struct {
     command_look look;
     command_flight flight;
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
+    const char *edits;
 } render_options;
 
 typedef struct {
@@ -45,7 +46,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
-         "5 a path that cannot be read.");
+         "5 a path or a file of edits that cannot be read.");
 }
 
 static bool parse_options(int argc, char **argv, command_talk *talk, render_options *o, karst_error *error)
@@ -76,6 +77,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
         COMMAND_LOOK_OPTIONS(&o->look, "(default: 8; 1 with --live)"),
+        {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &o->edits, 0, 0,
+         NULL},
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
@@ -253,6 +256,7 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
     config.refine = o->refine;
+    config.edits = o->edits;
     config.no_blend = o->no_blend;
     config.brick_bits = (int)o->brick_bits;
     config.no_beam = o->no_beam;

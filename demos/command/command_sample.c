@@ -16,6 +16,7 @@ typedef struct {
     uint64_t seed;
     double box_m, footprint_m;
     bool has_seed, has_box, json;
+    const char *edits;
 } sample_options;
 
 typedef struct {
@@ -55,7 +56,7 @@ static void print_help(const command_option *options, size_t num_options)
          "with --box bounds, and colour where the world has one. Numbers that are not finite are null.\n"
          "\nExit code: 0 done, 1 failed, 2 wrong usage, 4 no such world, or one that does not compile, 5 a line of "
          "stdin\n"
-         "that is no point.");
+         "that is no point, or a file of edits that cannot be read.");
 }
 
 /* ---- output ---- */
@@ -241,6 +242,17 @@ static bool sample_points(sampling *s, karst_error *error)
            karst_fail(error, KARST_USAGE, "no point was given: say --at X,Y,Z, or write lines to stdin");
 }
 
+static bool take_edits(sampling *s, karst_error *error)
+{
+    size_t num;
+    if (!s->options->edits)
+        return true;
+    karst_edit *edits = karst_edits_load(s->options->edits, s->about->voxel_log2_m, &num, error);
+    bool done = edits && karst_sampler_set_edits(s->sampler, edits, num, error);
+    free(edits);
+    return done;
+}
+
 static bool run(const sample_options *o, const karst_log *log, karst_error *error)
 {
     char path[PATH_MAX];
@@ -255,7 +267,7 @@ static bool run(const sample_options *o, const karst_log *log, karst_error *erro
     sampling s = {.options = o, .world = karst_world_open(&config, error)};
     s.sampler = s.world ? karst_sampler_create(s.world, error) : NULL;
     s.about = s.world ? karst_world_get_metadata(s.world) : NULL;
-    bool done = s.sampler && sample_points(&s, error);
+    bool done = s.sampler && take_edits(&s, error) && sample_points(&s, error);
     karst_sampler_destroy(s.sampler);
     karst_world_close(s.world);
     return done;
@@ -271,6 +283,8 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
          &o.footprint_m, 0, 1e30, NULL},
         {"box", 0, COMMAND_NUMBER, "SIZE", "also bounds of the density in a cube of that side around each point",
          &o.box_m, 0, 1e30, &o.has_box},
+        {"edits", 0, COMMAND_TEXT, "FILE", "with the edits of a file: docs/EDITS.md; bounds are not known near them",
+         &o.edits, 0, 0, NULL},
         {"json", 0, COMMAND_FLAG, NULL, "one JSON object a point", &o.json, 0, 0, NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o.seed, 0, 4294967295.0, &o.has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "another value for a parameter; may be given again",

@@ -32,6 +32,7 @@ static bool open_engine(viewer *v, karst_error *error)
     config.seed = (uint32_t)s->seed;
     config.no_shadows = s->no_shadows;
     config.brick_bits = (int)s->brick_bits;
+    config.edits = s->edits;
     config.lanes = (int)s->lanes;
     if (!v->helper)
         v->helper = karst_helper_create(NULL); /* without one it only takes longer */
@@ -54,7 +55,7 @@ void view_world_take(viewer *v, karst_world *compiled)
     karst_world_close(v->compiled);
     v->compiled = compiled;
     v->metadata = compiled ? karst_world_get_metadata(compiled) : NULL;
-    v->sampler = compiled && sampled ? karst_sampler_create(compiled, NULL) : NULL;
+    v->sampler = compiled && sampled ? view_sampler_create(v, compiled, NULL) : NULL;
     if (v->motion.mode == VIEW_WALK && !v->sampler)
         view_set_mode(v, VIEW_FLY);
 }

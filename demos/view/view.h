@@ -37,6 +37,7 @@ typedef struct {
     bool has_size;
     uint64_t seed, budget_bricks, brick_bits, lanes;
     bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
+    const char *edits;
     double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
 } view_settings;
 
@@ -215,6 +216,8 @@ bool view_gamepad_present(void);
 
 /* ---- walk.c ---- */
 
+/* A sampler of a world with the edits that it is shown with. Errors: as karst_sampler_create and karst_edits_load. */
+karst_sampler *view_sampler_create(const viewer *v, karst_world *compiled, karst_error *error);
 /* Gets ready to walk; false (and says why) if the world cannot be sampled. */
 bool view_walk_begin(viewer *v);
 /* Walks for dt seconds; true if the camera moved. */

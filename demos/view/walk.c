@@ -4,6 +4,7 @@
 #include "demos/view/view.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define GRAVITY_M_S2 9.81
@@ -104,6 +105,22 @@ static void walk_piece(viewer *v, karst_position *feet, const double way_m[3])
     *feet = to;
 }
 
+karst_sampler *view_sampler_create(const viewer *v, karst_world *compiled, karst_error *error)
+{
+    karst_sampler *sampler = karst_sampler_create(compiled, error);
+    size_t num;
+    if (!sampler || !v->settings.edits)
+        return sampler;
+    karst_edit *edits =
+        karst_edits_load(v->settings.edits, karst_world_get_metadata(compiled)->voxel_log2_m, &num, error);
+    if (!edits || !karst_sampler_set_edits(sampler, edits, num, error)) {
+        karst_sampler_destroy(sampler);
+        sampler = NULL;
+    }
+    free(edits);
+    return sampler;
+}
+
 bool view_walk_begin(viewer *v)
 {
     karst_error error = {0};
@@ -112,7 +129,7 @@ bool view_walk_begin(viewer *v)
         return false;
     }
     if (!v->sampler)
-        v->sampler = karst_sampler_create(v->compiled, &error);
+        v->sampler = view_sampler_create(v, v->compiled, &error);
     if (!v->sampler)
         view_complain(v, "%s", error.message);
     return v->sampler != NULL;

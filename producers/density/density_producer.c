@@ -30,6 +30,8 @@ typedef struct {
     karst_buffer *all_data[2]; /* what base.data points at */
     karst_load_books books;  /* least: only if loads are made in one */
     karst_buffer *staging;   /* of a chunk in two steps, or of the host's; NULL: there is neither */
+    karst_layer *layers[KARST_MAX_LAYERS];
+    size_t num_layers;
     karst_scrub_total known; /* *books.total as last read */
     bool total_may_have_changed;
 } density_producer;
@@ -117,9 +119,13 @@ static bool subdivide(karst_producer *self, const karst_cache_buffers *cache, co
     if (!producer->kernels.subdivider && producer->program.tape_instructions > HOST_MOST_INSTRUCTIONS &&
         !wait_for_kernels(producer, 2, error))
         return false;
-    return producer->kernels.subdivider
-               ? karst_subdivide_tiles(producer->kernels.subdivider, cache, work, error)
-               : karst_host_subdivide_tiles(cache, work, producer->data, error);
+    if (!(producer->kernels.subdivider ? karst_subdivide_tiles(producer->kernels.subdivider, cache, work, error)
+                                       : karst_host_subdivide_tiles(cache, work, producer->data, error)))
+        return false;
+    for (size_t i = 0; i < producer->num_layers; i++)
+        if (!producer->layers[i]->ops->bound_tiles(producer->layers[i], cache, work, error))
+            return false;
+    return true;
 }
 
 /* Whether the host goes on with the bricks of a chunk. */
@@ -190,8 +196,14 @@ static bool load_in_two_steps(density_producer *producer, const karst_cache_buff
 {
     const karst_kernels *kernels = &producer->kernels;
     const karst_load_books *books = &producer->books;
-    return karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error) &&
-           karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, error) &&
+    bool done = karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error);
+    for (size_t i = 0; done && i < producer->num_layers; i++)
+        done = producer->layers[i]->ops->bound_loads(producer->layers[i], books->loads, count, error);
+    done = done && karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, error);
+    for (size_t i = 0; done && i < producer->num_layers; i++)
+        done = producer->layers[i]->ops->evaluate(producer->layers[i], books->loads, count, producer->staging,
+                                                  producer->layout.staging_stride, error);
+    return done &&
            karst_finalise_bricks(kernels->finaliser, cache, work, first, count, books->loads, producer->staging,
                                  books->scrubs, books->total, error);
 }
@@ -204,13 +216,6 @@ static bool load(karst_producer *self, const karst_cache_buffers *cache, const k
     return look_for_kernels(producer, error) &&
            (producer->is_in_one ? load_in_one(producer, cache, work, first, count, error)
                                 : load_in_two_steps(producer, cache, work, first, count, error));
-}
-
-/* A density program does not change during its life. */
-static karst_voxel_box take_dirty(karst_producer *self)
-{
-    (void)self;
-    return (karst_voxel_box){{0, 0, 0}, {-1, -1, -1}};
 }
 
 static void destroy(karst_producer *self)
@@ -230,7 +235,6 @@ static void destroy(karst_producer *self)
 static const karst_producer_ops density_ops = {.kind = "density",
                                                .subdivide = subdivide,
                                                .load = load,
-                                               .take_dirty = take_dirty,
                                                .destroy = destroy};
 
 static bool lay_out(density_producer *producer, karst_error *error)
@@ -326,7 +330,7 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
     uint32_t most = producer->is_in_one ? MAX_CHUNK_IN_ONE : context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK,
              max_chunk = program->max_loads < most ? program->max_loads : most;
     producer->base = (karst_producer){
-        .ops = &density_ops, .name = program->name, .version = 1, .max_chunk = max_chunk ? max_chunk : 1};
+        .ops = &density_ops, .name = program->name, .max_chunk = max_chunk ? max_chunk : 1};
     producer->context = context;
     max_chunk = producer->base.max_chunk;
     if (!lay_out(producer, error) || !create_kernels(producer, program, error) ||
@@ -367,6 +371,51 @@ bool karst_density_program_rehearse(karst_context *context, const karst_density_
     done = done && karst_finish(context, error);
     destroy(&producer->base);
     return done;
+}
+
+/* ---- layers ---- */
+
+/* Loads in two steps from now on: kernels, staging memory and chunks of that. */
+static bool go_in_two_steps(density_producer *producer, const karst_density_program *program, karst_error *error)
+{
+    karst_density_program in_two = *program;
+    karst_kernels made = {0};
+    uint32_t most = producer->context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK, chunk = producer->base.max_chunk;
+    in_two.in_two_steps = true;
+    chunk = chunk < most ? chunk : most;
+    if (!karst_density_producer_compile(&producer->base, KARST_UNTIL_COMPILED, error))
+        return false;
+    karst_buffer *host_staging = producer->staging;
+    producer->staging = NULL;
+    if (!karst_kernels_create_for_loads(&made, producer->context, &in_two, &producer->layout, error) ||
+        !create_staging(producer, chunk, error)) {
+        karst_kernels_destroy(&made);
+        producer->staging = host_staging;
+        return false;
+    }
+    karst_buffer_destroy(host_staging);
+    karst_loader_destroy(producer->kernels.loader);
+    producer->kernels.loader = NULL;
+    producer->kernels.evaluator = made.evaluator;
+    producer->kernels.finaliser = made.finaliser;
+    karst_kernels_set_data(&producer->kernels, producer->data);
+    producer->is_in_one = false;
+    producer->base.max_chunk = chunk;
+    return true;
+}
+
+bool karst_density_producer_set_layers(karst_producer *producer, const karst_density_program *program,
+                                       karst_layer *const *layers, size_t num_layers, karst_error *error)
+{
+    density_producer *density = (density_producer *)producer;
+    if (num_layers > KARST_MAX_LAYERS)
+        return karst_fail(error, KARST_FAILED, "%zu layers: %u are the most", num_layers, KARST_MAX_LAYERS);
+    if (num_layers && density->is_in_one && !go_in_two_steps(density, program, error))
+        return false;
+    for (size_t i = 0; i < num_layers; i++)
+        density->layers[i] = layers[i];
+    density->num_layers = num_layers;
+    return true;
 }
 
 karst_buffer *karst_density_producer_staging(karst_producer *producer, uint32_t *stride_floats)

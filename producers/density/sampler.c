@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "producers/edits/edit_list.h"
 #include "producers/language/tape/tape.clh"
 
 #define MAX_LEVEL 40
@@ -11,6 +12,7 @@ struct karst_sampler {
     const karst_world *world;
     karst_oracle *oracle, *gradient_oracle;
     int *slots; /* of the bounds' tape */
+    karst_edit_list edits; /* without data: none */
 };
 
 int karst_world_level(const karst_world *world, double footprint_m)
@@ -44,26 +46,79 @@ void karst_sampler_destroy(karst_sampler *sampler)
         return;
     karst_oracle_destroy(sampler->oracle);
     karst_oracle_destroy(sampler->gradient_oracle);
+    karst_edit_list_finish(&sampler->edits);
     free(sampler->slots);
     free(sampler);
+}
+
+bool karst_sampler_set_edits(karst_sampler *sampler, const karst_edit *edits, size_t num_edits, karst_error *error)
+{
+    karst_edit_list list;
+    if (!karst_edit_list_init(&list, sampler->world->metadata.voxel_log2_m, error))
+        return false;
+    if (!karst_edit_list_append(&list, edits, num_edits, error)) {
+        karst_edit_list_finish(&list);
+        return false;
+    }
+    karst_edit_list_finish(&sampler->edits);
+    sampler->edits = list;
+    return true;
+}
+
+static bool is_edited(const karst_sampler *sampler, const karst_position *at, double half_m)
+{
+    return sampler->edits.data &&
+           karst_edit_list_touches(&sampler->edits, at, ldexp(half_m, -sampler->world->metadata.voxel_log2_m));
 }
 
 static karst_sample sample_of(karst_oracle_value value) { return (karst_sample){value.device, value.precise}; }
 
 karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
 {
-    return sample_of(karst_oracle_density(sampler->oracle, at, karst_world_level(sampler->world, footprint_m)));
+    int level = karst_world_level(sampler->world, footprint_m);
+    karst_sample sample = sample_of(karst_oracle_density(sampler->oracle, at, level));
+    if (sampler->edits.data) {
+        sample.device = karst_edit_list_density(&sampler->edits, at, level, sample.device);
+        sample.precise = karst_edit_list_precise(&sampler->edits, at, level, sample.precise);
+    }
+    return sample;
 }
 
 double karst_sampler_precise_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
 {
-    return karst_oracle_precise_density(sampler->oracle, at, karst_world_level(sampler->world, footprint_m));
+    int level = karst_world_level(sampler->world, footprint_m);
+    double precise = karst_oracle_precise_density(sampler->oracle, at, level);
+    return sampler->edits.data ? karst_edit_list_precise(&sampler->edits, at, level, precise) : precise;
+}
+
+/* Near edits: central differences. */
+static void edited_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
+                            karst_sample gradient[3], karst_sample *density)
+{
+    const int voxel_log2_m = sampler->world->metadata.voxel_log2_m;
+    double step_m = fmax(footprint_m / 4, ldexp(1, voxel_log2_m - 6));
+    for (int axis = 0; axis < 3; axis++) {
+        double offset_m[3] = {0}, ends[2];
+        for (int end = 0; end < 2; end++) {
+            offset_m[axis] = end ? step_m : -step_m;
+            karst_position place = karst_position_add_m(*at, offset_m, voxel_log2_m);
+            ends[end] = karst_sampler_precise_density(sampler, &place, footprint_m);
+        }
+        gradient[axis].precise = (ends[1] - ends[0]) / (2 * step_m);
+        gradient[axis].device = (float)gradient[axis].precise;
+    }
+    if (density)
+        *density = karst_sampler_density(sampler, at, footprint_m);
 }
 
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
                             karst_sample gradient[3], karst_sample *density)
 {
     karst_oracle_value values[3];
+    if (is_edited(sampler, at, 0)) {
+        edited_gradient(sampler, at, footprint_m, gradient, density);
+        return true;
+    }
     if (!sampler->gradient_oracle)
         return false;
     karst_oracle_value value =
@@ -117,7 +172,8 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
     }
     range[0] = -(double)INFINITY;
     range[1] = (double)INFINITY;
-    if (!known || tape_bounds(&program, &box, NULL))
+    double widest_m = fmax(fabs(half_m[0]), fmax(fabs(half_m[1]), fabs(half_m[2])));
+    if (!known || is_edited(sampler, centre, widest_m) || tape_bounds(&program, &box, NULL))
         return false;
     op_bound density = tape_load_bound(&program, tape->output[0]);
     if (!isfinite(density.v.lo) || !isfinite(density.v.hi))

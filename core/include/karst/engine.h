@@ -79,6 +79,7 @@ typedef struct {
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
+    const char *edits; /* path of a file of edits (karst/edit.h) that the world is shown with; NULL: none */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
@@ -88,7 +89,8 @@ typedef struct {
 /* Opens device and display, allocates the pools (their memory is fixed from here on), builds the kernels.
  * Errors: KARST_USAGE (a field out of range; an unknown world is KARST_BAD_WORLD and lists the known ones, a world file
  * that does not compile is KARST_BAD_WORLD with file, line and column, and the log has the line itself with a caret;
- * pools too small for any picture: the message says what would do), KARST_NO_DEVICE, KARST_FAILED. Use an engine from
+ * pools too small for any picture: the message says what would do), KARST_BAD_DATA (the file of edits: which, and what
+ * is wrong with it), KARST_NO_DEVICE, KARST_FAILED. Use an engine from
  * one thread at a time. */
 karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error);
 void karst_engine_destroy(karst_engine *engine); /* NULL is fine */

@@ -1,0 +1,103 @@
+/* Layers of an engine's scene, which are edits as yet: see karst/edit.h. */
+#include <stdlib.h>
+
+#include "core/engine/engine_parts.h"
+#include "karst/edit.h"
+#include "producers/edits/edits.h"
+
+/* What changed is forgotten at once, between two frames; the next one makes anew what the last one's rays used. */
+static bool drop_dirty(karst_engine *engine, karst_error *error)
+{
+    const karst_drop_box *boxes;
+    size_t num = engine->edits->ops->take_dirty(engine->edits, &boxes);
+    engine->dropped = (karst_dropped){0};
+    engine->view_changed = true;
+    return karst_cache_drop(engine->cache, boxes, num, engine->serial, &engine->dropped, error);
+}
+
+bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error)
+{
+    const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
+                                     .finalise_options =
+                                         karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
+    if (!engine->edits)
+        return true;
+    if (world->file->info.voxel_log2_m != karst_edits_list(engine->edits)->voxel_log2_m)
+        return karst_fail(error, KARST_USAGE,
+                          "%s has voxels of 2^%d m, and the edits were made in voxels of 2^%d m: undo them first, or "
+                          "give the world the same voxel",
+                          world->file->info.name, world->file->info.voxel_log2_m,
+                          karst_edits_list(engine->edits)->voxel_log2_m);
+    return karst_finish(engine->context, error) &&
+           karst_world_file_set_layers(world->producer, world->file, &build, &engine->edits, 1, error);
+}
+
+static bool make_layer(karst_engine *engine, karst_error *error)
+{
+    if (engine->refine)
+        return karst_fail(error, KARST_USAGE, "edits and refined hits: these know the world's own density alone; "
+                                              "leave one of the two out");
+    if (engine->edits)
+        return true;
+    engine->edits = karst_edits_create(engine->context, KARST_SHAPE_AUTO, engine->world->voxel_log2_m, error);
+    if (!engine->edits)
+        return false;
+    if (karst_engine_world_set_layers(engine, &engine->shown, error))
+        return true;
+    engine->edits->ops->destroy(engine->edits);
+    engine->edits = NULL;
+    return false;
+}
+
+bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error)
+{
+    return num_edits == 0 || (make_layer(engine, error) && karst_edits_append(engine->edits, edits, num_edits, error) &&
+                              drop_dirty(engine, error));
+}
+
+bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error)
+{
+    size_t num;
+    karst_edit *edits = karst_edits_load(path, engine->world->voxel_log2_m, &num, error);
+    bool done = edits && karst_engine_edit(engine, edits, num, error);
+    free(edits);
+    return done;
+}
+
+static bool go_to(karst_engine *engine, uint32_t num, karst_error *error)
+{
+    return karst_edits_set_num(engine->edits, num, error) && drop_dirty(engine, error);
+}
+
+bool karst_engine_undo(karst_engine *engine, size_t *num, karst_error *error)
+{
+    size_t redoable, most = karst_engine_num_edits(engine, &redoable), wanted = *num < most ? *num : most;
+    *num = 0;
+    if (wanted && !go_to(engine, (uint32_t)(most - wanted), error))
+        return false;
+    *num = wanted;
+    return true;
+}
+
+bool karst_engine_redo(karst_engine *engine, size_t *num, karst_error *error)
+{
+    size_t most, in_force = karst_engine_num_edits(engine, &most), wanted = *num < most ? *num : most;
+    *num = 0;
+    if (wanted && !go_to(engine, (uint32_t)(in_force + wanted), error))
+        return false;
+    *num = wanted;
+    return true;
+}
+
+size_t karst_engine_num_edits(const karst_engine *engine, size_t *num_redoable)
+{
+    uint32_t num = engine->edits ? karst_edit_list_num(karst_edits_list(engine->edits)) : 0;
+    if (num_redoable)
+        *num_redoable = engine->edits ? karst_edits_list(engine->edits)->num_made - num : 0;
+    return num;
+}
+
+karst_edit_report karst_engine_edit_report(const karst_engine *engine)
+{
+    return (karst_edit_report){engine->dropped.num_nodes, engine->dropped.num_bricks};
+}

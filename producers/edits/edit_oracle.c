@@ -1,0 +1,101 @@
+/* What edits make of a density, in double: written apart from edits.clh, to measure it by. */
+#include <math.h>
+
+#include "producers/edits/edits.clh"
+#include "producers/edits/edit_list.h"
+
+static double length(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+static double dot(const double a[3], const float b[3])
+{
+    return a[0] * (double)b[0] + a[1] * (double)b[1] + a[2] * (double)b[2];
+}
+
+static double box_depth(const double p[3], const float half[3])
+{
+    double outside[3], inside = -INFINITY;
+    for (int a = 0; a < 3; a++) {
+        double over = fabs(p[a]) - (double)half[a];
+        outside[a] = over > 0 ? over : 0;
+        inside = fmax(inside, over);
+    }
+    return inside > 0 ? -length(outside) : -inside;
+}
+
+static double capsule_depth(const double p[3], const karst_edit_record *edit)
+{
+    double axis[3] = {(double)edit->axis[0], (double)edit->axis[1], (double)edit->axis[2]}, rest[3];
+    double square = length(axis) * length(axis);
+    double along = square > 0 ? fmin(fmax(dot(p, edit->axis) / square, 0), 1) : 0;
+    for (int a = 0; a < 3; a++)
+        rest[a] = p[a] - along * axis[a];
+    return (double)edit->radius - length(rest);
+}
+
+/* How deep a place lies in the shape, voxels. */
+static double depth(const double p[3], const karst_edit_record *edit)
+{
+    switch (edit->what & 255u) {
+    case EDIT_BOX:
+        return box_depth(p, edit->size);
+    case EDIT_CAPSULE:
+        return capsule_depth(p, edit);
+    case EDIT_PLANE:
+        return -dot(p, edit->axis);
+    default:
+        return (double)edit->radius - length(p);
+    }
+}
+
+static double smooth_max(double a, double b, double blend)
+{
+    double near = blend - fabs(a - b);
+    return fmax(a, b) + (near > 0 ? near * near / (4 * blend) : 0);
+}
+
+static double rough(const karst_edit_record *edit, const karst_position *at, int level)
+{
+    vlong voxel[3] = {at->voxel[0], at->voxel[1], at->voxel[2]};
+    vuint fraction[3] = {at->fraction[0], at->fraction[1], at->fraction[2]};
+    return (double)edits_roughness(voxel, fraction, edit, level);
+}
+
+static bool applies(const karst_edit_record *edit, const karst_position *at, int level)
+{
+    float most = fmaxf(edit->reach[0], fmaxf(edit->reach[1], edit->reach[2]));
+    if (level >= 0 && !karst_edit_shows(most, level))
+        return false;
+    for (int a = 0; a < 3; a++) {
+        __int128 reach = edits_reach(edit->reach[a], level > 0 ? level : 0, EDITS_MARGIN);
+        __int128 from = (__int128)at->voxel[a] - edit->at[a], to = from + (at->fraction[a] != 0);
+        if (to < -reach || from > reach)
+            return false;
+    }
+    return true;
+}
+
+double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density)
+{
+    double voxel_m = ldexp(1, list->voxel_log2_m);
+    for (uint32_t i = 0; i < karst_edit_list_num(list); i++) {
+        const karst_edit_record *edit = &karst_edit_list_records(list)[i];
+        double p[3];
+        if (!applies(edit, at, level))
+            continue;
+        for (int a = 0; a < 3; a++)
+            p[a] = (double)(at->voxel[a] - edit->at[a]) +
+                   ((double)at->fraction[a] - (double)edit->fraction[a]) * 0x1p-32;
+        double s = depth(p, edit), blend = (double)edit->blend * voxel_m;
+        if ((edit->what & 255u) == EDIT_NOISE)
+            s += rough(edit, at, level);
+        s *= voxel_m;
+        if (edit->what >> 8 == EDIT_ADD) {
+            density = smooth_max(density, s, blend);
+            continue;
+        }
+        density = -smooth_max(-density, s, blend);
+        if (edit->what >> 8 == EDIT_FLATTEN)
+            density = smooth_max(density, fmin(-dot(p, edit->axis) * voxel_m, s), blend);
+    }
+    return density;
+}
