@@ -63,7 +63,8 @@ static karst_expr choice(derivation *d, karst_expr condition, karst_expr a, kars
 
 static karst_expr not_a_number(derivation *d)
 {
-    return karst_graph_number(d->graph, KARST_TYPE_FLOAT, karst_number_divide(karst_number_int(0), karst_number_int(0)));
+    return karst_graph_number(d->graph, KARST_TYPE_FLOAT,
+                              karst_number_divide(karst_number_int(0), karst_number_int(0)));
 }
 static karst_expr equal(derivation *d, karst_expr a, karst_expr b)
 {
@@ -80,27 +81,58 @@ static karst_expr both_of(derivation *d, karst_expr a, karst_expr b)
 /* What rounding may part of what ties in real numbers. */
 #define TIE 0x1p-20
 
-static karst_expr at_most(derivation *d, karst_expr a, karst_expr b)
+/* The magnitude that a value's rounding goes by: where a sum cancels that of its terms. KARST_NO_EXPR: its own. */
+static karst_expr scale_of(derivation *d, karst_expr e)
 {
-    karst_expr limit = karst_expr_1(d->graph, KARST_OP_ABS, karst_expr_2(d->graph, KARST_OP_MULTIPLY, b, number(d, TIE)));
-    return karst_expr_2(d->graph, KARST_OP_LESS_EQUAL, karst_expr_1(d->graph, KARST_OP_ABS, a), limit);
+    karst_graph *g = d->graph;
+    const karst_expr_node n = g->nodes[e];
+    karst_expr a = n.arg[0], b = n.arg[1], scale;
+    switch (n.op) {
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+        return karst_expr_1(g, KARST_OP_ABS, karst_graph_constant(g, a) ? a : karst_graph_constant(g, b) ? b : a);
+    case KARST_OP_FMA:
+        return karst_expr_1(g, KARST_OP_ABS, n.arg[2]);
+    case KARST_OP_MULTIPLY:
+    case KARST_OP_DIVIDE:
+        if (karst_graph_is_uniform(g, a) && n.op == KARST_OP_MULTIPLY)
+            a = n.arg[1], b = n.arg[0];
+        scale = karst_graph_is_uniform(g, b) ? scale_of(d, a) : KARST_NO_EXPR;
+        return scale ? karst_expr_2(g, (karst_op)n.op, scale, karst_expr_1(g, KARST_OP_ABS, b)) : scale;
+    case KARST_OP_NEGATE:
+    case KARST_OP_ABS:
+        return scale_of(d, a);
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+        scale = scale_of(d, a);
+        return scale ? scale : scale_of(d, b);
+    case KARST_OP_FRACT:
+        return number(d, 1);
+    case KARST_OP_MOD:
+        return karst_expr_1(g, KARST_OP_ABS, b);
+    default:
+        return KARST_NO_EXPR;
+    }
+}
+
+/* |a| <= TIE * scale */
+static karst_expr at_most(derivation *d, karst_expr a, karst_expr scale)
+{
+    return karst_expr_2(d->graph, KARST_OP_LESS_EQUAL, karst_expr_1(d->graph, KARST_OP_ABS, a),
+                        karst_expr_2(d->graph, KARST_OP_MULTIPLY, scale, number(d, TIE)));
 }
 
 /* Whether a value is 0, or what is left of one where a sum cancels. */
 static karst_expr is_zero(derivation *d, karst_expr a)
 {
-    const karst_expr_node *n = &d->graph->nodes[a];
-    switch (n->op) {
-    case KARST_OP_NEGATE:
-        return is_zero(d, n->arg[0]);
-    case KARST_OP_ADD:
-    case KARST_OP_SUBTRACT:
-        return at_most(d, a, n->arg[0]);
-    case KARST_OP_FMA:
-        return at_most(d, a, n->arg[2]);
-    default:
-        return equal(d, a, number(d, 0));
-    }
+    karst_expr scale = scale_of(d, a);
+    return scale ? at_most(d, a, scale) : equal(d, a, number(d, 0));
+}
+
+static bool is_constant_zero(const derivation *d, karst_expr a)
+{
+    const karst_number *n = karst_graph_constant(d->graph, a);
+    return n && karst_number_is(*n, 0);
 }
 
 /* Whether two values tie. */
@@ -108,11 +140,13 @@ static karst_expr are_near(derivation *d, karst_expr a, karst_expr b)
 {
     if (d->graph->nodes[a].type != KARST_TYPE_FLOAT)
         return equal(d, a, b);
-    if (karst_graph_constant(d->graph, b) && karst_number_is(*karst_graph_constant(d->graph, b), 0))
-        return is_zero(d, a);
-    if (karst_graph_constant(d->graph, a) && karst_number_is(*karst_graph_constant(d->graph, a), 0))
-        return is_zero(d, b);
-    return at_most(d, karst_expr_2(d->graph, KARST_OP_SUBTRACT, a, b), a);
+    if (is_constant_zero(d, a) || is_constant_zero(d, b))
+        return is_zero(d, is_constant_zero(d, b) ? a : b);
+    karst_expr of_a = scale_of(d, a), of_b = scale_of(d, b);
+    karst_expr scale = sum(d, of_a, of_b);
+    if (!scale)
+        scale = karst_expr_1(d->graph, KARST_OP_ABS, a);
+    return at_most(d, karst_expr_2(d->graph, KARST_OP_SUBTRACT, a, b), scale);
 }
 
 /* `condition`, which says that node e has a kink or jump here. */
@@ -205,7 +239,8 @@ static karst_expr slope_of_product(derivation *d, karst_expr e, karst_expr a, ka
                   : product_sum(d, da, b, product_sum(d, db, a, rest));
 }
 
-/* Where in a cell an argument lies, 0 to 1: of floor and its kin, fract and mod, and of what makes an int of a float. */
+/* Where in a cell an argument lies, 0 to 1: of floor and its kin, fract and mod, and of what makes an int of a float.
+ */
 static karst_expr part_of_cell(derivation *d, karst_expr e, const karst_expr_node *n)
 {
     karst_graph *g = d->graph;
@@ -300,8 +335,7 @@ static karst_expr after_of(derivation *d, karst_expr e, int axis)
     case KARST_OP_OR:
         return karst_expr_2(d->graph, (karst_op)n.op, d->after[a][axis], d->after[b][axis]);
     case KARST_OP_SELECT:
-        return karst_expr_3(d->graph, KARST_OP_SELECT, d->after[a][axis], d->after[b][axis],
-                            d->after[n.arg[2]][axis]);
+        return karst_expr_3(d->graph, KARST_OP_SELECT, d->after[a][axis], d->after[b][axis], d->after[n.arg[2]][axis]);
     default:
         return e;
     }
@@ -514,9 +548,9 @@ static uint32_t num_ops(const karst_graph *graph)
     uint32_t count = graph->num_nodes;
     for (karst_expr e = 1; e < graph->num_nodes; e++) {
         uint8_t op = graph->nodes[e].op;
-        count += op == KARST_OP_NOISE                                        ? KARST_EMIT_NOISE_OPS - 1
+        count += op == KARST_OP_NOISE                                   ? KARST_EMIT_NOISE_OPS - 1
                  : op == KARST_OP_SIN_TURNS || op == KARST_OP_COS_TURNS ? KARST_EMIT_TURNS_OPS - 1
-                                                                             : 0;
+                                                                        : 0;
     }
     return count;
 }
