@@ -58,6 +58,21 @@ typedef struct {
     karst_position at[NUM_POINTS];
 } subject;
 
+/* Ties, folds and cell faces on the lattice of voxels, of terms that tie in reals and not in floats. */
+static const char kinks[] =
+    "/*{ \"voxel\": 1 }*/\n"
+    "float cross(vec3 p) { return min(max(p.x, p.y), min(max(p.y, p.z), max(p.z, p.x))); }\n"
+    "float density(vec3 p) {\n"
+    "    vec3 q = p / 27.0;\n"
+    "    float d = max(abs(q.x), max(abs(q.y), abs(q.z))) - 20.0;\n"
+    "    for (int i = 0; i < 3; i++) {\n"
+    "        float s = float(i + 1) * 3.0;\n"
+    "        vec3 r = abs(1.0 - 3.0 * abs(mod(q * s, 2.0) - 1.0));\n"
+    "        d = max(d, (cross(r) - 1.0) / s);\n"
+    "    }\n"
+    "    return clamp(-d, -3.0, 3.0) * 27.0 + (p.x < p.z ? p.x - p.z : 0.0) + 0.1 * noise(p / 8.0);\n"
+    "}\n";
+
 static void expect(bool good, const karst_error *error)
 {
     if (!good)
@@ -204,11 +219,24 @@ static void test_everything(void **state)
     }
 }
 
+static void test_kinks(void **state)
+{
+    (void)state;
+    for (int lanes = 1; lanes <= 16; lanes += 15) {
+        subject s;
+        subject_make(&s, kinks, strlen(kinks), "kinks");
+        assert_non_null(strstr(s.source, "if (v_any(")); /* what only ties need is left out elsewhere */
+        compare(&s, "kinks", lanes, -1);
+        subject_finish(&s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shipped_worlds),
         cmocka_unit_test(test_everything),
+        cmocka_unit_test(test_kinks),
     };
     return cmocka_run_group_tests_name("surfaces", tests, NULL, NULL);
 }

@@ -16,12 +16,6 @@
 #include "core/device/context.h"
 #include "producers/language/graph/data.h"
 
-/* Above this many nodes compilers take too long: the program then runs the world's tape (tape_world.clh). */
-#define KARST_EMIT_MAX_OPS 4000u
-/* A call of noise is worth so many others: its text is short, what it calls is not. */
-#define KARST_EMIT_NOISE_OPS 40u
-/* And a sine of a place: exact turns of an affine form are reduced in 64 bits, which takes text. */
-#define KARST_EMIT_TURNS_OPS 10u
 /* Octaves are 140 bytes each of a brick's working memory. */
 #define KARST_EMIT_MAX_OCTAVES 2048u
 /* Octaves of a brick that are tensor products; others cost ten times as much. */

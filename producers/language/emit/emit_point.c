@@ -1,6 +1,7 @@
 /* The point form: world_point and world_colour. */
 #include "producers/language/emit/emit_internal.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 /* All that is marked. */
@@ -37,6 +38,70 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
 }
 
+/* ---- gradients ---- */
+
+/* A gradient's components are choices by one bool, whether anything ties (derive.h): which is rare, so what only the
+ * first side needs is put under a test. Returns the bool; KARST_NO_EXPR: there is none. */
+static karst_expr tie_of(const karst_emit *emit, const karst_expr gradient[3])
+{
+    for (int i = 0; i < 3; i++)
+        if (emit->graph->nodes[gradient[i]].op == KARST_OP_SELECT)
+            return emit->graph->nodes[gradient[i]].arg[0];
+    return KARST_NO_EXPR;
+}
+
+static bool chooses_by(const karst_emit *emit, karst_expr e, karst_expr tie)
+{
+    return emit->graph->nodes[e].op == KARST_OP_SELECT && emit->graph->nodes[e].arg[0] == tie;
+}
+
+/* What is computed in any case. Noises and exact places, which share declarations, always are. */
+static void mark_always(const karst_emit *emit, karst_expr density, const karst_expr gradient[3], karst_expr tie,
+                        uint8_t *always)
+{
+    always[density] = always[tie] = 1;
+    for (int i = 0; i < 3; i++)
+        always[chooses_by(emit, gradient[i], tie) ? emit->graph->nodes[gradient[i]].arg[2] : gradient[i]] = 1;
+    for (karst_expr e = emit->graph->num_nodes - 1; e > 0; e--) {
+        bool is_shared = emit->graph->nodes[e].op == KARST_OP_NOISE || karst_takes_place(emit->layout, e, 0);
+        if (!emit->nodes[e].needs || !(always[e] || is_shared))
+            continue;
+        karst_emit_input inputs[KARST_MAX_INPUTS];
+        size_t num_inputs = karst_emit_inputs(emit, e, inputs);
+        always[e] = 1;
+        for (size_t i = 0; i < num_inputs; i++)
+            always[inputs[i].e] = 1;
+    }
+}
+
+/* Sets `gradient`, all nodes being marked. False: nothing is written, since nothing can be left out. */
+static bool gradient_lines(karst_emit *emit, karst_expr density, const karst_expr gradient[3])
+{
+    const karst_expr tie = tie_of(emit, gradient);
+    uint8_t *always = tie ? calloc(emit->graph->num_nodes, 1) : NULL;
+    karst_text *text = &emit->text;
+    if (!always)
+        return false;
+    mark_always(emit, density, gradient, tie, always);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && always[e])
+            karst_emit_lines(emit, e);
+    for (int i = 0; i < 3; i++) {
+        karst_expr taken = chooses_by(emit, gradient[i], tie) ? emit->graph->nodes[gradient[i]].arg[2] : gradient[i];
+        karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, taken).text);
+    }
+    karst_text_add(text, "    if (v_any(%s)) {\n", karst_emit_operand(emit, tie).text);
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && !always[e])
+            karst_emit_lines(emit, e);
+    for (int i = 0; i < 3; i++)
+        if (!always[gradient[i]])
+            karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, gradient[i]).text);
+    karst_text_add(text, "    }\n");
+    free(always);
+    return true;
+}
+
 void karst_emit_surfaces(karst_emit *emit)
 {
     const karst_resolved_world *world = &emit->layout->world;
@@ -46,9 +111,13 @@ void karst_emit_surfaces(karst_emit *emit)
                    "K_INLINE K_WIDE vfloat world_surface(world_data data, const world_point_at *place, int level, "
                    "vfloat gradient[3])\n{\n%s",
                    begin);
-    lines_of(emit, roots, 4);
-    for (int i = 0; i < 3; i++)
-        karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, world->gradient[i]).text);
+    karst_emit_mark(emit, roots, 4);
+    karst_emit_begin_block(emit, (karst_block){.is_point = true});
+    if (!gradient_lines(emit, world->density, world->gradient)) {
+        marked_lines(emit);
+        for (int i = 0; i < 3; i++)
+            karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, world->gradient[i]).text);
+    }
     karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
 }
 

@@ -20,6 +20,14 @@ typedef struct {
 /* karst_graph_check, and whether the roots are floats. */
 bool karst_resolved_world_check(const karst_resolved_world *world, const char **fault);
 
+/* Above this many nodes of generated code compilers take too long: a density runs its tape then (tape_world.clh), and a
+ * gradient has none. */
+#define KARST_EMIT_MAX_OPS 4000u
+/* A call of noise is worth so many others: its text is short, what it calls is not. */
+#define KARST_EMIT_NOISE_OPS 40u
+/* And a sine of a place: exact turns of an affine form are reduced in 64 bits, which takes text. */
+#define KARST_EMIT_TURNS_OPS 10u
+
 #define KARST_NO_WORD 0xffffffffu
 
 typedef struct {

@@ -1,8 +1,12 @@
 /* The gradient of a density as a graph: three more outputs of the same kind, so that every back end has it.
  *
- * Forward differentiation, node by node, of the resolved graph. At a tie it is the derivative of the side that `select`
- * takes; jumps contribute 0, and so does what is piecewise constant, and a root or a length at 0. Where a density is
- * not finite, its gradient need not be. */
+ * Forward differentiation, node by node, of the resolved graph. Where a density has a kink (a tie of min or max, a zero
+ * of abs, a choice whose sides agree) each component is one of the two one-sided slopes of the density along its axis,
+ * whatever kinks its terms have there: of the side that `select` takes, where that is one of them. Jumps contribute 0,
+ * and so does what is piecewise constant, and a root or a length at 0. Ties are not looked at, and the slope is that of
+ * the terms that `select` takes, where two terms jump, one to each side, and the density does not; and in densities
+ * whose gradient would be too large for generated code with both sides in it. Where a density is not finite, its
+ * gradient need not be. */
 #ifndef KARST_LANGUAGE_DERIVE_H
 #define KARST_LANGUAGE_DERIVE_H
 
