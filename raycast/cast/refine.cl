@@ -11,6 +11,10 @@
 #define REFINE_REACH 2.0f
 /* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
 #define REFINE_CLOSE 0.015625f
+/* Longer steps ahead, in voxels, are taken only if all is air at so many places: parts of the way, and as many parts of
+ * the voxel behind. */
+#define REFINE_AHEAD 0.25f
+#define REFINE_LOOKS 4
 /* Where Newton's step does not lead nearer: steps towards the other sign, in voxels, and so many to narrow what they
  * find. */
 #define REFINE_SEARCH_STEPS 5
@@ -142,6 +146,8 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
     vfloat voxels_per_unit = voxels_per_m / slope;
     vfloat step = -d0 * voxels_per_unit, t1 = t, d1 = d0;
+    /* What is exact stays; only its normal may be wanted, if it looks back along the ray. */
+    vint exact = m & v_eq(d0, zero);
     r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(REFINE_REACH * voxel));
     r.t = v_select(r.found, lane_max(t + step, zero), t);
     vint unsure = r.found & v_gt(k_fabs(step), (vfloat)(REFINE_CLOSE * voxel));
@@ -157,13 +163,23 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
         next = v_select(v_le(k_fabs(next), k_fabs(step)), next, zero);
         r.t = v_select(unsure, lane_max(t1 + next, zero), r.t);
     }
-    vint rest = m & ~r.found & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
+    vint rest = m & ~r.found & ~exact & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
     if (v_any(rest)) {
         refined searched = refine_by_search(field, t, d0, t1, d1, rest);
         r.t = v_select(searched.found, searched.t, r.t);
         for (int i = 0; i < 3; i++)
             r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);
         r.found |= searched.found;
+    }
+    /* Whoever would go ahead looks on the way, and back: the surface may be there, and this one another. */
+    r.found &= v_le(r.t - t, (vfloat)(REFINE_REACH * voxel));
+    vint ahead = r.found & v_gt(r.t - t, (vfloat)(REFINE_AHEAD * voxel));
+    for (int i = 1; i < 2 * REFINE_LOOKS && v_any(ahead); i++) {
+        const float part = (float)i / REFINE_LOOKS;
+        vfloat at = part < 1.0f ? k_fma(r.t - t, (vfloat)(part), t) : lane_max(t - (part - 0.75f) * voxel, zero);
+        vint solid = ahead & is_positive(field_density(field, at));
+        r.found &= ~solid;
+        ahead &= ~solid;
     }
     return r;
 }
