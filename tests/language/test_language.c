@@ -1,6 +1,8 @@
 /* What texts mean: values of expressions and statements, by the oracle, against numbers worked out in C. */
 #include "world_text.h"
 
+#define M4 "mat4(2, 0, 1, 3, 1, 3, 2, -1, 1, 1, 4, 2, 0, 2, -3, 1)"
+
 /* p = (1.25, -2.5, 3.75) */
 static const struct {
     const char *expression;
@@ -85,6 +87,12 @@ static const struct {
     {"(mat2(1, 2, 3, 4) + 1.0)[1].x", 4},
     {"(mat2(1, 2, 3, 4) - mat2(1.0))[0].x", 0},
     {"mat4(3.0)[3].w", 3},
+    {"determinant(" M4 ")", 80},
+    {"(inverse(" M4 ") * " M4 ")[2].z", 1},
+    {"length(abs((inverse(" M4 ") * " M4 ")[0]) + abs((" M4 " * inverse(" M4 "))[3]))", 1.4142135623730951},
+    {"outerProduct(vec2(1, 2), vec2(4, 5))[1].y", 10},
+    {"outerProduct(vec4(1, 2, 3, 4), vec4(4, 5, 6, 7))[3].w", 28},
+    {"matrixCompMult(mat4(2.0), mat4(3.0))[3].w", 6},
     {"outerProduct(vec3(1, 2, 3), vec3(4, 5, 6))[2].y", 12},
     /* functions */
     {"floor(p.y) + ceil(p.y)", -5},
