@@ -506,10 +506,27 @@ static void p_loop(random_text *g, int depth)
     int outer = g->num_variables, most = 2 + (int)p_random(g, 3);
     long times = g->times;
     const p_variable *x = p_pick(g, P_FLOAT, true);
-    bool stays = false; /* the counter is declared before the loop */
+    bool stays = false, is_do = false; /* stays: the counter is declared before the loop */
     p_new_name(g, name, 'i');
     g->num_loops++;
-    switch (p_random(g, 5)) {
+    switch (p_random(g, 8)) {
+    case 5: /* a condition that varies before one that counts */
+        if (x) {
+            put(g, "int %s = 0;\nwhile (%s < %d.5 && %s++ < %d) {\n%s += 0.75;\n", name, x->name, (int)p_random(g, 4),
+                name, most, x->name);
+            stays = true;
+            break;
+        }   /* fall through */
+    case 6: /* a counter that ends what only varies */
+        put(g, "int %s = 0;\nwhile (", name);
+        p_expression(g, P_BOOL, 2);
+        put(g, ") {\nif (++%s > %d) break;\n", name, most);
+        stays = true;
+        break;
+    case 7:
+        put(g, "int %s = 0;\ndo {\n", name);
+        stays = is_do = true;
+        break;
     case 0:
         put(g, "for (int %s = %d; %s > 0; %s--) {\n", name, most, name, name);
         break;
@@ -543,7 +560,10 @@ static void p_loop(random_text *g, int depth)
         p_leave(g, name);
     p_statements(g, 1 + (int)p_random(g, 2), depth - 1);
     g->num_variables = inner;
-    put(g, "}\n");
+    if (is_do)
+        put(g, "} while (++%s < %d);\n", name, most);
+    else
+        put(g, "}\n");
     g->num_variables = outer;
     if (stays)
         p_declared(g, name, P_INT, false);

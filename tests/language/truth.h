@@ -10,14 +10,15 @@
 
 #define TRUTH_FEATURES(F)                                                                                              \
     F(CALL)                                                                                                            \
-    F(CALL_WITH_OWN_PARAMETER_CHANGED) F(CALL_IN_CHOICE) F(CALL_OF_SEVERAL_ARGUMENTS) F(OVERLOAD) F(OUT) F(INOUT)      \
-        F(OUT_OF_ELEMENT) F(GLOBAL_READ) F(GLOBAL_WRITTEN) F(GLOBAL_INITIALISER_OF_GLOBAL) F(EARLY_RETURN)             \
-            F(RETURN_IN_LOOP) F(CHOICE) F(NESTED_CHOICE) F(IF) F(ELSE) F(FOR) F(NESTED_FOR) F(BREAK) F(CONTINUE)       \
-                F(LOOP_CONDITION_OF_SEVERAL) F(ARRAY_CONSTANT_INDEX) F(ARRAY_VARYING_INDEX) F(ARRAY_WRITTEN)           \
-                    F(STRUCT_FIELD) F(STRUCT_WRITTEN) F(SWIZZLE) F(SWIZZLE_WRITTEN) F(COMPOUND) F(STEP_PREFIX)         \
-                        F(STEP_POSTFIX) F(AND) F(OR) F(SHORT_CIRCUIT_SKIPS) F(ASSIGNMENT_AS_VALUE) F(COMMA)            \
-                            F(MATRIX_PRODUCT) F(MATRIX_COLUMN) F(INT) F(UINT) F(BITS) F(SHADOWED) F(VECTOR_COMPARISON) \
-                                F(CONVERSION) F(MACRO) F(LIST)
+    F(CALL_WITH_OWN_PARAMETER_CHANGED)                                                                                 \
+    F(CALL_IN_CHOICE) F(CALL_OF_SEVERAL_ARGUMENTS) F(OVERLOAD) F(OUT) F(INOUT) F(OUT_OF_ELEMENT) F(GLOBAL_READ)        \
+        F(GLOBAL_WRITTEN) F(GLOBAL_INITIALISER_OF_GLOBAL) F(EARLY_RETURN) F(RETURN_IN_LOOP) F(CHOICE) F(NESTED_CHOICE) \
+            F(IF) F(ELSE) F(FOR) F(NESTED_FOR) F(BREAK) F(CONTINUE) F(LOOP_CONDITION_OF_SEVERAL)                       \
+                F(ARRAY_CONSTANT_INDEX) F(ARRAY_VARYING_INDEX) F(ARRAY_WRITTEN) F(STRUCT_FIELD) F(STRUCT_WRITTEN)      \
+                    F(SWIZZLE) F(SWIZZLE_WRITTEN) F(COMPOUND) F(STEP_PREFIX) F(STEP_POSTFIX) F(AND) F(OR)              \
+                        F(SHORT_CIRCUIT_SKIPS) F(ASSIGNMENT_AS_VALUE) F(COMMA) F(MATRIX_PRODUCT) F(MATRIX_COLUMN)      \
+                            F(INT) F(UINT) F(BITS) F(SHADOWED) F(WHILE) F(DO) F(VECTOR_COMPARISON) F(CONVERSION)       \
+                                F(MACRO) F(LIST)
 
 #define TRUTH_NAME_OF(name) TRUTH_##name,
 enum { TRUTH_FEATURES(TRUTH_NAME_OF) NUM_TRUTH_FEATURES };
@@ -531,7 +532,10 @@ static way loop(truth *t, const karst_ast_statement *s)
     t->num_loops++;
     if (s->first)
         execute(t, s->first);
-    while (w != BREAKS && w != RETURNS && (!s->value || is_true(evaluate(t, s->value)))) {
+    bool runs = s->runs_first;
+    t->seen[TRUTH_WHILE] |= s->value && !s->first && !s->step && !s->runs_first;
+    t->seen[TRUTH_DO] |= s->runs_first;
+    for (; w != BREAKS && w != RETURNS && (runs || !s->value || is_true(evaluate(t, s->value))); runs = false) {
         t->seen[TRUTH_LOOP_CONDITION_OF_SEVERAL] |= s->value && s->value->op == KARST_P2('&', '&');
         w = block(t, s->body);
         if (w != BREAKS && w != RETURNS && s->step)

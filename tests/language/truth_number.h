@@ -58,16 +58,19 @@ static bool same(cell a, cell b)
     return a.v == b.v;
 }
 
+/* How far a decision between whole numbers may be off: a float rounds the fraction of a period. */
+static double reach(cell a) { return a.e > 0 ? a.e + truth_unit : 0; }
+
 /* floor: decided on both sides of the error. */
 static cell whole_below(cell a)
 {
-    truth_doubt |= floor(a.v - a.e) != floor(a.v + a.e);
+    truth_doubt |= floor(a.v - reach(a)) != floor(a.v + reach(a));
     return exactly(floor(a.v));
 }
 static cell whole_above(cell a) { return negate(whole_below(negate(a))); }
 static cell whole_nearest(cell a) /* halves to the even side */
 {
-    truth_doubt |= rint(a.v - a.e) != rint(a.v + a.e);
+    truth_doubt |= rint(a.v - reach(a)) != rint(a.v + reach(a));
     return exactly(rint(a.v));
 }
 static cell whole_towards_zero(cell a) { return a.v < 0 ? whole_above(a) : whole_below(a); }
