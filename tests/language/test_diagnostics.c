@@ -144,19 +144,19 @@ static const struct {
      "    while (p.x > 1.0) p.x -= 1.0;\n"
      "    return p.x;\n"
      "}\n",
-     "world.karst:2:5: error: there is no 'while': a loop must have a bound\n"
+     "world.karst:2:5: error: nothing bounds this loop\n"
      "      while (p.x > 1.0) p.x -= 1.0;\n"
      "      ^\n"
-     "  write for (int i = 0; i < 100 && CONDITION; i++)"},
+     "  add a counter: for (int i = 0; i < 100 && CONDITION; i++)"},
     {"do_loop",
      "float density(vec3 p) {\n"
      "    do { p.x -= 1.0; } while (p.x > 1.0);\n"
      "    return p.x;\n"
      "}\n",
-     "world.karst:2:5: error: there is no 'do': a loop must have a bound\n"
+     "world.karst:2:5: error: nothing bounds this loop\n"
      "      do { p.x -= 1.0; } while (p.x > 1.0);\n"
      "      ^\n"
-     "  write for (int i = 0; i < 100; i++) { ... if (!CONDITION) break; }"},
+     "  add a counter: for (int i = 0; i < 100 && CONDITION; i++)"},
     {"switch_statement",
      "float density(vec3 p) {\n"
      "    switch (int(p.x)) { case 0: return 1.0; }\n"
@@ -211,7 +211,7 @@ static const struct {
     {"include",
      "#include \"noise.glsl\"\n"
      "float density(vec3 p) { return -p.y; }\n",
-     "world.karst:1:1: error: a world is one file: there is no #include\n"
+     "world.karst:1:1: warning: a world is one file: #include is passed over\n"
      "  #include \"noise.glsl\"\n"
      "  ^\n"
      "  paste the text of that file here"},

@@ -1,6 +1,8 @@
 /* What texts mean: values of expressions and statements, by the oracle, against numbers worked out in C. */
 #include "world_text.h"
 
+#define M4 "mat4(2, 0, 1, 3, 1, 3, 2, -1, 1, 1, 4, 2, 0, 2, -3, 1)"
+
 /* p = (1.25, -2.5, 3.75) */
 static const struct {
     const char *expression;
@@ -85,6 +87,27 @@ static const struct {
     {"(mat2(1, 2, 3, 4) + 1.0)[1].x", 4},
     {"(mat2(1, 2, 3, 4) - mat2(1.0))[0].x", 0},
     {"mat4(3.0)[3].w", 3},
+    {"determinant(" M4 ")", 80},
+    {"(inverse(" M4 ") * " M4 ")[2].z", 1},
+    {"length(abs((inverse(" M4 ") * " M4 ")[0]) + abs((" M4 " * inverse(" M4 "))[3]))", 1.4142135623730951},
+    {"mul(mat2(1, 2, 3, 4), vec2(5, 6)).x", 17}, /* of rows, as HLSL has them */
+    {"frac(vec2(p.y)).y", 0.5},
+    {"asinh(2.0)", 1.4436354751788103},
+    {"asinh(p.y)", -1.6472311463710958},
+    {"acosh(2.0)", 1.3169578969248166},
+    {"atanh(0.5)", 0.5493061443340548},
+    {"bitCount(0xf0f1) + bitCount(-1)", 41},
+    {"bitfieldReverse(1u) >> 30", 2},
+    {"findLSB(40) * 100 + findMSB(40) * 10 + findLSB(0) + findMSB(-1)", 348},
+    {"findMSB(0x80000000u) + findMSB(-256)", 38},
+    {"bitfieldExtract(0x1234u, 4, 8)", 35},
+    {"bitfieldExtract(0xf0, 4, 4)", -1},
+    {"bitfieldExtract(-1, 0, 32) + bitfieldExtract(7, 3, 0)", -1},
+    {"bitfieldInsert(0xffffu, 0u, 4, 8)", 61455},
+    {"bitfieldInsert(0, 5, 1, 0) + bitfieldInsert(1, 9, 0, 32)", 9},
+    {"outerProduct(vec2(1, 2), vec2(4, 5))[1].y", 10},
+    {"outerProduct(vec4(1, 2, 3, 4), vec4(4, 5, 6, 7))[3].w", 28},
+    {"matrixCompMult(mat4(2.0), mat4(3.0))[3].w", 6},
     {"outerProduct(vec3(1, 2, 3), vec3(4, 5, 6))[2].y", 12},
     /* functions */
     {"floor(p.y) + ceil(p.y)", -5},

@@ -64,6 +64,29 @@ static const struct {
     {"float density(vec3 p) { int i = 0, k = 0; float r = p.x; for (; i < 3 && r < 2.0 && k++ < 9; i++) r += 0.5;\n"
      "    return r + 100.0 * float(i) + 1000.0 * float(k); }",
      2.25 + 200 + 2000},
+    /* an offset whose denominator is as large as 60 bits */
+    {"float density(vec3 p) { return p.x - (3.0 + 1.0 / 3.0 / 768614336404564651.0); }", -1.75},
+    {"float density(vec3 p) { return 0.125 * p.x - (30.0 + 1.0 / 3.0 / 76861433640456467.0); }", 0.15625 - 30},
+    /* while and do */
+    {"float density(vec3 p) { int i = 0; float r = p.x; while (r < 4.0 && i++ < 20) r += 1.0;\n"
+     "    return r + 100.0 * float(i); }",
+     4.25 + 300},
+    {"float density(vec3 p) { float r = p.x; int i = 0; while (r < 40.0) { r += 1.0; if (++i >= 20) break; }\n"
+     "    return r + 100.0 * float(i); }",
+     21.25 + 2000},
+    {"float density(vec3 p) { float r = p.x; int i = 0; do { i++; if (i == 2) continue; r += 1.0; } while (i < 4);\n"
+     "    return r + 100.0 * float(i); }",
+     4.25 + 400},
+    {"float density(vec3 p) { float r = p.x; int i = 0; do r += 1.0; while (r < 4.0 && ++i < 5);\n"
+     "    return r + 100.0 * float(i); }",
+     4.25 + 200},
+    /* what means nothing here is passed over */
+    {"#pragma 3D what's\n#include \"3D.frag\"\n#version 300 es\nuniform sampler1D a; uniform usampler2DArray b;\n"
+     "float density(vec3 p) { return p.x; }",
+     1.25},
+    /* a product of a float and a place that moves another place */
+    {"float density(vec3 p) { float w = p.x * p.x; return floor(fma(w, p.y * 0.5, p.y * 0.5)); }", -4},
+    {"float density(vec3 p) { mat2 m = mat2(1.0, 0.0, p.x * p.x, 1.0); return fract((m * p.yy).x); }", 0.59375},
     /* iFrame stays an int */
     {"float density(vec3 p) { float s = 0.0; for (int m = min(iFrame, 0); m < 3; m++)\n"
      "    for (int n = min(iFrame, 0); n < 3; n++) s += 1.0; return s + float(iFrame / 2) + iTime + iTime; }",

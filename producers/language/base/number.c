@@ -393,6 +393,26 @@ static bool shift_rounded(wide v, bool sticky, int shift, wide *result)
     return bit_length(*result) <= 126;
 }
 
+/* |a| * 2^shift to the nearest integer, ties to even, by long division: as many bits as the result has. */
+static bool ratio_to_fixed(karst_number a, int shift, wide *result)
+{
+    uint64_t n = a.numerator < 0 ? 0 - (uint64_t)a.numerator : (uint64_t)a.numerator, d = (uint64_t)a.denominator;
+    wide quotient = n / d, rest = n % d;
+    if (shift < 0)
+        return shift_rounded(quotient, rest != 0, shift, result);
+    while (shift > 0) {
+        int step = shift < 64 ? shift : 64;
+        if (quotient && bit_length(quotient) + step > 126)
+            return false;
+        rest <<= step;
+        quotient = quotient << step | rest / d;
+        rest %= d;
+        shift -= step;
+    }
+    *result = quotient + (2 * rest > d || (2 * rest == d && (quotient & 1)));
+    return bit_length(*result) <= 126;
+}
+
 bool karst_number_to_fixed(karst_number a, int shift, __int128 *fixed)
 {
     if (!isfinite(a.value))
@@ -401,22 +421,16 @@ bool karst_number_to_fixed(karst_number a, int shift, __int128 *fixed)
         *fixed = 0;
         return true;
     }
-    wide v, result;
-    int e;
-    bool sticky = false;
-    if (a.denominator) { /* as many bits of the quotient as fit 127 */
-        uint64_t n = a.numerator < 0 ? 0 - (uint64_t)a.numerator : (uint64_t)a.numerator;
-        e = bit_length(n) - 127;
-        v = ((wide)n << -e) / (uint64_t)a.denominator;
-        sticky = ((wide)n << -e) % (uint64_t)a.denominator != 0;
-        /* Too few bits were kept only if the result would not fit anyway. */
-        if (e + shift > 0 && sticky)
+    wide result;
+    if (a.denominator) {
+        if (!ratio_to_fixed(a, shift, &result))
             return false;
     } else {
-        v = split(a.value, &e);
+        int e;
+        wide v = split(a.value, &e);
+        if (!shift_rounded(v, false, e + shift, &result))
+            return false;
     }
-    if (!shift_rounded(v, sticky, e + shift, &result))
-        return false;
     *fixed = a.value < 0 ? -(__int128)result : (__int128)result;
     return true;
 }

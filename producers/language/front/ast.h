@@ -53,7 +53,7 @@ typedef enum {
     KARST_AST_EVALUATE,
     KARST_AST_BLOCK,
     KARST_AST_IF,
-    KARST_AST_FOR,
+    KARST_AST_FOR, /* while and do too */
     KARST_AST_RETURN,
     KARST_AST_BREAK,
     KARST_AST_CONTINUE
@@ -61,6 +61,7 @@ typedef enum {
 
 struct karst_ast_statement {
     uint8_t kind;
+    bool runs_first; /* FOR: the body comes before the condition once */
     uint32_t where;
     karst_ast_variable *variables;         /* DECLARE */
     karst_ast_expr *value;                 /* EVALUATE, RETURN (may be NULL); condition of IF and FOR (may be NULL) */

@@ -180,6 +180,20 @@ static uint32_t lex_punctuation(const char *s, uint32_t left)
     return *s && strchr("+-*/%<>=!&|^~?:;,.()[]{}#", *s) ? (uint32_t)*s : 0;
 }
 
+/* Behind the name of a directive whose line means nothing here, so that it may hold anything: its end. */
+static uint32_t pass_over_line(const karst_source *source, const karst_token *name, uint32_t at, uint32_t end)
+{
+    static const char *const words[] = {"include", "import", "pragma", "version", "extension", "line", "error"};
+    const char *s = source->text;
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
+        if (name->length != strlen(words[i]) || memcmp(s + name->text, words[i], name->length))
+            continue;
+        while (at < end && s[at] != '\n' && !(s[at] == '/' && (s[at + 1] == '*' || s[at + 1] == '/')))
+            at += s[at] == '\\' && at + 1 < end ? 2 : 1; /* a spliced line goes on */
+    }
+    return at;
+}
+
 void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_t end, karst_tokens *tokens)
 {
     const char *s = source->text;
@@ -197,6 +211,9 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
                 karst_source_error(source, token.where, NULL, "this name has %u characters; 256 are allowed",
                                    token.length);
             token.what = karst_names_id(names, s + token.text, token.length);
+            const karst_token *before = tokens->count > first ? &tokens->items[tokens->count - 1] : NULL;
+            if (before && before->line_start && karst_token_is(before, '#'))
+                at = pass_over_line(source, &token, at, end);
         } else if (is_digit(c) || (c == '.' && at + 1 < end && is_digit(s[at + 1]))) {
             lex_number(source, &at, end, &token);
         } else {

@@ -137,17 +137,22 @@ typedef struct {
     size_t count, room;
 } kept;
 
+/* Which item has the slot: a new one keeps its present value. */
+static size_t remember(karst_lower_state *s, kept *k, uint32_t slot)
+{
+    for (size_t j = 0; j < k->count; j++)
+        if (k->items[j].slot == slot)
+            return j;
+    k->items = karst_arena_grow(s->arena, k->items, k->count, &k->room, k->count + 1, sizeof *k->items);
+    k->items[k->count] = (karst_change){.slot = slot, .value = s->slots[slot]};
+    return k->count++;
+}
+
 static void keep(karst_lower_state *s, kept *k, karst_expr live, size_t first)
 {
     for (size_t i = first; i < s->num_changes; i++) {
         karst_change c = s->changes[i];
-        size_t j = 0;
-        while (j < k->count && k->items[j].slot != c.slot)
-            j++;
-        if (j == k->count) {
-            k->items = karst_arena_grow(s->arena, k->items, k->count, &k->room, k->count + 1, sizeof *k->items);
-            k->items[k->count++] = (karst_change){.slot = c.slot, .value = s->slots[c.slot]};
-        }
+        size_t j = remember(s, k, c.slot);
         k->items[j].value = karst_expr_3(s->graph, KARST_OP_SELECT, live, c.value, k->items[j].value);
         karst_slot_set(s, c.slot, c.value);
     }
@@ -160,6 +165,24 @@ static void refresh(karst_lower_state *s, kept *k, karst_expr live)
     for (size_t j = 0; j < k->count; j++)
         k->items[j].value =
             karst_expr_3(s->graph, KARST_OP_SELECT, live, s->slots[k->items[j].slot], k->items[j].value);
+}
+
+/* Among the changes of a body that only some lanes executed: what was known before and is known after goes on for all
+ * lanes too, so that what a body counts ends a loop. */
+static void keep_known(karst_lower_state *s, kept *k, size_t first)
+{
+    size_t rest = first;
+    for (size_t i = first; i < s->num_changes; i++) {
+        karst_change c = s->changes[i];
+        bool flag = c.slot == s->frame.returned || c.slot == s->frame.broken || c.slot == s->frame.continued;
+        if (flag || !karst_graph_constant(s->graph, c.value) || !karst_graph_constant(s->graph, s->slots[c.slot])) {
+            s->changes[rest++] = c;
+            continue;
+        }
+        remember(s, k, c.slot);
+        karst_slot_set(s, c.slot, c.value);
+    }
+    s->num_changes = rest;
 }
 
 static karst_expr live_lanes(karst_lower_state *s)
@@ -180,7 +203,7 @@ static bool loop_goes_on(karst_lower_state *s, const karst_ast_statement *st, ke
     for (uint32_t i = n; i-- > 0 && !ends;) {
         karst_number known;
         karst_branch branch = karst_branch_open(s);
-        karst_expr value = karst_lower_condition(s, terms[i], "the condition of 'for'");
+        karst_expr value = karst_lower_condition(s, terms[i], "the condition of a loop");
         karst_branch_close(s, branch);
         keep(s, k, live, branch.changes);
         if (!karst_lower_try_constant(s, value, &known)) {
@@ -220,6 +243,49 @@ static _Noreturn void endless(karst_lower_state *s, const karst_ast_statement *s
                        "nothing bounds this loop");
 }
 
+static bool is_literal_step(const karst_ast_expr *e)
+{
+    return e && (e->kind == KARST_AST_STEP || (e->kind == KARST_AST_ASSIGN && e->op && e->b->kind == KARST_AST_NUMBER));
+}
+
+/* What may end a loop whose condition varies: something in it counts by a literal, and a break or return. */
+typedef struct {
+    bool counts, leaves;
+} ending;
+
+static void look_for_count(const karst_ast_expr *e, ending *found)
+{
+    for (; e && !found->counts; e = e->next) {
+        found->counts = is_literal_step(e);
+        look_for_count(e->a, found);
+        look_for_count(e->b, found);
+        look_for_count(e->c, found);
+    }
+}
+
+static void look_for_end(const karst_ast_statement *st, ending *found)
+{
+    for (; st; st = st->next) {
+        found->leaves |= st->kind == KARST_AST_BREAK || st->kind == KARST_AST_RETURN;
+        look_for_count(st->value, found);
+        look_for_count(st->step, found);
+        look_for_end(st->first, found);
+        look_for_end(st->body, found);
+        look_for_end(st->otherwise, found);
+    }
+}
+
+/* How often a loop may run while only what varies would end it. */
+static uint32_t most_unbounded(const karst_ast_statement *st)
+{
+    ending found = {0};
+    if (!st->value)
+        return 1024;
+    look_for_end(st->body, &found);
+    look_for_count(st->step, &found);
+    return found.counts && found.leaves ? 1024 : 4;
+}
+
 static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
 {
     size_t num_variables = s->num_variables;
@@ -234,13 +300,15 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
     s->slots[s->frame.broken] = s->slots[s->frame.continued] = s->no;
     kept k = {0};
     bool bounded = false;
-    for (uint32_t i = 0; loop_goes_on(s, st, &k, &bounded); i++) {
+    uint32_t most = most_unbounded(st);
+    for (uint32_t i = 0; (st->runs_first && i == 0) || loop_goes_on(s, st, &k, &bounded); i++) {
         /* Only what varies has ended it so far: give up before the graph is full. */
-        bool unbounded = !bounded && i == (st->value ? 4 : 1024) && !is_known(s, s->slots[s->frame.broken], false);
+        bool unbounded = !bounded && i == most && !is_known(s, s->slots[s->frame.broken], false);
         if (i == KARST_MAX_ITERATIONS || unbounded)
             endless(s, st, bounded);
         karst_lower_enter(s, st->where);
         karst_expr live = live_lanes(s);
+        bool all_left = false; /* who were still in it */
         if (i + 1 > s->io->max_iterations_seen)
             s->io->max_iterations_seen = i + 1;
         if (is_known(s, live, true)) {
@@ -252,12 +320,14 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
             karst_slot_set(s, s->frame.broken, s->no);
             lower_block(s, st->body);
             karst_slot_set(s, s->frame.continued, s->no);
+            all_left = is_known(s, live_lanes(s), false);
             karst_branch_close(s, branch);
+            keep_known(s, &k, branch.changes);
             karst_branch_merge(s, live, branch.changes, s->num_changes);
         }
         karst_lower_leave(s);
         refresh(s, &k, live);
-        if (is_known(s, live_lanes(s), false))
+        if (all_left || is_known(s, live_lanes(s), false))
             break;
         loop_step(s, st, &k);
     }

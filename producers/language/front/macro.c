@@ -338,8 +338,8 @@ static const karst_token *directive(preprocessor *p, const karst_token *t)
         p->ifs[p->num_ifs - 1].had_else = is_name(p, name, "else");
         return find_branch(p, t);
     } else if (is_name(p, name, "include") || is_name(p, name, "import")) {
-        karst_source_error(source, t->where, "paste the text of that file here",
-                           "a world is one file: there is no #include");
+        karst_source_warn(source, t->where, "paste the text of that file here",
+                          "a world is one file: #include is passed over");
     } else if (is_name(p, name, "error")) {
         karst_source_error(source, t->where, NULL, "the world stops here with #error");
     } else if (!is_name(p, name, "version") && !is_name(p, name, "extension") && !is_name(p, name, "pragma") &&

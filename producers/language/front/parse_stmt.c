@@ -138,6 +138,34 @@ static karst_ast_statement *parse_for(karst_parser *p)
     return s;
 }
 
+static karst_ast_statement *parse_while(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_FOR, karst_parser_peek(p)->where);
+    p->at++;
+    karst_parser_expect(p, '(', "behind 'while'");
+    s->value = karst_parse_expression(p);
+    karst_parser_expect(p, ')', "behind the condition");
+    s->body = parse_statement(p);
+    return s;
+}
+
+static karst_ast_statement *parse_do(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_FOR, karst_parser_peek(p)->where);
+    s->runs_first = true;
+    p->at++;
+    s->body = parse_statement(p);
+    if (karst_parser_keyword(p, karst_parser_peek(p)) != KARST_KEYWORD_WHILE)
+        karst_source_error(p->source, karst_parser_peek(p)->where, "write do { ... } while (CONDITION);",
+                           "expected 'while' behind the body of 'do', not %s",
+                           karst_parser_spell(p, karst_parser_peek(p)));
+    p->at++;
+    karst_parser_expect(p, '(', "behind 'while'");
+    s->value = karst_parse_expression(p);
+    karst_parser_expect(p, ')', "behind the condition");
+    return s;
+}
+
 /* NULL: an empty statement. */
 static karst_ast_statement *parse_statement_inner(karst_parser *p)
 {
@@ -169,11 +197,10 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
         karst_parser_expect(p, ';', "behind 'precision'");
         return NULL;
     case KARST_KEYWORD_WHILE:
-        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100 && CONDITION; i++)",
-                           "there is no 'while': a loop must have a bound");
+        return parse_while(p);
     case KARST_KEYWORD_DO:
-        karst_source_error(p->source, t->where, "write for (int i = 0; i < 100; i++) { ... if (!CONDITION) break; }",
-                           "there is no 'do': a loop must have a bound");
+        s = parse_do(p);
+        break;
     case KARST_KEYWORD_SWITCH:
         karst_source_error(p->source, t->where, "write if (x == 0) ... else if (x == 1) ...", "there is no 'switch'");
     case KARST_KEYWORD_GOTO:

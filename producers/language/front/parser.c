@@ -42,12 +42,42 @@ static const struct {
     {"__constant", KARST_KEYWORD_CONST},
     {"constant", KARST_KEYWORD_CONST},
     {"__private", KARST_KEYWORD_QUALIFIER},
-    {"sampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"sampler3D", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"samplerCube", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"image2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"image2d_t", KARST_KEYWORD_UNSUPPORTED_TYPE},
-    {"isampler2D", KARST_KEYWORD_UNSUPPORTED_TYPE},
+};
+/* GLSL's also with i and u in front. */
+static const char *const textures[] = {
+    "sampler1D",
+    "sampler2D",
+    "sampler3D",
+    "samplerCube",
+    "sampler2DArray",
+    "sampler1DArray",
+    "sampler2DRect",
+    "samplerBuffer",
+    "samplerCubeArray",
+    "sampler2DMS",
+    "sampler2DMSArray",
+    "sampler1DShadow",
+    "sampler2DShadow",
+    "samplerCubeShadow",
+    "sampler2DArrayShadow",
+    "sampler1DArrayShadow",
+    "sampler2DRectShadow",
+    "samplerCubeArrayShadow",
+    "image1D",
+    "image2D",
+    "image3D",
+    "imageCube",
+    "image2DArray",
+    "imageBuffer",
+    "image2d_t",
+    "image3d_t",
+    "sampler_t",
+    "samplerExternalOES",
+    "Texture1D",
+    "Texture2D",
+    "Texture3D",
+    "TextureCube",
+    "SamplerState",
 };
 static const char *const type_names[] = {
     "void",   "float",  "int",   "uint",  "bool",  "vec2",  "vec3",  "vec4",  "ivec2",  "ivec3",  "ivec4",  "uvec2",
@@ -61,6 +91,16 @@ void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *
         uint32_t id = karst_names_id(names, keywords[i].name, strlen(keywords[i].name));
         names->items[id].keyword = (uint16_t)keywords[i].keyword;
     }
+    for (size_t i = 0; i < sizeof textures / sizeof *textures; i++)
+        for (const char *front = "iu"; front; front = *front ? front + 1 : NULL) {
+            char name[32];
+            size_t n = 0;
+            if (*front)
+                name[n++] = *front;
+            for (const char *c = textures[i]; *c; c++)
+                name[n++] = *c;
+            names->items[karst_names_id(names, name, n)].keyword = KARST_KEYWORD_UNSUPPORTED_TYPE;
+        }
     for (size_t i = 0; i < sizeof type_names / sizeof *type_names; i++) {
         uint32_t id = karst_names_id(names, type_names[i], strlen(type_names[i]));
         names->items[id].keyword = KARST_KEYWORD_TYPE;

@@ -119,6 +119,13 @@ static bool uses_place(const resolver *r, const karst_expr_node *n, int k)
     }
 }
 
+/* Of fma(a, b, c) with neither a nor b uniform: the product is a float that shifts c. */
+static bool is_float_factor(const resolver *r, const karst_expr_node *n, int k)
+{
+    return n->op == KARST_OP_FMA && k < 2 && class_of_factor(r, n->arg[0], false) != FORM_UNIFORM &&
+           class_of_factor(r, n->arg[1], false) != FORM_UNIFORM;
+}
+
 static void want_arguments(resolver *r, karst_expr e)
 {
     const karst_expr_node *n = &r->from->nodes[e];
@@ -127,7 +134,7 @@ static void want_arguments(resolver *r, karst_expr e)
         r->wants[e] |= WANT_FORM; /* its float comes from the form, too */
     if (r->wants[e] & WANT_FORM)
         for (int k = 0; k < 4; k++)
-            r->wants[n->arg[k]] |= has_form(r, n->arg[k]) ? WANT_FORM : WANT_VALUE;
+            r->wants[n->arg[k]] |= has_form(r, n->arg[k]) && !is_float_factor(r, n, k) ? WANT_FORM : WANT_VALUE;
     if (!(r->wants[e] & WANT_VALUE) || r->class[e] == FORM_AFFINE)
         return;
     for (int k = 0; k < 4; k++)
