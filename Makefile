@@ -59,7 +59,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/accuracy.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
+TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/accuracy.sh tests/cli/environment.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)

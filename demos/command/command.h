@@ -6,7 +6,8 @@
  *   command_output.c   files that appear whole or not at all
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
- *   command_threads.c  which CPUs a CPU device's threads run on
+ *   command_driver.c   what is asked of the OpenCL driver before it is opened
+ *   command_process.c  descriptors, stacks, and what is said when the program dies
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
@@ -169,17 +170,46 @@ void command_print_worlds(FILE *file);
 /* ---- command_interrupt.c ---- */
 
 void command_catch_interrupts(void);
-bool command_interrupted(void); /* by SIGINT or SIGTERM, since then */
+/* By SIGINT, SIGTERM or SIGHUP, since then. Who sees it has 750 ms to clean up, then the program ends by the signal, as
+ * it does if nobody looks for so long. */
+bool command_interrupted(void);
+/* Meanwhile the program does not end for having taken too long: it is writing what was asked for. */
+void command_hold_interrupts(bool held);
+/* As long as there is something that only this program knows, it is given five seconds. */
+void command_have_much_to_lose(bool much);
+/* What is still to do are things that the end of a process does as well. */
+void command_have_all_saved(void);
+/* Ends the program by the signal that interrupted it, so that a shell's loop ends too. A command that is done all the
+ * same (a window that was asked to close) does so only by SIGINT. */
+void command_end_if_interrupted(bool done);
+/* Files to be removed if the program has to end in the middle of something; a few at a time. */
+void command_add_temporary(const char *path);
+void command_drop_temporary(const char *path);
 /* Fails with this instead of what *error says: LLVM, inside PoCL, answers those signals by removing its temporary
  * files, so what was being built then fails, and that is not what to tell. Returns false. */
 bool command_fail_interrupted(karst_error *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* ---- command_threads.c ---- */
+/* ---- command_driver.c ---- */
 
-/* Before anything of OpenCL: asks PoCL to bind its threads to a CPU each, where that is safe and nobody else has set
- * POCL_AFFINITY. The work of a frame is many short launches, and a thread that wakes where the other one runs waits for
- * milliseconds before it is moved to an idle CPU. */
-void command_bind_threads(void);
+/* Before anything of OpenCL: gives the driver a store of Karst's own (karst/driver.h), and asks PoCL to bind its threads
+ * to a CPU each, where that is safe and nobody else has set POCL_AFFINITY: the work of a frame is many short launches,
+ * and a thread that wakes where the other one runs waits for milliseconds before it is moved to an idle CPU. */
+void command_open_driver(command_talk *talk);
+
+/* ---- command_process.c ---- */
+
+/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say nothing),
+ * so that no file opened later takes their place. */
+void command_open_descriptors(void);
+bool command_can_write_stdout(void); /* false: it was closed */
+bool command_can_read_stdin(void);
+/* Runs `function` where the stack is large enough for a compiler, on a thread of its own if need be, and sees to it that
+ * threads that are started later have such stacks. Returns what it returns. */
+int command_run_with_stack(int (*function)(int, char **), int argc, char **argv);
+/* Fails if a limit of this process's addresses leaves no room for a pool and a driver. */
+bool command_check_memory(command_talk *talk, double pool_mib, bool with_display, karst_error *error);
+/* From then on a crash says a line on stderr before the program dies of it. */
+void command_catch_crashes(void);
 
 /* ---- command_record.c ---- */
 

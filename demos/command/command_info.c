@@ -19,14 +19,15 @@ void command_print_version(FILE *file)
 
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    (void)talk;
     size_t num_words;
     bool help;
     if (!command_parse(argc, argv, NULL, 0, NULL, 0, &num_words, &help, error))
         return false;
     if (help)
         puts("karst info: lists devices, ways to display and limits, and says how to mend what is missing.");
-    else
+    else {
+        command_open_driver(talk);
         karst_info(print_line, stdout);
+    }
     return true;
 }

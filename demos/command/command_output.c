@@ -31,6 +31,8 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
     if (!*path)
         return karst_fail(error, KARST_USAGE, "%s: which file? Its name is empty", option);
     if (is_stdout(path)) {
+        if (!command_can_write_stdout())
+            return karst_fail(error, KARST_FAILED, "%s -: stdout is closed; name a file", option);
         if (binary && isatty(STDOUT_FILENO))
             return karst_fail(error, KARST_USAGE, "%s -: stdout is a terminal; send it to a file or a pipe", option);
         return true;
@@ -149,8 +151,8 @@ static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgb
     return written;
 }
 
-bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           karst_error *error)
+static bool write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                          karst_error *error)
 {
     if (!is_stdout(path))
         return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, error)
@@ -165,5 +167,14 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
     bool written = karst_image_write_png(picture, rgba, width_px, height_px, error) && copy_to_stdout(picture, error);
     unlink(picture);
     rmdir(scratch);
+    return written;
+}
+
+bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                           karst_error *error)
+{
+    command_hold_interrupts(true);
+    bool written = write_picture(path, engine, rgba, width_px, height_px, error);
+    command_hold_interrupts(false);
     return written;
 }

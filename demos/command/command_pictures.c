@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <spawn.h>
 #include <stdlib.h>
 #include <string.h>
@@ -179,6 +180,7 @@ static bool start_video(command_pictures *pictures, double fps, karst_error *err
         pictures->temporary = NULL;
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", pictures->output, strerror(errno));
     }
+    command_add_temporary(pictures->temporary);
     mode_t mask = umask(0);
     umask(mask);
     fchmod(fd, 0666 & ~mask);
@@ -227,6 +229,7 @@ static bool finish_video(command_pictures *pictures, karst_error *error)
         return karst_fail(error, KARST_FAILED, FFMPEG " failed: %s", line);
     if (rename(pictures->temporary, pictures->output) != 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", pictures->output, strerror(errno));
+    command_drop_temporary(pictures->temporary);
     free(pictures->temporary);
     pictures->temporary = NULL;
     return true;
@@ -268,12 +271,15 @@ void command_pictures_discard(command_pictures *pictures)
     if (pictures->input >= 0)
         close(pictures->input);
     if (pictures->ffmpeg) {
-        /* It ends by itself, for want of input; what it made is thrown away. */
+        /* What it made is thrown away. */
         char line[300];
+        kill(pictures->ffmpeg, SIGKILL);
         wait_for_ffmpeg(pictures, line, sizeof line);
     }
-    if (pictures->temporary)
+    if (pictures->temporary) {
         unlink(pictures->temporary);
+        command_drop_temporary(pictures->temporary);
+    }
     if (pictures->said)
         fclose(pictures->said);
     free(pictures->temporary);

@@ -1,5 +1,10 @@
+<<<<<<<< HEAD:demos/command/command_threads.c
 /* Where the threads of a CPU device run. */
 #include "demos/command/command.h"
+========
+/* What is asked of the OpenCL driver before it is opened: where its threads run, and where it keeps what it compiled. */
+#include "demos/command/command.h"
+>>>>>>>> f98c8c0 (driver: a store of compiled kernels of Karst's own, set aside where a run died in it; why there is no device; closed descriptors, small stacks, signals):demos/command_driver.c
 
 #include <sched.h>
 #include <stdlib.h>
@@ -19,9 +24,16 @@ static bool has_all_cpus(void)
     return true;
 }
 
-void command_bind_threads(void)
+static void bind_threads(void)
 {
     /* More threads than CPUs are somebody's wish. */
     if (!getenv("POCL_MAX_PTHREAD_COUNT") && !getenv("POCL_CPU_MAX_CU_COUNT") && has_all_cpus())
         setenv("POCL_AFFINITY", "1", 0);
+}
+
+void command_open_driver(command_talk *talk)
+{
+    const karst_log log = command_log(talk);
+    bind_threads();
+    karst_driver_begin(&log);
 }
