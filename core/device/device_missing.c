@@ -1,5 +1,5 @@
 /* Why there is no device: what is said is to help, so what is installed is looked at. */
-#include "core/device_missing.h"
+#include "core/device/device_missing.h"
 
 #include <dirent.h>
 #include <dlfcn.h>
@@ -10,7 +10,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include "core/driver_internal.h"
+#include "core/device/driver_internal.h"
 
 #define VENDORS "/etc/OpenCL/vendors"
 #define INSTALL "install pocl-opencl-icd (CPU) or your GPU's OpenCL driver"

@@ -2,7 +2,7 @@
 #ifndef KARST_CORE_DEVICE_MISSING_H
 #define KARST_CORE_DEVICE_MISSING_H
 
-#include "core/context.h"
+#include "core/device/context.h"
 
 /* Fails with KARST_NO_DEVICE: whether a driver is missing, cannot be loaded or gives no device, why, and what to do.
  * The codes are those of listing platforms and of the last listing of devices. Returns 0. */

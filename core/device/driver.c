@@ -16,8 +16,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include "core/driver_internal.h"
-#include "core/store.h"
+#include "core/device/driver_internal.h"
+#include "core/device/store.h"
 
 #define FOLDER_VARIABLE "POCL_CACHE_DIR"
 /* A start of a world writes one and a half MiB. */
@@ -279,7 +279,8 @@ void karst_driver_begin(const karst_log *log)
     }
     if (!is_usual)
         karst_log_print(log, KARST_LOG_WARNING,
-                        "compiled kernels cannot be kept in %s (%s): they go to %s; KARST_CACHE_DIR names another place",
+                        "compiled kernels cannot be kept in %s (%s): they go to %s; KARST_CACHE_DIR names another "
+                        "place",
                         place, why, path);
     if (setenv(FOLDER_VARIABLE, path, 1) == 0)
         set_marker(path);

@@ -1,7 +1,7 @@
 /* Built programs on disk: see core/device/program_cache.h. */
 #include "core/device/program_cache.h"
 
-#include "core/store.h"
+#include "core/device/store.h"
 
 #include <dirent.h>
 #include <errno.h>

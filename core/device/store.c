@@ -1,5 +1,5 @@
 /* Folders of what is kept: see core/store.h. */
-#include "core/store.h"
+#include "core/device/store.h"
 
 #include <errno.h>
 #include <stdio.h>

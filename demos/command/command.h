@@ -191,20 +191,21 @@ bool command_fail_interrupted(karst_error *error, const char *format, ...) __att
 
 /* ---- command_driver.c ---- */
 
-/* Before anything of OpenCL: gives the driver a store of Karst's own (karst/driver.h), and asks PoCL to bind its threads
- * to a CPU each, where that is safe and nobody else has set POCL_AFFINITY: the work of a frame is many short launches,
- * and a thread that wakes where the other one runs waits for milliseconds before it is moved to an idle CPU. */
+/* Before anything of OpenCL: gives the driver a store of Karst's own (karst/driver.h), and asks PoCL to bind its
+ * threads to a CPU each, where that is safe and nobody else has set POCL_AFFINITY: the work of a frame is many short
+ * launches, and a thread that wakes where the other one runs waits for milliseconds before it is moved to an idle
+ * CPU. */
 void command_open_driver(command_talk *talk);
 
 /* ---- command_process.c ---- */
 
-/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say nothing),
- * so that no file opened later takes their place. */
+/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say
+ * nothing), so that no file opened later takes their place. */
 void command_open_descriptors(void);
 bool command_can_write_stdout(void); /* false: it was closed */
 bool command_can_read_stdin(void);
-/* Runs `function` where the stack is large enough for a compiler, on a thread of its own if need be, and sees to it that
- * threads that are started later have such stacks. Returns what it returns. */
+/* Runs `function` where the stack is large enough for a compiler, on a thread of its own if need be, and sees to it
+ * that threads that are started later have such stacks. Returns what it returns. */
 int command_run_with_stack(int (*function)(int, char **), int argc, char **argv);
 /* Fails if a limit of this process's addresses leaves no room for a pool and a driver. */
 bool command_check_memory(command_talk *talk, double pool_mib, bool with_display, karst_error *error);

@@ -1,10 +1,5 @@
-<<<<<<<< HEAD:demos/command/command_threads.c
-/* Where the threads of a CPU device run. */
+/* What is asked of the OpenCL driver before it is opened: where its threads run, and where it keeps what it compiles. */
 #include "demos/command/command.h"
-========
-/* What is asked of the OpenCL driver before it is opened: where its threads run, and where it keeps what it compiled. */
-#include "demos/command/command.h"
->>>>>>>> f98c8c0 (driver: a store of compiled kernels of Karst's own, set aside where a run died in it; why there is no device; closed descriptors, small stacks, signals):demos/command_driver.c
 
 #include <sched.h>
 #include <stdlib.h>

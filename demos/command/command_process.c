@@ -101,12 +101,14 @@ bool command_check_memory(command_talk *talk, double pool_mib, bool with_display
     double given_mib = (double)limit.rlim_cur / 1048576;
     if (given_mib < need_mib)
         return karst_fail(error, given_mib < DRIVER_MIB ? KARST_NO_DEVICE : KARST_FAILED,
-                          "this process may use %.0f MiB of addresses only (ulimit -v), but the pool and the driver with "
-                          "its compiler take about %.0f MiB: raise the limit (ulimit -v unlimited)%s",
+                          "this process may use %.0f MiB of addresses only (ulimit -v), but the pool and the driver "
+                          "with its compiler take about %.0f MiB: raise the limit (ulimit -v unlimited)%s",
                           given_mib, need_mib, pool_mib > 64 ? ", or choose a smaller --pool" : "");
     if (given_mib < need_mib + NEAR_MIB)
-        command_say(talk, "note: this process may use %.0f MiB of addresses only (ulimit -v); if the driver fails, that "
-                    "may be why", given_mib);
+        command_say(talk,
+                    "note: this process may use %.0f MiB of addresses only (ulimit -v); if the driver fails, that may "
+                    "be why",
+                    given_mib);
     return true;
 }
 
@@ -135,8 +137,8 @@ void command_catch_crashes(void)
                  "--pool",
                  (unsigned long long)limit.rlim_cur >> 20);
     int length = snprintf(last_word, sizeof last_word,
-                          "karst: the program died, most likely in the OpenCL driver%s. Run it again: the driver's store "
-                          "of compiled kernels is then set aside, in case it is damaged\n",
+                          "karst: the program died, most likely in the OpenCL driver%s. Run it again: the driver's "
+                          "store of compiled kernels is then set aside, in case it is damaged\n",
                           memory);
     last_word_bytes = length > 0 && (size_t)length < sizeof last_word ? (size_t)length : 0;
     struct sigaction action = {.sa_handler = die, .sa_flags = (int)SA_RESETHAND | SA_NODEFER};

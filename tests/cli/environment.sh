@@ -70,7 +70,9 @@ damage()
     esac
 }
 kinds="kernels cut short:programs that are folders:a file in the place of folders:links in a circle"
-[ -n "${KARST_TEST_FULL:-}" ] && kinds="$kinds:kernels empty:kernels of zeros:kernels without code:kernels that are text:kernels that lead nowhere:one kernel for all:kernels missing:programs cut short:programs empty:kernels that are folders:programs of noise:one program for all:programs missing:a file in the place of the store:the last bytes missing"
+[ -n "${KARST_TEST_FULL:-}" ] && kinds="$kinds:\
+kernels empty:kernels of zeros:kernels without code:kernels that are text:kernels that lead nowhere:one kernel for all:kernels missing\
+:programs cut short:programs empty:kernels that are folders:programs of noise:one program for all:programs missing:a file in the place of the store:the last bytes missing"
 IFS_before=$IFS
 IFS=:
 for kind in $kinds; do
