@@ -1,4 +1,4 @@
-/* What is asked of the OpenCL driver before it is opened: where its threads run, and where it keeps what it compiles. */
+/* What is asked of the OpenCL driver before it is opened: where its threads run, where it keeps what it compiles. */
 #include "demos/command/command.h"
 
 #include <sched.h>
