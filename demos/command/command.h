@@ -6,6 +6,7 @@
  *   command_output.c   files that appear whole or not at all
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
+ *   command_environment.c  variables that mean nothing
  *   command_driver.c   what is asked of the OpenCL driver before it is opened
  *   command_process.c  descriptors, stacks, and what is said when the program dies
  *   command_record.c   figures of a run, and their JSON
@@ -96,6 +97,8 @@ void command_say_error(command_talk *talk, const char *message);
 /* A line of what a world's text is told (file:line:column: error: what, or what stands under that), as it is, so that
  * editors find the place. */
 void command_say_diagnostic(command_talk *talk, const char *line);
+/* A line in which the file that holds what came from stdin is called what people know it by; `text` may hold it. */
+const char *command_name_stdin(const char *line, char *text, size_t size_bytes);
 /* The last line of a failed command: the message, or less if it is a mistake that has been said. */
 void command_say_failure(command_talk *talk, const char *message);
 /* Replaces the progress line, at most ten times a second; nothing unless on a terminal and not quiet. */
@@ -112,6 +115,9 @@ uint64_t command_clock_ns(void); /* monotonic */
 bool command_check_output(const char *path, const char *option, bool binary, karst_error *error);
 /* Writes a text whole or not at all; "-": stdout. Errors: KARST_FAILED. */
 bool command_write_text(const char *path, const char *text, karst_error *error);
+/* Opens a new file in the folder of `path`, whose name ends in `suffix` and goes to *temporary (malloc'ed); -1 with
+ * errno if there can be none, or `path` could not be a file's name. */
+int command_open_beside(const char *path, const char *suffix, char **temporary);
 /* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
  * a suffix are PNGs. Errors: KARST_USAGE. */
 bool command_check_picture(const char *path, karst_error *error);
@@ -153,9 +159,11 @@ void command_set_look(const command_look *look, karst_engine_config *config);
 
 /* ---- command_find.c ---- */
 
-/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD, with a
- * suggestion and what there is. */
+/* What the engine is to be given for WORLD: a path, or the name of a shipped world; "-" is a temporary file that holds
+ * what stdin gave. Errors: KARST_BAD_WORLD, with a suggestion and what there is; KARST_USAGE and KARST_FAILED of
+ * stdin. */
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
+const char *command_stdin_file(void); /* that file; "": none */
 /* The file of a camera path, likewise. Errors: KARST_BAD_DATA. */
 bool command_find_path(const char *name, char *path, size_t size_bytes, karst_error *error);
 
@@ -166,6 +174,11 @@ void command_say_if_inside(command_talk *talk, const karst_world_config *world, 
                            int voxel_log2_m);
 /* A line for each shipped world. */
 void command_print_worlds(FILE *file);
+
+/* ---- command_environment.c ---- */
+
+/* Warns of variables KARST_... that are misspelt, or whose values mean nothing. */
+void command_check_environment(command_talk *talk);
 
 /* ---- command_interrupt.c ---- */
 

@@ -38,23 +38,25 @@ static void set_timer(unsigned ms)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
+static void remove_temporaries(void)
+{
+    for (int i = 0; i < MAX_TEMPORARIES; i++)
+        if (temporaries[i].is_there)
+            if (unlink(temporaries[i].path) != 0)
+                rmdir(temporaries[i].path);
+}
+
 /* Ends by the signal, as who started this program may want to know. */
 static void end_by(int signal_number)
 {
     sigset_t set;
+    remove_temporaries();
     signal(signal_number, SIG_DFL);
     sigemptyset(&set);
     sigaddset(&set, signal_number);
     pthread_sigmask(SIG_UNBLOCK, &set, NULL);
     raise(signal_number);
     _Exit(128 + signal_number);
-}
-
-static void remove_temporaries(void)
-{
-    for (int i = 0; i < MAX_TEMPORARIES; i++)
-        if (temporaries[i].is_there)
-            unlink(temporaries[i].path);
 }
 
 static void interrupt(int signal_number)
@@ -67,7 +69,6 @@ static void interrupt(int signal_number)
         interrupted = signal_number;
         set_timer(has_much_to_lose ? LONG_PATIENCE_MS : PATIENCE_MS);
     } else if (now_ns - asked_ns > SAME_NS) { /* a second one ends the program at once */
-        remove_temporaries();
         karst_driver_end();
         end_by(signal_number);
     }

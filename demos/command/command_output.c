@@ -2,6 +2,7 @@
 #include "command.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -10,15 +11,16 @@
 
 static bool is_stdout(const char *path) { return strcmp(path, "-") == 0; }
 
-/* Opens a new file beside `path`; its name goes to temporary (malloc'ed). -1 with errno on failure. */
-static int open_beside(const char *path, char **temporary)
+int command_open_beside(const char *path, const char *suffix, char **temporary)
 {
-    size_t size = strlen(path) + sizeof ".XXXXXX";
-    *temporary = malloc(size);
-    if (!*temporary)
+    /* Its own name may be as long as the system allows: this one is not made of it. */
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    errno = strlen(name) > NAME_MAX ? ENAMETOOLONG : ENOMEM;
+    if (strlen(name) > NAME_MAX || asprintf(temporary, "%.*s.karst-XXXXXX%s", (int)(name - path), path, suffix) < 0) {
+        *temporary = NULL;
         return -1;
-    snprintf(*temporary, size, "%s.XXXXXX", path);
-    int fd = mkstemp(*temporary);
+    }
+    int fd = mkstemps(*temporary, (int)strlen(suffix));
     if (fd < 0) {
         free(*temporary);
         *temporary = NULL;
@@ -50,7 +52,7 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
                               option);
     }
     char *temporary;
-    int fd = open_beside(path, &temporary);
+    int fd = command_open_beside(path, "", &temporary);
     if (fd < 0 && errno == ENOENT)
         return karst_fail(error, KARST_FAILED,
                           "cannot write %s: its folder is not there; make it, or name another with %s", path, option);
@@ -86,7 +88,7 @@ bool command_write_text(const char *path, const char *text, karst_error *error)
         return true;
     }
     char *temporary;
-    int fd = open_beside(path, &temporary);
+    int fd = command_open_beside(path, "", &temporary);
     if (fd < 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
     mode_t mask = umask(0);
@@ -127,12 +129,14 @@ static bool ends_in(const char *path, const char *suffix)
 
 bool command_check_picture(const char *path, karst_error *error)
 {
-    static const char *const others[] = {".jpg",  ".jpeg", ".tif", ".tiff", ".bmp", ".gif",
-                                         ".webp", ".ppm",  ".hdr", ".mp4",  ".mkv", ".mov"};
+    static const char *const others[] = {".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".hdr", ".avi"};
+    bool is_other = command_pictures_is_video(path);
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (ends_in(path, others[i]))
-            return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s",
-                              path, i < 9 ? "" : "; a video (.mp4, .mkv, .mov) needs a --path");
+        is_other = is_other || ends_in(path, others[i]);
+    if (is_other)
+        return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s", path,
+                          command_pictures_is_video(path) ? "; a video (.mp4, .mkv, .mov, .webm, .gif) needs a --path"
+                                                          : "");
     return true;
 }
 

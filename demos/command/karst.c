@@ -88,6 +88,7 @@ static int run_all(int argc, char **argv)
      * further. */
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN);
+    command_check_environment(&talk);
     bool done = run(argc, argv, &talk, &error);
     if (done && (fflush(stdout) != 0 || ferror(stdout)))
         done = karst_fail(&error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));

@@ -103,7 +103,7 @@ run $quick -o second.png
 result "the marker of a run that lives is left alone"
 kill -KILL $other
 wait $other 2> /dev/null
-run check plain.karst
+run sample plain.karst --at 0,0,0
 [ $status -eq 0 ] && [ ! -e own/driver/karst-2 ]
 result "what needs no driver leaves its store alone"
 # A store that others use as well is set aside without being moved; the one before the last is removed.
