@@ -11,7 +11,7 @@ DESTDIR ?=
 CC      ?= cc
 AR      ?= ar
 # A text as one word of the shell's, whatever is in it.
-word = '$(subst ','\'',$(1))'
+quoted = '$(subst ','\'',$(1))'
 # Folders that make the library, lowest floor first. Fewer may be named to build a part while working on it.
 ALL_MODULES := core noise producers cache raycast reference
 MODULES ?= $(ALL_MODULES)
@@ -86,7 +86,7 @@ ifneq ($(filter-out clean help uninstall lint,$(GOALS)),)
 ifneq ($(words $(BUILD)),1)
 $(error BUILD=$(BUILD): make cannot use a folder whose name holds a blank; choose another)
 endif
-ifneq ($(shell mkdir -p $(call word,$(BUILD)) 2> /dev/null && [ -w $(call word,$(BUILD)) ] && echo yes),yes)
+ifneq ($(shell mkdir -p $(call quoted,$(BUILD)) 2> /dev/null && [ -w $(call quoted,$(BUILD)) ] && echo yes),yes)
 $(error $(abspath $(BUILD)) cannot be written: build in another folder, as in make BUILD=/tmp/karst-build)
 endif
 endif
@@ -161,7 +161,7 @@ $(OUT)/karst.1: demos/desktop/manual.sh $(COMMAND)
 elsewhere := $(if $(filter $(CURDIR)/%,$(abspath $(BUILD))),,yes)
 $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 	$(say) LD $@
-	$(if $(elsewhere),$(Q)mkdir -p $(BUILD)/share && ln -sfn $(call word,$(CURDIR)/demos) $(BUILD)/share/karst)
+	$(if $(elsewhere),$(Q)mkdir -p $(BUILD)/share && ln -sfn $(call quoted,$(CURDIR)/demos) $(BUILD)/share/karst)
 	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(COMMAND_LIBS) $(KLIBS) -o $@
 
 # An archive, so that a program takes only what it uses.
@@ -236,7 +236,7 @@ lint:
 # ---- installing ----
 # What lies below them is named by words of the shell's, as both may hold blanks and quotes.
 root  = $(DESTDIR)$(PREFIX)
-below = $(call word,$(root)/$(1))
+below = $(call quoted,$(root)/$(1))
 
 define KARST_PC
 prefix=$(PREFIX)
@@ -261,7 +261,7 @@ DESKTOP := $(OUT)/karst.1:man/man1/karst.1 demos/desktop/karst.desktop:applicati
 desktop_target = $(call below,share/$(lastword $(subst :, ,$(1))))
 
 install: all $(OUT)/karst.1
-	$(say) INSTALL $(call word,$(root))
+	$(say) INSTALL $(call quoted,$(root))
 	$(Q)install -d $(call below,bin) $(call below,include/karst) $(call below,lib/pkgconfig)
 	$(Q)install -m 755 $(COMMAND) $(call below,bin/karst)
 	$(Q)install -m 644 $(HEADERS) $(call below,include/karst)
@@ -275,7 +275,7 @@ endif
 	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
 
 uninstall:
-	$(say) REMOVE $(call word,$(root))
+	$(say) REMOVE $(call quoted,$(root))
 	$(Q)rm -f $(foreach f,bin/karst lib/libkarst.a lib/libkarst.so lib/libkarst.so.$(SOVERSION) lib/pkgconfig/karst.pc \
 	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
 	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
