@@ -110,7 +110,8 @@ done
 
 # ---- kinds of videos ----
 cat > turn.json << 'EOS'
-{ "keyframes": [ { "time": 0, "position": ["0", "5", "0"] }, { "time": 1, "position": ["1", "5", "0"] } ] }
+{ "keyframes": [ { "time": 0, "position": ["0", "5", "0"], "yaw": 0, "pitch": -20, "fov": 60 },
+    { "time": 1, "position": ["1", "5", "0"], "yaw": 5, "pitch": -20, "fov": 60 } ] }
 EOS
 mkdir fake && cat > fake/ffmpeg << 'EOS'
 #!/bin/sh
