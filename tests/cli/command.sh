@@ -125,7 +125,7 @@ for pair in "mp4 libx264" "webm libvpx-vp9" "gif paletteuse" "MKV libx264"; do
     PATH="$PWD/fake:$PATH" run $fly -o "film.${pair% *}"
     detail="$detail $(cat arguments)"
     [ $status -eq 0 ] && [ "$(wc -c < "film.${pair% *}")" -eq $((3 * 32 * 24 * 3)) ] &&
-        grep -q "${pair#* }" arguments && grep -q "\.${pair% *}\$" arguments
+        grep -q "${pair#* }" arguments && grep -qi "\.${pair% *}\$" arguments
     result "a video that ends in .${pair% *}"
 done
 name=$(printf 'v%.0s' $(seq 251))
