@@ -10,6 +10,8 @@ PREFIX  ?= /usr/local
 DESTDIR ?=
 CC      ?= cc
 AR      ?= ar
+# A text as one word of the shell's, whatever is in it.
+quoted = '$(subst ','\'',$(1))'
 # Folders that make the library, lowest floor first. Fewer may be named to build a part while working on it.
 ALL_MODULES := core noise producers cache raycast reference
 MODULES ?= $(ALL_MODULES)
@@ -59,7 +61,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/edits.sh tests/cli/accuracy.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
+TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/edits.sh tests/cli/accuracy.sh tests/cli/environment.sh tests/cli/command.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -80,6 +82,14 @@ endif
 # A stamp that make itself includes: when it is made anew, make starts over and finds what was installed.
 # `make demo` and `make check` may install packages; every other target only says what is missing.
 GOALS := $(or $(MAKECMDGOALS),all)
+ifneq ($(filter-out clean help uninstall lint,$(GOALS)),)
+ifneq ($(words $(BUILD)),1)
+$(error BUILD=$(BUILD): make cannot use a folder whose name holds a blank; choose another)
+endif
+ifneq ($(shell mkdir -p $(call quoted,$(BUILD)) 2> /dev/null && [ -w $(call quoted,$(BUILD)) ] && echo yes),yes)
+$(error $(abspath $(BUILD)) cannot be written: build in another folder, as in make BUILD=/tmp/karst-build)
+endif
+endif
 ifneq ($(filter-out clean help uninstall,$(GOALS)),)
 NEED := $(if $(filter-out all demo install $(LIBRARY) $(COMMAND),$(GOALS)),tests,build)
 $(BUILD)/dependencies-$(NEED).mk: .ci/install-dependencies
@@ -147,8 +157,11 @@ $(OUT)/karst.1: demos/desktop/manual.sh $(COMMAND)
 	$(say) MAN $@
 	$(Q)sh demos/desktop/manual.sh $(COMMAND) > $@.tmp && mv $@.tmp $@
 
+# Built elsewhere, the command finds the worlds that come with it by a link.
+elsewhere := $(if $(filter $(CURDIR)/%,$(abspath $(BUILD))),,yes)
 $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 	$(say) LD $@
+	$(if $(elsewhere),$(Q)mkdir -p $(BUILD)/share && ln -sfn $(call quoted,$(CURDIR)/demos) $(BUILD)/share/karst)
 	$(Q)$(CC) $(KLDFLAGS) $(COMMAND_OBJECTS) $(LIBRARY) $(COMMAND_LIBS) $(KLIBS) -o $@
 
 # An archive, so that a program takes only what it uses.
@@ -221,9 +234,9 @@ lint:
 	$(Q)CC='$(CC)' sh tests/lint/run.sh .
 
 # ---- installing ----
-includedir = $(DESTDIR)$(PREFIX)/include/karst
-libdir     = $(DESTDIR)$(PREFIX)/lib
-sharedir   = $(DESTDIR)$(PREFIX)/share/karst
+# What lies below them is named by words of the shell's, as both may hold blanks and quotes.
+root  = $(DESTDIR)$(PREFIX)
+below = $(call quoted,$(root)/$(1))
 
 define KARST_PC
 prefix=$(PREFIX)
@@ -234,39 +247,41 @@ Name: karst
 Description: Ray-casts procedural landscapes from a density function
 Version: $(VERSION)
 Requires.private: $(PKGS)
-Libs: -L$${libdir} -lkarst
+Libs: -L"$${libdir}" -lkarst
 Libs.private: -lOpenEXRCore -lOpenCL -ldl -lm -pthread
-Cflags: -I$${includedir}
+Cflags: -I"$${includedir}"
 endef
 export KARST_PC
 
 # Where the desktop and the shells look: FILE:FOLDER/NAME.
 DESKTOP := $(OUT)/karst.1:man/man1/karst.1 demos/desktop/karst.desktop:applications/karst.desktop \
     demos/desktop/karst.png:icons/hicolor/256x256/apps/karst.png \
-    demos/desktop/karst.bash:bash-completion/completions/karst demos/desktop/_karst:zsh/site-functions/_karst
-desktop_target = $(DESTDIR)$(PREFIX)/share/$(lastword $(subst :, ,$(1)))
+    demos/desktop/karst.bash:bash-completion/completions/karst demos/desktop/_karst:zsh/site-functions/_karst \
+    demos/desktop/karst.fish:fish/vendor_completions.d/karst.fish
+desktop_target = $(call below,share/$(lastword $(subst :, ,$(1))))
 
 install: all $(OUT)/karst.1
-	$(say) INSTALL $(DESTDIR)$(PREFIX)
-	$(Q)install -d $(DESTDIR)$(PREFIX)/bin $(includedir) $(libdir)/pkgconfig
-	$(Q)install -m 755 $(COMMAND) $(DESTDIR)$(PREFIX)/bin/karst
-	$(Q)install -m 644 $(HEADERS) $(includedir)
-	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(libdir)
-	$(Q)ln -sf libkarst.so.$(SOVERSION) $(libdir)/libkarst.so
-	$(Q)printf '%s\n' "$$KARST_PC" > $(libdir)/pkgconfig/karst.pc && chmod 644 $(libdir)/pkgconfig/karst.pc
+	$(say) INSTALL $(call quoted,$(root))
+	$(Q)install -d $(call below,bin) $(call below,include/karst) $(call below,lib/pkgconfig)
+	$(Q)install -m 755 $(COMMAND) $(call below,bin/karst)
+	$(Q)install -m 644 $(HEADERS) $(call below,include/karst)
+	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(call below,lib)
+	$(Q)ln -sf libkarst.so.$(SOVERSION) $(call below,lib/libkarst.so)
+	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,lib/pkgconfig/karst.pc) && chmod 644 $(call below,lib/pkgconfig/karst.pc)
 ifneq ($(WORLDS),)
-	$(Q)install -d $(sharedir)/worlds && install -m 644 $(WORLDS) $(sharedir)/worlds
+	$(Q)install -d $(call below,share/karst/worlds) && install -m 644 $(WORLDS) $(call below,share/karst/worlds)
 endif
-	$(Q)install -d $(sharedir)/paths && install -m 644 $(PATHS) $(sharedir)/paths
+	$(Q)install -d $(call below,share/karst/paths) && install -m 644 $(PATHS) $(call below,share/karst/paths)
 	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
 
 uninstall:
-	$(say) REMOVE $(DESTDIR)$(PREFIX)
-	$(Q)rm -f $(DESTDIR)$(PREFIX)/bin/karst $(libdir)/libkarst.a $(libdir)/libkarst.so $(libdir)/libkarst.so.$(SOVERSION) \
-	    $(libdir)/pkgconfig/karst.pc $(HEADERS:core/include/karst/%=$(includedir)/%) \
-	    $(WORLDS:demos/worlds/%=$(sharedir)/worlds/%) \
-	    $(PATHS:demos/paths/%=$(sharedir)/paths/%) $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
-	$(Q)rmdir $(includedir) $(sharedir)/worlds $(sharedir)/paths $(sharedir) 2>/dev/null || true
+	$(say) REMOVE $(call quoted,$(root))
+	$(Q)rm -f $(foreach f,bin/karst lib/libkarst.a lib/libkarst.so lib/libkarst.so.$(SOVERSION) lib/pkgconfig/karst.pc \
+	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
+	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
+	    $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
+	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
+	    $(call below,share/karst) 2>/dev/null || true
 
 check-install: all
 	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \
@@ -287,6 +302,8 @@ help:
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
 	@echo 'make clean           remove $(BUILD)'
+	@echo 'Only make demo and make check install packages (as root, or with sudo); every other target says which are missing.'
+	@echo 'BUILD=/some/folder builds elsewhere than in build, as where this folder cannot be written'
 	@echo 'CONFIG=release|debug|asan chooses flags, CFLAGS= and LDFLAGS= add to them, V=1 shows commands'
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 

@@ -1,5 +1,7 @@
 /* Devices: listing them, choosing one, opening it. */
 #include "core/device/context.h"
+#include "core/device/device_missing.h"
+#include "core/device/driver_internal.h"
 #include "core/device/profile.h"
 #include "core/device/program_cache.h"
 
@@ -12,10 +14,6 @@
 
 #define MAX_PLATFORMS 64
 #define MAX_DEVICES 256 /* of one platform */
-
-#ifndef CL_PLATFORM_NOT_FOUND_KHR
-#define CL_PLATFORM_NOT_FOUND_KHR (-1001)
-#endif
 
 /* Copies a driver's string with its runs of blanks made single ones. */
 static void copy_tidy(char *to, size_t size_bytes, const char *from)
@@ -141,13 +139,17 @@ static int compare_platforms(const void *a, const void *b)
     return order ? order : (x->place > y->place) - (x->place < y->place);
 }
 
+/* *code is what the platform says if it gives none. */
 static bool list_platform(const platform_entry *platform, karst_device_info **devices, size_t *num_devices,
-                          karst_error *error)
+                          cl_int *code, karst_error *error)
 {
     cl_device_id ids[MAX_DEVICES];
     cl_uint count = 0;
-    if (clGetDeviceIDs(platform->id, CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &count) != CL_SUCCESS)
+    cl_int given = clGetDeviceIDs(platform->id, CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &count);
+    if (given != CL_SUCCESS) {
+        *code = given;
         return true; /* a platform without devices says CL_DEVICE_NOT_FOUND */
+    }
     if (count > MAX_DEVICES)
         count = MAX_DEVICES;
     karst_device_info *grown = realloc(*devices, (*num_devices + count + 1) * sizeof(*grown));
@@ -169,7 +171,7 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error)
     cl_uint count = 0;
     karst_device_info *devices = NULL;
     *num_devices = 0;
-    cl_int code = clGetPlatformIDs(MAX_PLATFORMS, ids, &count);
+    cl_int devices_code = CL_SUCCESS, code = clGetPlatformIDs(MAX_PLATFORMS, ids, &count);
     if (code != CL_SUCCESS)
         count = 0;
     if (count > MAX_PLATFORMS)
@@ -181,7 +183,7 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error)
     }
     qsort(platforms, count, sizeof(*platforms), compare_platforms);
     for (cl_uint i = 0; i < count; i++) {
-        if (!list_platform(&platforms[i], &devices, num_devices, error)) {
+        if (!list_platform(&platforms[i], &devices, num_devices, &devices_code, error)) {
             free(devices);
             *num_devices = 0;
             return NULL;
@@ -190,13 +192,7 @@ karst_device_info *karst_context_list(size_t *num_devices, karst_error *error)
     if (*num_devices > 0)
         return devices;
     free(devices);
-    if (code != CL_SUCCESS && code != CL_PLATFORM_NOT_FOUND_KHR)
-        karst_fail(error, KARST_NO_DEVICE,
-                   "no OpenCL device found (%s): install pocl-opencl-icd (CPU) or your GPU's OpenCL driver",
-                   karst_cl_error_name(code));
-    else
-        karst_fail(error, KARST_NO_DEVICE,
-                   "no OpenCL device found: install pocl-opencl-icd (CPU) or your GPU's OpenCL driver");
+    karst_device_missing(code, devices_code, error);
     return NULL;
 }
 
@@ -352,6 +348,8 @@ static bool open_device(karst_context *context, const karst_device_info *info,
     }
     if (code == CL_SUCCESS)
         context->queue = clCreateCommandQueue(context->cl, info->device, CL_QUEUE_PROFILING_ENABLE, &code);
+    if (code != CL_SUCCESS)
+        karst_driver_suspect();
     if (code != CL_SUCCESS)
         return karst_fail(error, KARST_NO_DEVICE, "cannot open device %d, %s: %s; choose another with --device",
                           info->index, info->name, karst_cl_error_name(code));

@@ -1,4 +1,5 @@
 /* Launching kernels: arguments, enqueueing under a stage's clock, waiting, and the names of OpenCL's errors. */
+#include "core/device/driver_internal.h"
 #include "core/device/helper.h"
 #include "core/device/profile.h"
 
@@ -46,6 +47,7 @@ static bool launch_failed(karst_context *context, cl_kernel kernel, size_t local
         return karst_fail(error, KARST_FAILED,
                           "kernel %s cannot run in work-groups of %zu: the largest that %s takes is %zu (%s)", name,
                           local_size, context->name, largest, karst_cl_error_name(code));
+    karst_driver_suspect();
     return karst_fail(error, KARST_FAILED, "cannot launch kernel %s on %s: %s", name, context->name,
                       karst_cl_error_name(code));
 }
@@ -95,6 +97,8 @@ bool karst_launch(karst_context *context, cl_kernel kernel, karst_stage stage, s
 bool karst_finish(karst_context *context, karst_error *error)
 {
     cl_int code = clFinish(context->queue);
+    if (code != CL_SUCCESS)
+        karst_driver_suspect();
     if (code != CL_SUCCESS)
         return karst_fail(error, KARST_FAILED, "waiting for %s failed: %s", context->name, karst_cl_error_name(code));
     return true;

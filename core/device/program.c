@@ -1,4 +1,5 @@
 /* Programs: building kernels from sources, and saying what is wrong with them. */
+#include "core/device/driver_internal.h"
 #include "core/device/helper.h"
 #include "core/device/program_cache.h"
 #include "core/device/source.h"
@@ -71,9 +72,14 @@ static void build_failed(const karst_context *context, const char *entry, const 
     if (log && log[strspn(log, " \t\r\n")]) {
         karst_log_print(context->log, KARST_LOG_ERROR, "building %s for %s with %s", entry, context->name, options);
         karst_log_print(context->log, KARST_LOG_ERROR, "%s", log);
+        const char *store = getenv("POCL_CACHE_DIR");
+        /* No word of what is wrong with the text, or it is about the driver's own files. */
+        if (!says_error(log, strlen(log)) || (store && *store && strstr(log, store)))
+            karst_driver_suspect();
         first_errors(log, text, sizeof(text));
         karst_fail(error, KARST_FAILED, "cannot build %s: %s", entry, text);
     } else {
+        karst_driver_suspect();
         karst_fail(error, KARST_FAILED, "cannot build %s for %s with %s: %s", entry, context->name, options,
                    karst_cl_error_name(code));
     }
@@ -224,6 +230,7 @@ cl_kernel karst_program_kernel(karst_program *program, const char *name, karst_e
     cl_int code = CL_SUCCESS;
     cl_kernel kernel = clCreateKernel(program->cl, name, &code);
     if (code != CL_SUCCESS) {
+        karst_driver_suspect(); /* the sources are the library's own: they have it */
         karst_fail(error, KARST_FAILED, "%s has no kernel %s: %s", program->entry, name, karst_cl_error_name(code));
         return NULL;
     }

@@ -1,6 +1,8 @@
 /* Built programs on disk: see core/device/program_cache.h. */
 #include "core/device/program_cache.h"
 
+#include "core/device/store.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -56,38 +58,6 @@ static void add_to_sums(uint64_t sums[2], const void *data, size_t size_bytes)
 
 /* ---- where, and what ---- */
 
-static bool make_folder(const char *path) { return mkdir(path, 0700) == 0 || errno == EEXIST; }
-
-/* The folder for entries, made if need be; "" if the cache is off. */
-static void find_folder(char folder[1024])
-{
-    const char *named = getenv("KARST_CACHE_DIR"), *xdg = getenv("XDG_CACHE_HOME"), *home = getenv("HOME");
-    char base[1000];
-    int length = -1;
-    folder[0] = 0;
-    if (named) {
-        if (!*named || strcmp(named, "off") == 0)
-            return;
-        length = snprintf(base, sizeof base, "%s", named);
-    } else if (xdg && xdg[0] == '/') {
-        if (!make_folder(xdg))
-            return;
-        length = snprintf(base, sizeof base, "%s/karst", xdg);
-    } else if (home && home[0] == '/') {
-        length = snprintf(base, sizeof base, "%s/.cache", home);
-        if (length < 0 || (size_t)length >= sizeof base || !make_folder(base))
-            return;
-        length = snprintf(base, sizeof base, "%s/.cache/karst", home);
-    }
-    if (length < 0 || (size_t)length >= sizeof base || !make_folder(base))
-        return;
-    struct stat info;
-    snprintf(folder, 1024, "%s/programs", base);
-    if (!make_folder(folder) || stat(folder, &info) != 0 || !S_ISDIR(info.st_mode) || info.st_uid != geteuid() ||
-        (info.st_mode & (S_IWGRP | S_IWOTH)))
-        folder[0] = 0;
-}
-
 static void driver_text(const karst_context *context, char text[1024])
 {
     char values[5][200] = {"", "", "", "", ""};
@@ -105,8 +75,7 @@ void karst_program_key_init(karst_program_key *key, const karst_context *context
     char driver[1024];
     key->text = NULL;
     key->length_bytes = 0;
-    find_folder(key->folder);
-    if (!key->folder[0])
+    if (!karst_store_folder("programs", false, key->folder))
         return;
     driver_text(context, driver);
     size_t size_bytes = strlen(driver) + strlen(entry) + strlen(options) + strlen(source) + 64;

@@ -5,6 +5,7 @@
 #include "core/display/display_platform.h"
 #include "karst/image.h"
 
+#include <jansson.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -116,6 +117,69 @@ void karst_info(void (*print)(void *user, const char *line), void *user)
         "limits: pictures of %d x %d pixels; pools may be larger than a device's largest buffer; positions to 2^62 "
         "voxels",
         KARST_IMAGE_MAX_PX, KARST_IMAGE_MAX_PX);
+}
+
+/* ---- for programs ---- */
+
+static json_t *describe_devices(json_t *root)
+{
+    karst_error error = {0};
+    size_t num_devices = 0;
+    json_t *all = json_array();
+    karst_device_info *devices = karst_context_list(&num_devices, &error);
+    karst_context *chosen = devices ? karst_context_create(NULL, 0, NULL, &error) : NULL;
+    for (size_t i = 0; i < num_devices; i++) {
+        const karst_device_info *d = &devices[i];
+        json_array_append_new(
+            all, json_pack("{s:i, s:s, s:s, s:s, s:s, s:s, s:i, s:I, s:I, s:I, s:b, s:b, s:b, s:s?}", "index", d->index,
+                           "name", d->name, "type", d->type, "version", d->version, "driver", d->driver, "platform",
+                           d->platform_name, "compute_units", d->compute_units, "memory_bytes",
+                           (json_int_t)d->global_memory_bytes, "largest_buffer_bytes",
+                           (json_int_t)d->max_allocation_bytes, "largest_work_group", (json_int_t)d->max_work_group,
+                           "exact_floats", d->exact_floats, "shares_opengl", d->has_gl_sharing, "default",
+                           chosen && d->device == chosen->device, "unusable", d->unusable));
+    }
+    if (error.status != KARST_OK)
+        json_object_set_new(root, "devices_error", json_string(error.message));
+    karst_context_destroy(chosen);
+    free(devices);
+    return all;
+}
+
+static json_t *describe_displays(void)
+{
+    json_t *all = json_array();
+    bool is_first = true;
+    for (int kind = KARST_DISPLAY_EGL; kind <= KARST_DISPLAY_NONE; kind++) {
+        karst_error error = {0};
+        karst_display *display = karst_display_create((karst_display_kind)kind, NULL, &error);
+        json_t *one = json_pack("{s:s, s:b, s:b}", "name", karst_display_kind_name((karst_display_kind)kind), "works",
+                                display != NULL, "default", display && is_first);
+        if (!display)
+            json_object_set_new(one, "why_not", json_string(error.message));
+        else if (kind != KARST_DISPLAY_NONE)
+            json_object_set_new(one, "description", json_string(karst_display_description(display)));
+        is_first = is_first && !display;
+        json_array_append_new(all, one);
+        karst_display_destroy(display);
+    }
+    return all;
+}
+
+char *karst_info_json(void)
+{
+    json_t *root = json_pack("{s:s, s:s}", "version", KARST_VERSION, "compiler", COMPILER);
+    if (!root)
+        return NULL;
+#ifdef KARST_BUILD_FLAGS
+    json_object_set_new(root, "flags", json_string(KARST_BUILD_FLAGS));
+#endif
+    json_object_set_new(root, "devices", describe_devices(root));
+    json_object_set_new(root, "displays", describe_displays());
+    json_object_set_new(root, "largest_picture_px", json_integer(KARST_IMAGE_MAX_PX));
+    char *text = json_dumps(root, JSON_INDENT(2));
+    json_decref(root);
+    return text;
 }
 
 const char *karst_version(void) { return KARST_VERSION; }

@@ -1,5 +1,6 @@
 /* The memory that follows a picture's size, and reading the picture. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,10 +16,48 @@ bool karst_engine_check_size(int width_px, int height_px, karst_error *error)
     return true;
 }
 
+static double gib(double bytes) { return bytes / (1024.0 * 1024.0 * 1024.0); }
+
+/* Before any of it is allocated: what a picture takes beside what is there, against what the device has. */
+static bool check_room(const karst_engine *engine, karst_error *error)
+{
+    const karst_context *context = engine->context;
+    const double num_pixels = (double)engine->width_px * engine->height_px;
+    double hits = num_pixels * sizeof(karst_hit), held = 0,
+           shadows = engine->shadows ? (double)karst_cast_shadow_bytes(engine->width_px, engine->height_px) : 0;
+    double largest = fmax(hits, shadows), sum = hits + shadows + 4 * num_pixels;
+    for (const karst_buffer *b = context->buffers; b; b = b->next)
+        held += (double)b->size_bytes;
+    double has_largest = (double)context->max_allocation_bytes, has = (double)context->global_memory_bytes - held;
+    if (largest <= has_largest && sum <= has)
+        return true;
+    /* A little less than fits, in whole packets. */
+    double side = sqrt(fmin(has_largest / largest, fmax(has, 0) / sum)) * 0.99;
+    int width_px = (int)(engine->width_px * side) / 16 * 16, height_px = (int)(engine->height_px * side) / 16 * 16;
+    char what[160];
+    if (largest > has_largest)
+        snprintf(what, sizeof what, "%.1f GiB of it in one buffer, of which the device's largest has %.1f",
+                 gib(largest), gib(has_largest));
+    else
+        snprintf(what, sizeof what, "beside the %.1f that the pool and the rest take, of the device's %.1f", gib(held),
+                 gib((double)context->global_memory_bytes));
+    if (width_px < 16 || height_px < 16)
+        return karst_fail(error, KARST_FAILED,
+                          "a picture of %dx%d takes %.1f GiB for its rays and what they hit, %s: use a smaller --pool",
+                          engine->width_px, engine->height_px, gib(sum), what);
+    return karst_fail(error, KARST_FAILED,
+                      "a picture of %dx%d takes %.1f GiB for its rays and what they hit, %s: make it smaller, such as "
+                      "--size %dx%d%s",
+                      engine->width_px, engine->height_px, gib(sum), what, width_px, height_px,
+                      engine->shadows ? ", or leave shadows out (--no-shadows)" : "");
+}
+
 /* What follows the picture's size. */
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;
+    if (!check_room(engine, error))
+        return false;
     engine->room_px = num_pixels;
     engine->whole_width_px = engine->width_px;
     engine->whole_height_px = engine->height_px;

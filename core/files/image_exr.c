@@ -108,8 +108,10 @@ bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *d
         return karst_fail(error, KARST_USAGE, "%s: a picture of %d x %d pixels; each side must be 1 to %d", path,
                           width_px, height_px, KARST_IMAGE_MAX_PX);
     char temporary[PATH_MAX];
-    int length = snprintf(temporary, sizeof temporary, "%s.karst-%ld-%u.tmp", path, (long)getpid(),
-                          atomic_fetch_add(&counter, 1));
+    /* In the same folder, by a name of its own: the picture's may be as long as the system allows. */
+    const char *slash = strrchr(path, '/');
+    int length = snprintf(temporary, sizeof temporary, "%.*s.karst-%ld-%u.tmp", slash ? (int)(slash - path + 1) : 0,
+                          path, (long)getpid(), atomic_fetch_add(&counter, 1));
     if (length < 0 || (size_t)length >= sizeof temporary)
         return karst_fail(error, KARST_FAILED, "cannot write %.80s...: the name is too long", path);
     size_t num_pixels = (size_t)width_px * (size_t)height_px;

@@ -6,7 +6,9 @@
  *   command_output.c   files that appear whole or not at all
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
- *   command_threads.c  which CPUs a CPU device's threads run on
+ *   command_environment.c  variables that mean nothing
+ *   command_driver.c   what is asked of the OpenCL driver before it is opened
+ *   command_process.c  descriptors, stacks, and what is said when the program dies
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
@@ -95,6 +97,8 @@ void command_say_error(command_talk *talk, const char *message);
 /* A line of what a world's text is told (file:line:column: error: what, or what stands under that), as it is, so that
  * editors find the place. */
 void command_say_diagnostic(command_talk *talk, const char *line);
+/* A line in which the file that holds what came from stdin is called what people know it by; `text` may hold it. */
+const char *command_name_stdin(const char *line, char *text, size_t size_bytes);
 /* The last line of a failed command: the message, or less if it is a mistake that has been said. */
 void command_say_failure(command_talk *talk, const char *message);
 /* Replaces the progress line, at most ten times a second; nothing unless on a terminal and not quiet. */
@@ -111,6 +115,9 @@ uint64_t command_clock_ns(void); /* monotonic */
 bool command_check_output(const char *path, const char *option, bool binary, karst_error *error);
 /* Writes a text whole or not at all; "-": stdout. Errors: KARST_FAILED. */
 bool command_write_text(const char *path, const char *text, karst_error *error);
+/* Opens a new file in the folder of `path`, whose name ends in `suffix` and goes to *temporary (malloc'ed); -1 with
+ * errno if there can be none, or `path` could not be a file's name. */
+int command_open_beside(const char *path, const char *suffix, char **temporary);
 /* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
  * a suffix are PNGs. Errors: KARST_USAGE. */
 bool command_check_picture(const char *path, karst_error *error);
@@ -152,9 +159,11 @@ void command_set_look(const command_look *look, karst_engine_config *config);
 
 /* ---- command_find.c ---- */
 
-/* What the engine is to be given for WORLD: a path, or the name of a shipped world. Errors: KARST_BAD_WORLD, with a
- * suggestion and what there is. */
+/* What the engine is to be given for WORLD: a path, or the name of a shipped world; "-" is a temporary file that holds
+ * what stdin gave. Errors: KARST_BAD_WORLD, with a suggestion and what there is; KARST_USAGE and KARST_FAILED of
+ * stdin. */
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
+const char *command_stdin_file(void); /* that file; "": none */
 /* The file of a camera path, likewise. Errors: KARST_BAD_DATA. */
 bool command_find_path(const char *name, char *path, size_t size_bytes, karst_error *error);
 
@@ -166,20 +175,55 @@ void command_say_if_inside(command_talk *talk, const karst_world_config *world, 
 /* A line for each shipped world. */
 void command_print_worlds(FILE *file);
 
+/* ---- command_environment.c ---- */
+
+/* Warns of variables KARST_... that are misspelt, or whose values mean nothing. */
+void command_check_environment(command_talk *talk);
+
 /* ---- command_interrupt.c ---- */
 
 void command_catch_interrupts(void);
-bool command_interrupted(void); /* by SIGINT or SIGTERM, since then */
+/* By SIGINT, SIGTERM or SIGHUP, since then. Who sees it has 750 ms to clean up, then the program ends by the signal, as
+ * it does if nobody looks for so long. */
+bool command_interrupted(void);
+/* Meanwhile the program does not end for having taken too long: it is writing what was asked for. */
+void command_hold_interrupts(bool held);
+/* As long as there is something that only this program knows, it is given five seconds. */
+void command_have_much_to_lose(bool much);
+/* What is still to do are things that the end of a process does as well. */
+void command_have_all_saved(void);
+/* Ends the program by the signal that interrupted it, so that a shell's loop ends too. A command that is done all the
+ * same (a window that was asked to close) does so only by SIGINT. */
+void command_end_if_interrupted(bool done);
+/* Files to be removed if the program has to end in the middle of something; a few at a time. */
+void command_add_temporary(const char *path);
+void command_drop_temporary(const char *path);
 /* Fails with this instead of what *error says: LLVM, inside PoCL, answers those signals by removing its temporary
  * files, so what was being built then fails, and that is not what to tell. Returns false. */
 bool command_fail_interrupted(karst_error *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* ---- command_threads.c ---- */
+/* ---- command_driver.c ---- */
 
-/* Before anything of OpenCL: asks PoCL to bind its threads to a CPU each, where that is safe and nobody else has set
- * POCL_AFFINITY. The work of a frame is many short launches, and a thread that wakes where the other one runs waits for
- * milliseconds before it is moved to an idle CPU. */
-void command_bind_threads(void);
+/* Before anything of OpenCL: gives the driver a store of Karst's own (karst/driver.h), and asks PoCL to bind its
+ * threads to a CPU each, where that is safe and nobody else has set POCL_AFFINITY: the work of a frame is many short
+ * launches, and a thread that wakes where the other one runs waits for milliseconds before it is moved to an idle
+ * CPU. */
+void command_open_driver(command_talk *talk);
+
+/* ---- command_process.c ---- */
+
+/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say
+ * nothing), so that no file opened later takes their place. */
+void command_open_descriptors(void);
+bool command_can_write_stdout(void); /* false: it was closed */
+bool command_can_read_stdin(void);
+/* Runs `function` where the stack is large enough for a compiler, on a thread of its own if need be, and sees to it
+ * that threads that are started later have such stacks. Returns what it returns. */
+int command_run_with_stack(int (*function)(int, char **), int argc, char **argv);
+/* Fails if a limit of this process's addresses leaves no room for a pool and a driver. */
+bool command_check_memory(command_talk *talk, double pool_mib, bool with_display, karst_error *error);
+/* From then on a crash says a line on stderr before the program dies of it. */
+void command_catch_crashes(void);
 
 /* ---- command_record.c ---- */
 

@@ -181,6 +181,7 @@ bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *er
         return good;
     }
     command_catch_interrupts();
+    command_open_driver(talk);
     for (int i = 0; i < 2; i++)
         a->picture_px[i] = a->size_px[i] < PICTURE_SHARE ? 1 : a->size_px[i] / PICTURE_SHARE;
     choose_settings(a, out.quick);

@@ -300,6 +300,7 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
     b.budget_ms = b.budget_ms > 0 ? b.budget_ms : 8;
     b.fps = b.fps > 0 ? b.fps : 30;
     command_catch_interrupts();
+    command_open_driver(talk);
     const karst_log log = command_log(talk);
     b.tracing = out.trace != NULL;
     b.ceilings = calloc((size_t)(b.num_runs * b.num_rounds), sizeof *b.ceilings);

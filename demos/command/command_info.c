@@ -1,6 +1,8 @@
 /* karst info and karst --version: what there is to work with. */
 #include "command.h"
 
+#include <stdlib.h>
+
 #ifdef __clang__
 #define COMPILER "clang " __clang_version__
 #else
@@ -19,14 +21,28 @@ void command_print_version(FILE *file)
 
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error)
 {
-    (void)talk;
+    bool json = false, help;
+    const command_option options[] = {
+        {"json", 0, COMMAND_FLAG, NULL, "the same as one JSON object", &json, 0, 0, NULL},
+    };
     size_t num_words;
-    bool help;
-    if (!command_parse(argc, argv, NULL, 0, NULL, 0, &num_words, &help, error))
+    if (!command_parse(argc, argv, options, 1, NULL, 0, &num_words, &help, error))
         return false;
-    if (help)
-        puts("karst info: lists devices, ways to display and limits, and says how to mend what is missing.");
-    else
+    if (help) {
+        puts("karst info: lists devices, ways to display and limits, and says how to mend what is missing.\n"
+             "\nOptions:");
+        command_print_options(stdout, options, 1);
+        return true;
+    }
+    command_open_driver(talk);
+    if (!json) {
         karst_info(print_line, stdout);
+        return true;
+    }
+    char *text = karst_info_json();
+    if (!text)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    puts(text);
+    free(text);
     return true;
 }

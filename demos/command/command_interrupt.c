@@ -1,23 +1,63 @@
 /* Ctrl-C and its like. */
 #include "command.h"
 
+#include <limits.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
 
 /* Whoever is asked to end does so between two frames. A frame of a huge world, or a driver that compiles one, can take
  * minutes: then it ends without. */
-#define PATIENCE_S 5u
+#define PATIENCE_MS 750u
+#define LONG_PATIENCE_MS 5000u
 
 /* timeout(1) asks a program and then the program's group: the two are one. */
 #define SAME_NS 250000000u
 
-static volatile sig_atomic_t interrupted;
+#define MAX_TEMPORARIES 4
+
+static volatile sig_atomic_t interrupted; /* by which signal; 0: by none */
+static volatile sig_atomic_t is_held, has_much_to_lose, is_all_saved;
 static volatile uint64_t asked_ns; /* written before `interrupted` */
+
+/* Files that are to go with the process. A name is written before its flag. */
+static struct {
+    char path[PATH_MAX];
+    volatile sig_atomic_t is_there;
+} temporaries[MAX_TEMPORARIES];
+
+static void set_timer(unsigned ms)
+{
+    const struct itimerval timer = {.it_value = {.tv_sec = ms / 1000, .tv_usec = (suseconds_t)(ms % 1000) * 1000}};
+    setitimer(ITIMER_REAL, &timer, NULL);
+}
+
+static void remove_temporaries(void)
+{
+    for (int i = 0; i < MAX_TEMPORARIES; i++)
+        if (temporaries[i].is_there)
+            if (unlink(temporaries[i].path) != 0)
+                rmdir(temporaries[i].path);
+}
+
+/* Ends by the signal, as who started this program may want to know. */
+static void end_by(int signal_number)
+{
+    sigset_t set;
+    remove_temporaries();
+    signal(signal_number, SIG_DFL);
+    sigemptyset(&set);
+    sigaddset(&set, signal_number);
+    pthread_sigmask(SIG_UNBLOCK, &set, NULL);
+    raise(signal_number);
+    _Exit(128 + signal_number);
+}
 
 static void interrupt(int signal_number)
 {
@@ -26,11 +66,11 @@ static void interrupt(int signal_number)
     uint64_t now_ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
     if (!interrupted) {
         asked_ns = now_ns;
-        interrupted = 1;
-        alarm(PATIENCE_S);
+        interrupted = signal_number;
+        set_timer(has_much_to_lose ? LONG_PATIENCE_MS : PATIENCE_MS);
     } else if (now_ns - asked_ns > SAME_NS) { /* a second one ends the program at once */
-        signal(signal_number, SIG_DFL);
-        raise(signal_number);
+        karst_driver_end();
+        end_by(signal_number);
     }
 }
 
@@ -38,9 +78,19 @@ static void give_up(int signal_number)
 {
     static const char text[] = "karst: interrupted in the middle of a long step, which could not be finished\n";
     (void)signal_number;
+    if (is_held) {
+        set_timer(PATIENCE_MS);
+        return;
+    }
+    remove_temporaries();
+    karst_driver_end();
+    if (is_all_saved && interrupted != SIGINT)
+        _Exit(KARST_OK);
+    if (is_all_saved)
+        end_by(interrupted);
     ssize_t written = write(STDERR_FILENO, text, sizeof text - 1);
     (void)written;
-    _Exit(KARST_FAILED);
+    end_by(interrupted);
 }
 
 void command_catch_interrupts(void)
@@ -48,13 +98,51 @@ void command_catch_interrupts(void)
     signal(SIGALRM, give_up);
     signal(SIGINT, interrupt);
     signal(SIGTERM, interrupt);
+    if (signal(SIGHUP, interrupt) == SIG_IGN) /* nohup */
+        signal(SIGHUP, SIG_IGN);
 }
 
 bool command_interrupted(void)
 {
     if (interrupted)
-        alarm(0); /* it has been seen */
+        set_timer(has_much_to_lose ? LONG_PATIENCE_MS : PATIENCE_MS); /* it has been seen: so long for cleaning up */
     return interrupted;
+}
+
+void command_hold_interrupts(bool held) { is_held = held; }
+void command_have_much_to_lose(bool much) { has_much_to_lose = much; }
+
+void command_have_all_saved(void)
+{
+    is_all_saved = true;
+    if (interrupted)
+        set_timer(PATIENCE_MS);
+}
+
+void command_end_if_interrupted(bool done)
+{
+    if (!interrupted || (done && interrupted != SIGINT))
+        return;
+    set_timer(0);
+    fflush(NULL);
+    end_by(interrupted);
+}
+
+void command_add_temporary(const char *path)
+{
+    for (int i = 0; i < MAX_TEMPORARIES && strlen(path) < PATH_MAX; i++)
+        if (!temporaries[i].is_there) {
+            strcpy(temporaries[i].path, path);
+            temporaries[i].is_there = true;
+            return;
+        }
+}
+
+void command_drop_temporary(const char *path)
+{
+    for (int i = 0; i < MAX_TEMPORARIES; i++)
+        if (temporaries[i].is_there && strcmp(temporaries[i].path, path) == 0)
+            temporaries[i].is_there = false;
 }
 
 bool command_fail_interrupted(karst_error *error, const char *format, ...)

@@ -2,6 +2,7 @@
 #include "command.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -10,15 +11,16 @@
 
 static bool is_stdout(const char *path) { return strcmp(path, "-") == 0; }
 
-/* Opens a new file beside `path`; its name goes to temporary (malloc'ed). -1 with errno on failure. */
-static int open_beside(const char *path, char **temporary)
+int command_open_beside(const char *path, const char *suffix, char **temporary)
 {
-    size_t size = strlen(path) + sizeof ".XXXXXX";
-    *temporary = malloc(size);
-    if (!*temporary)
+    /* Its own name may be as long as the system allows: this one is not made of it. */
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    errno = strlen(name) > NAME_MAX ? ENAMETOOLONG : ENOMEM;
+    if (strlen(name) > NAME_MAX || asprintf(temporary, "%.*s.karst-XXXXXX%s", (int)(name - path), path, suffix) < 0) {
+        *temporary = NULL;
         return -1;
-    snprintf(*temporary, size, "%s.XXXXXX", path);
-    int fd = mkstemp(*temporary);
+    }
+    int fd = mkstemps(*temporary, (int)strlen(suffix));
     if (fd < 0) {
         free(*temporary);
         *temporary = NULL;
@@ -31,6 +33,8 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
     if (!*path)
         return karst_fail(error, KARST_USAGE, "%s: which file? Its name is empty", option);
     if (is_stdout(path)) {
+        if (!command_can_write_stdout())
+            return karst_fail(error, KARST_FAILED, "%s -: stdout is closed; name a file", option);
         if (binary && isatty(STDOUT_FILENO))
             return karst_fail(error, KARST_USAGE, "%s -: stdout is a terminal; send it to a file or a pipe", option);
         return true;
@@ -48,7 +52,7 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
                               option);
     }
     char *temporary;
-    int fd = open_beside(path, &temporary);
+    int fd = command_open_beside(path, "", &temporary);
     if (fd < 0 && errno == ENOENT)
         return karst_fail(error, KARST_FAILED,
                           "cannot write %s: its folder is not there; make it, or name another with %s", path, option);
@@ -84,7 +88,7 @@ bool command_write_text(const char *path, const char *text, karst_error *error)
         return true;
     }
     char *temporary;
-    int fd = open_beside(path, &temporary);
+    int fd = command_open_beside(path, "", &temporary);
     if (fd < 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, strerror(errno));
     mode_t mask = umask(0);
@@ -125,12 +129,14 @@ static bool ends_in(const char *path, const char *suffix)
 
 bool command_check_picture(const char *path, karst_error *error)
 {
-    static const char *const others[] = {".jpg",  ".jpeg", ".tif", ".tiff", ".bmp", ".gif",
-                                         ".webp", ".ppm",  ".hdr", ".mp4",  ".mkv", ".mov"};
+    static const char *const others[] = {".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".hdr", ".avi"};
+    bool is_other = command_pictures_is_video(path);
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (ends_in(path, others[i]))
-            return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s",
-                              path, i < 9 ? "" : "; a video (.mp4, .mkv, .mov) needs a --path");
+        is_other = is_other || ends_in(path, others[i]);
+    if (is_other)
+        return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s", path,
+                          command_pictures_is_video(path) ? "; a video (.mp4, .mkv, .mov, .webm, .gif) needs a --path"
+                                                          : "");
     return true;
 }
 
@@ -149,8 +155,8 @@ static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgb
     return written;
 }
 
-bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           karst_error *error)
+static bool write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                          karst_error *error)
 {
     if (!is_stdout(path))
         return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, error)
@@ -165,5 +171,14 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
     bool written = karst_image_write_png(picture, rgba, width_px, height_px, error) && copy_to_stdout(picture, error);
     unlink(picture);
     rmdir(scratch);
+    return written;
+}
+
+bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                           karst_error *error)
+{
+    command_hold_interrupts(true);
+    bool written = write_picture(path, engine, rgba, width_px, height_px, error);
+    command_hold_interrupts(false);
     return written;
 }

@@ -3,9 +3,11 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <spawn.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,18 +29,34 @@ struct command_pictures {
 
 /* ---- names ---- */
 
-static const char *const video_suffixes[] = {".mp4", ".mkv", ".mov"};
+/* What ffmpeg is to make of pictures, by the name's suffix. */
+typedef struct {
+    const char *suffix;
+    bool is_even; /* both sides must be */
+    const char *words[8];
+} video_kind;
+#define H264 {"-c:v", "libx264", "-crf", "16", "-pix_fmt", "yuv420p"}
+static const video_kind video_kinds[] = {
+    {".mp4", true, H264},
+    {".mkv", true, H264},
+    {".mov", true, H264},
+    {".webm", true, {"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-pix_fmt", "yuv420p"}},
+    /* A palette of the whole flight's colours. */
+    {".gif", false, {"-vf", "split[a][b];[a]palettegen[p];[b][p]paletteuse"}},
+};
 
-static const char *video_suffix(const char *output)
+static const video_kind *find_video_kind(const char *output)
 {
     size_t length = strlen(output);
-    for (size_t i = 0; i < sizeof video_suffixes / sizeof *video_suffixes; i++)
-        if (length > 4 && strcmp(output + length - 4, video_suffixes[i]) == 0)
-            return video_suffixes[i];
+    for (size_t i = 0; i < sizeof video_kinds / sizeof *video_kinds; i++) {
+        size_t end = strlen(video_kinds[i].suffix);
+        if (length > end && strcasecmp(output + length - end, video_kinds[i].suffix) == 0)
+            return &video_kinds[i];
+    }
     return NULL;
 }
 
-bool command_pictures_is_video(const char *output) { return video_suffix(output) != NULL; }
+bool command_pictures_is_video(const char *output) { return find_video_kind(output) != NULL; }
 
 /* Finds the one %d, %5d or %05d of a pattern; its length, or 0. "%%" is not looked for: nobody wants it in a file's
  * name. */
@@ -86,7 +104,7 @@ static bool has_program(const char *program)
 
 static bool check_video(const char *output, int width_px, int height_px, karst_error *error)
 {
-    if (width_px % 2 || height_px % 2)
+    if (find_video_kind(output)->is_even && (width_px % 2 || height_px % 2))
         return karst_fail(error, KARST_USAGE, "%s: %dx%d, but both sides of a video must be even", output, width_px,
                           height_px);
     if (!has_program(FFMPEG))
@@ -99,7 +117,7 @@ static bool check_video(const char *output, int width_px, int height_px, karst_e
 
 bool command_pictures_check(const char *output, bool only_one, int width_px, int height_px, karst_error *error)
 {
-    if (video_suffix(output))
+    if (find_video_kind(output))
         return check_video(output, width_px, height_px, error);
     if (!command_check_picture(output, error))
         return false;
@@ -111,7 +129,7 @@ bool command_pictures_check(const char *output, bool only_one, int width_px, int
     if (!find_number(output, &at, &digits) && (!only_one || strchr(output, '%')))
         return karst_fail(error, KARST_USAGE,
                           "-o %s: needs one number such as %%05d for many pictures, as in frames/%%05d.png; or name a "
-                          "video, as in out.mp4",
+                          "video, as in out.mp4, out.webm or out.gif",
                           output);
     char *first = name_of(output, 0);
     bool writable =
@@ -128,15 +146,19 @@ static bool spawn(command_pictures *pictures, double fps, karst_error *error)
     char size[32], rate[32];
     snprintf(size, sizeof size, "%dx%d", pictures->width_px, pictures->height_px);
     snprintf(rate, sizeof rate, "%.9g", fps);
-    const char *arguments[] = {FFMPEG,       "-nostdin",    "-hide_banner",
-                               "-loglevel",  "error",       "-y",
-                               "-f",         "rawvideo",    "-pixel_format",
-                               "rgb24",      "-video_size", size,
-                               "-framerate", rate,          "-i",
-                               "pipe:0",     "-an",         "-c:v",
-                               "libx264",    "-crf",        "16",
-                               "-pix_fmt",   "yuv420p",     pictures->temporary,
-                               NULL};
+    const char *arguments[32] = {FFMPEG,       "-nostdin",    "-hide_banner",
+                                 "-loglevel",  "error",       "-y",
+                                 "-f",         "rawvideo",    "-pixel_format",
+                                 "rgb24",      "-video_size", size,
+                                 "-framerate", rate,          "-i",
+                                 "pipe:0",     "-an"};
+    const video_kind *kind = find_video_kind(pictures->output);
+    size_t num = 0;
+    while (arguments[num])
+        num++;
+    for (size_t i = 0; i < sizeof kind->words / sizeof *kind->words && kind->words[i]; i++)
+        arguments[num++] = kind->words[i];
+    arguments[num] = pictures->temporary;
     int ends[2];
     if (pipe2(ends, O_CLOEXEC) != 0)
         return karst_fail(error, KARST_FAILED, "cannot make a pipe: %s", strerror(errno));
@@ -164,21 +186,15 @@ static bool spawn(command_pictures *pictures, double fps, karst_error *error)
 
 static bool start_video(command_pictures *pictures, double fps, karst_error *error)
 {
-    const char *suffix = video_suffix(pictures->output);
     size_t num_pixels = (size_t)pictures->width_px * (size_t)pictures->height_px;
     pictures->rgb = malloc(num_pixels * 3);
     pictures->said = tmpfile();
-    if (!pictures->rgb || !pictures->said ||
-        asprintf(&pictures->temporary, "%s.XXXXXX%s", pictures->output, suffix) < 0) {
-        pictures->temporary = NULL;
+    if (!pictures->rgb || !pictures->said)
         return karst_fail(error, KARST_FAILED, "cannot make a video: out of memory, or no temporary file");
-    }
-    int fd = mkstemps(pictures->temporary, (int)strlen(suffix));
-    if (fd < 0) {
-        free(pictures->temporary);
-        pictures->temporary = NULL;
+    int fd = command_open_beside(pictures->output, find_video_kind(pictures->output)->suffix, &pictures->temporary);
+    if (fd < 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", pictures->output, strerror(errno));
-    }
+    command_add_temporary(pictures->temporary);
     mode_t mask = umask(0);
     umask(mask);
     fchmod(fd, 0666 & ~mask);
@@ -227,6 +243,7 @@ static bool finish_video(command_pictures *pictures, karst_error *error)
         return karst_fail(error, KARST_FAILED, FFMPEG " failed: %s", line);
     if (rename(pictures->temporary, pictures->output) != 0)
         return karst_fail(error, KARST_FAILED, "cannot write %s: %s", pictures->output, strerror(errno));
+    command_drop_temporary(pictures->temporary);
     free(pictures->temporary);
     pictures->temporary = NULL;
     return true;
@@ -242,7 +259,7 @@ command_pictures *command_pictures_open(const char *output, int width_px, int he
         return NULL;
     }
     *pictures = (command_pictures){.output = output, .width_px = width_px, .height_px = height_px, .input = -1};
-    if (video_suffix(output) && !start_video(pictures, fps, error)) {
+    if (find_video_kind(output) && !start_video(pictures, fps, error)) {
         command_pictures_discard(pictures);
         return NULL;
     }
@@ -268,12 +285,15 @@ void command_pictures_discard(command_pictures *pictures)
     if (pictures->input >= 0)
         close(pictures->input);
     if (pictures->ffmpeg) {
-        /* It ends by itself, for want of input; what it made is thrown away. */
+        /* What it made is thrown away. */
         char line[300];
+        kill(pictures->ffmpeg, SIGKILL);
         wait_for_ffmpeg(pictures, line, sizeof line);
     }
-    if (pictures->temporary)
+    if (pictures->temporary) {
         unlink(pictures->temporary);
+        command_drop_temporary(pictures->temporary);
+    }
     if (pictures->said)
         fclose(pictures->said);
     free(pictures->temporary);

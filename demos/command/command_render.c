@@ -282,7 +282,10 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     if (!check_options(&o, &display_kind, error))
         return false;
 
+    if (!command_check_memory(talk, o.pool_mib, display_kind != KARST_DISPLAY_NONE, error))
+        return false;
     command_catch_interrupts();
+    command_open_driver(talk);
     const karst_log log = command_log(talk);
     command_record record = {
         .world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1], .live = o.flight.live};
@@ -298,6 +301,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     engine = karst_engine_create(&config, error);
     if (!engine)
         goto out;
+    command_catch_crashes(); /* once more: LLVM, in PoCL, has put its own handlers in front */
     record.display = karst_display_kind_name(karst_display_get_kind(karst_engine_display(engine)));
     record.display_description = karst_display_description(karst_engine_display(engine));
     if (o.camera) {

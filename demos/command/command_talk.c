@@ -71,8 +71,19 @@ static bool is_diagnostic(const char *line)
     return line[0] == ' ' || strstr(line, ": error: ") || strstr(line, ": warning: ");
 }
 
-void command_say_diagnostic(command_talk *talk, const char *line)
+const char *command_name_stdin(const char *line, char *text, size_t size_bytes)
 {
+    const char *file = command_stdin_file(), *at = *file ? strstr(line, file) : NULL;
+    if (!at)
+        return line;
+    snprintf(text, size_bytes, "%.*sstdin%s", (int)(at - line), line, at + strlen(file));
+    return text;
+}
+
+void command_say_diagnostic(command_talk *talk, const char *given)
+{
+    char renamed[2048];
+    const char *line = command_name_stdin(given, renamed, sizeof renamed);
     command_end_progress(talk);
     const char *what = strstr(line, ": error: "), *label = "error:", *colour = "\033[1;31m";
     if (what && !*talk->said)
@@ -88,8 +99,10 @@ void command_say_diagnostic(command_talk *talk, const char *line)
         fprintf(stderr, "%s\n", line);
 }
 
-void command_say_failure(command_talk *talk, const char *message)
+void command_say_failure(command_talk *talk, const char *given)
 {
+    char renamed[2048];
+    const char *message = command_name_stdin(given, renamed, sizeof renamed);
     command_say_error(talk, strcmp(message, talk->said) == 0 ? "this world cannot be used as it stands" : message);
 }
 

@@ -1,6 +1,7 @@
 /* The karst command. See command.h for its parts. */
 #include "command.h"
 
+#include <errno.h>
 #include <signal.h>
 #include <string.h>
 
@@ -20,7 +21,7 @@ static void print_help(FILE *file)
     fputs("karst ray-casts procedural landscapes straight from a density function.\n\nCommands:\n", file);
     for (size_t i = 0; i < NUM_COMMANDS; i++)
         fprintf(file, "  karst %-10s %s\n", commands[i].name, commands[i].summary);
-    fputs("  karst help COMMAND, karst --help, karst --version\n"
+    fputs("  karst help COMMAND, karst --help, karst --version (or -V)\n"
           "\nExamples:\n"
           "  karst render hills                         the world \"hills\", to out.png\n"
           "  karst render asteroid -o a.png --size 800x600 --camera 0,0,-900,0,0\n"
@@ -64,7 +65,8 @@ static bool run(int argc, char **argv, command_talk *talk, karst_error *error)
         print_help(stderr);
         return karst_fail(error, KARST_USAGE, "which command? For example: karst render hills");
     }
-    if (strcmp(name, "--version") == 0) {
+    if (strcmp(name, "--version") == 0 || strcmp(name, "-V") == 0 || strcmp(name, "version") == 0) {
+        command_open_driver(talk);
         command_print_version(stdout);
         return true;
     }
@@ -74,23 +76,35 @@ static bool run(int argc, char **argv, command_talk *talk, karst_error *error)
     return found && found->run(argc - 2, argv + 2, talk, error);
 }
 
-int main(int argc, char **argv)
+static int run_all(int argc, char **argv)
 {
     if (karst_helper_is_this_process())
         return karst_helper_run();
     karst_error error = {0};
     command_talk talk;
     command_talk_init(&talk);
-    command_bind_threads();
-    /* A reader that goes away is a failed write, which is told and cleaned up after. */
+    command_catch_crashes();
+    /* A reader that goes away is a failed write, which is told and cleaned up after; so is a file that may grow no
+     * further. */
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN);
+    command_check_environment(&talk);
     bool done = run(argc, argv, &talk, &error);
     if (done && (fflush(stdout) != 0 || ferror(stdout)))
-        done = karst_fail(&error, KARST_FAILED, "cannot write to stdout");
-    if (done)
-        return KARST_OK;
-    if (command_interrupted() && strncmp(error.message, "interrupted", strlen("interrupted")) != 0)
+        done = karst_fail(&error, KARST_FAILED, "cannot write to stdout: %s", strerror(errno));
+    if (!done && command_interrupted() && strncmp(error.message, "interrupted", strlen("interrupted")) != 0)
         command_fail_interrupted(&error, "interrupted");
-    command_say_failure(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
-    return error.status == KARST_OK ? KARST_FAILED : (int)error.status;
+    if (!done)
+        command_say_failure(&talk, error.status == KARST_OK ? "failed without saying why" : error.message);
+    if (!done && karst_driver_is_suspect())
+        command_say(&talk, "note: if this was the driver's store of compiled kernels, the next run sets it aside");
+    karst_driver_end();
+    command_end_if_interrupted(done);
+    return done ? KARST_OK : error.status == KARST_OK ? KARST_FAILED : (int)error.status;
+}
+
+int main(int argc, char **argv)
+{
+    command_open_descriptors();
+    return command_run_with_stack(run_all, argc, argv);
 }

@@ -241,6 +241,7 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     v->now_s = glfwGetTime();
     /* After a pause one does not leap. */
     double dt_s = was_busy ? fmin(v->now_s - before_s, LONGEST_STEP_S) : 1.0 / 60;
+    command_have_much_to_lose(v->capture.recording || v->capture.video);
     v->leaving = v->leaving || command_interrupted();
     if (v->leaving)
         return true;
@@ -312,9 +313,10 @@ static void save_at_exit(void)
     command_say(v->talk, "you were at: karst view %s --camera %s", v->world, camera);
 }
 
+/* What only this program knows goes to disk first: what follows may have to wait for a compiler. */
 static void close_viewer(viewer *v)
 {
-    view_reload_end(v);
+    command_hold_interrupts(true);
     view_video_stop(v);
     if (v->capture.recording && v->engine) {
         v->capture.recording = false;
@@ -323,6 +325,9 @@ static void close_viewer(viewer *v)
     v->capture.num_keyframes = 0;
     if (v->engine && v->window && !v->lost)
         view_memory_write(v);
+    command_hold_interrupts(false);
+    command_have_all_saved();
+    view_reload_end(v);
     view_replay_stop(v);
     karst_sampler_destroy(v->sampler);
     karst_world_close(v->compiled);
@@ -382,8 +387,10 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
             view_keys_print(stdout);
     } else if (good) {
         command_catch_interrupts();
+        good = command_check_memory(talk, v->settings.pool_mib, true, error);
+        command_open_driver(talk);
         v->log = command_log(talk);
-        good = command_find_world(v->world, v->world_file, sizeof v->world_file, error) &&
+        good = good && command_find_world(v->world, v->world_file, sizeof v->world_file, error) &&
                (!v->settings.stats || command_check_output(v->settings.stats, "--stats", false, error)) &&
                (!v->settings.replay ||
                 (command_find_path(v->settings.replay, v->capture.path_file, sizeof v->capture.path_file, error) &&

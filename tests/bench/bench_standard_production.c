@@ -380,7 +380,7 @@ static void run(bench *what, const char *text, const char *marks)
 int main(int argc, char **argv)
 {
     const char *only = argc > 1 ? argv[1] : "";
-    setenv("POCL_AFFINITY", "1", 0); /* as the command binds its threads (demos/command/command_threads.c) */
+    setenv("POCL_AFFINITY", "1", 0); /* as the command binds its threads (demos/command/command_driver.c) */
     if (!strstr("speed", only) && !strstr("bounds", only)) {
         fprintf(stderr, "usage: bench_standard_production [speed|bounds [WORLD.karst]]\n");
         return 2;

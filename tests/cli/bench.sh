@@ -246,6 +246,6 @@ kill -TERM $!
 wait $!
 status=$?
 detail="exit $status: $(cat stderr)"
-[ $status -eq 1 ] && grep -q interrupted stderr && [ ! -e stopped.json ]
+[ $status -eq 143 ] && grep -q interrupted stderr && [ ! -e stopped.json ]
 result "interrupted: nothing is written"
 finish

@@ -245,7 +245,7 @@ result "more threads than CPUs draw the same"
 sleep 0.7
 kill -TERM $!
 wait $!
-[ $? -eq 1 ] && [ ! -e stopped.png ] && grep -q interrupted stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
+[ $? -eq 143 ] && [ ! -e stopped.png ] && grep -q interrupted stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
 detail=$(cat stderr)
 result "interrupted: nothing is written"
 
@@ -255,12 +255,12 @@ echo 'float density(vec3 p) { float s = 0.0; for (int i = 0; i < 16000; i++) s +
 timeout --preserve-status -k 60 4 "$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr
 status=$?
 detail="exit $status: $(cat stderr)"
-[ $status -eq 1 ] && grep -q '^karst: interrupted' stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
+[ $status -eq 143 ] && grep -q '^karst: interrupted' stderr && [ -z "$(ls stopped* 2> /dev/null)" ]
 result "interrupted in the middle of a step that takes minutes"
 # timeout(1) asks twice in a moment, and does not mean the second time; one that comes later is meant.
 "$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr &
 sleep 3
-kill -TERM $! && sleep 0.02 && kill -TERM $! && sleep 0.6 && kill -INT $!
+kill -TERM $! && sleep 0.02 && kill -TERM $! && sleep 0.35 && kill -INT $!
 wait $!
 status=$?
 detail="exit $status: $(cat stderr)"
@@ -329,12 +329,13 @@ else
     skip "a real video" "no ffmpeg here (package ffmpeg)"
 fi
 "$karst" render hills --path "$turn" --frames 500 -o stop%03d.png $quick > stdout 2> stderr &
-sleep 1.5
+tries=0
+until [ -e stop000.png ] || [ $tries -eq 600 ]; do sleep 0.1 && tries=$((tries + 1)); done
 kill -TERM $!
 wait $!
 status=$?
 detail="exit $status: $(cat stderr)"
-[ $status -eq 1 ] && grep -q 'interrupted after [0-9]* of 500' stderr && [ -z "$(ls | grep -E 'karst-.*tmp|\.png\.')" ]
+[ $status -eq 143 ] && grep -q 'interrupted after [0-9]* of 500' stderr && [ -z "$(ls | grep -E 'karst-.*tmp|\.png\.')" ]
 result "an interrupted flight says how far it came"
 detail= told=0
 for delay_s in 0.2 0.3 0.6; do
@@ -345,7 +346,7 @@ for delay_s in 0.2 0.3 0.6; do
     wait $!
     status=$?
     detail="$detail after $delay_s s: exit $status: $(cat stderr);"
-    [ $status -eq 1 ] && [ "$(grep -c '^karst: ' stderr)" -eq 1 ] && grep -q '^karst: interrupted' stderr &&
+    [ $status -eq 143 ] && [ "$(grep -c '^karst: ' stderr)" -eq 1 ] && grep -q '^karst: interrupted' stderr &&
         [ ! -e stop.png ] && told=$((told + 1))
 done
 [ $told -eq 3 ]

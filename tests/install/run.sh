@@ -94,6 +94,39 @@ if command -v zsh > /dev/null 2>&1; then
     result "zsh reads its completion"
 fi
 
+if command -v fish > /dev/null 2>&1; then
+    detail=$(PATH="$root/usr/bin:$PATH" fish -c "source '$share/fish/vendor_completions.d/karst.fish'; complete -C 'karst re'" 2>&1)
+    echo "$detail" | grep -q '^render'
+    result "fish completes commands"
+else
+    grep -q "complete -c karst" "$share/fish/vendor_completions.d/karst.fish"
+    result "the completion for fish is there"
+fi
+
+# ---- folders with names that shells take apart ----
+odd="$scratch/a b's \"c\"" near="$scratch/a"
+mkdir -p "$near/usr/bin" && echo mine > "$near/usr/bin/karst"
+detail=$($make -s install DESTDIR="$odd" PREFIX=/usr 2>&1) && [ -x "$odd/usr/bin/karst" ] &&
+    [ -e "$odd/usr/lib/pkgconfig/karst.pc" ] && [ -e "$odd/usr/share/karst/worlds/hills.karst" ] &&
+    [ -e "$odd/usr/share/man/man1/karst.1" ] && [ "$(ls "$near/usr")" = bin ]
+result "a DESTDIR with blanks and quotes"
+detail=$($make -s uninstall DESTDIR="$odd" PREFIX=/usr 2>&1; find "$odd" ! -type d; find "$odd" -path '*/karst*')
+[ -z "$detail" ] && [ "$(cat "$near/usr/bin/karst")" = mine ]
+result "uninstall takes that away, and nothing else"
+
+# ---- building elsewhere ----
+elsewhere="$scratch/elsewhere"
+mkdir "$elsewhere" && cp -a "$BUILD/." "$elsewhere" && rm -f "$elsewhere/karst"
+detail=$(rm -rf "$elsewhere/release/install-scratch"; $make -s BUILD="$elsewhere" "$elsewhere/karst" 2>&1) &&
+    [ -x "$elsewhere/karst" ] && (unset KARST_DATA_DIR; cd / && "$elsewhere/karst" check hills > /dev/null)
+result "BUILD= elsewhere: the command finds its worlds"
+detail=$($make -s BUILD=/proc/nowhere 2>&1)
+[ $? -ne 0 ] && echo "$detail" | grep -q '/proc/nowhere cannot be written: .*make BUILD='
+result "where the build folder cannot be written: what to do"
+detail=$($make -s BUILD="$scratch/a b" 2>&1)
+[ $? -ne 0 ] && echo "$detail" | grep -q 'holds a blank'
+result "a build folder with a blank is refused"
+
 # ---- gone without a trace ----
 detail=$($make -s uninstall DESTDIR="$root" PREFIX=/usr 2>&1)
 result "make uninstall"

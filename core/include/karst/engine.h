@@ -136,6 +136,8 @@ bool karst_engine_check(karst_engine *engine, karst_error *error);
 /* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens
  * and closes each display on this thread: call it where no OpenGL context of yours is current. */
 void karst_info(void (*print)(void *user, const char *line), void *user);
+/* The same for programs: one JSON object, malloc'ed; NULL: out of memory. */
+char *karst_info_json(void);
 const char *karst_version(void);
 
 #ifdef __cplusplus

@@ -5,6 +5,7 @@
 #include "karst/change.h"
 #include "karst/data.h"
 #include "karst/display.h"
+#include "karst/driver.h"
 #include "karst/edit.h"
 #include "karst/engine.h"
 #include "karst/error.h"

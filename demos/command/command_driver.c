@@ -1,4 +1,4 @@
-/* Where the threads of a CPU device run. */
+/* What is asked of the OpenCL driver before it is opened: where its threads run, where it keeps what it compiles. */
 #include "demos/command/command.h"
 
 #include <sched.h>
@@ -19,9 +19,16 @@ static bool has_all_cpus(void)
     return true;
 }
 
-void command_bind_threads(void)
+static void bind_threads(void)
 {
     /* More threads than CPUs are somebody's wish. */
     if (!getenv("POCL_MAX_PTHREAD_COUNT") && !getenv("POCL_CPU_MAX_CU_COUNT") && has_all_cpus())
         setenv("POCL_AFFINITY", "1", 0);
+}
+
+void command_open_driver(command_talk *talk)
+{
+    const karst_log log = command_log(talk);
+    bind_threads();
+    karst_driver_begin(&log);
 }
