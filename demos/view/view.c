@@ -33,6 +33,7 @@ static bool open_engine(viewer *v, karst_error *error)
     config.no_shadows = s->no_shadows;
     config.brick_bits = (int)s->brick_bits;
     config.lanes = (int)s->lanes;
+    command_set_look(&s->look, &config);
     if (!v->helper)
         v->helper = karst_helper_create(NULL); /* without one it only takes longer */
     config.helper = v->helper;

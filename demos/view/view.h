@@ -37,6 +37,7 @@ typedef struct {
     bool has_size;
     uint64_t seed, budget_bricks, brick_bits, lanes;
     bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
+    command_look look;
     double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
 } view_settings;
 
