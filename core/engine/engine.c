@@ -201,6 +201,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
         engine->num_summed = 0;
     }
     engine->complete = false;
+    engine->sample = karst_engine_choose_sample(engine, moved);
+    engine->kept = false;
     engine->view_changed = engine->size_changed = false;
     stats->detail_asked_px = engine->detail_px;
     stats->detail_given_px = karst_engine_detail_px(engine);

@@ -123,7 +123,7 @@ static bool compile_shading(ahead *a, karst_error *error)
 static bool compile_cast(ahead *a, karst_error *error)
 {
     char options[160];
-    const bool one_sun = !a->config->no_shadows && a->config->samples <= 1;
+    const bool one_sun = !a->config->no_shadows && !karst_engine_has_wide_sun(a->config);
     karst_engine_cast_options(a->config, options, sizeof options);
     karst_caster *caster = karst_caster_create_with(a->context, &a->cache, options, error);
     karst_sunward *sunward = caster && one_sun ? karst_sunward_create(a->context, &a->cache, error) : NULL;

@@ -52,7 +52,7 @@ void karst_engine_cast_options(const karst_engine_config *config, char *text, si
     int length =
         snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
                  config->no_beam ? " " KARST_CAST_NO_BEAM : "",
-                 config->samples > 1 && !config->no_shadows ? " " KARST_CAST_SUN_DISC : "");
+                 karst_engine_has_wide_sun(config) ? " " KARST_CAST_SUN_DISC : "");
     if (config->safe_steps != 0 && config->safe_steps != 1)
         snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
                  config->safe_steps > 0 ? config->safe_steps : 0);
@@ -63,6 +63,12 @@ void karst_engine_picture_size(const karst_engine_config *config, int *width_px,
     bool is_given = config->width_px || config->height_px;
     *width_px = is_given ? config->width_px : DEFAULT_WIDTH_PX;
     *height_px = is_given ? config->height_px : DEFAULT_HEIGHT_PX;
+}
+
+bool karst_engine_has_wide_sun(const karst_engine_config *config)
+{
+    /* In motion what is known of bricks towards the sun's centre is worth more. */
+    return config->samples > 1 && !config->no_shadows && config->budget_ms <= 0;
 }
 
 unsigned karst_engine_shade_ways(const karst_engine_config *config)
@@ -204,7 +210,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_engine_cast_options(config, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
-    if (engine->shadows && engine->samples == 1 &&
+    if (engine->shadows && !karst_engine_has_wide_sun(config) &&
         !(engine->sunward =
               karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
         goto failed;

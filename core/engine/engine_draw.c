@@ -35,7 +35,7 @@ void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view
     view->own_detail = (float)engine->detail_px;
     view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
     karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
-    pinhole->sample = karst_engine_sample(engine);
+    pinhole->sample = engine->sample;
 }
 
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
@@ -75,6 +75,16 @@ static bool fetch_counters(karst_engine *engine, karst_error *error)
            karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
 }
 
+bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_error *error)
+{
+    karst_shade_anchor anchor = {.pad = 0};
+    memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
+    memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
+    return !engine->shown.refiner ||
+           karst_refine_hits(engine->shown.refiner, view, pinhole, &anchor, engine->hits, error);
+}
+
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
 bool karst_engine_draw(karst_engine *engine, karst_error *error)
 {
@@ -87,14 +97,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
                             engine->hints, error))
         return false;
-    if (engine->shown.refiner) {
-        karst_shade_anchor anchor = {.pad = 0};
-        memcpy(anchor.voxel, engine->camera.position.voxel, sizeof anchor.voxel);
-        memcpy(anchor.fraction, engine->camera.position.fraction, sizeof anchor.fraction);
-        if (!karst_refine_hits(engine->shown.refiner, &view, &pinhole, &anchor, engine->hits, error))
-            return false;
-    }
-    if (!clear_counters(engine, error))
+    if (!karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)

@@ -99,6 +99,8 @@ struct karst_engine {
     void *patience;
     bool settles; /* a frame of karst_engine_settle */
     uint32_t samples;    /* of a pixel that a settled picture has; 1: rays go through the pixels' centres */
+    uint32_t sample;     /* that the hits are of; 0: of the pixels' centres */
+    bool kept;           /* the sample at hand was added to the sums to be read, though it is not complete */
     uint32_t num_summed; /* of this view, complete */
     bool complete;       /* the last frame lacked nothing: with more samples, it is one of them */
     karst_tone tone;
@@ -142,6 +144,8 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_ti
 void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes);
 void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
 unsigned karst_engine_shade_ways(const karst_engine_config *config); /* KARST_SHADE_* */
+/* Whether shadow rays go to different places on the sun. */
+bool karst_engine_has_wide_sun(const karst_engine_config *config);
 
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
@@ -228,18 +232,26 @@ bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_c
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
 
-/* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres. */
-uint32_t karst_engine_sample(const karst_engine *engine);
+/* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
+uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);
 /* Shows what shading left of a sample, and those before it. */
 bool karst_engine_show_radiance(karst_engine *engine, cl_mem pixels, karst_error *error);
 /* After a frame that lacked nothing, if `complete`: adds its sample, until there are enough. Else, where the picture's
  * detail changed, its samples begin anew. */
 bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_changed, karst_error *error);
 
+/* Before what shading left of a sample is overwritten, or its light read. */
+bool karst_engine_keep_sample(karst_engine *engine, karst_error *error);
+
 /* engine_draw.c. Sun, haze and sky; what the picture's rays see; casting and shading it into the display, which is only
  * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also
  * after a failure the picture must be ended. */
 karst_light karst_engine_light(const karst_engine *engine);
+/* Moves the hits to the true density, where that is wished for. */
+bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_error *error);
+/* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
+bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
 bool karst_engine_draw(karst_engine *engine, karst_error *error);
 bool karst_engine_end_picture(karst_engine *engine, karst_error *error);

@@ -20,9 +20,9 @@ bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error)
 }
 
 /* Once there are enough, the last one is drawn again. */
-uint32_t karst_engine_sample(const karst_engine *engine)
+uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves)
 {
-    if (engine->samples == 1)
+    if (engine->samples == 1 || (moves && engine->budget_ns > 0))
         return 0;
     return engine->num_summed < engine->samples ? engine->num_summed + 1 : engine->samples;
 }
@@ -50,7 +50,8 @@ bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_ch
 {
     if (detail_changed)
         engine->num_summed = 0;
-    if (!complete || engine->num_summed == engine->samples)
+    /* What was drawn while something moved is none of the samples. */
+    if (!complete || engine->num_summed == engine->samples || (engine->samples > 1 && !engine->sample))
         return true;
     if (engine->radiance && !karst_radiance_add(engine->radiance, engine->width_px, engine->height_px,
                                                 engine->num_summed, error))
@@ -58,6 +59,17 @@ bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_ch
     engine->num_summed++;
     return true;
 }
+
+/* Where none is complete, the one at hand is what there is to read. */
+bool karst_engine_keep_sample(karst_engine *engine, karst_error *error)
+{
+    if (engine->num_summed || engine->kept)
+        return true;
+    engine->kept = true;
+    return karst_radiance_add(engine->radiance, engine->width_px, engine->height_px, 0, error);
+}
+
+bool karst_engine_keeps_radiance(const karst_engine *engine) { return engine->radiance != NULL; }
 
 bool karst_engine_read_radiance(karst_engine *engine, float *rgb, size_t num_values, karst_error *error)
 {
@@ -70,9 +82,7 @@ bool karst_engine_read_radiance(karst_engine *engine, float *rgb, size_t num_val
                           "an engine of one sample and plain tone keeps bytes, not light");
     if (!engine->hits || engine->frame == 0)
         return karst_fail(error, KARST_USAGE, "no frame has been drawn yet");
-    /* Where none is complete, the one at hand. */
-    if (!engine->num_summed &&
-        !karst_radiance_add(engine->radiance, engine->width_px, engine->height_px, 0, error))
+    if (!karst_engine_keep_sample(engine, error))
         return false;
     return karst_radiance_read(engine->radiance, engine->width_px, engine->height_px,
                                engine->num_summed ? engine->num_summed : 1, rgb, error);

@@ -11,15 +11,6 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { MAX_CHANNELS = 7 };
-
-/* Where a channel's values lie: `values` points at the first pixel's, `stride` floats apart. */
-typedef struct {
-    const char *name;
-    const float *values;
-    int stride;
-} channel;
-
 static void keep_quiet(exr_const_context_t context, exr_result_t code, const char *message)
 {
     (void)context;
@@ -40,7 +31,7 @@ static void make_linear(const uint8_t *rgba, size_t num_pixels, float *rgb)
             rgb[3 * i + (size_t)c] = table[rgba[4 * i + (size_t)c]];
 }
 
-static const channel *find_channel(const channel *channels, int num_channels, const char *name)
+static const karst_image_channel *find_channel(const karst_image_channel *channels, int num_channels, const char *name)
 {
     for (int i = 0; i < num_channels; i++)
         if (strcmp(channels[i].name, name) == 0)
@@ -49,8 +40,8 @@ static const channel *find_channel(const channel *channels, int num_channels, co
 }
 
 /* Rows from y on, as many as make a chunk. */
-static exr_result_t write_chunk(exr_context_t file, int part, const channel *channels, int num_channels, int width_px,
-                                int y, bool first, exr_encode_pipeline_t *encoder)
+static exr_result_t write_chunk(exr_context_t file, int part, const karst_image_channel *channels, int num_channels,
+                                int width_px, int y, bool first, exr_encode_pipeline_t *encoder)
 {
     exr_chunk_info_t chunk;
     exr_result_t code = exr_write_scanline_chunk_info(file, part, y, &chunk);
@@ -58,7 +49,7 @@ static exr_result_t write_chunk(exr_context_t file, int part, const channel *cha
         code = first ? exr_encoding_initialize(file, part, &chunk, encoder)
                      : exr_encoding_update(file, part, &chunk, encoder);
     for (int i = 0; code == EXR_ERR_SUCCESS && i < encoder->channel_count; i++) {
-        const channel *source = find_channel(channels, num_channels, encoder->channels[i].channel_name);
+        const karst_image_channel *source = find_channel(channels, num_channels, encoder->channels[i].channel_name);
         encoder->channels[i].user_bytes_per_element = sizeof(float);
         encoder->channels[i].user_data_type = EXR_PIXEL_FLOAT;
         encoder->channels[i].user_pixel_stride = (int32_t)sizeof(float) * source->stride;
@@ -71,7 +62,8 @@ static exr_result_t write_chunk(exr_context_t file, int part, const channel *cha
     return code == EXR_ERR_SUCCESS ? exr_encoding_run(file, part, encoder) : code;
 }
 
-static exr_result_t write_file(const char *path, const channel *channels, int num_channels, int width_px, int height_px)
+static exr_result_t write_file(const char *path, const karst_image_channel *channels, int num_channels, int width_px,
+                               int height_px)
 {
     exr_context_initializer_t start = EXR_DEFAULT_CONTEXT_INITIALIZER;
     start.error_handler_fn = keep_quiet;
@@ -100,13 +92,17 @@ static exr_result_t write_file(const char *path, const channel *channels, int nu
     return code;
 }
 
-bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *depth_m, const float *normals,
-                           int width_px, int height_px, karst_error *error)
+/* Through a new file beside it. */
+bool karst_image_write_channels(const char *path, const karst_image_channel *channels, int num_channels, int width_px,
+                                int height_px, karst_error *error)
 {
     static atomic_uint counter;
     if (width_px < 1 || height_px < 1 || width_px > KARST_IMAGE_MAX_PX || height_px > KARST_IMAGE_MAX_PX)
         return karst_fail(error, KARST_USAGE, "%s: a picture of %d x %d pixels; each side must be 1 to %d", path,
                           width_px, height_px, KARST_IMAGE_MAX_PX);
+    if (num_channels < 1 || num_channels > KARST_IMAGE_MAX_CHANNELS)
+        return karst_fail(error, KARST_USAGE, "%s: %d channels; there may be 1 to %d", path, num_channels,
+                          KARST_IMAGE_MAX_CHANNELS);
     char temporary[PATH_MAX];
     /* In the same folder, by a name of its own: the picture's may be as long as the system allows. */
     const char *slash = strrchr(path, '/');
@@ -114,26 +110,36 @@ bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *d
                           path, (long)getpid(), atomic_fetch_add(&counter, 1));
     if (length < 0 || (size_t)length >= sizeof temporary)
         return karst_fail(error, KARST_FAILED, "cannot write %.80s...: the name is too long", path);
-    size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    float *rgb = malloc(3 * num_pixels * sizeof *rgb);
-    if (!rgb)
-        return karst_fail(error, KARST_FAILED, "cannot write %s: out of memory", path);
-    make_linear(rgba, num_pixels, rgb);
-    channel channels[MAX_CHANNELS] = {{"R", rgb, 3}, {"G", rgb + 1, 3}, {"B", rgb + 2, 3}};
-    int num_channels = 3;
-    if (depth_m)
-        channels[num_channels++] = (channel){"Z", depth_m, 1};
-    for (int axis = 0; normals && axis < 3; axis++) {
-        static const char *const names[] = {"N.X", "N.Y", "N.Z"};
-        channels[num_channels++] = (channel){names[axis], normals + axis, 3};
-    }
     errno = 0;
     exr_result_t code = write_file(temporary, channels, num_channels, width_px, height_px);
-    free(rgb);
     if (code == EXR_ERR_SUCCESS && rename(temporary, path) == 0)
         return true;
     const char *reason = code != EXR_ERR_SUCCESS && !errno ? exr_get_default_error_message(code) : strerror(errno);
     karst_fail(error, KARST_FAILED, "cannot write %s: %s", path, reason);
     unlink(temporary);
     return false;
+}
+
+bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *depth_m, const float *normals,
+                           int width_px, int height_px, karst_error *error)
+{
+    if (width_px < 1 || height_px < 1 || width_px > KARST_IMAGE_MAX_PX || height_px > KARST_IMAGE_MAX_PX)
+        return karst_fail(error, KARST_USAGE, "%s: a picture of %d x %d pixels; each side must be 1 to %d", path,
+                          width_px, height_px, KARST_IMAGE_MAX_PX);
+    size_t num_pixels = (size_t)width_px * (size_t)height_px;
+    float *rgb = malloc(3 * num_pixels * sizeof *rgb);
+    if (!rgb)
+        return karst_fail(error, KARST_FAILED, "cannot write %s: out of memory", path);
+    make_linear(rgba, num_pixels, rgb);
+    karst_image_channel channels[7] = {{"R", rgb, 3}, {"G", rgb + 1, 3}, {"B", rgb + 2, 3}};
+    int num_channels = 3;
+    if (depth_m)
+        channels[num_channels++] = (karst_image_channel){"Z", depth_m, 1};
+    for (int axis = 0; normals && axis < 3; axis++) {
+        static const char *const names[] = {"N.X", "N.Y", "N.Z"};
+        channels[num_channels++] = (karst_image_channel){names[axis], normals + axis, 3};
+    }
+    bool done = karst_image_write_channels(path, channels, num_channels, width_px, height_px, error);
+    free(rgb);
+    return done;
 }

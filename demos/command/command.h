@@ -121,10 +121,13 @@ int command_open_beside(const char *path, const char *suffix, char **temporary);
 /* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
  * a suffix are PNGs. Errors: KARST_USAGE. */
 bool command_check_picture(const char *path, karst_error *error);
-/* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR with depth and normals if `path` ends
- * in .exr, else a PNG; "-": a PNG to stdout. Errors: KARST_FAILED. */
+bool command_is_exr(const char *path); /* by its suffix */
+/* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR with `aovs` if `path` ends in .exr (0:
+ * light, depth and normals), else a PNG; "-": a PNG to stdout. Errors: KARST_FAILED. */
 bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           karst_error *error);
+                           unsigned aovs, karst_error *error);
+/* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
+bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
 
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
@@ -141,16 +144,14 @@ typedef struct {
     double exposure_stops;
 } command_look;
 
-/* Lines of an option table; `what` is said of the default number of samples. */
-#define COMMAND_LOOK_OPTIONS(look, what)                                                                            \
-    {"samples", 0, COMMAND_INTEGER, "N", "rays for each pixel, which smooth edges and shadows " what,               \
-     &(look)->samples, 1, KARST_ENGINE_MAX_SAMPLES, NULL},                                                          \
-        {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
-         0, 0, NULL},                                                                                               \
-    {                                                                                                               \
-        "exposure", 0, COMMAND_TEXT, "STOPS",                                                                       \
-            "each twice as bright, or auto: by the picture's median (default: the world's, or auto)",               \
-            &(look)->exposure, 0, 0, NULL                                                                           \
+/* Lines of an option table. */
+#define COMMAND_TONE_OPTIONS(look)                                                                                   \
+    {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, 0, 0, \
+     NULL},                                                                                                          \
+    {                                                                                                                \
+        "exposure", 0, COMMAND_TEXT, "STOPS",                                                                        \
+            "each twice as bright, or auto: by the picture's median (default: the world's, or auto)",                \
+            &(look)->exposure, 0, 0, NULL                                                                            \
     }
 
 /* Errors: KARST_USAGE. */

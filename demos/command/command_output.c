@@ -127,6 +127,8 @@ static bool ends_in(const char *path, const char *suffix)
     return length > end && strcasecmp(path + length - end, suffix) == 0;
 }
 
+bool command_is_exr(const char *path) { return ends_in(path, ".exr"); }
+
 bool command_check_picture(const char *path, karst_error *error)
 {
     static const char *const others[] = {".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".hdr", ".avi"};
@@ -140,26 +142,66 @@ bool command_check_picture(const char *path, karst_error *error)
     return true;
 }
 
-static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                      karst_error *error)
+/* The values of one kind, and the channels that they are. */
+static bool add_aov(karst_engine *engine, karst_aov aov, size_t num_pixels, float **values,
+                    karst_image_channel *channels, int *num_channels, karst_error *error)
 {
-    size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    float *depth_m = malloc(num_pixels * sizeof *depth_m), *normals = malloc(3 * num_pixels * sizeof *normals);
-    bool written = depth_m && normals
-                       ? karst_engine_read_depth(engine, depth_m, num_pixels, error) &&
-                             karst_engine_read_normals(engine, normals, 3 * num_pixels, error) &&
-                             karst_image_write_exr(path, rgba, depth_m, normals, width_px, height_px, error)
-                       : karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
-    free(depth_m);
-    free(normals);
-    return written;
+    const int width = karst_aov_width(aov);
+    const size_t num_values = num_pixels * (size_t)width;
+    *values = malloc(num_values * sizeof **values);
+    if (!*values)
+        return karst_fail(error, KARST_FAILED, "out of memory for %zu pixels", num_pixels);
+    for (int i = 0; i < width; i++)
+        channels[(*num_channels)++] = (karst_image_channel){karst_aov_channel(aov, i), *values + i, width};
+    return karst_engine_read_aov(engine, aov, *values, num_values, error);
+}
+
+/* Without light (one sample, plain tone) the colours are those of the bytes. */
+static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                      unsigned aovs, karst_error *error)
+{
+    const size_t num_pixels = (size_t)width_px * (size_t)height_px;
+    karst_image_channel channels[KARST_IMAGE_MAX_CHANNELS];
+    float *values[KARST_NUM_AOVS] = {NULL};
+    int num_channels = 0;
+    bool done = true;
+    if (!aovs && !karst_engine_keeps_radiance(engine)) {
+        done = add_aov(engine, KARST_AOV_DEPTH, num_pixels, &values[0], channels, &num_channels, error) &&
+               add_aov(engine, KARST_AOV_NORMAL, num_pixels, &values[1], channels, &num_channels, error) &&
+               karst_image_write_exr(path, rgba, values[0], values[1], width_px, height_px, error);
+    } else {
+        aovs = aovs ? aovs : 1u << KARST_AOV_RADIANCE | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL;
+        for (int i = 0; i < KARST_NUM_AOVS && done; i++)
+            done = !(aovs >> i & 1) ||
+                   add_aov(engine, (karst_aov)i, num_pixels, &values[i], channels, &num_channels, error);
+        done = done && karst_image_write_channels(path, channels, num_channels, width_px, height_px, error);
+    }
+    for (int i = 0; i < KARST_NUM_AOVS; i++)
+        free(values[i]);
+    return done;
+}
+
+bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error)
+{
+    *aovs = 0;
+    while (*text) {
+        char name[48];
+        karst_aov aov;
+        size_t length = strcspn(text, ",");
+        snprintf(name, sizeof name, "%.*s", (int)(length < 47 ? length : 47), text);
+        if (!karst_aov_parse(name, &aov, error))
+            return false;
+        *aovs |= 1u << aov;
+        text += length + (text[length] == ',');
+    }
+    return *aovs || karst_fail(error, KARST_USAGE, "--aov: which? For example --aov radiance,depth,normal");
 }
 
 static bool write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                          karst_error *error)
+                          unsigned aovs, karst_error *error)
 {
     if (!is_stdout(path))
-        return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, error)
+        return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, aovs, error)
                                      : karst_image_write_png(path, rgba, width_px, height_px, error);
     /* The library writes files; a pipe gets the bytes of one. */
     const char *folder = getenv("TMPDIR");
@@ -175,10 +217,10 @@ static bool write_picture(const char *path, karst_engine *engine, const uint8_t 
 }
 
 bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           karst_error *error)
+                           unsigned aovs, karst_error *error)
 {
     command_hold_interrupts(true);
-    bool written = write_picture(path, engine, rgba, width_px, height_px, error);
+    bool written = write_picture(path, engine, rgba, width_px, height_px, aovs, error);
     command_hold_interrupts(false);
     return written;
 }

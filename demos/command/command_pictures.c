@@ -272,7 +272,7 @@ bool command_pictures_add(command_pictures *pictures, size_t index, karst_engine
     if (pictures->rgb)
         return add_to_video(pictures, rgba, error);
     char *name = name_of(pictures->output, index);
-    bool written = name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, error)
+    bool written = name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, 0, error)
                         : karst_fail(error, KARST_FAILED, "out of memory");
     free(name);
     return written;

@@ -15,6 +15,8 @@ typedef struct {
     uint64_t seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_look look;
+    const char *aov;
+    unsigned aovs;
     command_flight flight;
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
     const char *edits;
@@ -76,7 +78,13 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
         {"param", 0, COMMAND_PARAMETERS, "NAME=VALUE", "a parameter of the world file; may be given again",
          &o->parameters, 0, 0, NULL},
-        COMMAND_LOOK_OPTIONS(&o->look, "(default: 8; 1 with --live)"),
+        {"samples", 0, COMMAND_INTEGER, "N",
+         "rays for each pixel: smooth edges, soft shadows (default: 8; 1 with --live)", &o->look.samples, 1,
+         KARST_ENGINE_MAX_SAMPLES, NULL},
+        COMMAND_TONE_OPTIONS(&o->look),
+        {"aov", 0, COMMAND_TEXT, "LIST",
+         "what an .exr holds: radiance,albedo,depth,normal,position,level,samples (default: radiance,depth,normal)",
+         &o->aov, 0, 0, NULL},
         {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &o->edits, 0, 0,
          NULL},
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
@@ -163,7 +171,10 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
-    return command_check_look(&o->look, error) && karst_display_kind_parse(o->display, display, error) &&
+    if (o->aov && (o->path || !command_is_exr(o->output)))
+        return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
+    return (!o->aov || command_parse_aovs(o->aov, &o->aovs, error)) && command_check_look(&o->look, error) &&
+           karst_display_kind_parse(o->display, display, error) &&
            command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
            (o->path ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
@@ -204,7 +215,7 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
         return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", o->size_px[0], o->size_px[1]);
     bool written = command_record_picture(record, &stats, record->num_frames, record->settled, error) &&
                    karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
-                   command_write_picture(o->output, engine, rgba, o->size_px[0], o->size_px[1], error);
+                   command_write_picture(o->output, engine, rgba, o->size_px[0], o->size_px[1], o->aovs, error);
     free(rgba);
     return written;
 }
@@ -262,6 +273,8 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.no_beam = o->no_beam;
     config.lanes = (int)o->lanes;
     command_set_look(&o->look, &config);
+    if (o->aovs && config.exposure == KARST_EXPOSURE_OF_WORLD && config.tone == KARST_TONE_OF_PLAIN)
+        config.exposure = KARST_EXPOSURE_GIVEN; /* of 0 stops: the same picture, with its light */
     return config;
 }
 

@@ -68,7 +68,7 @@ bool view_capture_pictures(viewer *v, karst_error *error)
             continue;
         *want = false;
         if (number_file(v, exr ? "exr" : "png", path, &reason) &&
-            command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, &reason)) {
+            command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, 0, &reason)) {
             c->num_pictures++;
             snprintf(c->last_file, sizeof c->last_file, "%s", path);
             view_toast(v, "picture: %s%s", path, v->settled ? "" : " (not settled yet)");

@@ -133,7 +133,7 @@ static void draw_status(viewer *v)
     snprintf(lines[0], sizeof lines[0], "%s, %s, %s m    yaw %.1f\u00b0  pitch %.1f\u00b0  fov %.3g\u00b0",
              format_coordinate(v, 0, a), format_coordinate(v, 1, b), format_coordinate(v, 2, c), camera->yaw_deg,
              camera->pitch_deg, camera->fov_deg);
-    char given[96] = "", under[96], shown[48] = "";
+    char samples[48] = "", given[96] = "", under[96], shown[48] = "";
     if (v->stats.num_pixels && v->resolution.share < VIEW_FULL_SHARE)
         snprintf(given, sizeof given, "    given %d %% of each side", 100 * v->resolution.share / VIEW_FULL_SHARE);
     else if (v->stats.detail_given_px > v->stats.detail_asked_px * 1.001)
@@ -144,10 +144,13 @@ static void draw_status(viewer *v)
                  format_length(v->probe.depth_m, "", depth));
     else
         snprintf(under, sizeof under, "sky");
+    if (v->settings.look.samples > 1 && v->stats.num_samples)
+        snprintf(samples, sizeof samples, "    %u of %llu samples", v->stats.num_samples,
+                 (unsigned long long)v->settings.look.samples);
     if (v->view != KARST_VIEW_PICTURE)
         snprintf(shown, sizeof shown, "    view: %s", karst_view_name(v->view));
-    snprintf(lines[1], sizeof lines[1], "%s  %s    %s%s%s%s%s%s", view_mode_names[v->motion.mode],
-             format_length(v->motion.speed_m_s, "/s", speed), under, given, shown,
+    snprintf(lines[1], sizeof lines[1], "%s  %s    %s%s%s%s%s%s%s", view_mode_names[v->motion.mode],
+             format_length(v->motion.speed_m_s, "/s", speed), under, given, shown, samples,
              v->capture.recording ? "    \u25cf recording a path" : "", v->capture.video ? "    \u25cf video" : "",
              v->reload.running ? "    compiling\u2026"
              : v->settled      ? "    settled"

@@ -45,6 +45,9 @@ static option_table make_table(view_settings *o, command_talk *talk)
         {"hidden-hud", 0, COMMAND_FLAG, NULL, "begin without panels", &o->hidden_hud, 0, 0, NULL},
         {"scale", 0, COMMAND_NUMBER, "X", "size of type and panels (default: what the display says)", &o->scale, 0.25,
          8, NULL},
+        {"view-samples", 0, COMMAND_INTEGER, "N", "rays for each pixel of a view that stands (default: 64)",
+         &o->look.samples, 1, KARST_ENGINE_MAX_SAMPLES, NULL},
+        COMMAND_TONE_OPTIONS(&o->look),
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &o->detail_px, 0.25, 64,
          NULL},
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
@@ -200,6 +203,7 @@ bool view_settings_read(view_settings *o, int argc, char **argv, command_talk *t
                         karst_error *error)
 {
     *o = (view_settings){.size_px = {1280, 720}, .pool_mib = 512, .detail_px = 1, .fps = 30, .eye_m = 1.7};
+    o->look.samples = 64;
     o->folder = ".";
     option_table table = make_table(o, talk);
     size_t num_words;
@@ -228,7 +232,7 @@ bool view_settings_read(view_settings *o, int argc, char **argv, command_talk *t
                           "which world? For example: karst view hills (karst help view lists them)");
     if (o->lanes != 0 && o->lanes != 1 && o->lanes != 16)
         return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)o->lanes);
-    return true;
+    return command_check_look(&o->look, error);
 }
 
 /* ---- memory ---- */

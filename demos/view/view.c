@@ -34,6 +34,7 @@ static bool open_engine(viewer *v, karst_error *error)
     config.brick_bits = (int)s->brick_bits;
     config.edits = s->edits;
     config.lanes = (int)s->lanes;
+    command_set_look(&s->look, &config);
     if (!v->helper)
         v->helper = karst_helper_create(NULL); /* without one it only takes longer */
     config.helper = v->helper;

@@ -38,6 +38,7 @@ typedef struct {
     uint64_t seed, budget_bricks, brick_bits, lanes;
     bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
     const char *edits;
+    command_look look;
     double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
 } view_settings;
 

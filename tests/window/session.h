@@ -111,6 +111,8 @@ HELPER int open_session(void **state)
     }
     snprintf(s.folder, sizeof s.folder, "%s/karst-window-XXXXXX", getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp");
     assert_non_null(mkdtemp(s.folder));
+    /* These tests wait often until a view is settled. */
+    setenv("KARST_VIEW_VIEW_SAMPLES", "2", 0);
     setenv("XDG_STATE_HOME", s.folder, 1);
     setenv("XDG_CONFIG_HOME", s.folder, 1);
     start_server();

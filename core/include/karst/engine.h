@@ -73,8 +73,9 @@ typedef struct {
     bool refine; /* move each hit from the bricks' surface to the true density's, with its exact gradient as normal;
                   * only for world files. Costs a few evaluations of the density for each pixel */
     /* Rays for each pixel of a settled picture, spread over the pixel and the sun's disc; 1; to
-     * KARST_ENGINE_MAX_SAMPLES. Each frame draws one of them until all are complete. With more than one the sun is 0.53
-     * degrees wide, and shadows are soft. */
+     * KARST_ENGINE_MAX_SAMPLES. Each frame draws one of them until all are complete. With more than one, and without a
+     * budget in ms, the sun is 0.53 degrees wide, and shadows are soft; with such a budget the first frame of a view
+     * goes through the pixels' centres. */
     uint32_t samples;
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
@@ -122,8 +123,11 @@ bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_b
  * floats a pixel, top row first. Errors: KARST_USAGE (another number of values; no frame has been drawn yet; an engine
  * of one sample and plain tone with the world's exposure, which keeps bytes only), KARST_FAILED. */
 bool karst_engine_read_radiance(karst_engine *engine, float *rgb, size_t num_values, karst_error *error);
-/* The last frame's depth: metres along each ray's direction to the hit, INFINITY where there is none; width * height
- * floats. Errors: KARST_USAGE (no frame has been drawn yet, too few values), KARST_FAILED. */
+/* Whether karst_engine_read_radiance works. */
+bool karst_engine_keeps_radiance(const karst_engine *engine);
+/* The last frame's depth, of the rays of its last sample: metres along each ray's direction to the hit, INFINITY where
+ * there is none; width * height floats. Errors: KARST_USAGE (no frame has been drawn yet, too few values),
+ * KARST_FAILED. */
 bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_values, karst_error *error);
 
 /* Statistics of the last frame, copied out. */

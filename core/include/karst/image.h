@@ -31,6 +31,17 @@ uint8_t *karst_image_read_png(const char *path, int *width_px, int *height_px, k
 bool karst_image_write_exr(const char *path, const uint8_t *rgba, const float *depth_m, const float *normals,
                            int width_px, int height_px, karst_error *error);
 
+/* One channel of an OpenEXR file: `values` points at the first pixel's value, `stride` floats apart. */
+typedef struct {
+    const char *name;
+    const float *values;
+    int stride;
+} karst_image_channel;
+#define KARST_IMAGE_MAX_CHANNELS 32
+/* The same for any channels, 1 to KARST_IMAGE_MAX_CHANNELS of different names; borrowed. */
+bool karst_image_write_channels(const char *path, const karst_image_channel *channels, int num_channels, int width_px,
+                                int height_px, karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,6 +1,7 @@
 /* Everything of libkarst's public interface. */
 #ifndef KARST_H
 #define KARST_H
+#include "karst/aov.h"
 #include "karst/camera.h"
 #include "karst/change.h"
 #include "karst/data.h"
