@@ -1,0 +1,110 @@
+/* Whole numbers of places: cells' ids, checkers and hashes, against 128-bit arithmetic, to 10^15 m. */
+#include "world_text.h"
+
+__extension__ typedef __int128 int128;
+
+static int128 floor_divide(int128 a, int128 b) { return a / b - (a % b < 0); }
+static int128 floor_rest(int128 a, int128 b) { return a - b * floor_divide(a, b); }
+/* Of v in 2^-36 m: voxels of 1/16 m and their fractions. */
+#define METRE ((int128)1 << 36)
+static int128 cell(int128 v, int metres) { return floor_divide(v, metres * METRE); }
+static int128 towards_zero(int128 v) { return v / METRE; }
+
+static double checker(const int128 v[3]) { return (double)floor_rest(cell(v[0], 64) + cell(v[2], 64), 2); }
+static double checker3(const int128 v[3])
+{
+    return (double)floor_rest(cell(v[0], 3) - 5 * cell(v[1], 10) + cell(v[2], 7) + 1, 3);
+}
+static double half(const int128 v[3]) { return (double)floor_rest(cell(v[0], 8) + cell(v[2], 8), 2) / 2; }
+static double third(const int128 v[3]) { return (double)floor_rest(2 * cell(v[0], 8) + 1, 6) / 2; }
+static double masked(const int128 v[3]) { return (double)((cell(v[0], 64) * 3 + cell(v[2], 64) * 5) & 7); }
+static double rest_of_int(const int128 v[3]) { return (double)(towards_zero(v[0]) % 7); }
+static double rest_of_sum(const int128 v[3])
+{
+    return (double)((cell(v[0], 2) * 3 - towards_zero(v[2]) + 11) % 10);
+}
+static double quotient(const int128 v[3]) { return (double)((int32_t)((cell(v[0], 16) + 5) / 6) & 1023); }
+static double quotient_of_int(const int128 v[3]) { return (double)((int32_t)(towards_zero(v[0]) / 10) & 1023); }
+static double shifted(const int128 v[3]) { return (double)(floor_divide(cell(v[0], 1), 16) % 1000); }
+static double nested(const int128 v[3]) { return (double)floor_rest(floor_divide(cell(v[0], 4) + 1, 3), 5); }
+static double rounded(const int128 v[3])
+{
+    return (double)floor_rest(floor_divide(v[0] + 2 * METRE, 4 * METRE) - floor_divide(-v[2], METRE), 9);
+}
+static double hash(const int128 v[3])
+{
+    uint32_t h = (uint32_t)cell(v[0], 4) * 374761393u + (uint32_t)cell(v[2], 4) * 668265263u;
+    h = (h ^ h >> 13) * 1274126177u;
+    return (double)((h ^ h >> 16) & 1023);
+}
+static double int_hash(const int128 v[3])
+{
+    uint32_t n = (uint32_t)cell(v[0], 4) + (uint32_t)cell(v[2], 4) * 57u;
+    n = n << 13 ^ n;
+    n = (n * (n * n * 15731u + 789221u) + 1376312589u) & 0x7fffffffu;
+    return (double)(n >> 21);
+}
+static double order(const int128 v[3]) { return (double)(cell(v[0], 100) + 3 < cell(v[0], 50)); }
+static double few(const int128 v[3]) { return (double)(cell(v[0], 10) < 3 && cell(v[2], 10) >= -2); }
+static double steep(const int128 v[3]) { return (double)floor_rest(cell(v[0], 1) * 1000 + 1, 1024); }
+
+static const struct {
+    const char *body;
+    double (*truth)(const int128 v[3]);
+} worlds[] = {
+    {"return mod(floor(p.x / 64.0) + floor(p.z / 64.0), 2.0);", checker},
+    {"vec3 c = floor(p / vec3(3.0, 10.0, 7.0)); return mod(c.x - 5.0 * c.y + c.z + 1.0, 3.0);", checker3},
+    {"vec2 c = floor(p.xz / 8.0); return fract((c.x + c.y) * 0.5);", half},
+    {"return mod(floor(p.x / 8.0) + 0.5, 3.0);", third},
+    {"int i = int(floor(p.x / 64.0)), j = int(floor(p.z / 64.0)); return float((i * 3 + j * 5) & 7);", masked},
+    {"return float(int(p.x) % 7);", rest_of_int},
+    {"return float((int(floor(p.x / 2.0)) * 3 - int(p.z) + 11) % 10);", rest_of_sum},
+    {"return float(((int(floor(p.x / 16.0)) + 5) / 6) & 1023);", quotient},
+    {"return float((int(p.x) / 10) & 1023);", quotient_of_int},
+    {"return float((int(floor(p.x)) >> 4) % 1000);", shifted},
+    {"return mod(floor((floor(p.x / 4.0) + 1.0) / 3.0), 5.0);", nested},
+    {"return mod(round(p.x / 4.0) + ceil(p.z), 9.0);", rounded},
+    {"uvec2 c = uvec2(ivec2(floor(p.xz / 4.0))); uint h = c.x * 374761393u + c.y * 668265263u; h = (h ^ (h >> 13u)) * "
+     "1274126177u; return float((h ^ (h >> 16u)) & 1023u);",
+     hash},
+    {"int n = int(floor(p.x / 4.0)) + int(floor(p.z / 4.0)) * 57; n = (n << 13) ^ n; n = (n * (n * n * 15731 + 789221) "
+     "+ 1376312589) & 0x7fffffff; return float(n >> 21);",
+     int_hash},
+    {"return int(floor(p.x / 100.0)) + 3 < int(floor(p.x / 50.0)) ? 1.0 : 0.0;", order},
+    {"ivec2 c = ivec2(floor(p.xz / 10.0)); return c.x < 3 && c.y >= -2 ? 1.0 : 0.0;", few},
+    {"return mod(floor(p.x) * 1000.0 + 1.0, 1024.0);", steep},
+};
+
+static void test_truth(void **s)
+{
+    (void)s;
+    static const int64_t places[] = {0, 1000000, 1000000000, 1000000000000, 1000000000000000};
+    uint32_t random = 1;
+    for (size_t i = 0; i < sizeof worlds / sizeof *worlds; i++) {
+        text_world w = world_from_body(worlds[i].body);
+        for (int k = 0; k < 20000; k++) {
+            karst_position at;
+            int128 v[3];
+            for (int axis = 0; axis < 3; axis++) {
+                int64_t sign = k / 5 & 1 << axis ? -1 : 1;
+                random = random * 1664525u + 1013904223u;
+                at.voxel[axis] = sign * places[k % 5] * 16 + (int64_t)(random >> 8) % 40000 - 20000;
+                random = random * 1664525u + 1013904223u;
+                at.fraction[axis] = k % 3 ? random & 0xfffffff0u : 0;
+                v[axis] = (int128)at.voxel[axis] * ((int128)1 << 32) + at.fraction[axis];
+            }
+            karst_oracle_value d = karst_oracle_density(w.oracle, &at, -1);
+            double truth = worlds[i].truth(v);
+            if ((double)d.device != truth)
+                fail_msg("%s at %lld.%08x %lld.%08x: %g, not %g", worlds[i].body, (long long)at.voxel[0],
+                         at.fraction[0], (long long)at.voxel[2], at.fraction[2], (double)d.device, truth);
+        }
+        world_finish(&w);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth)};
+    return cmocka_run_group_tests_name("whole", tests, NULL, NULL);
+}
