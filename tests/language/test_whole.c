@@ -19,10 +19,7 @@ static double half(const int128 v[3]) { return (double)floor_rest(cell(v[0], 8) 
 static double third(const int128 v[3]) { return (double)floor_rest(2 * cell(v[0], 8) + 1, 6) / 2; }
 static double masked(const int128 v[3]) { return (double)((cell(v[0], 64) * 3 + cell(v[2], 64) * 5) & 7); }
 static double rest_of_int(const int128 v[3]) { return (double)(towards_zero(v[0]) % 7); }
-static double rest_of_sum(const int128 v[3])
-{
-    return (double)((cell(v[0], 2) * 3 - towards_zero(v[2]) + 11) % 10);
-}
+static double rest_of_sum(const int128 v[3]) { return (double)((cell(v[0], 2) * 3 - towards_zero(v[2]) + 11) % 10); }
 static double quotient(const int128 v[3]) { return (double)((int32_t)((cell(v[0], 16) + 5) / 6) & 1023); }
 static double quotient_of_int(const int128 v[3]) { return (double)((int32_t)(towards_zero(v[0]) / 10) & 1023); }
 static double shifted(const int128 v[3]) { return (double)(floor_divide(cell(v[0], 1), 16) % 1000); }
@@ -103,8 +100,75 @@ static void test_truth(void **s)
     }
 }
 
+/* ---- places less their own whole numbers ---- */
+
+typedef long double real;
+static real down(real a, real b) { return a - b * floorl(a / b); }
+static real near_period(real a, real b) { return a - b * floorl(a / b + 0.5L); }
+static real remainder_of(real a, real b) { return a - b * truncl(a / b); }
+
+/* x, y, z in metres, to 2^-63 of them. */
+static real round8(const real p[3]) { return near_period(p[1], 8); }
+static real moved8(const real p[3]) { return down(p[0] + 1e6L, 8); }
+static real tenth(const real p[3]) { return down(p[0] * 3, 10) - 5; }
+static real tilted(const real p[3]) { return near_period(p[0] + 2 * p[2], 16); }
+static real fmod_of(const real p[3]) { return remainder_of(p[0], 12); }
+static real middle(const real p[3]) { return down(p[0], 4) - 2; }
+static real upper(const real p[3]) { return -down(-p[2], 5); }
+static real mirror_of(const real p[3]) { return fabsl(down(p[0], 2 * 6) - 6); }
+static real repeat_of(const real p[3]) { return down(p[0] + 5, 10) - 5; }
+static real mixed(const real p[3]) { return near_period(0.75L * p[1] + 0.25L * p[0], 32); }
+
+static const struct {
+    const char *body;
+    real (*truth)(const real p[3]);
+} aways[] = {
+    {"return p.y - 8.0 * floor(p.y / 8.0 + 0.5);", round8},
+    {"return p.y - floor(p.y * 0.125 + 0.5) * 8.0;", round8},
+    {"return -(8.0 * floor(p.y / 8.0 + 0.5) - p.y);", round8},
+    {"float k = 8.0; float i = floor((p.y + 0.5 * k) / k); return p.y - k * i;", round8},
+    {"float q = p.x + 1e6; return q - 8.0 * floor(q / 8.0);", moved8},
+    {"float q = 3.0 * p.x; return q - 10.0 * (floor(q / 10.0) + 0.5);", tenth},
+    {"float q = p.x + 2.0 * p.z; return q - 16.0 * floor(q / 16.0 + 0.5);", tilted},
+    {"return fmod(p.x, 12.0);", fmod_of},
+    {"return p.x - 12.0 * trunc(p.x / 12.0);", fmod_of},
+    {"return p.x - (floor(p.x / 4.0) + 0.5) * 4.0;", middle},
+    {"return p.z - 5.0 * ceil(p.z / 5.0);", upper},
+    {"return mirror(p.x, 6.0);", mirror_of},
+    {"return abs(p.x - 12.0 * floor(p.x / 12.0) - 6.0);", mirror_of},
+    {"return repeat(p.x, 10.0);", repeat_of},
+    {"return mod(p.x + 5.0, 10.0) - 5.0;", repeat_of},
+    {"float q = mix(p.y, p.x, 0.25); return q - 32.0 * floor(q / 32.0 + 0.5);", mixed},
+};
+
+static void test_places_less_whole_numbers(void **s)
+{
+    (void)s;
+    static const int64_t places[] = {0, 100000, 10000000, 1000000000000};
+    uint32_t random = 7;
+    for (size_t i = 0; i < sizeof aways / sizeof *aways; i++) {
+        text_world w = world_from_body(aways[i].body);
+        for (int k = 0; k < 4000; k++) {
+            karst_position at;
+            real p[3];
+            for (int axis = 0; axis < 3; axis++) {
+                int64_t sign = k / 4 & 1 << axis ? -1 : 1;
+                random = random * 1664525u + 1013904223u;
+                at.voxel[axis] = sign * places[k % 4] * 16 + (int64_t)(random >> 8) % 40000 - 20000;
+                random = random * 1664525u + 1013904223u;
+                at.fraction[axis] = random & 0xf0000000u;
+                p[axis] = ((real)at.voxel[axis] + (real)at.fraction[axis] * 0x1p-32L) / 16;
+            }
+            karst_oracle_value d = karst_oracle_density(w.oracle, &at, -1);
+            assert_near((double)d.device, (double)aways[i].truth(p), 0.01 / 16, aways[i].body);
+            assert_near(d.precise, (double)aways[i].truth(p), 0.01 / 16, aways[i].body);
+        }
+        world_finish(&w);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth), cmocka_unit_test(test_places_less_whole_numbers)};
     return cmocka_run_group_tests_name("whole", tests, NULL, NULL);
 }

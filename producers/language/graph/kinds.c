@@ -1,34 +1,7 @@
-#include "producers/language/graph/kinds.h"
-#include "producers/language/graph/whole.h"
+#include "producers/language/graph/resolver.h"
 #include "producers/language/graph/soften.h"
 
 #include <math.h>
-#include <stdlib.h>
-
-/* What a node of the canonical graph is, before anything is built. */
-typedef enum { FORM_UNIFORM, FORM_AFFINE, FORM_SHIFTED, FORM_FLOAT } form_class;
-
-/* What its users want of it. */
-enum { WANT_VALUE = 1, WANT_FORM = 2, WANT_PART = 4 /* what an atom of whole numbers rounds down */ };
-
-/* offset + sum of coefficient[i] * p[i] + shift, in nodes of the resolved graph; KARST_NO_EXPR where there is none. */
-typedef struct {
-    karst_expr coefficient[3], offset, shift;
-} form;
-
-typedef struct {
-    const karst_graph *from;
-    karst_graph *to;
-    uint8_t *class, *wants, *formed; /* formed: has_form */
-    karst_expr *value;               /* of each node of `from` that is wanted */
-    form *forms;                     /* of each that is wanted so; of atoms what they round down */
-    const karst_whole **wholes;
-} resolver;
-
-static bool has_form(const resolver *r, karst_expr e)
-{
-    return r->class[e] == FORM_AFFINE || r->class[e] == FORM_SHIFTED;
-}
 
 /* ---- first pass, upwards: what is affine ---- */
 
@@ -83,6 +56,8 @@ static form_class classify(const resolver *r, karst_expr e)
         return class_of_sum(class_of_product(a, b), c);
     case KARST_OP_NEGATE:
         return a;
+    case KARST_OP_MIX: /* a (1 - c) + b c */
+        return c == FORM_UNIFORM && class_of_sum(a, b) == FORM_AFFINE ? FORM_AFFINE : FORM_FLOAT;
     default:
         return FORM_FLOAT;
     }
@@ -122,101 +97,6 @@ static bool uses_place(const resolver *r, const karst_expr_node *n, int k)
     }
 }
 
-static void want_parts(resolver *r, const karst_whole *w)
-{
-    for (uint32_t i = 0; i < w->num_terms; i++)
-        r->wants[w->atom[i]] |= WANT_PART;
-}
-
-/* What a node asks of whole numbers: how it is answered by `build_of_wholes`. */
-typedef enum { ASKS_NOTHING, ASKS_REST, ASKS_INT, ASKS_FLOAT, ASKS_ORDER, ASKS_QUOTIENT } question;
-
-/* What a factor is by a modulus, the nearest to 0. */
-static int64_t small_factor(int64_t factor, int64_t modulus)
-{
-    int64_t rest = factor % modulus;
-    return 2 * rest > modulus ? rest - modulus : 2 * rest < -modulus ? rest + modulus : rest;
-}
-
-/* The modulus of a MOD, FRACT or INT_MODULO of a whole number, times its divisor. */
-static int64_t modulus_of(const resolver *r, const karst_expr_node *n, int64_t *divisor)
-{
-    const karst_whole *w = r->wholes[n->arg[0]];
-    const karst_number *b = n->op == KARST_OP_FRACT ? NULL : karst_graph_constant(r->from, n->arg[1]);
-    const karst_number one = karst_number_int(1);
-    if (n->op == KARST_OP_FRACT)
-        b = &one;
-    if (!w || !b || b->denominator <= 0 || b->numerator <= 0 || b->numerator >= INT32_MAX ||
-        b->denominator >= INT32_MAX)
-        return 0;
-    *divisor = w->divisor * b->denominator;
-    int64_t modulus = b->numerator * w->divisor, most = 2 * modulus; /* below 2^62 */
-    for (uint32_t i = 0; i < w->num_terms && modulus < (1 << 24); i++)
-        most += modulus * llabs(small_factor(w->factor[i], modulus));
-    return modulus < (1 << 24) && *divisor < (1 << 24) && most < INT32_MAX ? modulus : 0;
-}
-
-static question asked_by(const resolver *r, karst_expr e)
-{
-    const karst_expr_node *n = &r->from->nodes[e];
-    const karst_whole *a = r->wholes[n->arg[0]];
-    int64_t divisor;
-    karst_whole difference;
-    const karst_number *by = karst_graph_constant(r->from, n->arg[1]);
-    switch (n->op) {
-    case KARST_OP_MOD:
-    case KARST_OP_FRACT:
-    case KARST_OP_INT_MODULO:
-        return (n->type != KARST_TYPE_UINT) && a && modulus_of(r, n, &divisor) ? ASKS_REST : ASKS_NOTHING;
-    case KARST_OP_CONVERT:
-        if (n->type == KARST_TYPE_FLOAT)
-            return a && r->wholes[e] ? ASKS_FLOAT : ASKS_NOTHING;
-        if (n->type == KARST_TYPE_BOOL || r->from->nodes[n->arg[0]].type != KARST_TYPE_FLOAT)
-            return ASKS_NOTHING;
-        return has_form(r, n->arg[0]) || (a && a->divisor == 1) ? ASKS_INT : ASKS_NOTHING;
-    case KARST_OP_SHIFT_RIGHT:
-        return r->wholes[e] ? ASKS_INT : ASKS_NOTHING;
-    case KARST_OP_INT_DIVIDE:
-        return n->type == KARST_TYPE_INT && a && a->num_terms == 1 && a->factor[0] == 1 && by && by->numerator > 0 &&
-                       by->numerator < (1 << 24) && a->divisor == 1 &&
-                       (a->constant == 0 || r->from->nodes[a->atom[0]].op != KARST_OP_CONVERT)
-                   ? ASKS_QUOTIENT
-                   : ASKS_NOTHING;
-    default:
-        return n->op >= KARST_OP_LESS && n->op <= KARST_OP_NOT_EQUAL &&
-                       r->from->nodes[n->arg[0]].type == KARST_TYPE_INT &&
-                       karst_whole_difference(r->from, r->wholes, n->arg[0], n->arg[1], &difference)
-                   ? ASKS_ORDER
-                   : ASKS_NOTHING;
-    }
-}
-
-/* False: the node is none of these. */
-static bool want_wholes(resolver *r, karst_expr e)
-{
-    const karst_expr_node *n = &r->from->nodes[e];
-    karst_whole difference;
-    switch (asked_by(r, e)) {
-    case ASKS_NOTHING:
-        return false;
-    case ASKS_INT:
-        if (r->wholes[e])
-            want_parts(r, r->wholes[e]);
-        else if (r->wholes[n->arg[0]]) /* uint(floor(a)) */
-            want_parts(r, r->wholes[n->arg[0]]);
-        else /* uint(a) */
-            r->wants[n->arg[0]] |= WANT_FORM;
-        return true;
-    case ASKS_ORDER:
-        karst_whole_difference(r->from, r->wholes, n->arg[0], n->arg[1], &difference);
-        want_parts(r, &difference);
-        return true;
-    default:
-        want_parts(r, r->wholes[n->arg[0]]);
-        return true;
-    }
-}
-
 static void want_arguments(resolver *r, karst_expr e)
 {
     const karst_expr_node *n = &r->from->nodes[e];
@@ -224,7 +104,9 @@ static void want_arguments(resolver *r, karst_expr e)
         karst_expr of = karst_whole_part_of(r->from, r->wholes, r->formed, e).of;
         r->wants[of] |= karst_whole_is_atom(r->wholes, of) ? WANT_PART : WANT_FORM;
     }
-    if ((r->wants[e] & WANT_VALUE) && want_wholes(r, e))
+    if ((r->wants[e] & WANT_VALUE) && r->class[e] != FORM_AFFINE)
+        karst_want_whole_away(r, e);
+    if ((r->wants[e] & WANT_VALUE) && karst_want_wholes(r, e))
         return;
     bool differs = compares_forms(r, n);
     if (r->class[e] == FORM_AFFINE)
@@ -249,7 +131,7 @@ static void want_attributes(resolver *r, karst_expr e)
 
 /* ---- third pass, upwards: building ---- */
 
-static karst_expr sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
+karst_expr karst_form_part_sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
 {
     if (!b)
         return a;
@@ -258,13 +140,13 @@ static karst_expr sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
     return karst_expr_2(r->to, op, a, b);
 }
 
-static form form_sum(resolver *r, karst_op op, form a, form b)
+form karst_form_sum(resolver *r, karst_op op, form a, form b)
 {
     form s;
     for (int i = 0; i < 3; i++)
-        s.coefficient[i] = sum(r, op, a.coefficient[i], b.coefficient[i]);
-    s.offset = sum(r, op, a.offset, b.offset);
-    s.shift = sum(r, op, a.shift, b.shift);
+        s.coefficient[i] = karst_form_part_sum(r, op, a.coefficient[i], b.coefficient[i]);
+    s.offset = karst_form_part_sum(r, op, a.offset, b.offset);
+    s.shift = karst_form_part_sum(r, op, a.shift, b.shift);
     return s;
 }
 
@@ -274,7 +156,7 @@ static karst_expr scaled(resolver *r, karst_op op, karst_expr a, karst_expr by)
 }
 
 /* op: MULTIPLY or DIVIDE */
-static form form_scaled(resolver *r, karst_op op, form a, karst_expr by)
+form karst_form_scaled(resolver *r, karst_op op, form a, karst_expr by)
 {
     form s;
     for (int i = 0; i < 3; i++)
@@ -285,7 +167,7 @@ static form form_scaled(resolver *r, karst_op op, form a, karst_expr by)
 }
 
 /* The form of an argument, whatever it is. */
-static form form_of(resolver *r, karst_expr e)
+form karst_form_of(resolver *r, karst_expr e)
 {
     if (has_form(r, e))
         return r->forms[e];
@@ -299,7 +181,7 @@ static form form_product(resolver *r, karst_expr a, karst_expr b)
     bool first = class_of_factor(r, a, false) == FORM_UNIFORM;
     if (!first && class_of_factor(r, b, false) != FORM_UNIFORM)
         return (form){.shift = karst_expr_2(r->to, KARST_OP_MULTIPLY, r->value[a], r->value[b])};
-    return form_scaled(r, KARST_OP_MULTIPLY, form_of(r, first ? b : a), r->value[first ? a : b]);
+    return karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, first ? b : a), r->value[first ? a : b]);
 }
 
 static form build_form(resolver *r, karst_expr e)
@@ -312,15 +194,22 @@ static form build_form(resolver *r, karst_expr e)
         return f;
     case KARST_OP_ADD:
     case KARST_OP_SUBTRACT:
-        return form_sum(r, n->op, form_of(r, n->arg[0]), form_of(r, n->arg[1]));
+        return karst_form_sum(r, n->op, karst_form_of(r, n->arg[0]), karst_form_of(r, n->arg[1]));
     case KARST_OP_MULTIPLY:
         return form_product(r, n->arg[0], n->arg[1]);
     case KARST_OP_DIVIDE:
-        return form_scaled(r, KARST_OP_DIVIDE, form_of(r, n->arg[0]), r->value[n->arg[1]]);
+        return karst_form_scaled(r, KARST_OP_DIVIDE, karst_form_of(r, n->arg[0]), r->value[n->arg[1]]);
     case KARST_OP_FMA:
-        return form_sum(r, KARST_OP_ADD, form_product(r, n->arg[0], n->arg[1]), form_of(r, n->arg[2]));
+        return karst_form_sum(r, KARST_OP_ADD, form_product(r, n->arg[0], n->arg[1]), karst_form_of(r, n->arg[2]));
+    case KARST_OP_MIX: {
+        karst_expr by = r->value[n->arg[2]],
+                   rest = karst_expr_2(r->to, KARST_OP_SUBTRACT, karst_graph_float(r->to, 1), by);
+        return karst_form_sum(r, KARST_OP_ADD,
+                              karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, n->arg[0]), rest),
+                              karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, n->arg[1]), by));
+    }
     default: /* NEGATE */
-        return form_sum(r, KARST_OP_SUBTRACT, f, form_of(r, n->arg[0]));
+        return karst_form_sum(r, KARST_OP_SUBTRACT, f, karst_form_of(r, n->arg[0]));
     }
 }
 
@@ -345,7 +234,7 @@ static karst_expr affine_leaf(resolver *r, form f)
 }
 
 /* What a node that works on exact places is given. */
-static karst_expr place_of(resolver *r, form f)
+karst_expr karst_place_of(resolver *r, form f)
 {
     karst_expr leaf = affine_leaf(r, f);
     if (!f.shift || is_zero(r->to, f.shift))
@@ -355,7 +244,7 @@ static karst_expr place_of(resolver *r, form f)
     return karst_graph_raw(r->to, KARST_OP_SHIFTED, KARST_TYPE_FLOAT, 0, leaf, f.shift, 0, 0);
 }
 
-static karst_expr apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b)
+karst_expr karst_apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b)
 {
     if (karst_graph_is_uniform(r->to, place)) /* folds */
         return b ? karst_expr_2(r->to, op, place, b) : karst_expr_1(r->to, op, place);
@@ -366,32 +255,33 @@ static karst_expr apply_to_place(resolver *r, karst_op op, karst_expr place, kar
 static karst_expr turn(resolver *r, karst_op op, form f)
 {
     karst_expr turns = karst_graph_number(r->to, KARST_TYPE_FLOAT, karst_number_double(0.15915494309189533577));
-    karst_expr place = place_of(r, form_scaled(r, KARST_OP_MULTIPLY, f, turns));
+    karst_expr place = karst_place_of(r, karst_form_scaled(r, KARST_OP_MULTIPLY, f, turns));
     karst_op code = r->to->nodes[place].op;
     if (code == KARST_OP_AFFINE || code == KARST_OP_SHIFTED)
         return karst_graph_raw(r->to, op == KARST_OP_SIN ? KARST_OP_SIN_TURNS : KARST_OP_COS_TURNS, KARST_TYPE_FLOAT, 0,
                                place, 0, 0, 0);
-    return karst_expr_1(r->to, op, place_of(r, f)); /* the position has cancelled */
+    return karst_expr_1(r->to, op, karst_place_of(r, f)); /* the position has cancelled */
 }
 
 static karst_expr on_place(resolver *r, const karst_expr_node *n)
 {
-    form f = form_of(r, n->arg[0]);
+    form f = karst_form_of(r, n->arg[0]);
     switch (n->op) {
     case KARST_OP_SIN:
     case KARST_OP_COS:
         return turn(r, n->op, f);
     case KARST_OP_CEIL: /* -floor(-a) */
-        return karst_expr_1(
-            r->to, KARST_OP_NEGATE,
-            apply_to_place(r, KARST_OP_FLOOR, place_of(r, form_sum(r, KARST_OP_SUBTRACT, (form){0}, f)), 0));
+        return karst_expr_1(r->to, KARST_OP_NEGATE,
+                            karst_apply_to_place(r, KARST_OP_FLOOR,
+                                                 karst_place_of(r, karst_form_sum(r, KARST_OP_SUBTRACT, (form){0}, f)),
+                                                 0));
     case KARST_OP_RINT: /* floor(a + 1/2): an exact tie goes up */
-        f.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
-        return apply_to_place(r, KARST_OP_FLOOR, place_of(r, f), 0);
+        f.offset = karst_form_part_sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
+        return karst_apply_to_place(r, KARST_OP_FLOOR, karst_place_of(r, f), 0);
     case KARST_OP_MOD:
-        return apply_to_place(r, KARST_OP_MOD, place_of(r, f), r->value[n->arg[1]]);
+        return karst_apply_to_place(r, KARST_OP_MOD, karst_place_of(r, f), r->value[n->arg[1]]);
     default:
-        return apply_to_place(r, n->op, place_of(r, f), 0);
+        return karst_apply_to_place(r, n->op, karst_place_of(r, f), 0);
     }
 }
 
@@ -402,176 +292,8 @@ static karst_expr build_noise(resolver *r, const karst_expr_node *n)
     noise.lacunarity = r->value[noise.lacunarity];
     karst_expr a[3];
     for (int k = 0; k < 3; k++)
-        a[k] = uses_place(r, n, k) ? place_of(r, r->forms[n->arg[k]]) : r->value[n->arg[k]];
+        a[k] = uses_place(r, n, k) ? karst_place_of(r, r->forms[n->arg[k]]) : r->value[n->arg[k]];
     return karst_graph_noise(r->to, noise, a[0], a[1], a[2]);
-}
-
-/* ---- whole numbers ---- */
-
-/* What an atom rounds down. */
-static form build_part(resolver *r, karst_expr e)
-{
-    karst_whole_part part = karst_whole_part_of(r->from, r->wholes, r->formed, e);
-    form f = karst_whole_is_atom(r->wholes, part.of) ? r->forms[part.of] : form_of(r, part.of);
-    if (part.constant)
-        f.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, (double)part.constant));
-    if (part.divisor > 1)
-        f = form_scaled(r, KARST_OP_DIVIDE, f, karst_graph_float(r->to, (double)part.divisor));
-    if (r->from->nodes[e].op == KARST_OP_RINT)
-        f.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
-    return r->from->nodes[e].op == KARST_OP_CEIL ? form_sum(r, KARST_OP_SUBTRACT, (form){0}, f) : f;
-}
-
-static bool rounds_to_zero(const resolver *r, karst_expr atom) { return r->from->nodes[atom].op == KARST_OP_CONVERT; }
-
-static karst_expr whole_int(resolver *r, int64_t value) { return karst_graph_int(r->to, (int32_t)value); }
-
-/* The cell of a form by a modulus, or (0) its low 32 bits. */
-static karst_expr cell_of(resolver *r, form f, bool towards_zero, int64_t modulus)
-{
-    karst_expr place = place_of(r, f);
-    uint8_t op = r->to->nodes[place].op;
-    if (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)
-        return karst_graph_raw(r->to, KARST_OP_CELL, KARST_TYPE_INT, towards_zero, place,
-                               modulus ? whole_int(r, modulus) : 0, 0, 0);
-    /* the position has cancelled */
-    if (!towards_zero)
-        place = karst_expr_1(r->to, KARST_OP_FLOOR, place);
-    karst_expr whole = karst_expr_convert(r->to, KARST_TYPE_INT, place), by = whole_int(r, modulus);
-    if (!modulus)
-        return whole;
-    whole = karst_expr_2(r->to, KARST_OP_INT_MODULO, whole, by);
-    return karst_expr_2(r->to, KARST_OP_INT_MODULO, karst_expr_2(r->to, KARST_OP_INT_ADD, whole, by), by);
-}
-
-static karst_expr add_times(resolver *r, karst_expr to, karst_expr a, int64_t factor)
-{
-    if (factor != 1)
-        a = karst_expr_2(r->to, KARST_OP_INT_MULTIPLY, a, whole_int(r, factor));
-    return to ? karst_expr_2(r->to, KARST_OP_INT_ADD, to, a) : a;
-}
-
-/* Its low 32 bits. */
-static karst_expr whole_low(resolver *r, const karst_whole *w)
-{
-    karst_expr low = KARST_NO_EXPR;
-    for (uint32_t i = 0; i < w->num_terms; i++)
-        low = add_times(r, low, cell_of(r, r->forms[w->atom[i]], rounds_to_zero(r, w->atom[i]), 0), w->factor[i]);
-    return w->constant ? karst_expr_2(r->to, KARST_OP_INT_ADD, low, whole_int(r, w->constant)) : low;
-}
-
-/* The rest of what is before the division, from 0 on. */
-static karst_expr whole_rest(resolver *r, const karst_whole *w, int64_t modulus)
-{
-    karst_expr rest = KARST_NO_EXPR;
-    int64_t constant = w->constant % modulus;
-    bool is_rest = w->num_terms == 1;
-    for (uint32_t i = 0; i < w->num_terms; i++) {
-        int64_t factor = small_factor(w->factor[i], modulus);
-        if (factor)
-            rest = add_times(r, rest, cell_of(r, r->forms[w->atom[i]], rounds_to_zero(r, w->atom[i]), modulus), factor);
-        constant += factor < 0 ? -factor * modulus : 0; /* nothing below 0 */
-        is_rest &= factor == 1;
-    }
-    constant += constant < 0 ? modulus : 0;
-    if (!rest || (is_rest && constant == 0))
-        return rest ? rest : whole_int(r, constant % modulus);
-    if (constant)
-        rest = karst_expr_2(r->to, KARST_OP_INT_ADD, rest, whole_int(r, constant));
-    return karst_expr_2(r->to, KARST_OP_INT_MODULO, rest, whole_int(r, modulus));
-}
-
-/* What an atom gives, as a float. */
-static karst_expr atom_float(resolver *r, karst_expr atom)
-{
-    form f = r->forms[atom];
-    karst_expr down = apply_to_place(r, KARST_OP_FLOOR, place_of(r, f), 0);
-    if (!rounds_to_zero(r, atom))
-        return down;
-    form back = form_sum(r, KARST_OP_SUBTRACT, (form){0}, f);
-    karst_expr up = karst_expr_1(r->to, KARST_OP_NEGATE, apply_to_place(r, KARST_OP_FLOOR, place_of(r, back), 0));
-    karst_expr below = karst_expr_2(r->to, KARST_OP_LESS, place_of(r, f), karst_graph_float(r->to, 0));
-    return karst_expr_3(r->to, KARST_OP_SELECT, below, up, down);
-}
-
-/* Its terms, and its constant if that is wanted, as a float. */
-static karst_expr whole_float(resolver *r, const karst_whole *w, bool with_constant)
-{
-    karst_expr all = KARST_NO_EXPR;
-    for (uint32_t i = 0; i < w->num_terms; i++) {
-        karst_expr term = atom_float(r, w->atom[i]);
-        if (w->factor[i] != 1)
-            term = karst_expr_2(r->to, KARST_OP_MULTIPLY, term, karst_graph_float(r->to, (double)w->factor[i]));
-        all = sum(r, KARST_OP_ADD, all, term);
-    }
-    if (with_constant && w->constant)
-        all = sum(r, KARST_OP_ADD, all, karst_graph_float(r->to, (double)w->constant));
-    return all;
-}
-
-/* Of an int, whose rest has its own sign. */
-static karst_expr signed_rest(resolver *r, const karst_whole *w, karst_expr rest, int64_t modulus)
-{
-    const karst_expr zero = whole_int(r, 0),
-                     below = karst_expr_2(r->to, KARST_OP_LESS, whole_float(r, w, true), karst_graph_float(r->to, 0));
-    karst_expr some = karst_expr_2(r->to, KARST_OP_NOT_EQUAL, rest, zero);
-    karst_expr other = karst_expr_2(r->to, KARST_OP_INT_SUBTRACT, rest, whole_int(r, modulus));
-    return karst_expr_3(r->to, KARST_OP_SELECT, karst_expr_2(r->to, KARST_OP_AND, below, some), other, rest);
-}
-
-/* a / b for ints, b above 0: towards 0. */
-static karst_expr whole_quotient(resolver *r, const karst_whole *w, int64_t by)
-{
-    const karst_expr divisor = karst_graph_float(r->to, (double)by);
-    bool towards_zero = rounds_to_zero(r, w->atom[0]);
-    form f = r->forms[w->atom[0]], down = f, up = f;
-    down.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, (double)w->constant));
-    up.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, (double)(w->constant + by - 1)));
-    karst_expr low = cell_of(r, form_scaled(r, KARST_OP_DIVIDE, down, divisor), towards_zero, 0);
-    if (towards_zero)
-        return low;
-    karst_expr high = cell_of(r, form_scaled(r, KARST_OP_DIVIDE, up, divisor), false, 0);
-    karst_expr below =
-        karst_expr_2(r->to, KARST_OP_LESS, atom_float(r, w->atom[0]), karst_graph_float(r->to, (double)-w->constant));
-    return karst_expr_3(r->to, KARST_OP_SELECT, below, high, low);
-}
-
-static karst_expr build_order(resolver *r, const karst_expr_node *n)
-{
-    karst_whole difference = {0};
-    karst_whole_difference(r->from, r->wholes, n->arg[0], n->arg[1], &difference);
-    bool is_far = llabs(difference.constant) > 1 << 24;
-    return karst_expr_2(r->to, n->op, whole_float(r, &difference, is_far),
-                        karst_graph_float(r->to, is_far ? 0 : (double)-difference.constant));
-}
-
-static karst_expr build_of_wholes(resolver *r, karst_expr e)
-{
-    const karst_expr_node *n = &r->from->nodes[e];
-    const karst_whole *a = r->wholes[n->arg[0]];
-    switch (asked_by(r, e)) {
-    case ASKS_REST: {
-        int64_t divisor, modulus = modulus_of(r, n, &divisor);
-        karst_expr rest = whole_rest(r, a, modulus);
-        if (n->type == KARST_TYPE_INT)
-            return signed_rest(r, a, rest, modulus);
-        rest = karst_expr_convert(r->to, KARST_TYPE_FLOAT, rest);
-        return karst_expr_2(r->to, KARST_OP_DIVIDE, rest, karst_graph_float(r->to, (double)divisor));
-    }
-    case ASKS_INT: {
-        const karst_whole *w = r->wholes[e] ? r->wholes[e] : a;
-        karst_expr low = w ? whole_low(r, w) : cell_of(r, form_of(r, n->arg[0]), true, 0);
-        return karst_expr_convert(r->to, n->type, low);
-    }
-    case ASKS_FLOAT:
-        return whole_float(r, r->wholes[e], true);
-    case ASKS_QUOTIENT:
-        return whole_quotient(r, a, karst_graph_constant(r->from, n->arg[1])->numerator);
-    case ASKS_ORDER:
-        return build_order(r, n);
-    default:
-        return KARST_NO_EXPR;
-    }
 }
 
 static karst_expr build_value(resolver *r, karst_expr e)
@@ -583,16 +305,19 @@ static karst_expr build_value(resolver *r, karst_expr e)
         return affine_leaf(r, r->forms[e]);
     if (n->op == KARST_OP_NOISE)
         return build_noise(r, n);
-    karst_expr of_wholes = build_of_wholes(r, e);
+    karst_expr of_wholes = karst_build_of_wholes(r, e);
     if (of_wholes)
         return of_wholes;
     if (compares_forms(r, n)) {
-        karst_expr difference =
-            affine_leaf(r, form_sum(r, KARST_OP_SUBTRACT, form_of(r, n->arg[0]), form_of(r, n->arg[1])));
+        karst_expr difference = affine_leaf(
+            r, karst_form_sum(r, KARST_OP_SUBTRACT, karst_form_of(r, n->arg[0]), karst_form_of(r, n->arg[1])));
         return karst_expr_2(r->to, n->op, difference, karst_graph_float(r->to, 0));
     }
     if (uses_place(r, n, 0))
         return on_place(r, n);
+    karst_expr away = karst_build_whole_away(r, e);
+    if (away)
+        return away;
     return karst_graph_raw(r->to, n->op, n->type, n->extra, r->value[n->arg[0]], r->value[n->arg[1]],
                            r->value[n->arg[2]], r->value[n->arg[3]]);
 }
@@ -649,7 +374,7 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     for (uint32_t e = 1; e < count; e++) {
         built.where = graph->nodes[e].where;
         if (r.wants[e] & WANT_PART)
-            r.forms[e] = build_part(&r, e);
+            r.forms[e] = karst_build_part(&r, e);
         if ((r.wants[e] & WANT_FORM) && has_form(&r, e))
             r.forms[e] = build_form(&r, e);
         if (r.wants[e] & WANT_VALUE)
