@@ -19,6 +19,7 @@ typedef struct {
     karst_range *ranges;
     karst_lipschitz *steepness;
     uint8_t *is_density; /* whether the density needs the node */
+    karst_expr *user_of; /* of each node the nearest that the user's text made */
     uint32_t *line_ends; /* offsets into the source's text */
     uint32_t num_line_ends;
     void (*print)(void *user, const char *line);
@@ -60,10 +61,22 @@ static uint32_t lines_before(const report *r, uint32_t where)
     return low;
 }
 
+/* What stands in the prelude is named by what of the user's text it is for. */
+static void find_users(const report *r)
+{
+    for (karst_expr e = r->graph->num_nodes - 1; e > 0; e--) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        karst_expr named = n->where < r->program->source.user_begin && r->user_of[e] ? r->user_of[e] : e;
+        r->user_of[e] = named;
+        for (int k = 0; k < 4 && n->arg[k]; k++)
+            r->user_of[n->arg[k]] = named;
+    }
+}
+
 /* As karst_source_place counts: the user's text and the prelude each from 1. */
 static uint32_t line_of(const report *r, karst_expr e)
 {
-    uint32_t where = r->graph->nodes[e].where, user_begin = r->program->source.user_begin;
+    uint32_t where = r->graph->nodes[r->user_of[e]].where, user_begin = r->program->source.user_begin;
     return 1 + lines_before(r, where) - lines_before(r, where >= user_begin ? user_begin : 0);
 }
 
@@ -288,9 +301,11 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     r.ranges = calloc(r.graph->num_nodes, sizeof *r.ranges);
     r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
     r.is_density = calloc(r.graph->num_nodes, 1);
-    bool done = r.ranges && r.steepness && r.is_density && find_lines(&r);
+    r.user_of = calloc(r.graph->num_nodes, sizeof *r.user_of);
+    bool done = r.user_of && r.ranges && r.steepness && r.is_density && find_lines(&r);
     if (done) {
         mark_density(&r);
+        find_users(&r);
         karst_graph_ranges(r.graph, &r.settings, r.ranges);
         karst_graph_lipschitz(r.graph, r.ranges, r.steepness);
         for (const karst_diagnostic *d = program->diagnostics; d; d = d->next)
@@ -308,6 +323,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     free(r.ranges);
     free(r.steepness);
     free(r.is_density);
+    free(r.user_of);
     free(r.line_ends);
     return done;
 }

@@ -167,8 +167,29 @@ static void test_places_less_whole_numbers(void **s)
     }
 }
 
+/* Shapes in units of their own, against extended precision. */
+static void test_large_units(void **s)
+{
+    (void)s;
+    text_world w = world_from_body("return (1.0 - length(p / vec3(3.0e6, 2.0e6, 1.0e6))) * 1.0e6;");
+    for (int k = 0; k < 2000; k++) {
+        double angle = k * 0.7, lift = sin(k * 1.3), side = sqrt(1 - lift * lift);
+        karst_position at = position_at(&w, 3e6 * side * cos(angle), 2e6 * lift, 1e6 * side * sin(angle));
+        real sum = 0;
+        for (int i = 0; i < 3; i++) {
+            real q = ((real)at.voxel[i] + (real)at.fraction[i] * 0x1p-32L) / 16 / (3 - i) * 1e-6L;
+            sum += q * q;
+        }
+        real exact = (1 - sqrtl(sum)) * 1e6L;
+        karst_oracle_value d = karst_oracle_density(w.oracle, &at, -1);
+        assert_near((double)d.device, (double)exact, 0.01 / 16 / 3, "an ellipsoid"); /* a third as steep at its ends */
+    }
+    world_finish(&w);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth), cmocka_unit_test(test_places_less_whole_numbers)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth), cmocka_unit_test(test_places_less_whole_numbers),
+                                       cmocka_unit_test(test_large_units)};
     return cmocka_run_group_tests_name("whole", tests, NULL, NULL);
 }

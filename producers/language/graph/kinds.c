@@ -388,5 +388,5 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     karst_kinds_set(resolved, 1);
     karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);
     karst_graph_ranges(resolved, settings, ranges);
-    karst_kinds_widen(resolved, settings, ranges);
+    karst_kinds_widen(resolved, settings, ranges, roots[0]);
 }
