@@ -1,4 +1,5 @@
 /* Whole numbers of places: cells' ids, checkers and hashes, against 128-bit arithmetic, to 10^15 m. */
+#include "producers/language/check.h"
 #include "world_text.h"
 
 __extension__ typedef __int128 int128;
@@ -187,9 +188,49 @@ static void test_large_units(void **s)
     world_finish(&w);
 }
 
+/* ---- hashes of sines ---- */
+
+static void find_reach(void *user, const char *line)
+{
+    const char *at = strstr(line, "tells them apart up to ");
+    if (at)
+        *(double *)user = strtod(at + strlen("tells them apart up to "), NULL);
+}
+
+/* How many of 32 x 32 cells at x = z = `metres` have a number of their own. */
+static int count_apart(text_world *w, double metres)
+{
+    static float seen[1024];
+    int count = 0;
+    for (int k = 0; k < 1024; k++) {
+        float h = density_at(w, floor(metres) + k % 32 + 0.5, 0, floor(metres) + k / 32 + 0.5).device;
+        bool is_new = true;
+        for (int i = 0; i < count && is_new; i++)
+            is_new = seen[i] != h;
+        seen[count] = h;
+        count += is_new;
+    }
+    return count;
+}
+
+static void test_sines_of_cells(void **s)
+{
+    (void)s;
+    text_world w =
+        world_from_body("return fract(sin(dot(floor(p.xz), vec2(12.9898, 78.233))) * 43758.5453) + 0.0 * p.y;");
+    double reach = 0;
+    karst_error error = {0};
+    assert_true(karst_language_check(w.program, find_reach, &reach, &error));
+    int here = count_apart(&w, 0), near = count_apart(&w, reach * 0.9), far = count_apart(&w, reach * 4);
+    print_message("cells are told apart up to %g m: %d of 1024 at the origin, %d there, %d beyond\n", reach, here, near,
+                  far);
+    assert_true(reach > 1e5 && near >= here / 4 * 3 && far < here / 2);
+    world_finish(&w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_truth), cmocka_unit_test(test_places_less_whole_numbers),
-                                       cmocka_unit_test(test_large_units)};
+                                       cmocka_unit_test(test_large_units), cmocka_unit_test(test_sines_of_cells)};
     return cmocka_run_group_tests_name("whole", tests, NULL, NULL);
 }
