@@ -224,7 +224,7 @@ static void test_sines_of_cells(void **s)
     int here = count_apart(&w, 0), near = count_apart(&w, reach * 0.9), far = count_apart(&w, reach * 4);
     print_message("cells are told apart up to %g m: %d of 1024 at the origin, %d there, %d beyond\n", reach, here, near,
                   far);
-    assert_true(reach > 1e5 && near >= here / 4 * 3 && far < here / 2);
+    assert_true(reach > 1e4 && near >= here / 4 * 3 && far < here / 2);
     world_finish(&w);
 }
 
