@@ -221,6 +221,16 @@ static karst_node_range place_range(const karst_ranger *r, karst_expr e)
         result.slope = in_one ? interval_thin(0) : interval_whole();
         return result;
     }
+    if (n->op == KARST_OP_CELL) {
+        double here = r->oracle->slots[e].i, modulus = n->arg[1] ? r->nodes[n->arg[1]].value.lo : 0;
+        bool one = in_one && !(n->extra && cell == in_cell.value.lo);
+        result.value = one       ? interval_thin(here)
+                       : modulus ? interval_of(0, modulus - 1)
+                                 : interval_of(INT32_MIN, INT32_MAX);
+        result.middle = interval_thin(here);
+        result.slope = interval_whole(); /* whoever calls narrows it */
+        return result;
+    }
     result.middle = interval_multiply(
         karst_range_of_op(KARST_OP_FRACT, in_cell.middle, interval_thin(0), interval_thin(0), interval_thin(0)), b);
     result.value = interval_multiply(

@@ -459,6 +459,12 @@ K_INLINE void run_instruction(block *b, uint n, const karst_instruction *in)
             to[i] = v_as_int(tape_place_op(b->tape, in, &at, v_as_float(x[i]), v_as_float(y[i])));
         }
         return;
+    case TAPE_PLACE_CELL:
+        for (uint i = 0; i < n; i++) {
+            affine_position at = POSITION;
+            to[i] = tape_cell_op(b->tape, in, &at, v_as_float(x[i]));
+        }
+        return;
     case TAPE_SIN_TURNS:
     case TAPE_COS_TURNS:
         run_turns(b, n, in, x, to);

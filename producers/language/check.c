@@ -19,6 +19,7 @@ typedef struct {
     karst_range *ranges;
     karst_lipschitz *steepness;
     uint8_t *is_density; /* whether the density needs the node */
+    karst_expr *user_of; /* of each node the nearest that the user's text made */
     uint32_t *line_ends; /* offsets into the source's text */
     uint32_t num_line_ends;
     void (*print)(void *user, const char *line);
@@ -60,10 +61,22 @@ static uint32_t lines_before(const report *r, uint32_t where)
     return low;
 }
 
+/* What stands in the prelude is named by what of the user's text it is for. */
+static void find_users(const report *r)
+{
+    for (karst_expr e = r->graph->num_nodes - 1; e > 0; e--) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        karst_expr named = n->where < r->program->source.user_begin && r->user_of[e] ? r->user_of[e] : e;
+        r->user_of[e] = named;
+        for (int k = 0; k < 4 && n->arg[k]; k++)
+            r->user_of[n->arg[k]] = named;
+    }
+}
+
 /* As karst_source_place counts: the user's text and the prelude each from 1. */
 static uint32_t line_of(const report *r, karst_expr e)
 {
-    uint32_t where = r->graph->nodes[e].where, user_begin = r->program->source.user_begin;
+    uint32_t where = r->graph->nodes[r->user_of[e]].where, user_begin = r->program->source.user_begin;
     return 1 + lines_before(r, where) - lines_before(r, where >= user_begin ? user_begin : 0);
 }
 
@@ -260,6 +273,72 @@ static void say_reach(const report *r)
     }
 }
 
+/* How fast what is piecewise constant grows, for each metre from the origin, and by how much it differs from cell to
+ * cell at least. */
+typedef struct {
+    double rate, step;
+} growth;
+
+static double coefficient_of(const report *r, karst_expr e)
+{
+    karst_range a = r->ranges[e];
+    return e ? fmax(fabs(a.lo), fabs(a.hi)) : 0;
+}
+
+static growth growth_of(const report *r, karst_expr e, const growth *all)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    growth a = all[n->arg[0]], b = all[n->arg[1]], c = all[n->arg[2]], g = {0, (double)INFINITY};
+    bool by_first = r->graph->nodes[n->arg[0]].kind == KARST_KIND_UNIFORM;
+    double by = coefficient_of(r, n->arg[by_first ? 0 : 1]);
+    growth grown = by_first ? b : a;
+    switch (n->op) {
+    case KARST_OP_AFFINE:
+        for (int i = 0; i < 3; i++)
+            g.rate += coefficient_of(r, r->graph->affines[n->extra].coefficient[i]);
+        return g;
+    case KARST_OP_FLOOR:
+        return (growth){a.rate, 1};
+    case KARST_OP_SHIFTED:
+    case KARST_OP_NEGATE:
+        return a;
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+        return (growth){a.rate + b.rate, fmin(a.step, b.step)};
+    case KARST_OP_MULTIPLY:
+        return (growth){grown.rate * by, grown.step * by};
+    case KARST_OP_DIVIDE:
+        return (growth){a.rate / by, a.step / by};
+    case KARST_OP_FMA:
+        return (growth){grown.rate * by + c.rate, fmin(grown.step * by, c.step)};
+    default:
+        return g;
+    }
+}
+
+/* Sines of cells, as hashes take them: how far out floats tell cells apart. */
+static void say_sines(const report *r, growth *all)
+{
+    karst_expr worst = KARST_NO_EXPR;
+    double reach = (double)INFINITY;
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
+        const karst_expr_node *n = &r->graph->nodes[e];
+        const growth *a = &all[n->arg[0]];
+        all[e] = growth_of(r, e, all);
+        if ((n->op != KARST_OP_SIN && n->op != KARST_OP_COS) || n->kind != KARST_KIND_STEPS || !(a->rate > 0))
+            continue;
+        /* larger arguments are not reduced, or are the same for neighbours */
+        double here = fmin(0x1p22, a->step * 0x1p23) / a->rate;
+        if (!(here < reach))
+            continue;
+        reach = here;
+        worst = e;
+    }
+    if (worst)
+        say(r, "  line %u: a sine of cells tells them apart up to %.3g m from the origin; hash their ints for more",
+            line_of(r, worst), reach);
+}
+
 /* LANGUAGE section 5: weights in ns, by the share of samples for which a node is computed. A tape (tape_world.clh)
  * computes each for every sample, and each step is looked up (measured: 1.8 ns). */
 #define TAPE_STEP_NS 1.8
@@ -327,9 +406,12 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     r.ranges = calloc(r.graph->num_nodes, sizeof *r.ranges);
     r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
     r.is_density = calloc(r.graph->num_nodes, 1);
-    bool done = r.ranges && r.steepness && r.is_density && find_lines(&r);
+    r.user_of = calloc(r.graph->num_nodes, sizeof *r.user_of);
+    growth *growths = calloc(r.graph->num_nodes, sizeof *growths);
+    bool done = growths && r.user_of && r.ranges && r.steepness && r.is_density && find_lines(&r);
     if (done) {
         mark_density(&r);
+        find_users(&r);
         karst_graph_ranges(r.graph, &r.settings, r.ranges);
         karst_graph_lipschitz(r.graph, r.ranges, r.steepness);
         for (const karst_diagnostic *d = program->diagnostics; d; d = d->next)
@@ -340,6 +422,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
         say_bounds(&r);
         say_steepness(&r);
         say_reach(&r);
+        say_sines(&r, growths);
         done = say_cost(&r, error);
     } else {
         karst_fail(error, KARST_FAILED, "out of memory");
@@ -347,6 +430,8 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     free(r.ranges);
     free(r.steepness);
     free(r.is_density);
+    free(growths);
+    free(r.user_of);
     free(r.line_ends);
     return done;
 }

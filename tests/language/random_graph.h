@@ -287,6 +287,16 @@ static inline karst_expr random_bool_node(random_graph *r)
     }
 }
 
+/* A whole number of an exact place: its low bits, or its rest. */
+static inline karst_expr random_cell(random_graph *r)
+{
+    static const int32_t moduli[] = {0, 2, 3, 7, 16, 24, 1000, 0x7fffff};
+    karst_expr place = random_argument_with_place(r);
+    int32_t modulus = moduli[random_below(8)];
+    return karst_graph_raw(&r->graph, KARST_OP_CELL, KARST_TYPE_INT, random_below(2), place,
+                           modulus ? karst_graph_int(&r->graph, modulus) : 0, 0, 0);
+}
+
 static inline karst_expr random_int_node(random_graph *r, int type)
 {
     static const karst_op two[] = {
@@ -297,6 +307,8 @@ static inline karst_expr random_int_node(random_graph *r, int type)
     karst_expr a = pool_pick(r, type), b = pool_pick(r, type);
     switch (random_below(8)) {
     case 0:
+        if (type == KARST_TYPE_INT && random_chance(2))
+            return random_cell(r);
         return karst_expr_convert(g, (karst_scalar_type)type, pool_pick(r, KARST_TYPE_FLOAT));
     case 1:
         return karst_expr_convert(g, (karst_scalar_type)type, pool_pick(r, (int)random_below(4)));

@@ -63,6 +63,22 @@ static inline real floor_of_place(const affine_position *at, const karst_cells *
     return (real)(float)((real)affine_cells(at, cells).cell + steps);
 }
 
+/* CELL of a place that a real number moves. */
+static inline int cell_of_place(const tape_program *tape, const karst_instruction *i, const affine_position *at,
+                                real offset)
+{
+    const karst_cells *cells = (const karst_cells *)(tape->data + i->word);
+    affine_place place = affine_cells(at, cells);
+    real part = (real)place.fraction * 0x1p-32L + offset, steps = floorl(part);
+    bool above = part != steps;
+    steps = steps < -0x1p54L ? -0x1p54L : steps > 0x1p54L ? 0x1p54L : steps;
+    int64_t cell = (int64_t)((uint64_t)place.cell + (uint64_t)(int64_t)steps), modulus;
+    cell += i->count && cell < 0 && above;
+    modulus = i->arg[1] == TAPE_NOTHING ? (int64_t)1 << 32 : tape_known(tape, i->arg[1]);
+    int64_t rest = cell % modulus;
+    return (int)(uint32_t)(rest < 0 ? rest + modulus : rest);
+}
+
 static inline real mod_real(real a, real b)
 {
     if (b == 0)
@@ -184,6 +200,8 @@ static inline void run_real(const tape_program *tape, const karst_instruction *i
             as_float = (float)(i->op == TAPE_FLOOR ? floorl(x[0]) : i->op == TAPE_CEIL ? ceill(x[0]) : rintl(x[0]));
         else if (is_stepped && is_float)
             as_float = k_as_float((uint)exact);
+        if (i->op == TAPE_PLACE_CELL)
+            exact = cell_of_place(tape, i, at, x[0]);
         real value = real_op(tape, i, at, level, x, bits[0], as_float, pass);
         result.value[pass] = !is_float ? 0 : shaken(value, pass, (i->flags & TAPE_IS_STEPS) ? 0x1p23L : 0x1p45L);
         result.bits[pass] = is_float ? (int)k_as_uint((float)result.value[pass]) : exact;

@@ -43,7 +43,8 @@
                                         X(INT_CHOOSE) X(CHOOSE_BOOLS) X(FLOAT_TO_INT) X(INT_SIGN) X(INT_TO_FLOAT)      \
                                             X(FLOAT_BITS) X(BITS_FLOAT) X(EQUAL) X(LESS_EQUAL) X(NOT) X(AND) X(OR)     \
                                                 X(WIDE_NARROW) X(WIDE_DIVIDE) X(WIDE_MIN) X(WIDE_MAX) X(WIDE_ABS)      \
-                                                    X(WIDE_SELECT) X(WIDE_CELL) X(WIDE_FLOOR) X(WIDE_TURNS)
+                                                    X(WIDE_SELECT) X(WIDE_CELL) X(WIDE_FLOOR) X(WIDE_TURNS) \
+                                                        X(PLACE_CELL) X(PLACE_CELL_ORDER) X(CELL_TOWARDS_ZERO)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,

@@ -219,6 +219,19 @@ void karst_emit_declare_place(karst_emit *emit, karst_expr e)
     }
 }
 
+static void cell_line(karst_emit *emit, karst_expr e)
+{
+    const karst_expr_node *n = node_of(emit, e), *a = node_of(emit, n->arg[0]);
+    uint32_t word = emit->layout->word[e];
+    int modulus = n->arg[1] ? (int)karst_graph_constant(emit->graph, n->arg[1])->numerator : 0;
+    if (a->op == KARST_OP_SHIFTED)
+        karst_text_add(&emit->text, "    const vint v%u = affine_cell_rest(affine_cell_shifted(c%u, %s, %u), %d);\n", e,
+                       word, karst_emit_operand(emit, a->arg[1]).text, n->extra, modulus);
+    else
+        karst_text_add(&emit->text, "    const vint v%u = affine_cell_rest(affine_cell(c%u, %u), %d);\n", e, word,
+                       n->extra, modulus);
+}
+
 static void place_lines(karst_emit *emit, karst_expr e)
 {
     const karst_expr_node *n = node_of(emit, e);
@@ -226,6 +239,10 @@ static void place_lines(karst_emit *emit, karst_expr e)
     bool shifted = node_of(emit, n->arg[0])->op == KARST_OP_SHIFTED;
     karst_text *text = &emit->text;
     karst_emit_declare_place(emit, e);
+    if (n->op == KARST_OP_CELL) {
+        cell_line(emit, e);
+        return;
+    }
     karst_operand offset = {""}, period = {""};
     if (shifted)
         offset = karst_emit_operand(emit, node_of(emit, n->arg[0])->arg[1]);

@@ -66,6 +66,7 @@ bool karst_takes_place(const karst_world_layout *layout, karst_expr e, int k)
         return true;
     case KARST_OP_FLOOR:
     case KARST_OP_FRACT:
+    case KARST_OP_CELL:
     case KARST_OP_SIN_TURNS:
     case KARST_OP_COS_TURNS:
         return k == 0;

@@ -36,7 +36,7 @@ typedef struct {
     /* Per node: is_known, if it is uniform and its value is the host's; and the 64-bit word at which its record begins,
      * or KARST_NO_WORD:
      * - AFFINE: karst_linear;
-     * - FLOOR, FRACT, MOD that take their argument's place (below): karst_cells;
+     * - FLOOR, CELL, FRACT, MOD that take their argument's place (below): karst_cells;
      * - SIN_TURNS, COS_TURNS: karst_lattice;
      * - NOISE: its octaves, karst_octave each.
      * Of what is known but no constant, word is its number among the values, 32 bits each: a float, an int, a mask.

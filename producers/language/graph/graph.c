@@ -266,6 +266,7 @@ static const struct {
     [KARST_OP_SHIFT_RIGHT] = {"shift_right", 2, 2},
     [KARST_OP_CONVERT] = {"convert", 1, 1},
     [KARST_OP_BITS] = {"bits", 1, 1},
+    [KARST_OP_CELL] = {"cell", 1, 2},
 };
 
 const char *karst_op_name(karst_op op) { return op < KARST_NUM_OPS ? ops[op].name : "?"; }
@@ -362,6 +363,11 @@ static const char *fault_of(const karst_graph *graph, uint32_t i)
                    : NULL;
     if (n->op == KARST_OP_CONVERT || n->op == KARST_OP_BITS)
         return a->type == n->type ? "a conversion to its own type" : NULL;
+    if (n->op == KARST_OP_CELL)
+        return n->type != KARST_TYPE_INT || (a->op != KARST_OP_AFFINE && a->op != KARST_OP_SHIFTED) ||
+                       (count > 1 && (b->op != KARST_OP_CONSTANT || b->type != KARST_TYPE_INT))
+                   ? "a cell of no place, or by no number"
+                   : NULL;
     if (n->op == KARST_OP_CONSTANT)
         return n->extra >= graph->num_constants ? "a constant that is not there" : NULL;
     if (n->type != KARST_TYPE_FLOAT)

@@ -89,6 +89,9 @@ typedef enum {
     KARST_OP_CONVERT, /* to `type`: float to int saturates, NaN is 0; int to uint and back keeps the bits; bool gives 0
                          or 1 */
     KARST_OP_BITS,    /* reinterprets float as int or uint, or back */
+    KARST_OP_CELL, /* int: the whole number below a, which is AFFINE or SHIFTED, or (extra 1) the next towards 0, of 64
+                    * bits; its rest by b, a constant above 0, or its low 32 bits where there is none; only after
+                    * kinds.c */
     KARST_NUM_OPS
 } karst_op;
 

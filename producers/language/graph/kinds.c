@@ -1,31 +1,7 @@
-#include "producers/language/graph/kinds.h"
+#include "producers/language/graph/resolver.h"
 #include "producers/language/graph/soften.h"
 
 #include <math.h>
-
-/* What a node of the canonical graph is, before anything is built. */
-typedef enum { FORM_UNIFORM, FORM_AFFINE, FORM_SHIFTED, FORM_FLOAT } form_class;
-
-/* What its users want of it. */
-enum { WANT_VALUE = 1, WANT_FORM = 2 };
-
-/* offset + sum of coefficient[i] * p[i] + shift, in nodes of the resolved graph; KARST_NO_EXPR where there is none. */
-typedef struct {
-    karst_expr coefficient[3], offset, shift;
-} form;
-
-typedef struct {
-    const karst_graph *from;
-    karst_graph *to;
-    uint8_t *class, *wants;
-    karst_expr *value; /* of each node of `from` that is wanted */
-    form *forms;       /* of each that is wanted so */
-} resolver;
-
-static bool has_form(const resolver *r, karst_expr e)
-{
-    return r->class[e] == FORM_AFFINE || r->class[e] == FORM_SHIFTED;
-}
 
 /* ---- first pass, upwards: what is affine ---- */
 
@@ -80,6 +56,8 @@ static form_class classify(const resolver *r, karst_expr e)
         return class_of_sum(class_of_product(a, b), c);
     case KARST_OP_NEGATE:
         return a;
+    case KARST_OP_MIX: /* a (1 - c) + b c */
+        return c == FORM_UNIFORM && class_of_sum(a, b) == FORM_AFFINE ? FORM_AFFINE : FORM_FLOAT;
     default:
         return FORM_FLOAT;
     }
@@ -129,6 +107,14 @@ static bool is_float_factor(const resolver *r, const karst_expr_node *n, int k)
 static void want_arguments(resolver *r, karst_expr e)
 {
     const karst_expr_node *n = &r->from->nodes[e];
+    if (r->wants[e] & WANT_PART) {
+        karst_expr of = karst_whole_part_of(r->from, r->wholes, r->formed, e).of;
+        r->wants[of] |= karst_whole_is_atom(r->wholes, of) ? WANT_PART : WANT_FORM;
+    }
+    if ((r->wants[e] & WANT_VALUE) && r->class[e] != FORM_AFFINE)
+        karst_want_whole_away(r, e);
+    if ((r->wants[e] & WANT_VALUE) && karst_want_wholes(r, e))
+        return;
     bool differs = compares_forms(r, n);
     if (r->class[e] == FORM_AFFINE)
         r->wants[e] |= WANT_FORM; /* its float comes from the form, too */
@@ -152,7 +138,7 @@ static void want_attributes(resolver *r, karst_expr e)
 
 /* ---- third pass, upwards: building ---- */
 
-static karst_expr sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
+karst_expr karst_form_part_sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
 {
     if (!b)
         return a;
@@ -161,13 +147,13 @@ static karst_expr sum(resolver *r, karst_op op, karst_expr a, karst_expr b)
     return karst_expr_2(r->to, op, a, b);
 }
 
-static form form_sum(resolver *r, karst_op op, form a, form b)
+form karst_form_sum(resolver *r, karst_op op, form a, form b)
 {
     form s;
     for (int i = 0; i < 3; i++)
-        s.coefficient[i] = sum(r, op, a.coefficient[i], b.coefficient[i]);
-    s.offset = sum(r, op, a.offset, b.offset);
-    s.shift = sum(r, op, a.shift, b.shift);
+        s.coefficient[i] = karst_form_part_sum(r, op, a.coefficient[i], b.coefficient[i]);
+    s.offset = karst_form_part_sum(r, op, a.offset, b.offset);
+    s.shift = karst_form_part_sum(r, op, a.shift, b.shift);
     return s;
 }
 
@@ -177,7 +163,7 @@ static karst_expr scaled(resolver *r, karst_op op, karst_expr a, karst_expr by)
 }
 
 /* op: MULTIPLY or DIVIDE */
-static form form_scaled(resolver *r, karst_op op, form a, karst_expr by)
+form karst_form_scaled(resolver *r, karst_op op, form a, karst_expr by)
 {
     form s;
     for (int i = 0; i < 3; i++)
@@ -188,7 +174,7 @@ static form form_scaled(resolver *r, karst_op op, form a, karst_expr by)
 }
 
 /* The form of an argument, whatever it is. */
-static form form_of(resolver *r, karst_expr e)
+form karst_form_of(resolver *r, karst_expr e)
 {
     if (has_form(r, e))
         return r->forms[e];
@@ -202,7 +188,7 @@ static form form_product(resolver *r, karst_expr a, karst_expr b)
     bool first = class_of_factor(r, a, false) == FORM_UNIFORM;
     if (!first && class_of_factor(r, b, false) != FORM_UNIFORM)
         return (form){.shift = karst_expr_2(r->to, KARST_OP_MULTIPLY, r->value[a], r->value[b])};
-    return form_scaled(r, KARST_OP_MULTIPLY, form_of(r, first ? b : a), r->value[first ? a : b]);
+    return karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, first ? b : a), r->value[first ? a : b]);
 }
 
 static form build_form(resolver *r, karst_expr e)
@@ -215,15 +201,22 @@ static form build_form(resolver *r, karst_expr e)
         return f;
     case KARST_OP_ADD:
     case KARST_OP_SUBTRACT:
-        return form_sum(r, n->op, form_of(r, n->arg[0]), form_of(r, n->arg[1]));
+        return karst_form_sum(r, n->op, karst_form_of(r, n->arg[0]), karst_form_of(r, n->arg[1]));
     case KARST_OP_MULTIPLY:
         return form_product(r, n->arg[0], n->arg[1]);
     case KARST_OP_DIVIDE:
-        return form_scaled(r, KARST_OP_DIVIDE, form_of(r, n->arg[0]), r->value[n->arg[1]]);
+        return karst_form_scaled(r, KARST_OP_DIVIDE, karst_form_of(r, n->arg[0]), r->value[n->arg[1]]);
     case KARST_OP_FMA:
-        return form_sum(r, KARST_OP_ADD, form_product(r, n->arg[0], n->arg[1]), form_of(r, n->arg[2]));
+        return karst_form_sum(r, KARST_OP_ADD, form_product(r, n->arg[0], n->arg[1]), karst_form_of(r, n->arg[2]));
+    case KARST_OP_MIX: {
+        karst_expr by = r->value[n->arg[2]],
+                   rest = karst_expr_2(r->to, KARST_OP_SUBTRACT, karst_graph_float(r->to, 1), by);
+        return karst_form_sum(r, KARST_OP_ADD,
+                              karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, n->arg[0]), rest),
+                              karst_form_scaled(r, KARST_OP_MULTIPLY, karst_form_of(r, n->arg[1]), by));
+    }
     default: /* NEGATE */
-        return form_sum(r, KARST_OP_SUBTRACT, f, form_of(r, n->arg[0]));
+        return karst_form_sum(r, KARST_OP_SUBTRACT, f, karst_form_of(r, n->arg[0]));
     }
 }
 
@@ -248,7 +241,7 @@ static karst_expr affine_leaf(resolver *r, form f)
 }
 
 /* What a node that works on exact places is given. */
-static karst_expr place_of(resolver *r, form f)
+karst_expr karst_place_of(resolver *r, form f)
 {
     karst_expr leaf = affine_leaf(r, f);
     if (!f.shift || is_zero(r->to, f.shift))
@@ -258,7 +251,7 @@ static karst_expr place_of(resolver *r, form f)
     return karst_graph_raw(r->to, KARST_OP_SHIFTED, KARST_TYPE_FLOAT, 0, leaf, f.shift, 0, 0);
 }
 
-static karst_expr apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b)
+karst_expr karst_apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b)
 {
     if (karst_graph_is_uniform(r->to, place)) /* folds */
         return b ? karst_expr_2(r->to, op, place, b) : karst_expr_1(r->to, op, place);
@@ -269,32 +262,33 @@ static karst_expr apply_to_place(resolver *r, karst_op op, karst_expr place, kar
 static karst_expr turn(resolver *r, karst_op op, form f)
 {
     karst_expr turns = karst_graph_number(r->to, KARST_TYPE_FLOAT, karst_number_double(0.15915494309189533577));
-    karst_expr place = place_of(r, form_scaled(r, KARST_OP_MULTIPLY, f, turns));
+    karst_expr place = karst_place_of(r, karst_form_scaled(r, KARST_OP_MULTIPLY, f, turns));
     karst_op code = r->to->nodes[place].op;
     if (code == KARST_OP_AFFINE || code == KARST_OP_SHIFTED)
         return karst_graph_raw(r->to, op == KARST_OP_SIN ? KARST_OP_SIN_TURNS : KARST_OP_COS_TURNS, KARST_TYPE_FLOAT, 0,
                                place, 0, 0, 0);
-    return karst_expr_1(r->to, op, place_of(r, f)); /* the position has cancelled */
+    return karst_expr_1(r->to, op, karst_place_of(r, f)); /* the position has cancelled */
 }
 
 static karst_expr on_place(resolver *r, const karst_expr_node *n)
 {
-    form f = form_of(r, n->arg[0]);
+    form f = karst_form_of(r, n->arg[0]);
     switch (n->op) {
     case KARST_OP_SIN:
     case KARST_OP_COS:
         return turn(r, n->op, f);
     case KARST_OP_CEIL: /* -floor(-a) */
-        return karst_expr_1(
-            r->to, KARST_OP_NEGATE,
-            apply_to_place(r, KARST_OP_FLOOR, place_of(r, form_sum(r, KARST_OP_SUBTRACT, (form){0}, f)), 0));
+        return karst_expr_1(r->to, KARST_OP_NEGATE,
+                            karst_apply_to_place(r, KARST_OP_FLOOR,
+                                                 karst_place_of(r, karst_form_sum(r, KARST_OP_SUBTRACT, (form){0}, f)),
+                                                 0));
     case KARST_OP_RINT: /* floor(a + 1/2): an exact tie goes up */
-        f.offset = sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
-        return apply_to_place(r, KARST_OP_FLOOR, place_of(r, f), 0);
+        f.offset = karst_form_part_sum(r, KARST_OP_ADD, f.offset, karst_graph_float(r->to, 0.5));
+        return karst_apply_to_place(r, KARST_OP_FLOOR, karst_place_of(r, f), 0);
     case KARST_OP_MOD:
-        return apply_to_place(r, KARST_OP_MOD, place_of(r, f), r->value[n->arg[1]]);
+        return karst_apply_to_place(r, KARST_OP_MOD, karst_place_of(r, f), r->value[n->arg[1]]);
     default:
-        return apply_to_place(r, n->op, place_of(r, f), 0);
+        return karst_apply_to_place(r, n->op, karst_place_of(r, f), 0);
     }
 }
 
@@ -305,7 +299,7 @@ static karst_expr build_noise(resolver *r, const karst_expr_node *n)
     noise.lacunarity = r->value[noise.lacunarity];
     karst_expr a[3];
     for (int k = 0; k < 3; k++)
-        a[k] = uses_place(r, n, k) ? place_of(r, r->forms[n->arg[k]]) : r->value[n->arg[k]];
+        a[k] = uses_place(r, n, k) ? karst_place_of(r, r->forms[n->arg[k]]) : r->value[n->arg[k]];
     return karst_graph_noise(r->to, noise, a[0], a[1], a[2]);
 }
 
@@ -318,13 +312,19 @@ static karst_expr build_value(resolver *r, karst_expr e)
         return affine_leaf(r, r->forms[e]);
     if (n->op == KARST_OP_NOISE)
         return build_noise(r, n);
+    karst_expr of_wholes = karst_build_of_wholes(r, e);
+    if (of_wholes)
+        return of_wholes;
     if (compares_forms(r, n)) {
-        karst_expr difference =
-            affine_leaf(r, form_sum(r, KARST_OP_SUBTRACT, form_of(r, n->arg[0]), form_of(r, n->arg[1])));
+        karst_expr difference = affine_leaf(
+            r, karst_form_sum(r, KARST_OP_SUBTRACT, karst_form_of(r, n->arg[0]), karst_form_of(r, n->arg[1])));
         return karst_expr_2(r->to, n->op, difference, karst_graph_float(r->to, 0));
     }
     if (uses_place(r, n, 0))
         return on_place(r, n);
+    karst_expr away = karst_build_whole_away(r, e);
+    if (away)
+        return away;
     return karst_graph_raw(r->to, n->op, n->type, n->extra, r->value[n->arg[0]], r->value[n->arg[1]],
                            r->value[n->arg[2]], r->value[n->arg[3]]);
 }
@@ -363,10 +363,14 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     resolver r = {.from = graph, .to = &built};
     r.class = karst_arena_alloc(arena, count);
     r.wants = karst_arena_alloc(arena, count);
+    r.formed = karst_arena_alloc(arena, count);
     r.value = karst_arena_alloc(arena, count * sizeof *r.value);
     r.forms = karst_arena_alloc(arena, count * sizeof *r.forms);
     for (uint32_t e = 1; e < count; e++)
         r.class[e] = (uint8_t)classify(&r, e);
+    for (uint32_t e = 1; e < count; e++)
+        r.formed[e] = has_form(&r, e);
+    r.wholes = karst_wholes_find(graph, r.formed, arena);
     for (size_t i = 0; i < num_roots; i++)
         r.wants[roots[i]] |= WANT_VALUE;
     for (uint32_t e = count - 1; e > 0; e--)
@@ -376,6 +380,8 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
         }
     for (uint32_t e = 1; e < count; e++) {
         built.where = graph->nodes[e].where;
+        if (r.wants[e] & WANT_PART)
+            r.forms[e] = karst_build_part(&r, e);
         if ((r.wants[e] & WANT_FORM) && has_form(&r, e))
             r.forms[e] = build_form(&r, e);
         if (r.wants[e] & WANT_VALUE)
@@ -390,5 +396,5 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     karst_kinds_set(resolved, 1);
     karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);
     karst_graph_ranges(resolved, settings, ranges);
-    karst_kinds_widen(resolved, settings, ranges);
+    karst_kinds_widen(resolved, settings, ranges, roots[0]);
 }

@@ -194,6 +194,8 @@ static karst_range range_of_node(const karst_graph *graph, karst_expr e, const k
         return hull(b, c);
     case KARST_OP_CONVERT:
         return convert(graph, n, a);
+    case KARST_OP_CELL:
+        return n->arg[1] ? (karst_range){0, b.hi - 1} : integers(n);
     default:
         if (n->type == KARST_TYPE_BOOL)
             return (karst_range){0, 1};

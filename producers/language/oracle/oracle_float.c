@@ -70,6 +70,40 @@ static vfloat place_float(const karst_oracle *o, karst_expr e)
     }
 }
 
+/* ---- whole numbers ---- */
+
+__extension__ typedef __int128 int128;
+
+/* A place by the definition of its period, in 128 bits, as none of the devices does it. */
+static affine_place cells_exactly(const affine_position *at, const karst_cells *cells)
+{
+    const karst_period *p = &cells->period;
+    if (!p->period)
+        return affine_lattice(at, &cells->lattice);
+    const int128 one = (int128)1 << 32;
+    int128 far = at->voxel[p->axis] * one + at->fraction[p->axis] - (p->offset_voxel * one + p->offset_fraction);
+    int128 whole = (p->negative ? -far : far) * p->repeats, by = p->period * one, cell = whole / by - (whole % by < 0);
+    return (affine_place){(vlong)cell, (vuint)((whole - cell * by) / p->period)};
+}
+
+static vint cell_exactly(const karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e), *a = node_of(o, n->arg[0]);
+    affine_place place = cells_exactly(&o->at, karst_oracle_record(o, e));
+    int128 cell = place.cell;
+    bool above = place.fraction != 0;
+    if (a->op == KARST_OP_SHIFTED) {
+        vfloat part = affine_fract(place) + float_of(o, a->arg[1]), whole = floorf(part);
+        above = part != whole;
+        cell += affine_steps(whole);
+    }
+    cell += n->extra && cell < 0 && above;
+    if (!n->arg[1])
+        return (vint)(uint)cell;
+    int128 modulus = o->slots[n->arg[1]].i, rest = cell % modulus;
+    return (vint)(rest < 0 ? rest + modulus : rest);
+}
+
 /* ---- pairs ---- */
 
 static bool computes_wide(const karst_oracle *o, const karst_expr_node *n)
@@ -340,6 +374,8 @@ void karst_oracle_step_float(karst_oracle *o, karst_expr e)
         wide pair = wide_affine(&o->at, form);
         s->high = pair.hi;
         s->low = pair.lo;
+    } else if (n->op == KARST_OP_CELL) {
+        s->i = cell_exactly(o, e);
     } else if (karst_takes_place(&o->layout, e, 0)) {
         s->f = place_float(o, e);
     } else if (n->op == KARST_OP_SHIFTED) {

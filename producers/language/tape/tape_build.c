@@ -194,6 +194,7 @@ static uint8_t op_of(const karst_tape_builder *b, karst_expr e)
     return op == KARST_OP_FLOOR   ? TAPE_PLACE_FLOOR
            : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT
            : op == KARST_OP_MOD   ? TAPE_PLACE_MOD
+           : op == KARST_OP_CELL  ? TAPE_PLACE_CELL
                                   : plain_ops[op];
 }
 
@@ -202,7 +203,7 @@ static bool can_run(const karst_tape_builder *b, karst_expr e, karst_error *erro
     const karst_expr_node *n = &b->graph->nodes[e];
     bool is_turns = n->op == KARST_OP_SIN_TURNS || n->op == KARST_OP_COS_TURNS;
     if (n->op == KARST_OP_POSITION || n->op == KARST_OP_PARAMETER || n->op == KARST_OP_NONE ||
-        (is_turns && !karst_takes_place(b->layout, e, 0)))
+        ((is_turns || n->op == KARST_OP_CELL) && !karst_takes_place(b->layout, e, 0)))
         return karst_fail(error, KARST_BAD_WORLD, "%s is not an op of a resolved graph", karst_op_name(n->op));
     return true;
 }
@@ -258,7 +259,7 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
     }
     /* a choice's type is its values' */
     i.argument_type = b->graph->nodes[n->arg[0]].type;
-    if (n->op == KARST_OP_NORMAL)
+    if (n->op == KARST_OP_NORMAL || n->op == KARST_OP_CELL)
         i.count = n->extra;
     if (n->op == KARST_OP_FOOTPRINT)
         i.count = n->extra - KARST_FOOTPRINT_BIAS;

@@ -65,6 +65,7 @@ enum {
     TAPE_SHIFT_RIGHT,
     TAPE_CONVERT,
     TAPE_BITS,
+    TAPE_PLACE_CELL, /* of the exact place at `word`; a: the offset, b: the modulus; `count`: towards 0 */
     TAPE_CURVE, /* head of a curve, see below */
     TAPE_NUM_OPS
 };
