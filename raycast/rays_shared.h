@@ -75,6 +75,8 @@ typedef struct {
                      most 0.5 */
     float own_detail; /* hits on coarser levels than this asks for are counted; 0: none are. Rays do not look at it */
     uint stands_for;  /* rays of the picture that each of this cast's stands for */
+    uint ends_at_missing; /* 1: rays end where they lack something, in place of marching what stands in for it. So all
+                           * that they stamp and want, they do in every picture that lacks nothing */
 } karst_cast_view;
 
 #endif

@@ -48,6 +48,12 @@ bool karst_engine_check(karst_engine *engine, karst_error *error) { return karst
 
 /* ---- a frame ---- */
 
+void karst_engine_next_serial(karst_engine *engine)
+{
+    if (++engine->serial == 0) /* which means none */
+        engine->serial = 1;
+}
+
 static int64_t floor_shift(int64_t value, int shift) { return shift > 62 ? (value < 0 ? -1 : 0) : value >> shift; }
 
 /* Keeps the camera at least a quarter of a root node away from the root window's faces, so that every ray ends at its
@@ -84,15 +90,17 @@ double karst_engine_detail_px(const karst_engine *engine)
 static bool step_ladder(karst_engine *engine, const karst_work *work)
 {
     const karst_stats *stats = &engine->stats;
-    bool tiles_fuller =
-        stats->tiles.num_used * stats->bricks.num_total > stats->bricks.num_used * stats->tiles.num_total;
+    uint32_t num_tiles, num_bricks;
+    karst_engine_usable_slots(engine, &num_tiles, &num_bricks);
+    bool tiles_fuller = stats->tiles.num_used * num_bricks > stats->bricks.num_used * num_tiles;
     karst_ladder_round round = {
         .num_used = tiles_fuller ? stats->tiles.num_used : stats->bricks.num_used,
-        .num_total = tiles_fuller ? stats->tiles.num_total : stats->bricks.num_total,
+        .num_total = tiles_fuller ? num_tiles : num_bricks,
         .num_starved = work->num_starved_bricks + work->num_starved_tiles,
         /* While less is asked for than the rung stands for, having it all says nothing. */
         .num_requests = work->num_requests + !karst_pace_at_rest(&engine->pace),
         .num_produced = stats->num_produced,
+        .verdict = engine->verdict,
     };
     return karst_ladder_step(&engine->ladder, &round);
 }
@@ -109,7 +117,7 @@ static karst_pace_frame pace_frame(const karst_engine *engine, bool moved)
 static bool step_pace(karst_engine *engine, const karst_work *work, bool moved)
 {
     double before = engine->pace.factor;
-    if (engine->budget_ns > 0) {
+    if (engine->budget_ns > 0 && !karst_ladder_is_deciding(&engine->ladder)) {
         karst_pace_frame frame = pace_frame(engine, moved);
         frame.num_deferred = work->num_deferred_budget;
         karst_pace_step(&engine->pace, &frame);
@@ -168,7 +176,7 @@ static bool draw_and_answer(karst_engine *engine, bool moved, karst_work *work, 
     if (ok && (engine->budget_ns > 0 || engine->goes_on))
         ok = karst_engine_end_picture(engine, error);
     /* Who is patient is given all at once. */
-    if (ok && engine->budget_ns > 0 && !engine->goes_on) {
+    if (ok && engine->budget_ns > 0 && !engine->goes_on && !karst_ladder_is_deciding(&engine->ladder)) {
         const karst_pace_frame frame = pace_frame(engine, moved);
         karst_pace_look(&engine->pace, &frame);
     }
@@ -188,11 +196,11 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     const bool stands = engine->complete && !engine->view_changed;
     *stats = (karst_stats){0};
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
-    /* 0 means none in both: they wrap around to 1. */
+    engine->verdict = KARST_LADDER_UNDECIDED;
+    /* 0 means none: it wraps around to 1. */
     if (++engine->frame == 0)
         engine->frame = 1;
-    if (++engine->serial == 0)
-        engine->serial = 1;
+    karst_engine_next_serial(engine);
     stats->frame = engine->frame;
     /* More pixels of the same are no new view. */
     bool moved = engine->view_changed && !engine->size_changed;

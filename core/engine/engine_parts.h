@@ -58,6 +58,13 @@ typedef struct {
     uint64_t brick_cpu_ns, tile_cpu_ns, scout_cpu_ns, again_cpu_ns;
 } karst_engine_made;
 
+/* What is left of a frame's budget. */
+typedef struct {
+    uint32_t bricks, tiles;
+    double ns; /* only with a budget in ms */
+    bool over; /* somebody wanted an end */
+} karst_allowance;
+
 /* How the camera moves, by frame. */
 typedef struct {
     bool has_camera, moved, steady;
@@ -126,6 +133,7 @@ struct karst_engine {
     karst_views *views;     /* NULL until one is asked for */
     karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
     karst_ladder ladder;
+    karst_ladder_verdict verdict; /* of this frame, while the ladder is deciding */
     karst_pace pace;
     uint32_t serial, frame;
     uint32_t turn; /* of answering what was asked for */
@@ -183,6 +191,8 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *worl
 /* Runs the shader of tapes once beside the engine, so that it is compiled. */
 bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error);
 
+/* What is cast from now on has stamps of its own. */
+void karst_engine_next_serial(karst_engine *engine);
 /* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
 double karst_engine_detail_px(const karst_engine *engine);
 
@@ -213,6 +223,16 @@ void karst_engine_learn_cost(karst_engine *engine);
 bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
 /* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
+
+/* One round of collect, produce and publish for what rays wanted with the engine's serial. */
+bool karst_engine_answer_round(karst_engine *engine, const karst_position *from, karst_allowance *left,
+                               karst_work *work, karst_error *error);
+
+/* engine_decide.c. Rounds by rays that are sure, in place of the picture's own, until engine->verdict says whether the
+ * ladder's rung fits the pools, or the frame's budget ends; `work` is the last round. */
+bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error);
+/* Slots that a settled picture may use: of bricks some are kept for loads that come to nothing, as most do. */
+void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, uint32_t *num_bricks);
 
 /* engine_scout.c. Casts a coarse grid of rays, so many pixels apart, that ask for what a camera's picture needs.
  * `whole`: the one of all pixels, while fewer are drawn; as many rays, between the last ones. */

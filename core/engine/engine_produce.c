@@ -19,13 +19,6 @@
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
 
-/* What is left of a frame's budget. */
-typedef struct {
-    uint32_t bricks, tiles;
-    double ns; /* only with a budget in ms */
-    bool over; /* somebody wanted an end */
-} allowance;
-
 uint64_t karst_engine_cpu_ns(const karst_engine *engine)
 {
     struct timespec now;
@@ -106,8 +99,8 @@ static double tile_price_ns(const karst_engine *engine)
 static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 
 /* One round for the wants of the frame's serial. */
-static bool answer_round(karst_engine *engine, const karst_position *from, allowance *left, karst_work *work,
-                         karst_error *error)
+bool karst_engine_answer_round(karst_engine *engine, const karst_position *from, karst_allowance *left,
+                               karst_work *work, karst_error *error)
 {
     karst_collect_params params = {.serial = engine->serial,
                                    .frame = engine->frame,
@@ -161,7 +154,7 @@ static double scout_ns(const karst_engine *engine)
 static bool is_settling(const karst_engine *engine) { return engine->settles && engine->budget_ns == 0; }
 
 /* Is there room for another round, after one that did all that was asked of it, or left time by its plan? */
-static bool may_go_on(const karst_engine *engine, const karst_work *work, allowance *left)
+static bool may_go_on(const karst_engine *engine, const karst_work *work, karst_allowance *left)
 {
     if (work->num_starved_bricks || work->num_starved_tiles)
         return false;
@@ -178,8 +171,8 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, allowa
 }
 
 /* Looks from a camera, at the budget's cost, and does what that asks for. */
-static bool scout_round(karst_engine *engine, const karst_camera *from, bool whole, allowance *left, karst_work *work,
-                        karst_error *error)
+static bool scout_round(karst_engine *engine, const karst_camera *from, bool whole, karst_allowance *left,
+                        karst_work *work, karst_error *error)
 {
     karst_engine_made *made = &engine->made;
     uint64_t start_ns = karst_engine_cpu_ns(engine);
@@ -195,7 +188,7 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
         made->scout_cpu_ns += took_ns;
         left->ns -= engine->cost.fixed ? scout_ns(engine) : (double)took_ns;
     }
-    if (!answer_round(engine, &from->position, left, work, error))
+    if (!karst_engine_answer_round(engine, &from->position, left, work, error))
         return false;
     engine->stats.num_requests += work->num_loads + work->num_subdivides;
     return true;
@@ -203,7 +196,7 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
 
 /* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell: those of the camera,
  * and once they end where they should, those to the sun. */
-static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+static bool follow_up(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
     const bool sunwards = engine->shadows && engine->stats.num_provisional == 0;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
@@ -214,7 +207,7 @@ static bool follow_up(karst_engine *engine, allowance *left, karst_work *work, k
         uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
         engine->made.again_cpu_ns += taken_ns;
         left->ns -= (double)taken_ns;
-        if (!answer_round(engine, &engine->camera.position, left, work, error))
+        if (!karst_engine_answer_round(engine, &engine->camera.position, left, work, error))
             return false;
         engine->stats.num_requests += work->num_loads + work->num_subdivides;
         if (work->num_loads + work->num_subdivides == 0)
@@ -242,7 +235,7 @@ static double kept_share(const karst_stats *stats)
 }
 
 /* The rest is for what the next frames will see, nearest first, as long as there is something to make. */
-static bool look_ahead(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+static bool look_ahead(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
     int num_rounds = 0, num_idle = 0;
     for (int i = 0; num_idle < NUM_AHEAD && num_rounds < MAX_SCOUTS && may_go_on(engine, work, left); i++) {
@@ -272,14 +265,14 @@ static bool may_look_closer(const karst_engine *engine)
 }
 
 /* What the picture of all pixels needs: so it is there when motion ends. */
-static bool look_closer(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+static bool look_closer(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
     return !may_look_closer(engine) || !may_go_on(engine, work, left) ||
            scout_round(engine, &engine->camera, true, left, work, error);
 }
 
 /* Both, by turns first, as often there is time for one look only; ahead less often while there is nothing to make. */
-static bool spend_the_rest(karst_engine *engine, allowance *left, karst_work *work, karst_error *error)
+static bool spend_the_rest(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
     bool ahead_first = engine->frame % (engine->ahead_is_made ? 4 : 2) == 0;
     if (!ahead_first && !look_closer(engine, left, work, error))
@@ -334,7 +327,7 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     if (engine->budget_ns > 0)
         karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
     karst_stats *stats = &engine->stats;
-    allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
+    karst_allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
     const bool waited_for = is_settling(engine) || (engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved);
     if (waited_for)
         left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
@@ -352,7 +345,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
      * succession would only take the time away from the compiler. */
     if (!karst_density_producer_compile(engine->producer, engine->has_content ? COMPILING_NS : 0, error))
         return false;
-    if (!answer_round(engine, &engine->camera.position, &left, work, error) ||
+    const bool decides = karst_ladder_is_deciding(&engine->ladder);
+    if (!(decides ? karst_engine_decide(engine, &left, work, error)
+                  : karst_engine_answer_round(engine, &engine->camera.position, &left, work, error)) ||
         !karst_engine_end_picture(engine, error))
         return false;
     stats->num_requests += work->num_requests;
@@ -363,6 +358,8 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     /* What has just been made may ask for more: a few rays tell, at a fraction of a picture's cost. Not in the first
      * frame of a world: its picture is there, however coarse, and nobody sees it before the frame ends. */
     karst_work more = *work;
+    if (decides)
+        return true;
     int most_scouts = engine->has_content ? MAX_SCOUTS : 0;
     engine->has_content = true;
     /* What looks closer below tells as well, once the picture's own is made. */

@@ -94,6 +94,8 @@ void command_talk_init(command_talk *talk);
 /* One line, unless quiet. */
 void command_say(command_talk *talk, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void command_say_error(command_talk *talk, const char *message);
+/* One line, also of who is quiet. */
+void command_warn(command_talk *talk, const char *message);
 /* A line of what a world's text is told (file:line:column: error: what, or what stands under that), as it is, so that
  * editors find the place. */
 void command_say_diagnostic(command_talk *talk, const char *line);
@@ -170,6 +172,10 @@ bool command_find_path(const char *name, char *path, size_t size_bytes, karst_er
 
 /* ---- command_world.c ---- */
 
+/* Of a picture without a surface: warns if there would be one beyond the view distance, even of who is quiet; else says
+ * that there is none in view. `view_m` as the picture had it; 0: the world's own. */
+void command_say_no_surface(command_talk *talk, const karst_world_config *world, const karst_camera *camera,
+                            int voxel_log2_m, const int size_px[2], double view_m);
 /* Says so if a camera stands inside solid ground, and where there is air above it: its picture is a puzzle. */
 void command_say_if_inside(command_talk *talk, const karst_world_config *world, const karst_camera *camera,
                            int voxel_log2_m);

@@ -330,18 +330,15 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
         (o.stats && !write_stats(o.stats, &record, error)))
         goto out;
     say_result(talk, &o, &record);
-    if (!o.path && record.last.num_hits == record.last.num_pixels) {
-        const karst_world_config world = {.world = o.world_file,
-                                          .parameters = o.parameters.values,
-                                          .num_parameters = o.parameters.num_values,
-                                          .has_seed = o.has_seed,
-                                          .seed = (uint32_t)o.seed};
+    const karst_world_config world = {.world = o.world_file,
+                                      .parameters = o.parameters.values,
+                                      .num_parameters = o.parameters.num_values,
+                                      .has_seed = o.has_seed,
+                                      .seed = (uint32_t)o.seed};
+    if (!o.path && record.last.num_hits == record.last.num_pixels)
         command_say_if_inside(talk, &world, &camera, karst_engine_voxel_log2_m(engine));
-    } else if (!o.path && record.settled && record.last.num_hits == 0) {
-        command_say(talk,
-                    "all rays go through air: no surface is in view. --camera X,Y,Z,YAW,PITCH looks elsewhere, and "
-                    "karst check says whether the density is ever above 0");
-    }
+    else if (!o.path && record.settled && record.last.num_hits == 0)
+        command_say_no_surface(talk, &world, &camera, karst_engine_voxel_log2_m(engine), o.size_px, o.view_distance_m);
     done =
         record.settled || record.live ||
         karst_fail(error, KARST_FAILED, "not settled within %d frames: %s is written as it stands; raise --frames-max",

@@ -66,6 +66,8 @@ static void say_coloured(command_talk *talk, const char *colour, const char *lab
 
 void command_say_error(command_talk *talk, const char *message) { say_coloured(talk, "\033[1;31m", "", message); }
 
+void command_warn(command_talk *talk, const char *message) { say_coloured(talk, "\033[1;33m", "warning: ", message); }
+
 static bool is_diagnostic(const char *line)
 {
     return line[0] == ' ' || strstr(line, ": error: ") || strstr(line, ": warning: ");
@@ -115,7 +117,7 @@ static void write_log(void *user, karst_log_level level, const char *line)
     else if (level == KARST_LOG_WARNING && is_diagnostic(line))
         command_say_diagnostic(talk, line);
     else if (level == KARST_LOG_WARNING)
-        say_coloured(talk, "\033[1;33m", "warning: ", line);
+        command_warn(talk, line);
     else if (level > KARST_LOG_WARNING)
         say_coloured(talk, "\033[2m", "", line);
 }

@@ -38,6 +38,10 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
                                        karst_error *error);
 void karst_caster_destroy(karst_caster *caster); /* NULL is fine */
 
+/* Rays that are sure. Where something is missing rays march what stands in for it: they may end elsewhere than they
+ * will once it is there, or go on, and stamp and want what nobody needs then. With view->ends_at_missing they end
+ * there, and all that they stamp and want is part of what the picture needs, in whatever state the pools are. */
+
 /* Localises an anchor against the root tile (child 0 = node `root_corner` of `top_level`), exactly, on the host.
  * finest_level 0; serial and detail are the caller's to fill. */
 void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, const int64_t root_corner[3],
@@ -81,7 +85,7 @@ void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error);
 /* The same, noting in an `asked` and `hints` of its own as karst_cast_picture does; and once more those that asked for
- * anything, as karst_cast_again, which leaves pixels alone. */
+ * anything, as karst_cast_again, which leaves pixels alone, as NULL does in both. */
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 const karst_light *light, const karst_buffer *rays, cl_mem pixels,
                                 karst_buffer *asked, karst_buffer *hints, karst_error *error);

@@ -119,12 +119,63 @@ static void test_motion_refines_only_with_room_to_spare(void **state)
     assert_true(ladder.rung < 8);
 }
 
+/* Next to a rung that fits, starving wants decide nothing: the verdict does. */
+static void test_a_verdict_counts_more_than_starving(void **state)
+{
+    (void)state;
+    const karst_ladder_round starved = {.num_used = 100, .num_total = 100, .num_starved = 5, .num_requests = 5,
+                                        .verdict = KARST_LADDER_UNDECIDED};
+    const karst_ladder_round settled = {.num_used = 40, .num_total = 100, .verdict = KARST_LADDER_UNDECIDED};
+    for (int fits = 0; fits < 2; fits++) {
+        karst_ladder ladder;
+        karst_ladder_init(&ladder);
+        ladder.rung = 3;
+        assert_true(karst_ladder_step(&ladder, &settled));
+        assert_int_equal(ladder.rung, 2);
+        for (int i = 0; i < 40; i++) /* as long as it takes */
+            assert_false(karst_ladder_step(&ladder, &starved));
+        assert_true(karst_ladder_is_deciding(&ladder));
+        assert_false(karst_ladder_at_rest(&ladder));
+        karst_ladder_round decided = starved;
+        decided.verdict = fits ? KARST_LADDER_FITS : KARST_LADDER_TOO_LARGE;
+        assert_true(karst_ladder_step(&ladder, &decided) == !fits);
+        assert_false(karst_ladder_is_deciding(&ladder));
+        assert_int_equal(ladder.rung, fits ? 2 : 3);
+        assert_int_equal(ladder.failed, fits ? -1 : 2);
+        assert_true(karst_ladder_step(&ladder, &settled) == fits);
+        assert_int_equal(ladder.rung, fits ? 1 : 3);
+    }
+}
+
+/* A guess in motion, or far from what fits, proves nothing; a picture that takes more than it may does. */
+static void test_what_proves_that_a_rung_fails(void **state)
+{
+    (void)state;
+    const karst_ladder_round hopeless = {.num_used = 100, .num_total = 100, .num_starved = 500, .num_requests = 500};
+    karst_ladder ladder;
+    karst_ladder_init(&ladder);
+    assert_true(karst_ladder_step(&ladder, &hopeless));
+    assert_true(ladder.rung > 1 && ladder.failed == -1);
+    karst_ladder_init(&ladder);
+    karst_ladder_view_changed(&ladder);
+    const karst_ladder_round close = {.num_used = 100, .num_total = 100, .num_starved = 1, .num_requests = 1};
+    assert_true(karst_ladder_step(&ladder, &close));
+    assert_int_equal(ladder.failed, -1);
+    karst_ladder_init(&ladder);
+    const karst_ladder_round too_much = {.num_used = 100, .num_total = 99};
+    assert_true(karst_ladder_step(&ladder, &too_much));
+    assert_int_equal(ladder.rung, 1);
+    assert_int_equal(ladder.failed, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_ends_on_the_finest_rung_that_fits),
         cmocka_unit_test(test_a_failed_rung_is_tried_again_only_after_a_change),
         cmocka_unit_test(test_the_coarsest_rung_is_the_end),
+        cmocka_unit_test(test_a_verdict_counts_more_than_starving),
+        cmocka_unit_test(test_what_proves_that_a_rung_fails),
         cmocka_unit_test(test_motion_refines_only_with_room_to_spare),
     };
     return cmocka_run_group_tests_name("ladder", tests, NULL, NULL);

@@ -1,0 +1,106 @@
+/* Deciding whether what a view needs on the ladder's rung fits the pools.
+ *
+ * What a picture's rays want while something is missing depends on what stands in for it, and so on what earlier views
+ * left in the pools. Rays that end where something is missing (karst_cast_view.ends_at_missing) stamp and want nothing
+ * but parts of what the settled picture uses, the working set. So here each round recycles whatever they did not stamp,
+ * and makes some of what they want. What they stamp grows from round to round, until they want nothing (then all of the
+ * working set is there), or stamp more than a settled picture may use (then it never fits). Either is of view, world
+ * and pools alone. */
+#include "core/engine/engine_parts.h"
+
+/* Of a frame. */
+#define MAX_ROUNDS 64
+/* Bricks are made before it is known whether they stay. Slots for that: one at least, one in so many, at most... */
+#define BRICKS_TO_SPARE 64u
+#define MOST_SPARE 8u
+
+void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, uint32_t *num_bricks)
+{
+    const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
+    const uint32_t bricks = buffers->num_bricks - 1, share = bricks / BRICKS_TO_SPARE;
+    *num_tiles = buffers->num_tiles - 1;
+    *num_bricks = bricks - (share < 1 ? 1 : share < MOST_SPARE ? share : MOST_SPARE);
+}
+
+/* The picture's rays, or once they want nothing those to the sun from where they end; `again`: only those that wanted
+ * anything. */
+static bool cast_sure(karst_engine *engine, bool sunwards, bool again, karst_error *error)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    view.ends_at_missing = 1;
+    if (!sunwards)
+        return again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
+                     : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error);
+    const karst_light light = karst_engine_light(engine);
+    return again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
+                                            engine->shadows_asked, error)
+                 : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, NULL,
+                                              engine->shadows_asked, NULL, error);
+}
+
+static bool round_of_sure_rays(karst_engine *engine, bool sunwards, bool again, karst_allowance *left,
+                               karst_work *work, karst_error *error)
+{
+    uint64_t start_ns = karst_engine_cpu_ns(engine);
+    if (!cast_sure(engine, sunwards, again, error) || !karst_finish(engine->context, error))
+        return false;
+    uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
+    engine->made.again_cpu_ns += taken_ns;
+    left->ns -= (double)taken_ns;
+    return karst_engine_answer_round(engine, &engine->camera.position, left, work, error);
+}
+
+static bool may_go_on(const karst_engine *engine, karst_allowance *left)
+{
+    left->over = left->over || (engine->goes_on && !engine->goes_on(engine->patience));
+    return !left->over && left->bricks > 0 && left->tiles > 0 && (engine->budget_ns == 0 || left->ns > 0);
+}
+
+/* Of who waits for the settled picture nobody sees how often others are drawn. */
+static bool draw_anew(karst_engine *engine, karst_error *error)
+{
+    karst_engine_next_serial(engine);
+    if (!karst_engine_end_picture(engine, error) || !karst_engine_draw(engine, error) ||
+        !karst_engine_end_picture(engine, error))
+        return false;
+    karst_engine_next_serial(engine);
+    return true;
+}
+
+bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
+{
+    bool sunwards = false, again = false, made = false;
+    uint32_t num_tiles, num_bricks;
+    karst_engine_usable_slots(engine, &num_tiles, &num_bricks);
+    karst_engine_next_serial(engine); /* the picture's stamps are not sure */
+    for (int i = 0; i < MAX_ROUNDS && (i == 0 || may_go_on(engine, left)); i++) {
+        if (!round_of_sure_rays(engine, sunwards, again, left, work, error))
+            return false;
+        const uint32_t num_starved = work->num_starved_bricks + work->num_starved_tiles;
+        const uint32_t num_granted = work->num_loads + work->num_subdivides;
+        made = made || num_granted > 0;
+        again = true;
+        if (work->num_used_bricks > num_bricks || (num_granted == 0 && num_starved > 0)) {
+            engine->verdict = KARST_LADDER_TOO_LARGE;
+            break;
+        }
+        if (work->num_requests > 0) {
+            engine->stats.num_requests += num_granted;
+            continue;
+        }
+        if (sunwards || !engine->shadows) {
+            engine->verdict = KARST_LADDER_FITS;
+            break;
+        }
+        /* If anything was made the picture's rays end elsewhere, and those to the sun start there. */
+        if (made && !(engine->settles && engine->budget_ns == 0))
+            break;
+        if (made && !draw_anew(engine, error))
+            return false;
+        sunwards = !made;
+        again = made = false;
+    }
+    return true;
+}
