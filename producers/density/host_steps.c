@@ -9,6 +9,7 @@
 #define KARST_BOUNDS_GROUP 1
 #define WORLD_HAS_DATA
 #define WORLD_MAY_BE_THIN
+#define WORLD_RAISES_THIN(data) (((const karst_data_header *)(data))->raises_thin != 0u)
 #define TAPE_SLOTS KARST_TAPE_MOST_SLOTS
 /* The one channel, as karst_channels_lay_out places it. */
 #define STAGING_STRIDE KARST_BRICK_PADDED

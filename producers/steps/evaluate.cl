@@ -64,7 +64,7 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
 #ifdef WORLD_MAY_BE_THIN
     __local raise_list list;
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    if (raise_is_wanted(data)) {
+    if (WORLD_RAISES_THIN(data)) {
         long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
         raise_samples(data, origin, level, samples, &list);
         if (get_local_id(0) == 0) {
