@@ -59,6 +59,8 @@ void karst_producer_destroy(karst_producer *producer); /* NULL is fine */
 /* Samples that were not finite and became air, since creation. Waits for the queue if anything was produced since the
  * last call. */
 uint64_t karst_density_producer_non_finite(karst_producer *producer);
+/* Samples so far that thin matter raised, and beside which it may be and was not found (steps/raise.clh). */
+void karst_density_producer_thin(karst_producer *producer, uint64_t *num_raised, uint64_t *num_given_up);
 /* Where the first of them lies: its level-0 voxel and the level of its brick. false if there was none. */
 bool karst_density_producer_first_non_finite(karst_producer *producer, int64_t voxel[3], int *level);
 

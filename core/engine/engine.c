@@ -231,6 +231,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->settled = engine->complete && engine->num_summed == engine->samples;
     stats->num_samples = engine->num_summed;
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
+    karst_density_producer_thin(engine->producer, &stats->num_thin_raised, &stats->num_thin_given_up);
     report_non_finite(engine);
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))

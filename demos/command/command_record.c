@@ -186,6 +186,9 @@ char *command_record_json(command_record *record)
                                   (json_int_t)last->num_hits, "provisional", (json_int_t)last->num_provisional,
                                   "incomplete", (json_int_t)last->num_incomplete));
     json_object_set_new(root, "non_finite", json_integer((json_int_t)last->num_non_finite));
+    json_object_set_new(root, "thin",
+                        json_pack("{s:I, s:I}", "raised", (json_int_t)last->num_thin_raised, "given_up",
+                                  (json_int_t)last->num_thin_given_up));
     json_object_set_new(root, "memory_bytes", describe_memory(last));
     char *dump = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(root);

@@ -12,7 +12,7 @@ typedef struct {
     char path_file[PATH_MAX], world_file[PATH_MAX];
     command_parameters parameters;
     int size_px[2];
-    uint64_t seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
+    uint64_t thin, seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_look look;
     const char *aov;
@@ -89,6 +89,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          NULL},
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
+        {"thin", 0, COMMAND_INTEGER, "N",
+         "1: show matter thinner than a voxel a voxel wide; 0: let it go (default: 1)", &o->thin, 0, 1, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &o->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
@@ -266,6 +268,7 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.has_seed = o->has_seed;
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
+    config.no_thin = o->thin == 0;
     config.refine = o->refine;
     config.edits = o->edits;
     config.no_blend = o->no_blend;
@@ -283,6 +286,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     render_options o = {.display = "auto",
                         .size_px = {1280, 720},
                         .pool_mib = 512,
+                        .thin = 1,
                         .max_frames = 1000,
                         .detail_px = 1,
                         .look = {.samples = 0}};

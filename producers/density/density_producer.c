@@ -162,8 +162,8 @@ static bool load_on_host(density_producer *producer, const karst_cache_buffers *
     for (*done = 0; finished && *done < count;) {
         uint32_t at = first + *done, num = count - *done < HOST_CHUNK ? count - *done : HOST_CHUNK;
         if (!karst_host_bound_loads(cache, work, at, num, books->loads, producer->data, error) ||
-            !karst_host_evaluate_bricks(books->loads, num, producer->staging, producer->data, stays_on_host, &turn,
-                                        &finished, error) ||
+            !karst_host_evaluate_bricks(books->loads, num, producer->staging, books->scrubs, producer->data,
+                                        stays_on_host, &turn, &finished, error) ||
             turn.failed)
             return false;
         if (finished && !karst_host_finalise_bricks(cache, work, at, num, books->loads, producer->staging,
@@ -199,7 +199,7 @@ static bool load_in_two_steps(density_producer *producer, const karst_cache_buff
     bool done = karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->bound_loads(producer->layers[i], books->loads, count, error);
-    done = done && karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, error);
+    done = done && karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->evaluate(producer->layers[i], books->loads, count, producer->staging,
                                                   producer->layout.staging_stride, error);
@@ -365,7 +365,7 @@ bool karst_density_program_rehearse(karst_context *context, const karst_density_
     if (done && producer->is_in_one)
         done = karst_load_bricks(kernels->loader, cache, work, 0, 0, books, error);
     else if (done)
-        done = karst_evaluate_bricks(kernels->evaluator, books->loads, 1, producer->staging, error) &&
+        done = karst_evaluate_bricks(kernels->evaluator, books->loads, 1, producer->staging, books->scrubs, error) &&
                karst_finalise_bricks(kernels->finaliser, cache, work, 0, 1, books->loads, producer->staging,
                                      books->scrubs, books->total, error);
     done = done && karst_finish(context, error);
@@ -435,6 +435,13 @@ static const karst_scrub_total *scrub_total(karst_producer *self)
 }
 
 uint64_t karst_density_producer_non_finite(karst_producer *producer) { return scrub_total(producer)->count; }
+
+void karst_density_producer_thin(karst_producer *producer, uint64_t *num_raised, uint64_t *num_given_up)
+{
+    const karst_scrub_total *total = scrub_total(producer);
+    *num_raised = total->raised;
+    *num_given_up = total->given_up;
+}
 
 bool karst_density_producer_first_non_finite(karst_producer *producer, int64_t voxel[3], int *level)
 {

@@ -8,6 +8,8 @@
 #define KARST_GROUP 1
 #define KARST_BOUNDS_GROUP 1
 #define WORLD_HAS_DATA
+#define WORLD_MAY_BE_THIN
+#define WORLD_RAISES_THIN(data) (((const karst_data_header *)(data))->raises_thin != 0u)
 #define TAPE_SLOTS KARST_TAPE_MOST_SLOTS
 /* The one channel, as karst_channels_lay_out places it. */
 #define STAGING_STRIDE KARST_BRICK_PADDED
@@ -116,12 +118,14 @@ bool karst_host_bound_clear_loads(const karst_cache_buffers *cache, const karst_
     return unmap_all(&m);
 }
 
-bool karst_host_evaluate_bricks(karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_buffer *data,
-                                bool (*goes_on)(void *user), void *user, bool *finished, karst_error *error)
+bool karst_host_evaluate_bricks(karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_buffer *scrubs,
+                                karst_buffer *data, bool (*goes_on)(void *user), void *user, bool *finished,
+                                karst_error *error)
 {
     mapping m = {.good = true, .error = error};
     const karst_load *from = map(&m, loads);
     float *samples = map(&m, staging);
+    karst_scrub *scrubbed = map(&m, scrubs);
     world_data words = map(&m, data);
     uint64_t start_ns = karst_clock_ns();
     *finished = true;
@@ -129,7 +133,7 @@ bool karst_host_evaluate_bricks(karst_buffer *loads, uint32_t count, karst_buffe
         work_item = i;
         *finished = goes_on(user);
         if (*finished)
-            karst_evaluate_bricks(from, count, samples, words);
+            karst_evaluate_bricks(from, count, samples, scrubbed, words);
     }
     karst_profile_add_host(data->context, KARST_STAGE_EVALUATE, karst_clock_ns() - start_ns);
     return unmap_all(&m);

@@ -19,8 +19,9 @@ bool karst_host_bound_loads(const karst_cache_buffers *cache, const karst_work *
 bool karst_host_bound_clear_loads(const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
                                   uint32_t count, karst_buffer *least, karst_buffer *data, karst_error *error);
 /* Before each brick `goes_on` is asked; once it says no, the rest is left out, and *finished is false. */
-bool karst_host_evaluate_bricks(karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_buffer *data,
-                                bool (*goes_on)(void *user), void *user, bool *finished, karst_error *error);
+bool karst_host_evaluate_bricks(karst_buffer *loads, uint32_t count, karst_buffer *staging, karst_buffer *scrubs,
+                                karst_buffer *data, bool (*goes_on)(void *user), void *user, bool *finished,
+                                karst_error *error);
 bool karst_host_finalise_bricks(const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
                                 uint32_t count, karst_buffer *loads, karst_buffer *staging, karst_buffer *scrubs,
                                 karst_buffer *total, karst_error *error);

@@ -7,6 +7,7 @@
 
 #include "core/base/text.h"
 #include "producers/density/density_producer.h"
+#include "producers/language/graph/thin.h"
 #include "producers/language/tape/bounds_shared.h"
 #include "producers/language/oracle/look.h"
 #include "producers/language/oracle/oracle.h"
@@ -75,11 +76,17 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .num_colour_instructions = colour->num_instructions,
                                 .colour_code = (uint32_t)code_word(colour, colour_word),
                                 .colour_constants = (uint32_t)colour_word,
-                                .colour_output = {colour->output[0], colour->output[1], colour->output[2]}};
+                                .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
+                                .raises_thin = file->raises_thin};
     memcpy(data, &header, sizeof header);
     place_tape(tape, word, data);
     place_tape(colour, colour_word, data);
     return data;
+}
+
+void karst_world_file_raise_thin(karst_world_file *file, bool wanted)
+{
+    file->raises_thin = wanted && karst_graph_may_be_thin(file->layout.world.graph, file->layout.world.density);
 }
 
 /* ---- how to look at it ---- */
@@ -341,7 +348,8 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
 {
     char tape_options[KARST_TAPE_OPTIONS_BYTES];
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA %s", tape_options);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s %s",
+             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", tape_options);
     *program = (karst_density_program){.name = file->info.name,
                                        .source = file->code.source,
                                        .bounds_source = file->code.is_gradient_noise_alone

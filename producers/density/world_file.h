@@ -20,6 +20,7 @@ typedef struct {
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
+    bool raises_thin; /* see karst_world_file_raise_thin */
     bool is_indoors; /* of a text without a header: no sun reaches what is seen */
 } karst_world_file;
 
@@ -31,6 +32,9 @@ karst_world_file *karst_world_file_open(const char *path, const karst_parameter_
 karst_world_file *karst_world_file_compile(const char *name, const char *text, size_t length,
                                            const karst_parameter_value *given, size_t num_given, char **diagnostics,
                                            karst_error *error);
+/* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
+ * world has none. Before any is made. */
+void karst_world_file_raise_thin(karst_world_file *file, bool wanted);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
 /* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */

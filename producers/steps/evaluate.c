@@ -56,10 +56,10 @@ void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *da
 }
 
 bool karst_evaluate_bricks(karst_evaluator *evaluator, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                           karst_error *error)
+                           karst_buffer *scrubs, karst_error *error)
 {
     return KARST_ARGUMENTS(evaluator->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(evaluator->data)) &&
+                           KARST_BUFFER_ARG(staging), KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(evaluator->data)) &&
            karst_launch(evaluator->context, evaluator->bricks, KARST_STAGE_EVALUATE,
                         (size_t)count * evaluator->group_size, evaluator->group_size, error);
 }

@@ -22,8 +22,9 @@ void karst_evaluator_move(karst_evaluator *evaluator, karst_context *context);
 void karst_evaluator_set_data(karst_evaluator *evaluator, const karst_buffer *data);
 
 /* Enqueues the samples of loads[0 ... count - 1] (karst_load) into `staging` (floats, layout->staging_stride a brick);
- * loads proven constant are skipped. Time goes to KARST_STAGE_EVALUATE. */
+ * loads proven constant are skipped. `scrubs` (karst_scrub)
+ * takes how many samples of each were raised and given up. Time goes to KARST_STAGE_EVALUATE. */
 bool karst_evaluate_bricks(karst_evaluator *evaluator, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                           karst_error *error);
+                           karst_buffer *scrubs, karst_error *error);
 
 #endif

@@ -28,9 +28,9 @@ karst_finalise_bricks(K_GLOBAL const karst_load *restrict loads, K_GLOBAL float 
         return;
     if (loads[brick].state != KARST_STATE_UNKNOWN) {
         if (LOCAL_ID == 0) {
-            karst_scrub none = {0u, KARST_NO_SAMPLE};
             load_results[first + brick] = loads[brick].state;
-            scrubs[brick] = none;
+            scrubs[brick].count = 0u;
+            scrubs[brick].first = KARST_NO_SAMPLE;
         }
         return;
     }

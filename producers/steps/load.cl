@@ -9,6 +9,7 @@
 #define SAMPLES_SPACE K_PRIVATE
 #define SAMPLES_ARE_SPENT
 #include "producers/steps/evaluate.clh"
+#include "producers/steps/raise.clh"
 #include "producers/steps/finalise.clh"
 
 FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick_places *at))
@@ -19,6 +20,8 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
         density[i] = 0.0f; /* the slot's padding is the same whatever was there before */
     fetch_slot(at->q); /* from afar; once more when it is about to be written */
     evaluate_brick(WORLD_DATA(data, origin, level, density));
+    at->scrub->raised = at->scrub->given_up = 0u;
+    RAISE_BRICK(data, origin, level, density, at->scrub);
     at->samples = density;
     finalise_brick(at);
 }

@@ -16,12 +16,14 @@ typedef struct {
 } karst_load;
 K_ASSERT_SIZE(karst_load, 40);
 
-/* What was scrubbed from one load's samples. */
+/* What was scrubbed from one load's samples, and what became of thin matter (raise.clh). */
 typedef struct {
-    uint count; /* samples that were not finite */
-    uint first; /* index of the first of them; KARST_NO_SAMPLE if count is 0 */
+    uint count;    /* samples that were not finite */
+    uint first;    /* index of the first of them; KARST_NO_SAMPLE if count is 0 */
+    uint raised;   /* samples */
+    uint given_up; /* samples beside which thin matter may be and was not found */
 } karst_scrub;
-K_ASSERT_SIZE(karst_scrub, 8);
+K_ASSERT_SIZE(karst_scrub, 16);
 #define KARST_NO_SAMPLE 0xffffffffu
 
 /* The sum of that since the producer was created. */
@@ -30,8 +32,9 @@ typedef struct {
     long voxel[3]; /* of the first: its level-0 voxel */
     int level;     /* and its brick's level */
     uint pad;
+    ulong raised, given_up;
 } karst_scrub_total;
-K_ASSERT_SIZE(karst_scrub_total, 40);
+K_ASSERT_SIZE(karst_scrub_total, 56);
 
 /* Node coordinates of node index `node`, from its tile; returns its level. */
 K_INLINE int karst_node_corner(K_GLOBAL const karst_tile_info *tile_info, uint node, long corner[3])

@@ -63,12 +63,14 @@ static void evaluate(const shipped_world *world, int s, const karst_channel_layo
     karst_buffer *data = karst_buffer_create(context, "test", program.data_bytes, words, &error);
     karst_buffer *load_buffer = karst_buffer_create(context, "test", count * sizeof *loads, loads, &error);
     karst_buffer *staging = karst_buffer_create(context, "test", size_bytes, NULL, &error);
-    pool_expect(evaluator && data && load_buffer && staging, world->name, &error);
+    karst_buffer *scrubs = karst_buffer_create(context, "test", count * sizeof(karst_scrub), NULL, &error);
+    pool_expect(evaluator && data && load_buffer && staging && scrubs, world->name, &error);
     karst_evaluator_set_data(evaluator, data);
-    pool_expect(karst_evaluate_bricks(evaluator, load_buffer, count, staging, &error) &&
+    pool_expect(karst_evaluate_bricks(evaluator, load_buffer, count, staging, scrubs, &error) &&
                     karst_buffer_read(staging, 0, samples, size_bytes, &error),
                 world->name, &error);
     free(words);
+    karst_buffer_destroy(scrubs);
     karst_buffer_destroy(staging);
     karst_buffer_destroy(load_buffer);
     karst_buffer_destroy(data);

@@ -53,6 +53,9 @@ typedef struct {
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
     uint64_t num_tiles_produced, num_bricks_produced, num_bricks_constant; /* constant: evaluated, then proven */
     uint64_t num_non_finite;                                               /* samples scrubbed to air so far */
+    /* Samples of density so far: raised to show matter thinner than their voxel; and given up, where such matter may
+     * be but was not found, so that it may be missing from the picture. */
+    uint64_t num_thin_raised, num_thin_given_up;
     /* picture of this frame */
     uint64_t num_pixels, num_hits, num_provisional;
     uint64_t num_incomplete;                 /* rays that met a region without data */

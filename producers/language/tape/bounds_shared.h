@@ -17,7 +17,8 @@ typedef struct {
     uint colour_code;
     uint colour_constants;
     uint colour_output[3];
-    uint unused[4];
+    uint raises_thin; /* 1: thin matter is to be shown (producers/steps/raise.clh) */
+    uint unused[3];
 } karst_data_header;
 K_ASSERT_SIZE(karst_data_header, 64);
 

@@ -1,0 +1,47 @@
+#include "producers/language/graph/thin.h"
+
+#include <stdlib.h>
+
+static bool is_uniform(const karst_graph *graph, karst_expr e)
+{
+    return graph->nodes[e].kind == KARST_KIND_UNIFORM;
+}
+
+/* A node that adds no bend of its own: a linear form of its arguments, or noise, at any place. */
+static bool is_plain(const karst_graph *graph, const karst_expr_node *n)
+{
+    switch (n->op) {
+    case KARST_OP_AFFINE:
+    case KARST_OP_SHIFTED:
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+    case KARST_OP_NEGATE:
+        return true;
+    case KARST_OP_NOISE:
+        return graph->noises[n->extra].base == KARST_NOISE_GRADIENT && graph->noises[n->extra].shape == KARST_NOISE_SUM;
+    case KARST_OP_MULTIPLY:
+    case KARST_OP_FMA:
+        return is_uniform(graph, n->arg[0]) || is_uniform(graph, n->arg[1]);
+    case KARST_OP_DIVIDE:
+        return is_uniform(graph, n->arg[1]);
+    default:
+        return false;
+    }
+}
+
+bool karst_graph_may_be_thin(const karst_graph *graph, karst_expr density)
+{
+    bool *is_used = calloc(graph->num_nodes, sizeof *is_used), thin = !is_used;
+    if (is_used)
+        is_used[density] = true;
+    for (karst_expr e = density; e > 0 && !thin; e--) {
+        const karst_expr_node *n = &graph->nodes[e];
+        if (!is_used[e] || is_uniform(graph, e))
+            continue;
+        thin = !is_plain(graph, n);
+        for (int k = 0; k < 4 && !thin; k++)
+            is_used[n->arg[k]] |= n->arg[k] != KARST_NO_EXPR;
+    }
+    free(is_used);
+    return thin;
+}
