@@ -22,11 +22,10 @@ static void short_name(const viewer *v, char *name, size_t size_bytes)
         *point = 0;
 }
 
-/* The first of FOLDER/karst-WORLD-001.SUFFIX, -002, ... that is not there yet. */
-static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX], karst_error *error)
+/* The first of FOLDER/karst-WORLD-001.SUFFIX, -002, ... that is not there yet; instead of the world's another name. */
+static bool number_named(const viewer *v, const char *name, const char *suffix, char path[PATH_MAX],
+                         karst_error *error)
 {
-    char name[128];
-    short_name(v, name, sizeof name);
     for (int i = 1; i < MAX_NUMBERED; i++) {
         int length = snprintf(path, PATH_MAX, "%s/karst-%s-%03d.%s", v->settings.folder, name, i, suffix);
         if (length < 0 || length >= PATH_MAX)
@@ -35,6 +34,18 @@ static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX]
             return true;
     }
     return karst_fail(error, KARST_FAILED, "%s is full of pictures", v->settings.folder);
+}
+
+static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX], karst_error *error)
+{
+    char name[128];
+    short_name(v, name, sizeof name);
+    return number_named(v, name, suffix, path, error);
+}
+
+bool view_statistics_number(viewer *v, char path[PATH_MAX], karst_error *error)
+{
+    return number_named(v, "statistics", "json", path, error);
 }
 
 /* ---- pictures ---- */
@@ -80,11 +91,55 @@ bool view_capture_pictures(viewer *v, karst_error *error)
     return true;
 }
 
+/* Adds a text to a command line, quoted if a shell would take it apart. Cut where the line ends. */
+static void add_word(char *line, size_t size_bytes, const char *text)
+{
+    size_t length = strlen(line);
+    bool is_plain = *text && strspn(text, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%") ==
+                                 strlen(text);
+    if (is_plain) {
+        snprintf(line + length, size_bytes - length, " %s", text);
+        return;
+    }
+    snprintf(line + length, size_bytes - length, " '");
+    for (; *text; text++) {
+        length = strlen(line);
+        snprintf(line + length, size_bytes - length, *text == '\'' ? "'\\''" : "%c", *text);
+    }
+    length = strlen(line);
+    snprintf(line + length, size_bytes - length, "'");
+}
+
+/* The place, and what of the world is not as its file says. */
 void view_copy_command(viewer *v)
 {
-    char camera[512];
+    char camera[512], word[640], *line = v->capture.copied;
+    const size_t size_bytes = sizeof v->capture.copied;
+    const view_settings *o = &v->settings;
     karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
-    snprintf(v->capture.copied, sizeof v->capture.copied, "karst render %s --camera %s", v->world, camera);
+    snprintf(line, size_bytes, "karst render");
+    add_word(line, size_bytes, v->world);
+    snprintf(word, sizeof word, " --camera %s", camera);
+    strncat(line, word, size_bytes - strlen(line) - 1);
+    if (o->has_seed) {
+        snprintf(word, sizeof word, " --seed %llu", (unsigned long long)o->seed);
+        strncat(line, word, size_bytes - strlen(line) - 1);
+    }
+    for (int i = 0; i < v->sliders.num_sliders; i++) {
+        const view_slider *s = &v->sliders.sliders[i];
+        if (s->value == s->original)
+            continue;
+        snprintf(word, sizeof word, " --param %s=%.17g", s->name, s->value);
+        for (int digits = 1; digits < 17; digits++) { /* as short as says the same */
+            char shorter[64];
+            snprintf(shorter, sizeof shorter, "%.*g", digits, s->value);
+            if (strtod(shorter, NULL) == s->value) {
+                snprintf(word, sizeof word, " --param %s=%s", s->name, shorter);
+                break;
+            }
+        }
+        strncat(line, word, size_bytes - strlen(line) - 1);
+    }
     glfwSetClipboardString(v->window, v->capture.copied);
     view_toast(v, "copied: %s", v->capture.copied);
 }
@@ -289,7 +344,8 @@ bool view_video_step(viewer *v, karst_error *error)
 static json_t *describe_panels(const viewer *v)
 {
     static const char *const names[VIEW_NUM_PANELS] = {"status", "page",  "sliders", "error",
-                                                       "prompt", "toast", "cross",   "help"};
+                                                       "prompt", "toast", "cross",   "help",
+                                                       "compass", "depth"};
     json_t *panels = json_object();
     for (int i = 0; i < VIEW_NUM_PANELS; i++) {
         const view_panel *p = &v->overlay.panels[i];

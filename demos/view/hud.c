@@ -34,8 +34,7 @@ static const char *group_digits(uint64_t number, char text[48])
     return text;
 }
 
-/* With a unit that keeps the figure short: "3.2 mm", "14 m", "5.2e+04 km". */
-static const char *format_length(double metres, const char *suffix, char text[48])
+const char *view_format_length(double metres, const char *suffix, char text[48])
 {
     double size = fabs(metres);
     if (size < 1e-2)
@@ -141,7 +140,7 @@ static void draw_status(viewer *v)
                  v->stats.detail_asked_px);
     if (v->probe.hit)
         snprintf(under, sizeof under, "level %d%s at %s", v->probe.level, v->probe.provisional ? " (stand-in)" : "",
-                 format_length(v->probe.depth_m, "", depth));
+                 view_format_length(v->probe.depth_m, "", depth));
     else
         snprintf(under, sizeof under, "sky");
     if (v->settings.look.samples > 1 && v->stats.num_samples)
@@ -150,7 +149,7 @@ static void draw_status(viewer *v)
     if (v->view != KARST_VIEW_PICTURE)
         snprintf(shown, sizeof shown, "    view: %s", karst_view_name(v->view));
     snprintf(lines[1], sizeof lines[1], "%s  %s    %s%s%s%s%s%s%s", view_mode_names[v->motion.mode],
-             format_length(v->motion.speed_m_s, "/s", speed), under, given, shown, samples,
+             view_format_length(v->motion.speed_m_s, "/s", speed), under, given, shown, samples,
              v->capture.recording ? "    \u25cf recording a path" : "", v->capture.video ? "    \u25cf video" : "",
              v->reload.running ? "    compiling\u2026"
              : v->settled      ? "    settled"
@@ -451,6 +450,12 @@ bool view_hud_update(viewer *v, bool all)
     draw_or_hide(v, VIEW_PANEL_ERROR, *v->reload.error && room && !v->help_shown, draw_error); /* others stand below */
     draw_or_hide(v, VIEW_PANEL_STATUS, full && !covered, draw_status);
     draw_or_hide(v, VIEW_PANEL_CROSS, full, draw_cross);
+    /* Beside a page, and below nothing else. */
+    bool gauges = full && !v->sliders.shown && v->height_px >= 200 * v->scale && v->width_px >= 560 * v->scale;
+    draw_or_hide(v, VIEW_PANEL_COMPASS, gauges, view_draw_compass);
+    draw_or_hide(v, VIEW_PANEL_DEPTH,
+                 full && v->view == KARST_VIEW_DEPTH && !*v->reload.error && v->width_px >= 900 * v->scale,
+                 view_draw_depth_scale);
     draw_or_hide(v, VIEW_PANEL_PAGE, page, v->page == VIEW_PAGE_CACHE ? draw_cache_page : draw_frame_page);
     draw_or_hide(v, VIEW_PANEL_SLIDERS, v->sliders.shown && room && !v->help_shown, view_sliders_draw);
     draw_or_hide(v, VIEW_PANEL_PROMPT, v->prompt_shown && room, draw_prompt);

@@ -117,17 +117,23 @@ void view_complain(viewer *v, const char *format, ...)
 
 /* ---- what keys do ---- */
 
+/* A view that is compiled now takes a second: until it is there, the old one's name stands, and a word of it. */
 static void change_view(viewer *v, int by)
 {
-    v->view = (karst_view)(((int)v->view + by + KARST_NUM_VIEWS) % KARST_NUM_VIEWS);
+    karst_view view = (karst_view)(((int)v->view + by + KARST_NUM_VIEWS) % KARST_NUM_VIEWS);
     karst_error error = {0};
-    if (!karst_engine_set_view(v->engine, v->view, &error)) {
-        view_complain(v, "%s", error.message);
-        v->view = KARST_VIEW_PICTURE;
+    if (view != KARST_VIEW_PICTURE && !v->has_shown_view[view])
+        view_show_message(v, "view: %s is being compiled\u2026", karst_view_name(view));
+    if (karst_engine_set_view(v->engine, view, &error)) {
+        v->view = view;
+        v->has_shown_view[view] = true;
+        view_toast(v, view == KARST_VIEW_DEPTH ? "view: %s; bright near, dark far, by the scale above the status"
+                                               : "view: %s", karst_view_name(view));
+    } else {
         karst_engine_set_view(v->engine, v->view, NULL);
+        view_complain(v, "%s", error.message);
     }
     v->settled = false;
-    view_toast(v, "view: %s", karst_view_name(v->view));
 }
 
 static void change_speed(viewer *v, double steps)
@@ -187,9 +193,9 @@ static void write_statistics(viewer *v)
     karst_error error = {0};
     if (v->settings.stats)
         snprintf(file, sizeof file, "%s", v->settings.stats);
-    else
-        snprintf(file, sizeof file, "%s/karst-statistics.json", v->settings.folder);
-    if (!view_statistics_write(v, file, &error))
+    else if (!view_statistics_number(v, file, &error))
+        file[0] = 0;
+    if (!*file || !view_statistics_write(v, file, &error))
         view_complain(v, "%s", error.message);
     else if (!v->settings.stats) /* who named the file knows it */
         view_toast(v, "statistics: %s", file);

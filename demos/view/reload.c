@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #define LOOK_EVERY_S 0.05
+#define GONE_FOR_S 1.0
 #define EMPTY_FOR_S 2.0 /* many programs empty a file first and then write it */
 
 /* What the thread reads and writes; nobody else does meanwhile. */
@@ -89,6 +90,7 @@ void view_reload_begin(viewer *v)
     r->seen_mtime_ns = r->mtime_ns;
     r->seen_size_bytes = r->size_bytes;
     r->seen_inode = r->inode;
+    r->seen_at_s = v->now_s;
 }
 
 /* Whether the file is another than the one compiled last, and was left alone for a look: who writes slowly is waited
@@ -100,8 +102,19 @@ static bool has_changed(viewer *v)
     if (!r->watching || v->now_s - r->looked_at_s < LOOK_EVERY_S)
         return false;
     r->looked_at_s = v->now_s;
-    if (!look(v, &mtime_ns, &size_bytes, &inode))
+    if (!look(v, &mtime_ns, &size_bytes, &inode)) {
+        /* Editors take a file away for a moment when they save it. */
+        if (!r->is_gone && v->now_s - r->seen_at_s > GONE_FOR_S) {
+            r->is_gone = true;
+            view_complain(v, "%s is no longer there; its last state stays, and the window waits for the file",
+                          v->world);
+        }
         return false;
+    }
+    r->seen_at_s = v->now_s;
+    if (r->is_gone)
+        view_toast(v, "%s is there again", v->world);
+    r->is_gone = false;
     bool at_rest = mtime_ns == r->seen_mtime_ns && size_bytes == r->seen_size_bytes && inode == r->seen_inode;
     r->seen_mtime_ns = mtime_ns;
     r->seen_size_bytes = size_bytes;

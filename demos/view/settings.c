@@ -273,7 +273,7 @@ void view_memory_read(viewer *v)
 {
     view_memory *m = &v->memory;
     *m = (view_memory){.page = VIEW_PAGE_STATUS};
-    json_t *root = load_memory(v), *marks = json_object_get(json_object_get(root, "bookmarks"), v->world);
+    json_t *root = load_memory(v);
     int fullscreen = 0;
     m->has_window = root && json_unpack(root, "{s:[i,i], s:[i,i]}", "size", &m->size_px[0], &m->size_px[1], "position",
                                         &m->position_px[0], &m->position_px[1]) == 0;
@@ -285,6 +285,42 @@ void view_memory_read(viewer *v)
     for (int i = 0; page && i < VIEW_NUM_PAGES; i++)
         if (strcmp(page, view_page_names[i]) == 0)
             m->page = i;
+    json_decref(root);
+}
+
+/* What a world's bookmarks are kept under: a sum of its text, so that it keeps them under another name, and the file,
+ * so that it keeps them when it is edited by something else. "": not known. */
+typedef struct {
+    char sum[32], file[PATH_MAX];
+} memory_keys;
+
+static void find_keys(const viewer *v, memory_keys *keys)
+{
+    *keys = (memory_keys){0};
+    const char *path = v->metadata ? v->metadata->path : v->world_file;
+    FILE *file = fopen(path, "rb");
+    uint64_t sum = 0xcbf29ce484222325u;
+    for (int c; file && (c = getc(file)) != EOF;) /* FNV-1a */
+        sum = (sum ^ (uint64_t)c) * 0x100000001b3u;
+    if (file && !ferror(file))
+        snprintf(keys->sum, sizeof keys->sum, "text-%016llx", (unsigned long long)sum);
+    if (file)
+        fclose(file);
+    if (!realpath(path, keys->file))
+        snprintf(keys->file, sizeof keys->file, "%s", v->world);
+}
+
+void view_memory_read_bookmarks(viewer *v)
+{
+    view_memory *m = &v->memory;
+    memory_keys keys;
+    find_keys(v, &keys);
+    json_t *root = load_memory(v), *all = json_object_get(root, "bookmarks");
+    const char *const names[] = {keys.sum, keys.file, v->world};
+    json_t *marks = NULL;
+    for (size_t i = 0; !marks && i < sizeof names / sizeof *names; i++)
+        marks = json_object_get(all, names[i]);
+    memset(m->bookmarks, 0, sizeof m->bookmarks);
     for (int i = 0; i < VIEW_NUM_BOOKMARKS; i++) {
         char key[2] = {(char)('1' + i), 0};
         const char *text = json_string_value(json_object_get(marks, key));
@@ -322,7 +358,14 @@ void view_memory_write(viewer *v)
         if (*v->memory.bookmarks[i])
             json_object_set_new(marks, key, json_string(v->memory.bookmarks[i]));
     }
-    json_object_set_new(all, v->world, marks);
+    memory_keys keys;
+    find_keys(v, &keys);
+    if (json_object_size(marks) || json_object_get(all, keys.sum) || json_object_get(all, keys.file)) {
+        if (*keys.sum)
+            json_object_set(all, keys.sum, marks);
+        json_object_set(all, keys.file, marks);
+    }
+    json_decref(marks);
     char *text = json_dumps(root, JSON_INDENT(2));
     karst_error error = {0};
     if (text && !command_write_text(path, text, &error))

@@ -2,6 +2,7 @@
 #include "demos/view/view.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -92,7 +93,7 @@ static bool choose_start(viewer *v, karst_error *error)
         return false;
     for (int i = 0; s->mode && i < VIEW_NUM_MODES; i++)
         if (strcmp(s->mode, view_mode_names[i]) == 0) {
-            v->motion.mode = (view_mode)i;
+            v->motion.wished_mode = (view_mode)i;
             return true;
         }
     return !s->mode || karst_fail(error, KARST_USAGE, "--mode %s: must be fly, walk or orbit", s->mode);
@@ -121,6 +122,7 @@ static bool open_viewer(viewer *v, karst_error *error)
         return false;
     view_sliders_read(v, false);
     view_reload_begin(v);
+    view_memory_read_bookmarks(v);
     if (v->settings.replay) {
         v->capture.replay_only = true;
         return view_replay_start(v, v->capture.path_file, error);
@@ -172,6 +174,18 @@ static bool show(viewer *v, karst_error *error)
     return true;
 }
 
+void view_show_message(viewer *v, const char *format, ...)
+{
+    va_list arguments;
+    char text[sizeof v->toast];
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    view_toast(v, "%s", text);
+    if (v->num_frames && karst_engine_show(v->engine, NULL))
+        show(v, NULL);
+}
+
 /* The engine asks while it makes content. For a view that stands that may take long: its picture need not wait, and
  * keys and mouse end it. In motion a frame has its budget. */
 static bool goes_on(void *user)
@@ -216,6 +230,21 @@ static void wait_for_events(viewer *v, bool busy)
         glfwPollEvents();
     else
         glfwWaitEventsTimeout(v->reload.running ? COMPILING_S : view_gamepad_present() ? GAMEPAD_S : IDLE_S);
+}
+
+/* The mode that was asked for on the command line: walking as soon as there is ground, orbiting as soon as it is known
+ * what is under the cross-hair. */
+static void take_wished_mode(viewer *v)
+{
+    view_motion *m = &v->motion;
+    if (m->wished_mode == VIEW_FLY || (m->wished_mode == VIEW_ORBIT && !v->stats.settled))
+        return;
+    view_mode mode = m->wished_mode;
+    m->wished_mode = VIEW_FLY;
+    if (m->mode == VIEW_FLY)
+        view_set_mode(v, mode);
+    if (v->settings.speed_m_s > 0)
+        m->speed_m_s = v->settings.speed_m_s;
 }
 
 /* How long after the last motion the picture is whole again. */
@@ -279,6 +308,7 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
             v->reload.longest_ms = fmax(v->reload.longest_ms, (double)frame_ns / 1e6);
         }
         keep_history(v, (double)frame_ns / 1e6);
+        take_wished_mode(v);
         view_resolution_learn(v, moving, frame_ns);
     } else if (visible && (v->damaged || view_hud_update(v, false))) {
         if (v->num_frames && !karst_engine_show(v->engine, error))

@@ -57,7 +57,8 @@ typedef struct {
     int page;
     char bookmarks[VIEW_NUM_BOOKMARKS][320]; /* of this world; "": none */
 } view_memory;
-void view_memory_read(viewer *v);
+void view_memory_read(viewer *v);            /* but for bookmarks */
+void view_memory_read_bookmarks(viewer *v);  /* of the world's text, whatever its file is called */
 void view_memory_write(viewer *v);
 
 /* ---- overlay.c ---- */
@@ -71,6 +72,8 @@ typedef enum {
     VIEW_PANEL_TOAST,
     VIEW_PANEL_CROSS,
     VIEW_PANEL_HELP,
+    VIEW_PANEL_COMPASS,
+    VIEW_PANEL_DEPTH,
     VIEW_NUM_PANELS
 } view_panel_kind;
 
@@ -195,6 +198,7 @@ extern const char *const view_mode_names[];
 
 typedef struct {
     view_mode mode;
+    view_mode wished_mode; /* from the command line, until it can be taken; VIEW_FLY: none */
     karst_camera camera;
     double speed_m_s;
     double velocity_m_s[3];
@@ -272,7 +276,8 @@ typedef struct {
     bool watching;
     long long mtime_ns, size_bytes, inode; /* of what was compiled last */
     long long seen_mtime_ns, seen_size_bytes, seen_inode;
-    double looked_at_s, at_rest_since_s, started_s;
+    double looked_at_s, at_rest_since_s, started_s, seen_at_s;
+    bool is_gone; /* the file, for a while; that was said */
     pthread_t thread;
     bool running;
     bool is_loading, has_loaded, is_forced; /* the compiler itself; is_forced: somebody asked for a reload meanwhile */
@@ -294,6 +299,8 @@ void view_reload_end(viewer *v); /* waits for a compilation */
 
 /* ---- view.c ---- */
 
+/* A message that is seen at once, before something that takes long. */
+void view_show_message(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* The world on show is this one now, which the viewer owns from here on (NULL: what is known of it is not). */
 void view_world_take(viewer *v, karst_world *compiled);
 /* Its parameters are other ones now: what samples it is made anew. */
@@ -325,7 +332,7 @@ typedef struct {
     double video_start_s;
     size_t num_video_pictures;
     command_record record; /* all frames */
-    char copied[640];
+    char copied[4096];
 } view_capture;
 bool view_capture_pictures(viewer *v, karst_error *error); /* those that are wanted, after a frame */
 void view_record_toggle(viewer *v);
@@ -338,6 +345,8 @@ void view_video_toggle(viewer *v);
 bool view_video_step(viewer *v, karst_error *error);
 void view_video_stop(viewer *v);
 bool view_statistics_write(viewer *v, const char *file, karst_error *error);
+/* Names a file for them that is not there yet. Errors: KARST_FAILED. */
+bool view_statistics_number(viewer *v, char path[PATH_MAX], karst_error *error);
 void view_copy_command(viewer *v);
 
 /* ---- hud.c ---- */
@@ -355,6 +364,14 @@ typedef struct {
     double stages_ms[VIEW_HISTORY][KARST_NUM_STAGES];
     size_t next, num;
 } view_history;
+
+/* With a unit that keeps the figure short: "3.2 mm", "14 m", "5.2e+04 km". */
+const char *view_format_length(double metres, const char *suffix, char text[48]);
+
+/* ---- gauges.c ---- */
+
+void view_draw_compass(viewer *v);     /* and how long things are where the cross-hair points */
+void view_draw_depth_scale(viewer *v); /* what the greys of the depth view mean */
 
 /* ---- window.c ---- */
 
@@ -399,6 +416,7 @@ struct viewer {
     karst_stats stats;                    /* of the last frame */
     karst_probe probe;                    /* under the cross-hair */
     karst_view view;
+    bool has_shown_view[KARST_NUM_VIEWS]; /* its kernel is there */
     uint64_t num_frames, num_shown;
     bool settled;
     /* from the last motion to all pixels, to the level that is set in each of them, and to a settled picture */
