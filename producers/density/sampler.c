@@ -52,12 +52,14 @@ static karst_sample sample_of(karst_oracle_value value) { return (karst_sample){
 
 karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
 {
-    return sample_of(karst_oracle_density(sampler->oracle, at, karst_world_level(sampler->world, footprint_m)));
+    return sample_of(karst_oracle_text_density(sampler->oracle, at, karst_world_level(sampler->world, footprint_m)));
 }
 
 double karst_sampler_precise_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
 {
-    return karst_oracle_precise_density(sampler->oracle, at, karst_world_level(sampler->world, footprint_m));
+    int level = karst_world_level(sampler->world, footprint_m);
+    return sampler->world->file->program->world.text ? karst_oracle_text_density(sampler->oracle, at, level).precise
+                                                     : karst_oracle_precise_density(sampler->oracle, at, level);
 }
 
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
@@ -68,10 +70,17 @@ bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, do
         return false;
     karst_oracle_value value =
         karst_oracle_gradient(sampler->gradient_oracle, at, karst_world_level(sampler->world, footprint_m), values);
+    /* Where the text's density is another one it is flat. */
+    karst_sample text = sample_of(value);
+    const karst_resolved_world *resolved = &sampler->world->file->program->world;
+    if (resolved->text)
+        text = karst_sampler_density(sampler, at, footprint_m);
+    bool is_flat = resolved->text && (resolved->graph->nodes[resolved->text].kind == KARST_KIND_STEPS ||
+                                      (text.device == 0 && value.device != 0));
     for (int axis = 0; axis < 3; axis++)
-        gradient[axis] = sample_of(values[axis]);
+        gradient[axis] = is_flat ? (karst_sample){0, 0} : sample_of(values[axis]);
     if (density)
-        *density = sample_of(value);
+        *density = text;
     return true;
 }
 
@@ -92,6 +101,20 @@ static float rounded_up(double voxels)
 {
     float nearest = (float)voxels;
     return (double)nearest >= voxels ? nearest : nextafterf(nearest, INFINITY);
+}
+
+/* From the range of the density that is executed to that of the text's (deepen.h). */
+static void bound_text(const karst_program_graph *program, double range[2])
+{
+    const karst_resolved_world *world = &program->world;
+    if (world->graph->nodes[world->text].kind != KARST_KIND_STEPS) {
+        range[1] = fmax(range[1], 0);
+        return;
+    }
+    double lo = program->text_range[0], hi = program->text_range[1];
+    bool is_solid = range[0] > 0, is_air = range[1] <= 0;
+    range[0] = is_solid ? fmax(lo, 0) : lo;
+    range[1] = is_air ? fmin(hi, 0) : hi;
 }
 
 bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, const double half_m[3],
@@ -124,5 +147,8 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
         return false;
     range[0] = (double)density.v.lo;
     range[1] = (double)density.v.hi;
+    const karst_program_graph *program_graph = world->file->program;
+    if (program_graph->world.text)
+        bound_text(program_graph, range);
     return true;
 }

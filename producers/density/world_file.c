@@ -286,6 +286,7 @@ static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diag
         return NULL;
     }
     file->program = program;
+    karst_program_deepen(program); /* too large for it: flat air stays flat */
     look_around(file);
     if (complete(file, error))
         return file;

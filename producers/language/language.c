@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "core/device/embedded.h"
+#include "producers/language/graph/deepen.h"
 #include "producers/language/graph/kinds.h"
 #include "producers/language/front/lower.h"
 
@@ -142,12 +143,25 @@ static void resolve(compilation *c)
     karst_kinds_settings settings = {.voxel_log2_m = p->header.voxel_log2_m, .extent_m = p->header.extent_m};
     settings.parameter_min = low;
     settings.parameter_max = high;
-    karst_expr roots[4] = {p->density, p->colour[0], p->colour[1], p->colour[2]};
-    karst_graph_init(&p->resolved, &p->arena, 2 * KARST_MAX_LIVE_NODES, live_full, c);
-    karst_kinds_resolve(&p->graph, &settings, &p->resolved, roots, p->has_colour ? 4 : 1);
-    p->world = (karst_resolved_world){.graph = &p->resolved, .density = roots[0], .has_colour = p->has_colour};
+    if (p->is_deepened && !p->deep)
+        p->deep = karst_deepen(&p->graph, &settings, p->density);
+    bool differs = p->is_deepened && p->deep != p->density;
+    karst_expr roots[5] = {differs ? p->deep : p->density, p->density};
+    size_t num_roots = settings.num_densities = differs ? 2 : 1;
     for (int i = 0; i < 3 && p->has_colour; i++)
-        p->world.colour[i] = roots[i + 1];
+        roots[num_roots++] = p->colour[i];
+    karst_graph_init(&p->resolved, &p->arena, 2 * KARST_MAX_LIVE_NODES, live_full, c);
+    karst_kinds_resolve(&p->graph, &settings, &p->resolved, roots, num_roots);
+    p->world = (karst_resolved_world){.graph = &p->resolved, .density = roots[0], .has_colour = p->has_colour};
+    p->world.text = differs ? roots[1] : KARST_NO_EXPR;
+    if (differs) {
+        karst_range *ranges = karst_arena_alloc(&p->arena, p->resolved.num_nodes * sizeof *ranges);
+        karst_graph_ranges(&p->resolved, &settings, ranges);
+        p->text_range[0] = ranges[p->world.text].lo;
+        p->text_range[1] = ranges[p->world.text].hi;
+    }
+    for (int i = 0; i < 3 && p->has_colour; i++)
+        p->world.colour[i] = roots[settings.num_densities + (size_t)i];
 }
 
 /* Text that compiles to what no back end can compute is not let through: a compiler of kernels would be the first to
@@ -262,29 +276,47 @@ static bool resolve_guarded(compilation *c)
     return true;
 }
 
-bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m)
+/* Resolves a finished program once more; what fails leaves it as `before`. */
+static bool resolve_again(karst_program_graph *program, const karst_program_graph *before)
 {
     compilation *c = calloc(1, sizeof *c);
-    if (!c)
+    if (!c) {
+        *program = *before;
         return false;
-    karst_program_graph before = *program;
+    }
     c->program = program;
     c->source = program->source;
     c->source.first = c->source.last = NULL;
     c->source.escape = &c->escape;
     program->arena.full = arena_full;
-    program->arena.user = c;
-    program->header.voxel_log2_m = voxel_log2_m;
+    program->arena.user = program->graph.user = c;
+    program->graph.full = live_full;
     bool done = resolve_guarded(c);
     if (!done) {
-        program->header = before.header;
-        program->resolved = before.resolved;
-        program->world = before.world;
+        program->header = before->header;
+        program->resolved = before->resolved;
+        program->world = before->world;
+        program->is_deepened = before->is_deepened;
+        program->deep = before->deep;
     }
     program->arena.full = NULL;
-    program->resolved.full = NULL;
+    program->graph.full = program->resolved.full = NULL;
     free(c);
     return done;
+}
+
+bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m)
+{
+    const karst_program_graph before = *program;
+    program->header.voxel_log2_m = voxel_log2_m;
+    return resolve_again(program, &before);
+}
+
+bool karst_program_deepen(karst_program_graph *program)
+{
+    const karst_program_graph before = *program;
+    program->is_deepened = true;
+    return resolve_again(program, &before);
 }
 
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,

@@ -35,6 +35,9 @@ typedef struct {
     karst_expr colour[3];       /* floats: linear RGB */
     karst_graph resolved;       /* what is executed: see kinds.h */
     karst_resolved_world world; /* the same roots in it */
+    bool is_deepened;           /* world.density is `deep`, and world.text the density if that is another one */
+    karst_expr deep;            /* in `graph`; KARST_NO_EXPR: not asked for yet */
+    double text_range[2];       /* of world.text, over all space */
     uint32_t num_parameters;
     karst_world_parameter *parameters;
     uint32_t num_octaves;                /* of all noises together */
@@ -62,6 +65,9 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
 /* Resolves a good program once more, for another finest voxel than its header's, which it sets. false: it stays as it
  * was, as the world would then be too large. Nothing may hold its resolved graph. One thread at a time per program. */
 bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m);
+/* Resolves a good program once more, with air that is exactly 0 made deep (deepen.h), as pictures need it. false: it
+ * stays as it was. As above. */
+bool karst_program_deepen(karst_program_graph *program);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
 
 #endif

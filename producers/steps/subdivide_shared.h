@@ -4,13 +4,13 @@
 
 #include "producers/steps/load_shared.h"
 
-/* The state of a node whose density lies in [lo, hi], at every point and every footprint that world_bounds speaks for.
+/* The state of a node whose density lies in [lo, hi] (0 is air), at every point and every footprint that world_bounds speaks for.
  * The comparisons are false for NaN; an interval with an infinite end is "unknown", as the contract of world_bounds
  * says. */
 K_INLINE uint karst_state_from_bounds(float lo, float hi)
 {
     int finite = lo > -INFINITY && hi < INFINITY;
-    return finite && lo > 0.0f ? KARST_STATE_SOLID : finite && hi < 0.0f ? KARST_STATE_AIR : KARST_STATE_UNKNOWN;
+    return finite && lo > 0.0f ? KARST_STATE_SOLID : finite && hi <= 0.0f ? KARST_STATE_AIR : KARST_STATE_UNKNOWN;
 }
 
 /* karst_load.doubt from the slopes (per level-0 voxel) and the slack of world_bounds and world_slack.

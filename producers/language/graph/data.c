@@ -178,6 +178,8 @@ bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
     mark_needed(world, &world->density, 1, layout->is_known, needed);
     lay_out(layout, &chains, needed, true);
     lay_out(layout, &chains, needed, false);
+    if (world->text)
+        mark_needed(world, &world->text, 1, layout->is_known, needed);
     if (world->has_colour)
         mark_needed(world, world->colour, 3, layout->is_known, needed);
     if (world->has_gradient)

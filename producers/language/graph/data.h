@@ -12,6 +12,7 @@
 typedef struct {
     const karst_graph *graph; /* resolved: no POSITION is left, kinds are set */
     karst_expr density;
+    karst_expr text; /* the density that the text states, where that is another one (deepen.h); else KARST_NO_EXPR */
     karst_expr colour[3];   /* if has_colour */
     karst_expr gradient[3]; /* of the density, per metre, if has_gradient: see derive.h */
     bool has_colour, has_gradient;

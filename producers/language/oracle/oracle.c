@@ -53,7 +53,8 @@ static bool make_plans(karst_oracle *o)
     const karst_resolved_world *world = &o->layout.world;
     const uint8_t both = KARST_ORACLE_DEVICE | KARST_ORACLE_PRECISE;
     const karst_expr *g = world->gradient, all[4] = {g[0], g[1], g[2], world->density};
-    return make_plan(o, &world->density, 1, both, &o->density) &&
+    const karst_expr densities[2] = {world->density, world->text};
+    return make_plan(o, densities, world->text ? 2 : 1, both, &o->density) &&
            make_plan(o, &world->density, 1, KARST_ORACLE_PRECISE, &o->precise_density) &&
            (!world->has_colour || make_plan(o, world->colour, 3, both, &o->colour)) &&
            (!world->has_gradient || make_plan(o, all, 4, both, &o->gradient));
@@ -185,6 +186,13 @@ double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *
 {
     evaluate(oracle, &oracle->precise_density, at, level);
     return oracle->slots[oracle->layout.world.density].d;
+}
+
+karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_position *at, int level)
+{
+    const karst_resolved_world *world = &oracle->layout.world;
+    evaluate(oracle, &oracle->density, at, level);
+    return karst_oracle_node(oracle, world->text ? world->text : world->density);
 }
 
 void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,

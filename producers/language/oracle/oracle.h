@@ -34,7 +34,9 @@ void karst_oracle_destroy(karst_oracle *oracle); /* NULL is fine */
 
 /* Density at a position, band-limited to the voxel of `level`; -1: full density. */
 karst_oracle_value karst_oracle_density(karst_oracle *oracle, const karst_position *at, int level);
-/* The same as a double alone, in less time. */
+/* The density that the text states, which is the same but where that is exactly 0 in air (deepen.h). */
+karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_position *at, int level);
+/* The density as a double alone, in less time. */
 double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *at, int level);
 /* Linear RGB; the world must have a colour. `normal` is of length 1. */
 void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,

@@ -1,0 +1,186 @@
+/* Air that is exactly 0 (deepen.h): the field that is executed is positive exactly where the text's density is, and
+ * not flat where that is; where there is a signed text of the same shape it is executed alike, to the byte. What the
+ * sampler says is the text's. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "producers/density/world_file.h"
+#include "producers/language/fingerprint.h"
+#include "producers/language/oracle/oracle.h"
+#include "producers/steps/finalise_shared.h"
+#include "producers/steps/subdivide_shared.h"
+
+/* Bodies of density, and of a signed density that must come to the same field; NULL: there is none. */
+static const char *const worlds[][2] = {
+    {"return max(0.0, 4.0 - length(p));", "return 4.0 - length(p);"},
+    {"return max(4.0 - length(p), 0.0);", "return 4.0 - length(p);"},
+    {"return clamp(4.0 - length(p), 0.0, 1.0);", "return min(4.0 - length(p), 1.0);"},
+    {"return saturate(4.0 - length(p));", "return min(4.0 - length(p), 1.0);"},
+    {"return p.y < 5.0 * noise(p / 6.0) ? 1.0 : 0.0;", "return 5.0 * noise(p / 6.0) - p.y;"},
+    {"return p.y < 5.0 * noise(p / 6.0) ? 1.0 : -1.0;", "return 5.0 * noise(p / 6.0) - p.y;"},
+    {"return p.y >= 5.0 * noise(p.xz / 6.0) ? 0.0 : 255.0;", "return 5.0 * noise(p.xz / 6.0) - p.y;"},
+    {"return step(p.y, 5.0 * noise(p.xz / 6.0));", "return 5.0 * noise(p.xz / 6.0) - p.y;"},
+    {"return float(p.y < 5.0 * noise(p / 6.0));", "return 5.0 * noise(p / 6.0) - p.y;"},
+    {"if (length(p) < 4.0) return 1.0; return 0.0;", "return 4.0 - length(p);"},
+    {"return length(p) < 4.0 && p.y < 1.0 ? 1.0 : 0.0;", "return min(4.0 - length(p), 1.0 - p.y);"},
+    {"return length(p) < 4.0 || p.y < -3.0 ? 1.0 : 0.0;", "return max(4.0 - length(p), -3.0 - p.y);"},
+    {"float h = 4.0 * noise(p.xz / 5.0); return h > p.y ? h - p.y : 0.0;", "return 4.0 * noise(p.xz / 5.0) - p.y;"},
+    {"float d = 4.0 - length(p); return d > 0.0 ? d : 0.0;", "return 4.0 - length(p);"},
+    {"float d = 4.0 - length(p); return d < 0.0 ? 0.0 : d;", "return 4.0 - length(p);"},
+    {"float h = 4.0 * noise(p.xz / 5.0); return h - min(h, p.y);", "return 4.0 * noise(p.xz / 5.0) - p.y;"},
+    {"return max(0.0, 4.0 - length(p)) * 0.25;", "return (4.0 - length(p)) * 0.25;"},
+    {"return max(max(0.0, 4.0 - length(p)), max(0.0, 2.0 - length(p - 3.0)));",
+     "return max(4.0 - length(p), 2.0 - length(p - 3.0));"},
+    {"return smoothstep(0.0, 1.0, 4.0 - length(p));", NULL},
+    {"return max(0.0, 4.0 - length(p)) + max(0.0, 3.0 - length(p - 4.0));", NULL},
+    {"float d = max(0.0, 4.0 - length(p)); return d * d;", NULL},
+    {"return sqrt(max(0.0, 4.0 - length(p)));", NULL},
+    {"return (p.y < 1.0 ? 1.0 : 0.0) * (length(p) < 6.0 ? 1.0 : 0.0);", NULL},
+    {"return (p.y < 1.0 ? 1.0 : 0.0) * (5.0 - length(p));", NULL},
+    {"return min(length(p) < 6.0 ? 1.0 : 0.0, 3.0 - p.y);", NULL},
+    {"return float(noise(p / 4.0) > 0.1) + float(p.y < -3.0);", NULL},
+    {"return mod(floor(p.x) + floor(p.y) + floor(p.z), 2.0);", NULL},
+    {"return float((int(floor(p.x)) ^ int(floor(p.z))) & 1);", NULL},
+    {"return max(0.0, floor(4.0 * noise(p / 7.0)));", NULL},
+    {"float a = 0.0; for (int i = 0; i < 9; i++) if (length(p - float(i) + 4.0) < 1.5) a = 1.0; return a;", NULL},
+    {"return p.y < 0.0 ? 1.0 : (length(p) < 4.0 ? 2.0 : 0.0);", NULL},
+    {"return mix(0.0, 2.0, p.y < noise(p / 3.0) ? 1.0 : 0.0);", NULL},
+};
+enum { NUM_WORLDS = sizeof worlds / sizeof worlds[0], NUM_POINTS = 3000 };
+
+static karst_world_file *open_body(const char *body)
+{
+    char text[1024];
+    karst_error error = {0};
+    snprintf(text, sizeof text, "/*{ \"voxel\": 0.125 }*/\nfloat density(vec3 p) { %s }\n", body);
+    karst_world_file *file = karst_world_file_compile("test.karst", text, strlen(text), NULL, 0, NULL, &error);
+    if (!file)
+        fail_msg("%s: %s", body, error.message);
+    return file;
+}
+
+static uint64_t state = 1;
+static double random_unit(void)
+{
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    return (double)(state >> 11) * 0x1p-53;
+}
+
+/* How many points the text calls 0, and how many of them the executed field does not call air. */
+static void check_signs(const char *body, int *num_zeros)
+{
+    karst_world_file *file = open_body(body);
+    const karst_program_graph *program = file->program;
+    karst_error error = {0};
+    karst_oracle *oracle =
+        karst_oracle_create(&program->world, NULL, program->header.seed, program->header.voxel_log2_m, &error);
+    assert_non_null(oracle);
+    if (!program->world.text)
+        fail_msg("%s: flat air stays flat", body);
+    *num_zeros = 0;
+    for (int i = 0; i < NUM_POINTS; i++) {
+        double at_m[3];
+        for (int k = 0; k < 3; k++)
+            at_m[k] = 14 * random_unit() - 7;
+        karst_position at = karst_position_add_m((karst_position){{0}, {0}}, at_m, program->header.voxel_log2_m);
+        int level = i % 5 - 1;
+        karst_oracle_value text = karst_oracle_text_density(oracle, &at, level);
+        karst_oracle_value field = karst_oracle_density(oracle, &at, level);
+        if ((text.device > 0) != (field.device > 0) || (text.precise > 0) != (field.precise > 0))
+            fail_msg("%s: at %g, %g, %g the text says %g, executed is %g", body, at_m[0], at_m[1], at_m[2],
+                     (double)text.device, (double)field.device);
+        if (text.device == 0 && !(field.device < 0))
+            fail_msg("%s: flat at %g, %g, %g", body, at_m[0], at_m[1], at_m[2]);
+        *num_zeros += text.device == 0;
+    }
+    karst_oracle_destroy(oracle);
+    karst_world_file_destroy(file);
+}
+
+static void test_signs(void **s)
+{
+    (void)s;
+    for (int i = 0; i < NUM_WORLDS; i++) {
+        int num_zeros;
+        check_signs(worlds[i][0], &num_zeros);
+        if (num_zeros == 0 && !strstr(worlds[i][0], "-1.0;"))
+            fail_msg("%s: no point is flat", worlds[i][0]);
+    }
+}
+
+static void test_same_field(void **s)
+{
+    (void)s;
+    int num_pairs = 0;
+    for (int i = 0; i < NUM_WORLDS; i++) {
+        if (!worlds[i][1])
+            continue;
+        karst_world_file *flat = open_body(worlds[i][0]), *plain = open_body(worlds[i][1]);
+        karst_fingerprint a, b;
+        assert_true(karst_fingerprint_init(&a, flat->program, NULL, 0));
+        assert_true(karst_fingerprint_init(&b, plain->program, NULL, 0));
+        if (!karst_fingerprint_same(&a, &b))
+            fail_msg("%s is not executed as %s", worlds[i][0], worlds[i][1]);
+        assert_true(plain->program->world.text == KARST_NO_EXPR);
+        karst_fingerprint_finish(&a);
+        karst_fingerprint_finish(&b);
+        karst_world_file_destroy(flat);
+        karst_world_file_destroy(plain);
+        num_pairs++;
+    }
+    assert_true(num_pairs >= 15);
+}
+
+static void test_untouched(void **s)
+{
+    (void)s;
+    static const char *const bodies[] = {
+        "return 4.0 - length(p);",
+        "return 3.0 * noise(p / 4.0) - p.y;",
+        "return -length(max(abs(p) - 2.0, 0.0)) + 0.3;",
+        "return max(4.0 - length(p), -3.0 - p.y);",
+        "return p.y < 0.0 ? 4.0 - length(p) : -1.0;",
+        "return floor(4.0 * noise(p.xz / 9.0)) - p.y;",
+        "return clamp(4.0 - length(p), -1.0, 1.0);",
+    };
+    for (size_t i = 0; i < sizeof bodies / sizeof bodies[0]; i++) {
+        karst_world_file *file = open_body(bodies[i]);
+        if (file->program->world.text)
+            fail_msg("%s: changed, though no air is flat", bodies[i]);
+        karst_world_file_destroy(file);
+    }
+}
+
+/* Zero is air, in proofs too. */
+static void test_proofs(void **s)
+{
+    (void)s;
+    assert_true(karst_state_from_bounds(-1.0f, 0.0f) == KARST_STATE_AIR);
+    assert_true(karst_state_from_bounds(0.0f, 0.0f) == KARST_STATE_AIR);
+    assert_true(karst_state_from_bounds(0.0f, 1.0f) == KARST_STATE_UNKNOWN);
+    assert_true(karst_state_from_bounds(-1.0f, 0x1p-149f) == KARST_STATE_UNKNOWN);
+    assert_true(karst_state_from_samples(0.0f, 0, 1, 0, 0.0f) == KARST_STATE_AIR);
+    assert_true(karst_state_from_samples(0.5f, 0, 1, 0, 0.5f) == KARST_STATE_AIR);
+    assert_true(karst_state_from_samples(0.5f, 1, 0, 0, 0.5f) == KARST_STATE_CLEAR_SOLID);
+    assert_true(karst_state_from_samples(0.5f, 0, 1, 1, 0.0f) == KARST_STATE_CLEAR_AIR);
+    assert_true(karst_state_from_samples(0.5f, 0, 1, 0, NAN) == KARST_STATE_CLEAR_AIR);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_signs),
+        cmocka_unit_test(test_same_field),
+        cmocka_unit_test(test_untouched),
+        cmocka_unit_test(test_proofs),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
