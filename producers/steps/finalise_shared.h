@@ -31,8 +31,7 @@ K_INLINE uint karst_state_from_samples(float least, int any_solid, int any_air, 
 #ifdef KARST_MUTANT_SAMPLING /* what the proof is there to avoid; tests build it to see that it is caught */
     doubt = 0.0f;
 #endif
-    int is_clear_of_zero = any_solid ? least > doubt : least >= doubt; /* 0 is air */
-    int proven = num_scrubbed == 0u && is_clear_of_zero && any_solid != any_air;
+    int proven = num_scrubbed == 0u && least > doubt && any_solid != any_air;
     if (proven)
         return any_solid ? KARST_STATE_SOLID : KARST_STATE_AIR;
     return any_solid && any_air ? KARST_STATE_BRICK : any_solid ? KARST_STATE_CLEAR_SOLID : KARST_STATE_CLEAR_AIR;

@@ -4,9 +4,9 @@
 
 #include "producers/steps/load_shared.h"
 
-/* The state of a node whose density lies in [lo, hi] (0 is air), at every point and every footprint that world_bounds speaks for.
- * The comparisons are false for NaN; an interval with an infinite end is "unknown", as the contract of world_bounds
- * says. */
+/* The state of a node whose density lies in [lo, hi], at every point and every footprint that world_bounds speaks for;
+ * 0 is air. The comparisons are false for NaN; an interval with an infinite end is "unknown", as the contract of
+ * world_bounds says. */
 K_INLINE uint karst_state_from_bounds(float lo, float hi)
 {
     int finite = lo > -INFINITY && hi < INFINITY;

@@ -101,20 +101,31 @@ static bool never_stay_equal(const deepener *d, karst_expr a, karst_expr b)
     return (d->is_affine[a] && (of_a & ~of_b & axes)) || (d->is_affine[b] && (of_b & ~of_a & axes));
 }
 
+/* The condition behind "not c" and "c ? true : false"; turns *truth with it. */
+static karst_expr bare_condition(const deepener *d, karst_expr c, bool *truth)
+{
+    for (;;) {
+        const karst_expr_node *n = &d->graph->nodes[c];
+        bool is_not = n->op == KARST_OP_NOT, is_same = false;
+        if (n->op == KARST_OP_SELECT) {
+            is_same = is_number(d, n->arg[1], 1) && is_number(d, n->arg[2], 0);
+            is_not = is_number(d, n->arg[1], 0) && is_number(d, n->arg[2], 1);
+        }
+        if (!is_same && !is_not)
+            return c;
+        *truth ^= is_not;
+        c = n->arg[0];
+    }
+}
+
 /* What an arm of a choice comes to, if it is itself a choice by the same condition: returns from functions are. */
 static karst_expr arm_given(const deepener *d, karst_expr arm, karst_expr condition, bool truth)
 {
     const karst_expr_node *nodes = d->graph->nodes;
-    while (nodes[condition].op == KARST_OP_NOT) {
-        condition = nodes[condition].arg[0];
-        truth = !truth;
-    }
+    condition = bare_condition(d, condition, &truth);
     while (nodes[arm].op == KARST_OP_SELECT) {
-        karst_expr c = nodes[arm].arg[0];
         bool same = truth;
-        for (; nodes[c].op == KARST_OP_NOT; c = nodes[c].arg[0])
-            same = !same;
-        if (c != condition)
+        if (bare_condition(d, nodes[arm].arg[0], &same) != condition)
             break;
         arm = nodes[arm].arg[same ? 1 : 2];
     }
@@ -133,7 +144,7 @@ static void find_sides(deepener *d, karst_expr e)
     switch (n.op) {
     case KARST_OP_LESS:
     case KARST_OP_LESS_EQUAL:
-        if (d->graph->nodes[a].type != KARST_TYPE_FLOAT || d->is_whole[a] || d->is_whole[b])
+        if (d->graph->nodes[a].type != KARST_TYPE_FLOAT || (d->is_whole[a] && d->is_whole[b]))
             return;
         if (n.op == KARST_OP_LESS || never_stay_equal(d, a, b))
             d->yes[e] = two(d, KARST_OP_SUBTRACT, b, a);
