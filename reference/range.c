@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "noise/bounds.clh"
+#include "noise/worley.clh"
 #include "producers/language/oracle/oracle_internal.h"
 #include "reference/jet.h"
 #include "reference/range_ops.h"
@@ -17,7 +18,6 @@ struct karst_ranger {
     karst_expr *order; /* the nodes that the density needs and that a position decides */
     uint32_t num_nodes;
     uint8_t *is_float;       /* per node: a float decides what is piecewise constant further on */
-    uint8_t *is_double;      /* per node: the oracle's double is wanted, for a noise that has no jet here */
     karst_node_range *nodes; /* per node of the graph */
     double direction[3], half;
     int level;
@@ -42,11 +42,9 @@ static bool find_order(karst_ranger *r)
         if (!reached[e])
             continue;
         r->is_float[e] |= n->kind == KARST_KIND_STEPS;
-        r->is_double[e] |= n->op == KARST_OP_NOISE && r->graph->noises[n->extra].base != KARST_NOISE_GRADIENT;
         for (int k = 0; k < 4; k++) {
             reached[n->arg[k]] = 1;
             r->is_float[n->arg[k]] |= r->is_float[e];
-            r->is_double[n->arg[k]] |= r->is_double[e];
         }
     }
     for (karst_expr e = 1; e < count; e++)
@@ -69,9 +67,8 @@ karst_ranger *karst_ranger_create(const karst_program_graph *program, const kars
     r->oracle = karst_oracle_create(&program->world, parameters, seed, program->header.voxel_log2_m, error);
     r->order = calloc(r->graph->num_nodes, sizeof *r->order);
     r->is_float = calloc(r->graph->num_nodes, 1);
-    r->is_double = calloc(r->graph->num_nodes, 1);
     r->nodes = calloc(r->graph->num_nodes, sizeof *r->nodes);
-    if (!r->oracle || !r->order || !r->is_float || !r->is_double || !r->nodes || !find_order(r)) {
+    if (!r->oracle || !r->order || !r->is_float || !r->nodes || !find_order(r)) {
         karst_fail(error, KARST_FAILED, "out of memory");
         karst_ranger_destroy(r);
         return NULL;
@@ -89,7 +86,6 @@ void karst_ranger_destroy(karst_ranger *ranger)
     karst_oracle_destroy(ranger->oracle);
     free(ranger->order);
     free(ranger->is_float);
-    free(ranger->is_double);
     free(ranger->nodes);
     free(ranger);
 }
@@ -314,20 +310,20 @@ static karst_node_range gradient_range(const karst_ranger *r, const octave_pass 
 }
 
 /* amplitude * shape(mean + weight * (n - mean)), n the noise or its magnitude. */
-static karst_node_range shaped(uint8_t shape, karst_node_range n, double weight, double amplitude)
+static karst_node_range shaped(const karst_noise *noise, karst_node_range n, double weight, double amplitude)
 {
-    double mean = 0, factor = 1, offset = 0;
+    const uint8_t shape = noise->shape;
+    double mean = (double)octave_mean(noise->base, shape), factor = 1, offset = 0;
     if (shape != KARST_NOISE_SUM) {
         karst_node_range magnitude = {interval_abs(n.middle), interval_abs(n.value), n.slope};
         interval down = interval_negate(n.slope);
         magnitude.slope = n.value.lo > 0 ? n.slope : n.value.hi < 0 ? down : interval_hull(n.slope, down);
         n = magnitude;
-        mean = (double)OCTAVE_GRADIENT_MEAN;
         factor = shape == KARST_NOISE_RIDGED ? -2 : shape == KARST_NOISE_BILLOW ? 2 : 1;
         offset = shape == KARST_NOISE_RIDGED ? 1 : shape == KARST_NOISE_BILLOW ? -1 : 0;
     }
     interval base = interval_thin(0);
-    if (shape != KARST_NOISE_SUM)
+    if (shape != KARST_NOISE_SUM || mean != 0)
         base = interval_widen(interval_thin((offset + factor * mean) * amplitude), 0x1p-48 * fabs(amplitude));
     double by = factor * weight * amplitude;
     if (by == 0) {
@@ -346,34 +342,33 @@ static karst_node_range shaped(uint8_t shape, karst_node_range n, double weight,
     return n;
 }
 
-/* Other noises, by the oracle's value at the middle and how steep they are at most: |dn/dx_i| of value noise and
- * simplex noise, |grad n| = 1 of distances to points. */
-static karst_node_range steep_range(const karst_ranger *r, karst_expr e)
+/* Other noises over the piece: by the value at the middle and how steep they are at most, |dn/dx_i| of value noise and
+ * simplex noise, |grad n| = 1 of distances to points. At a place (a piece of no length) the slope is known. */
+static karst_node_range steep_range(const karst_ranger *r, const octave_pass *pass, uint8_t base, uint32_t seed)
 {
-    const karst_expr_node *n = &r->graph->nodes[e];
-    const karst_noise *noise = &r->graph->noises[n->extra];
-    const karst_octave *octave = karst_oracle_record(r->oracle, e);
-    bool is_distance = noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2;
-    double most = is_distance                          ? 1
-                  : noise->base == KARST_NOISE_SIMPLEX ? (double)NOISE_SIMPLEX_SUP_SLOPE
-                                                       : (double)NOISE_VALUE_SUP_SLOPE;
-    double slope = 0, slack = 0, amplitude = 1, scale = 1, value = r->oracle->slots[e].d;
-    for (int k = 0; k < noise->num_octaves; k++, octave++) {
-        double weight = (double)octave_weight_at(octave, r->level).weight * fabs(amplitude) *
-                        fabs((double)octave_fold(noise->shape));
-        octave_pass pass;
-        if (weight != 0 && !pass_octave(r, n, octave, scale, &pass))
-            return (karst_node_range){interval_whole(), interval_whole(), interval_whole()};
-        for (int i = 0; i < 3 && weight != 0; i++) {
-            slope += weight * most * interval_most(pass.rate[i]);
-            slack += weight * most * (pass.unsure + 0x1p-31); /* the oracle's places have 32 bits */
-        }
-        amplitude *= r->oracle->slots[noise->gain].d;
-        scale *= r->oracle->slots[noise->lacunarity].d;
+    bool is_distance = base == KARST_NOISE_WORLEY_F1 || base == KARST_NOISE_WORLEY_F2;
+    double most = is_distance                   ? 1
+                  : base == KARST_NOISE_SIMPLEX ? (double)NOISE_SIMPLEX_SUP_SLOPE
+                                                : (double)NOISE_VALUE_SUP_SLOPE;
+    interval all = is_distance                   ? interval_of(0, (double)NOISE_WORLEY_SUP)
+                   : base == KARST_NOISE_SIMPLEX ? interval_of(-(double)NOISE_SIMPLEX_SUP, (double)NOISE_SIMPLEX_SUP)
+                                                 : interval_of(-1, 1);
+    karst_oracle_cell at[3];
+    double slope = 0;
+    for (int i = 0; i < 3; i++) {
+        at[i] = (karst_oracle_cell){pass->place[i].cell, pass->place[i].fraction};
+        slope += most * interval_most(pass->rate[i]);
     }
-    if (isnan(value) || isnan(slope))
-        return (karst_node_range){interval_whole(), interval_whole(), interval_whole()};
-    return moving(r, interval_widen(interval_thin(value), slack + 0x1p-44), interval_of(-slope, slope));
+    interval value = interval_thin(karst_oracle_noise(base, at, seed, -1));
+    value = interval_meet(interval_widen(value, 3 * most * pass->unsure + 0x1p-44), all);
+    karst_node_range n = moving(r, value, interval_of(-slope, slope));
+    n.value = interval_meet(n.value, all);
+    if (r->half > 0)
+        return n;
+    n.slope = interval_thin(0);
+    for (int i = 0; i < 3; i++)
+        n.slope = interval_add(n.slope, interval_scale(pass->rate[i], karst_oracle_noise(base, at, seed, i)));
+    return n;
 }
 
 static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
@@ -386,8 +381,6 @@ static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
     double amplitude = 1, scale = 1;
     if (noise->derivative)
         return unknown;
-    if (noise->base != KARST_NOISE_GRADIENT)
-        return steep_range(r, e);
     for (int k = 0; k < noise->num_octaves; k++, octave++) {
         double weight = (double)octave_weight_at(octave, r->level).weight;
         octave_pass pass;
@@ -395,8 +388,9 @@ static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
         if (weight != 0 && !pass_octave(r, n, octave, scale, &pass))
             return unknown;
         if (weight != 0)
-            one = gradient_range(r, &pass, octave->seed);
-        one = shaped(noise->shape, one, weight, amplitude);
+            one = noise->base == KARST_NOISE_GRADIENT ? gradient_range(r, &pass, octave->seed)
+                                                      : steep_range(r, &pass, noise->base, octave->seed);
+        one = shaped(noise, one, weight, amplitude);
         sum.middle = interval_add(sum.middle, one.middle);
         sum.value = interval_add(sum.value, one.value);
         sum.slope = interval_add(sum.slope, one.slope);
@@ -474,10 +468,8 @@ static karst_piece range_here(karst_ranger *r)
     for (uint32_t i = 0; i < r->num_nodes; i++) {
         karst_expr e = r->order[i];
         /* What is piecewise constant is a float in doubles, too. */
-        if (r->is_float[e] || (r->is_double[e] && r->graph->nodes[e].kind == KARST_KIND_STEPS))
+        if (r->is_float[e])
             karst_oracle_step_float(r->oracle, e);
-        if (r->is_double[e])
-            karst_oracle_step_double(r->oracle, e);
         karst_node_range n = node_range(r, e);
         /* The whole line has no mean value form. */
         if (isfinite(n.slope.lo) && isfinite(n.slope.hi) && isfinite(n.middle.lo) && isfinite(n.middle.hi))

@@ -29,6 +29,9 @@ interval karst_range_of_sine(interval a, bool is_cosine)
 
 static interval range_of_atan(interval y, interval x)
 {
+    /* On the x axis itself: 0 or half a turn. */
+    if (interval_is_zero(y) && !signbit(y.lo) && !signbit(y.hi) && (x.lo > 0 || x.hi < 0))
+        return x.lo > 0 ? interval_thin(0) : inflate(interval_thin(PI));
     /* Past the cut (x < 0, y = 0) or the origin: any angle. */
     if (x.lo <= 0 && interval_holds(y, 0))
         return interval_of(-PI, PI);
@@ -263,6 +266,8 @@ interval karst_slope_of_op(karst_op op, const karst_node_range *a, const karst_n
             return interval_thin(0);
         return a->value.lo > TINY ? interval_divide(a->slope, a->value) : interval_whole();
     case KARST_OP_ATAN:
+        if (interval_is_zero(a->value) && interval_is_zero(a->slope) && b->value.hi < 0)
+            return interval_thin(0);
         if (a->value.lo <= 0 && a->value.hi >= 0 && b->value.lo <= 0)
             return interval_whole();
         s = interval_subtract(interval_multiply(b->value, a->slope), interval_multiply(a->value, b->slope));

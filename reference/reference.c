@@ -45,6 +45,96 @@ typedef struct {
     karst_oracle *oracle; /* for colours; NULL: the world has none, or nobody wants them */
 } worker;
 
+/* The density that a ray meets at a root's level, or between levels, at t. */
+static double density_near(const worker *w, const karst_position *from, const double direction[3],
+                           const karst_reference_root *root, double t)
+{
+    double d = karst_ranger_density(w->ranger, from, direction, t, root->level);
+    if (root->weight > 0)
+        d += root->weight * (karst_ranger_density(w->ranger, from, direction, t, root->level + 1) - d);
+    return d;
+}
+
+static bool find_gradient(const worker *w, const double direction[3], const karst_reference_root *root, double t,
+                          double gradient[3])
+{
+    const karst_position *anchor = &w->picture->camera.position;
+    double next[3];
+    if (!karst_ranger_gradient(w->ranger, anchor, direction, t, root->level, gradient))
+        return false;
+    if (!(root->weight > 0))
+        return true;
+    bool known = karst_ranger_gradient(w->ranger, anchor, direction, t, root->level + 1, next);
+    for (int i = 0; i < 3; i++)
+        gradient[i] += root->weight * (next[i] - gradient[i]);
+    return known;
+}
+
+/* A root is known within this share of the distance, and somewhat more. */
+#define ROOT_ERROR 1e-8
+/* How far apart a jump is looked for around the ray, as a share of the distance, and so many times that along it. */
+#define JUMP_APART 1e-6
+#define JUMP_REACH 64.0
+#define JUMP_BISECTIONS 48
+
+/* Whether the density changes far more between two places about the root than its slopes there say. `gradient`: at the
+ * root; NULL: it has none. */
+static bool is_jump(const worker *w, const double direction[3], const karst_reference_root *root,
+                    const double gradient[3])
+{
+    const karst_position *anchor = &w->picture->camera.position;
+    double reach = fmax(ROOT_ERROR * root->t, 0x1p-28), before[3], slope = 0;
+    double rise = density_near(w, anchor, direction, root, root->t + reach) -
+                  density_near(w, anchor, direction, root, root->t - reach);
+    if (!gradient || !find_gradient(w, direction, root, root->t - reach, before))
+        return true;
+    for (int i = 0; i < 3; i++)
+        slope += fmax(fabs(gradient[i]), fabs(before[i]));
+    return rise > 64 * reach * slope + 1e-11 * fabs(root->t);
+}
+
+/* Where a jump decides, the surface is the jump's: from where neighbours of the ray meet it. false: they do not. */
+static bool find_jump_gradient(const worker *w, const double direction[3], const karst_reference_root *root,
+                               double gradient[3])
+{
+    const karst_position *anchor = &w->picture->camera.position;
+    double apart = fmax(JUMP_APART * root->t, 0x1p-20), side[2][3];
+    int least = fabs(direction[0]) < fabs(direction[1]) ? 0 : 1;
+    least = fabs(direction[2]) < fabs(direction[least]) ? 2 : least;
+    double length = sqrt(1 - direction[least] * direction[least]);
+    for (int i = 0; i < 3; i++) {
+        gradient[i] = direction[i];
+        side[0][i] = ((i == least) - direction[least] * direction[i]) / length;
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        side[1][i] = direction[j] * side[0][k] - direction[k] * side[0][j];
+    }
+    for (int s = 0; s < 2; s++) {
+        double t[2] = {root->t, root->t};
+        int num_known = 0;
+        for (int sign = 0; sign < 2; sign++) {
+            karst_position from = karst_reference_place(anchor, side[s], sign ? apart : -apart);
+            double air = root->t - JUMP_REACH * apart, solid = root->t + JUMP_REACH * apart;
+            if (density_near(w, &from, direction, root, air) > 0 ||
+                !(density_near(w, &from, direction, root, solid) > 0))
+                continue;
+            for (int i = 0; i < JUMP_BISECTIONS; i++) {
+                double middle = 0.5 * (air + solid);
+                *(density_near(w, &from, direction, root, middle) > 0 ? &solid : &air) = middle;
+            }
+            t[sign] = solid;
+            num_known++;
+        }
+        if (num_known == 0)
+            return false;
+        double steep = (t[1] - t[0]) / (num_known * apart);
+        for (int i = 0; i < 3; i++)
+            gradient[i] -= steep * side[s][i];
+    }
+    return true;
+}
+
 static void trace_ray(const worker *w, vector3 direction, karst_reference_hit *hit, karst_reference_stats *stats)
 {
     const picture *p = w->picture;
@@ -59,13 +149,9 @@ static void trace_ray(const worker *w, vector3 direction, karst_reference_hit *h
     hit->t_m = is_miss ? INFINITY : root.t * p->voxel_m;
     hit->footprint_m = root.t * (double)p->pinhole.cone * p->voxel_m;
     double gradient[3], length = 0;
-    bool known = !is_miss && karst_ranger_gradient(w->ranger, anchor, ray.direction, root.t, root.level, gradient);
-    if (known && root.weight > 0) {
-        double next[3];
-        known = karst_ranger_gradient(w->ranger, anchor, ray.direction, root.t, root.level + 1, next);
-        for (int i = 0; i < 3; i++)
-            gradient[i] += root.weight * (next[i] - gradient[i]);
-    }
+    bool known = !is_miss && find_gradient(w, ray.direction, &root, root.t, gradient);
+    if (root.kind == KARST_REFERENCE_SURFACE && is_jump(w, ray.direction, &root, known ? gradient : NULL))
+        known = find_jump_gradient(w, ray.direction, &root, gradient) || known;
     if (known)
         length = sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
     for (int i = 0; i < 3; i++)

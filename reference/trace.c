@@ -8,6 +8,9 @@
 #define RELATIVE_TOLERANCE 1e-9
 #define LEAST_TOLERANCE 0x1p-30
 #define REFINE_MAX_STEPS 200
+/* So many pieces in a row, as narrow as the tolerance and still undecided, are no touch of a surface but a density that
+ * nothing is known of: the ray is given up. */
+#define MAX_NARROW 1024
 
 typedef struct {
     karst_ranger *ranger;
@@ -15,7 +18,7 @@ typedef struct {
     const karst_reference_ray *ray;
     karst_reference_root *root;
     int level;
-    double step; /* to begin a level with: what the last one came to; 0: none did */
+    double step;                    /* to begin a level with: what the last one came to; 0: none did */
     double blend_start, blend_rate; /* the weight of the next level at t is (t - start) * rate; a rate of 0: no blend */
 } search;
 
@@ -45,8 +48,7 @@ static karst_piece piece_of(const search *s, double from, double to)
                            interval_scale(interval_subtract(c.value, f.value), s->blend_rate));
     double half = fmax(to - middle, middle - from) * (1 + 0x1p-40);
     if (isfinite(r.slope.lo) && isfinite(r.slope.hi) && isfinite(r.middle.lo) && isfinite(r.middle.hi))
-        r.value = interval_meet(
-            r.value, interval_add(r.middle, interval_multiply(r.slope, interval_of(-half, half))));
+        r.value = interval_meet(r.value, interval_add(r.middle, interval_multiply(r.slope, interval_of(-half, half))));
     return r;
 }
 
@@ -88,8 +90,9 @@ static bool search_field(search *s, double from, double to)
     /* Invariant: no solid before t, and, once that is known, d(t) <= 0. */
     double t = from, step = s->step > 0 ? s->step : (to - from) / 4;
     bool known = false;
+    int num_narrow = 0;
     while (t < to) {
-        if (++root->num_intervals > s->ray->max_intervals) {
+        if (++root->num_intervals > s->ray->max_intervals || num_narrow > MAX_NARROW) {
             root->kind = KARST_REFERENCE_UNRESOLVED;
             root->t = t;
             return true;
@@ -109,6 +112,7 @@ static bool search_field(search *s, double from, double to)
             continue;
         }
         bool is_narrow = end - t <= 4 * tolerance_at(t);
+        num_narrow = is_narrow ? num_narrow + 1 : end - t > 64 * tolerance_at(t) ? 0 : num_narrow;
         if (piece.slope.lo >= 0 || is_narrow) {
             if (density_at(s, end) > 0) {
                 root->kind = KARST_REFERENCE_SURFACE;
@@ -200,9 +204,11 @@ karst_reference_root karst_reference_first(karst_ranger *ranger, const karst_pos
         return root;
     bool found = ray->lod_scale <= 0 ? search_field(&s, ray->t_min, ray->t_max) : search_levels(&s);
     if (!found)
-        root = (karst_reference_root){
-            .kind = KARST_REFERENCE_MISS, .t = ray->t_max, .level = s.level, .num_intervals = root.num_intervals,
-            .num_grazes = root.num_grazes};
+        root = (karst_reference_root){.kind = KARST_REFERENCE_MISS,
+                                      .t = ray->t_max,
+                                      .level = s.level,
+                                      .num_intervals = root.num_intervals,
+                                      .num_grazes = root.num_grazes};
     else
         root.weight = weight_at(&s, root.t);
     return root;

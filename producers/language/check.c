@@ -126,6 +126,36 @@ static const char *noise_name(const karst_noise *n)
     return bases[n->base];
 }
 
+/* Always a corner of a lattice whose cells are 1 wide. */
+static bool is_whole(const report *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    if (n->op == KARST_OP_CONSTANT)
+        return rint(r->graph->constants[n->extra].value) == r->graph->constants[n->extra].value;
+    if (n->op == KARST_OP_CONVERT)
+        return r->graph->nodes[n->arg[0]].type != KARST_TYPE_FLOAT;
+    bool sums = n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT || n->op == KARST_OP_MULTIPLY;
+    for (int k = 0; sums && k < 2; k++) { /* of leaves, which is what people write */
+        const karst_expr_node *a = &r->graph->nodes[n->arg[k]];
+        bool is_constant = a->op == KARST_OP_CONSTANT;
+        double value = is_constant ? r->graph->constants[a->extra].value : 0;
+        sums = a->op == KARST_OP_FLOOR || a->op == KARST_OP_CEIL || a->op == KARST_OP_RINT ||
+               (is_constant && rint(value) == value);
+    }
+    return sums || n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL || n->op == KARST_OP_RINT;
+}
+
+/* Gradient noise is 0 in the corners of its lattice, and so are octaves that are whole times as fine. */
+static bool is_always_0(const report *r, const karst_expr_node *n)
+{
+    const karst_noise *noise = &r->graph->noises[n->extra];
+    for (int i = 0; i < 3; i++)
+        if (n->arg[i] && !is_whole(r, n->arg[i]))
+            return false;
+    return noise->base == KARST_NOISE_GRADIENT && noise->shape == KARST_NOISE_SUM && !noise->derivative &&
+           (n->depends & KARST_DEPENDS_PLACE) && (noise->num_octaves == 1 || is_whole(r, noise->lacunarity));
+}
+
 static void say_noises(const report *r)
 {
     uint32_t separable = 0, all = 0, listed = 0;
@@ -141,6 +171,12 @@ static void say_noises(const report *r)
             say(r, "  line %u: %s, %u octave%s, %s%s", line_of(r, e), noise_name(noise), noise->num_octaves,
                 noise->num_octaves == 1 ? "" : "s",
                 tensor ? "separable" : "pointwise: ", tensor ? "" : why_not_separable(r, n));
+        if (is_always_0(r, n))
+            say(r,
+                "  line %u: this noise is always 0, as gradient noise is at whole coordinates; write valuenoise, or "
+                "add "
+                "0.5",
+                line_of(r, e));
     }
     if (all)
         say(r, "  %u octaves of noise, %u of them separable", all, separable);
@@ -190,10 +226,13 @@ static void say_steepness(const report *r)
             karst_op_name(r->graph->nodes[s.cause].op), s.jumps ? ", jumps" : ", is steep without bound somewhere");
     if (r->program->header.has_lipschitz)
         say(r, "  declared, not proven: at most %.4g steep", r->program->header.lipschitz);
-    say(r, "  density from %.4g to %.4g%s", range.lo, range.hi,
-        range.hi <= 0  ? ": never above 0, so all is air and there is nothing to see"
-        : range.lo > 0 ? ": always above 0, so all is solid and there is nothing to see"
-                       : "");
+    say(r, "  density from %.4g to %.4g%s", range.lo + 0.0, range.hi + 0.0,
+        range.hi == 0 && range.lo < 0   ? ": never above 0, so all is air; of an unsigned distance, subtract it from a "
+                                          "thickness"
+        : range.lo == 0 && range.hi > 0 ? ": never below 0, so nearly all is solid; subtract from it what is to be air"
+        : range.hi <= 0                 ? ": never above 0, so all is air and there is nothing to see"
+        : range.lo > 0                  ? ": always above 0, so all is solid and there is nothing to see"
+                                        : "");
 }
 
 /* Sums and differences of numbers without bound, as floats. */

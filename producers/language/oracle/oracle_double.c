@@ -23,10 +23,7 @@ double karst_oracle_affine(const karst_oracle *o, const karst_linear *form)
 
 /* ---- gradient noise, the same lattice in double ---- */
 
-typedef struct {
-    uint cell;
-    double fraction;
-} place;
+typedef karst_oracle_cell place;
 
 /* To all the digits that fixed point has: 2^-56 cells. */
 static place place_in(const affine_position *at, const karst_lattice *form)
@@ -148,7 +145,7 @@ static double worley_noise(const place p[3], uint seed, int which, int along)
     return along < 0 ? distance : distance > 0 ? away[which] / distance : 0;
 }
 
-static double base_noise(uint8_t base, const place p[3], uint seed, int along)
+double karst_oracle_noise(uint8_t base, const place p[3], uint seed, int along)
 {
     switch (base) {
     case KARST_NOISE_VALUE:
@@ -174,10 +171,10 @@ static double shaped(uint8_t base, uint8_t shape, double n, double weight)
 static double octave_double(const karst_noise *noise, const place p[3], uint seed, double weight, double scale)
 {
     if (!noise->derivative)
-        return shaped(noise->base, noise->shape, base_noise(noise->base, p, seed, -1), weight);
-    double slope = base_noise(noise->base, p, seed, noise->derivative - 1) * weight * scale;
+        return shaped(noise->base, noise->shape, karst_oracle_noise(noise->base, p, seed, -1), weight);
+    double slope = karst_oracle_noise(noise->base, p, seed, noise->derivative - 1) * weight * scale;
     if (noise->shape != KARST_NOISE_SUM)
-        slope *= (double)octave_fold(noise->shape) * (base_noise(noise->base, p, seed, -1) < 0 ? -1 : 1);
+        slope *= (double)octave_fold(noise->shape) * (karst_oracle_noise(noise->base, p, seed, -1) < 0 ? -1 : 1);
     return slope;
 }
 

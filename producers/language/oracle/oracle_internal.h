@@ -48,6 +48,13 @@ static inline void *karst_oracle_record(const karst_oracle *oracle, karst_expr e
 void karst_oracle_step_float(karst_oracle *oracle, karst_expr e);
 /* oracle_double.c: fills d; the node's floats are there. */
 void karst_oracle_step_double(karst_oracle *oracle, karst_expr e);
+/* A coordinate in a noise's lattice. */
+typedef struct {
+    uint cell;
+    double fraction; /* [0, 1) */
+} karst_oracle_cell;
+/* One octave of a karst_noise_base, or (along 0 to 2) its derivative along that axis, per cell. */
+double karst_oracle_noise(uint8_t base, const karst_oracle_cell at[3], uint seed, int along);
 /* A fixed-point form as a double: error 2^-52 of its value. */
 double karst_oracle_affine(const karst_oracle *oracle, const karst_linear *form);
 
