@@ -4,6 +4,7 @@
 
 #include <dirent.h>
 
+#include "karst/camera.h"
 #include "producers/density/world_file.h"
 
 #define FOLDER "tests/language/pasted"
@@ -276,9 +277,77 @@ static void test_sun(void **s)
     }
 }
 
+/* What is guessed depends on where the density is positive alone, not on its values: cameras, voxels and views of the
+ * same surfaces are the same, and a body is seen whole. */
+static void test_scale(void **s)
+{
+    (void)s;
+    static const struct {
+        const char *value;
+        bool is_body;
+    } shapes[] = {{"fbm(p.xz / 600.0, 8) * 120.0 - p.y", false},
+                  {"4.0 - length(p)", true},
+                  {"0.05 - length(p - vec3(0.1, 0.0, 0.0))", true},
+                  {"60.0 - length(p * vec3(1.0, 3.0, 1.0))", true},
+                  {"700.0 + 40.0 * noise(p / 90.0) - length(p)", true},
+                  {"max(1.0 - length(p - 1.5), 1.0 - length(p + 1.5))", true},
+                  {"2.0 - max(abs(p.x), max(abs(p.y), abs(p.z)))", true},
+                  {"valuenoise(p / 7.0) - 0.2", false},
+                  {"3.0 * noise(p.xz / 9.0) - p.y", false}};
+    static const char *const as[] = {"d",          "d * 0.001", "d * 1000.0",         "d / 120.0",
+                                     "d * abs(d)", "atan(d)",   "d > 0.0 ? 1.0 : 0.0"};
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+        karst_world_file *first = NULL;
+        for (size_t k = 0; k < sizeof as / sizeof *as; k++) {
+            char text[512];
+            karst_error error = {0};
+            snprintf(text, sizeof text, "float density(vec3 p) { float d = %s; return %s; }", shapes[i].value, as[k]);
+            karst_world_file *file =
+                karst_world_file_compile("scaled.karst", text, strlen(text), NULL, 0, NULL, &error);
+            if (!file)
+                fail_msg("%s: %s", text, error.message);
+            if (!first)
+                first = file;
+            else if (strcmp(first->info.camera, file->info.camera) ||
+                     first->info.voxel_log2_m != file->info.voxel_log2_m ||
+                     first->info.view_distance_m != file->info.view_distance_m)
+                fail_msg("%s: %s, voxels of 2^%d m; %s, 2^%d m", text, first->info.camera, first->info.voxel_log2_m,
+                         file->info.camera, file->info.voxel_log2_m);
+            if (file != first)
+                karst_world_file_destroy(file);
+        }
+        karst_camera camera;
+        karst_error error = {0};
+        assert_true(karst_camera_parse(first->info.camera, first->info.voxel_log2_m, &camera, &error));
+        karst_oracle *oracle = karst_oracle_create(&first->program->world, NULL, 0, first->info.voxel_log2_m, &error);
+        assert_non_null(oracle);
+        /* The border of a picture of 4:3 shows nothing of a body, its middle some. */
+        double axes[3][3], half = tan(camera.fov_deg * M_PI / 360);
+        karst_camera_axes(&camera, axes[0], axes[1], axes[2]);
+        int on_border = 0, inside = 0;
+        for (int ray = 0; ray < 17 * 17 && shapes[i].is_body; ray++) {
+            double x = (ray % 17 - 8) / 8.0, y = (ray / 17 - 8) / 8.0, d_m[3];
+            bool solid = false;
+            for (double t = 0; t < 3000 && !solid; t += fmax(t * 0.01, 0.001)) {
+                for (int k = 0; k < 3; k++)
+                    d_m[k] = t * (axes[2][k] + half * (x * 4 / 3 * axes[0][k] + y * axes[1][k]));
+                karst_position at = karst_position_add_m(camera.position, d_m, first->info.voxel_log2_m);
+                solid = karst_oracle_precise_density(oracle, &at, -1) > 0;
+            }
+            on_border += solid && (fabs(x) == 1 || fabs(y) == 1);
+            inside += solid;
+        }
+        if (shapes[i].is_body && (on_border || inside < 12))
+            fail_msg("%s from %s: %d rays of 289 meet it, %d of the border", shapes[i].value, first->info.camera,
+                     inside, on_border);
+        karst_oracle_destroy(oracle);
+        karst_world_file_destroy(first);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_all), cmocka_unit_test(test_against_c),
-                                       cmocka_unit_test(test_sun)};
+                                       cmocka_unit_test(test_sun), cmocka_unit_test(test_scale)};
     return cmocka_run_group_tests_name("pasted worlds", tests, NULL, NULL);
 }

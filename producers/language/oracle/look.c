@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { COLUMNS = 14, ROWS = 8, NUM_RAYS = COLUMNS * ROWS, MAX_STEPS = 40 };
-static const double MAX_NODE_EVALUATIONS = 2e7;
+enum { COLUMNS = 14, ROWS = 8, NUM_RAYS = COLUMNS * ROWS, MAX_STEPS = 150, BISECTIONS = 5, MAX_CAMERAS = 24 };
+static const double MAX_NODE_EVALUATIONS = 3e7;
 static const double SKY = INFINITY;
 
 typedef struct {
@@ -12,6 +12,7 @@ typedef struct {
     int voxel_log2_m;
     double budget, cost; /* evaluations of nodes that are left; of a point */
     double farthest_m;
+    double growth; /* a step's share of what was gone */
 } prober;
 
 static double density_at(prober *p, const double at_m[3])
@@ -21,20 +22,33 @@ static double density_at(prober *p, const double at_m[3])
     return karst_oracle_precise_density(p->oracle, &at, -1);
 }
 
-/* How far a ray from the air goes. A density is taken for a distance, but no step is shorter or longer than a share of
- * what was gone: so steep ones are not crept along and flat ones not jumped over. */
+static double density_along(prober *p, const double eye_m[3], const double direction[3], double t)
+{
+    double at_m[3];
+    for (int k = 0; k < 3; k++)
+        at_m[k] = eye_m[k] + t * direction[k];
+    return density_at(p, at_m);
+}
+
+/* How far a ray from the air goes, by signs alone: a density need be no distance, nor in metres. Steps grow with what
+ * was gone, as what is to be seen does, and more so beyond what a camera is there for. */
 static double trace(prober *p, const double eye_m[3], const double direction[3], double start_m)
 {
-    double t = 0, step = start_m;
-    for (int i = 0; i < MAX_STEPS && t < p->farthest_m; i++) {
+    double t = 0, step = start_m, far_m = fmin(p->farthest_m, 3200 * start_m);
+    for (int i = 0; i < MAX_STEPS && t < far_m; i++) {
         t += step;
-        double at_m[3];
-        for (int k = 0; k < 3; k++)
-            at_m[k] = eye_m[k] + t * direction[k];
-        double d = density_at(p, at_m);
-        if (!(d <= 0)) /* what is not a number is air, but no way on */
-            return isnan(d) ? SKY : t - 0.5 * step;
-        step = fmin(fmax(-0.8 * d, fmax(0.02 * t, 0.25 * start_m)), 0.5 * t + start_m);
+        double d = density_along(p, eye_m, direction, t);
+        if (isnan(d)) /* air, but no way on */
+            return SKY;
+        if (d > 0) {
+            double air = t - step, solid = t;
+            for (int k = 0; k < BISECTIONS; k++) {
+                double middle = 0.5 * (air + solid);
+                *(density_along(p, eye_m, direction, middle) > 0 ? &solid : &air) = middle;
+            }
+            return 0.5 * (air + solid);
+        }
+        step = fmax((t < 150 * start_m ? 1 : 3) * p->growth * t, 0.5 * start_m);
     }
     return SKY;
 }
@@ -124,7 +138,7 @@ static int points_seen(prober *p, const karst_look *look, double points_m[SUN_RA
         for (int back = 0; isfinite(t) && back < 4 && !in_air; back++, t *= 0.97) {
             for (int k = 0; k < 3; k++)
                 at_m[k] = look->eye_m[k] + t * direction[k];
-            in_air = density_at(p, at_m) < 0;
+            in_air = density_at(p, at_m) <= 0;
         }
         num_points += in_air;
     }
@@ -143,7 +157,7 @@ static bool is_sunlit(prober *p, const double from_m[3], const double direction[
         double d = density_at(p, at_m);
         if (!(d <= 0))
             return isnan(d);
-        step = fmin(fmax(-0.6 * d, fmax(0.02 * t, 0.25 * start_m)), 0.15 * t + start_m);
+        step = fmax(0.06 * t, 0.5 * start_m);
     }
     return true;
 }
@@ -175,10 +189,115 @@ static void choose_sun(prober *p, karst_look *look)
     look->is_indoors = num_points && best < SUNLIT_LEAST;
 }
 
+/* ---- bodies ---- */
+
+enum { GRID = 12, MAX_LOOKS = 10 }; /* points on a side; even, so that none is the origin */
+
+/* The box of what is solid of a grid over centre + [-half, half]^3. */
+typedef struct {
+    double low_m[3], high_m[3];
+} solid_box;
+
+static void point_of(int i, const double centre_m[3], double half_m, double at_m[3])
+{
+    const int at[3] = {i % GRID, i / GRID % GRID, i / (GRID * GRID)};
+    for (int k = 0; k < 3; k++)
+        at_m[k] = centre_m[k] + half_m * (2.0 * at[k] / (GRID - 1) - 1);
+}
+
+/* false: nothing is. */
+static bool look_for_solids(prober *p, const double centre_m[3], double half_m, solid_box *box)
+{
+    bool any = false;
+    double at_m[3];
+    for (int i = 0; i < GRID * GRID * GRID; i++) {
+        point_of(i, centre_m, half_m, at_m);
+        if (!(density_at(p, at_m) > 0))
+            continue;
+        for (int k = 0; k < 3; k++) {
+            box->low_m[k] = any ? fmin(box->low_m[k], at_m[k]) : at_m[k];
+            box->high_m[k] = any ? fmax(box->high_m[k], at_m[k]) : at_m[k];
+        }
+        any = true;
+    }
+    return any;
+}
+
+/* Whether all that is solid is one body around the origin: then the cube about
+ * it. From grids that halve in size,
+ * the first with something in it; then from grids about that, as large as it is. */
+static bool find_body(prober *p, double nearest_m, double centre_m[3], double *reach_m)
+{
+    solid_box box;
+    double half_m = p->farthest_m;
+    for (int k = 0; k < 3; k++)
+        centre_m[k] = 0;
+    if (p->budget < 3 * MAX_LOOKS * GRID * GRID * GRID * p->cost || look_for_solids(p, centre_m, half_m, &box))
+        return false;
+    do
+        half_m *= 0.5;
+    while (half_m > nearest_m / 64 && !look_for_solids(p, centre_m, half_m, &box));
+    if (half_m <= nearest_m / 64)
+        return false;
+    for (int look = 0; look < MAX_LOOKS; look++) {
+        double cell_m = 2 * half_m / (GRID - 1);
+        *reach_m = 0;
+        for (int k = 0; k < 3; k++) {
+            *reach_m = fmax(*reach_m, 0.5 * (box.high_m[k] - box.low_m[k]) + cell_m);
+            centre_m[k] = 0.5 * (box.low_m[k] + box.high_m[k]);
+        }
+        if (!look_for_solids(p, centre_m, *reach_m, &box) || *reach_m > 0.25 * p->farthest_m)
+            return false;
+        bool is_held = true;
+        for (int k = 0; k < 3; k++)
+            is_held &= box.low_m[k] > centre_m[k] - 0.999 * *reach_m && box.high_m[k] < centre_m[k] + 0.999 * *reach_m;
+        bool is_close = *reach_m > 0.8 * half_m;
+        half_m = *reach_m;
+        if (is_held && is_close)
+            return true;
+    }
+    return false;
+}
+
+/* From where all of a body is in the picture, if that is 4:3 or wider, seen a little from above. */
+static bool frame_body(prober *p, double nearest_m, karst_look *look)
+{
+    double centre_m[3], reach_m, away_m = 0, nearest_z_m = 0;
+    if (!find_body(p, nearest_m, centre_m, &reach_m))
+        return false;
+    *look = (karst_look){.yaw_deg = 29.36, .pitch_deg = -20};
+    karst_camera camera = {.yaw_deg = look->yaw_deg, .pitch_deg = look->pitch_deg, .fov_deg = KARST_LOOK_FOV_DEG};
+    double axes[3][3], half_height = tan(KARST_LOOK_FOV_DEG * M_PI / 360), cell_m = 2 * reach_m / (GRID - 1);
+    karst_camera_axes(&camera, axes[0], axes[1], axes[2]);
+    for (int i = 0; i < GRID * GRID * GRID; i++) {
+        double at_m[3], along[3] = {0, 0, 0};
+        point_of(i, centre_m, reach_m, at_m);
+        if (!(density_at(p, at_m) > 0))
+            continue;
+        for (int axis = 0; axis < 3; axis++)
+            for (int k = 0; k < 3; k++)
+                along[axis] += axes[axis][k] * (at_m[k] - centre_m[k]);
+        away_m = fmax(away_m, (fabs(along[1]) + cell_m) / half_height - along[2]);
+        away_m = fmax(away_m, (fabs(along[0]) + cell_m) / (half_height * 4 / 3) - along[2]);
+        nearest_z_m = fmin(nearest_z_m, along[2] - cell_m);
+    }
+    for (int k = 0; k < 3; k++)
+        look->eye_m[k] = centre_m[k] - away_m * axes[2][k];
+    look->near_m = fmax(away_m + nearest_z_m, 0.1 * away_m);
+    return density_at(p, look->eye_m) <= 0;
+}
+
 bool karst_look_around(karst_oracle *oracle, uint32_t num_nodes, int voxel_log2_m, double nearest_m, double farthest_m,
                        karst_look *best)
 {
-    prober p = {oracle, voxel_log2_m, MAX_NODE_EVALUATIONS, num_nodes, farthest_m};
+    prober p = {oracle, voxel_log2_m, MAX_NODE_EVALUATIONS, num_nodes, farthest_m, 0};
+    /* Finer steps where a point costs little. */
+    p.growth = fmin(fmax(0.05 * NUM_RAYS * 100 * MAX_CAMERAS * p.cost / MAX_NODE_EVALUATIONS, 0.05), 0.2);
+    if (frame_body(&p, nearest_m, best)) {
+        choose_sun(&p, best);
+        return true;
+    }
+    p.budget = MAX_NODE_EVALUATIONS;
     double best_score = 0;
     for (int i = -1;; i++) {
         double reach_m = nearest_m * (i < 0 ? 2 : exp2(0.5 * i));
@@ -187,12 +306,12 @@ bool karst_look_around(karst_oracle *oracle, uint32_t num_nodes, int voxel_log2_
         if (i >= 0)
             look = (karst_look){
                 .eye_m = {-0.45 * reach_m, 0.4 * reach_m, -0.8 * reach_m}, .yaw_deg = 29.36, .pitch_deg = -20};
-        if (reach_m > 0.25 * farthest_m || p.budget < NUM_RAYS * MAX_STEPS * 0.5 * p.cost) {
+        if (reach_m > 0.25 * farthest_m || p.budget < NUM_RAYS * 20 * p.cost) {
             if (best_score > 0)
                 choose_sun(&p, best);
             return best_score > 0;
         }
-        if (!(density_at(&p, look.eye_m) < 0))
+        if (!(density_at(&p, look.eye_m) <= 0))
             continue;
         double z_m[NUM_RAYS], score;
         probe(&p, &look, 0.02 * reach_m, z_m);

@@ -1,5 +1,6 @@
 /* Where to stand in a world whose text says nothing of it: a pasted function has a shape, but neither camera nor scale.
- * A few hundred rays of the host's oracle try cameras around the origin, and the one that shows most is taken; then a
+ * Only where the density is positive counts, never its values. A body that has air all around it is seen whole. Else a
+ * few hundred rays of the host's oracle try cameras around the origin, and the one that shows most is taken; then a
  * few more try where the sun may stand. */
 #ifndef KARST_LANGUAGE_LOOK_H
 #define KARST_LANGUAGE_LOOK_H
