@@ -10,7 +10,7 @@
 #define REFINE_MAX_STEPS 200
 /* So many pieces in a row, as narrow as the tolerance and still undecided, are no touch of a surface but a density that
  * nothing is known of: the ray is given up. */
-#define MAX_NARROW 1024
+#define MAX_NARROW 8192
 
 typedef struct {
     karst_ranger *ranger;
