@@ -199,7 +199,8 @@ static bool load_in_two_steps(density_producer *producer, const karst_cache_buff
     bool done = karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->bound_loads(producer->layers[i], books->loads, count, error);
-    done = done && karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
+    done = done &&
+           karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->evaluate(producer->layers[i], books->loads, count, producer->staging,
                                                   producer->layout.staging_stride, error);
