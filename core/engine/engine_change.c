@@ -175,7 +175,7 @@ karst_prepared_world *karst_engine_prepare_world(karst_engine *engine, const kar
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    if (karst_engine_world_open(&prepared->world, config, engine->shown.raise_thin, error) &&
+    if (karst_engine_world_open(&prepared->world, config, engine->shown.thin, error) &&
         karst_engine_try_world(engine, &prepared->world, error))
         return prepared;
     karst_prepared_world_destroy(prepared);
@@ -238,7 +238,7 @@ bool karst_engine_show_colours(karst_engine *engine, const karst_world_config *c
     *shown = false;
     if (!engine->has_tape_colours)
         return true;
-    if (!karst_engine_world_open(&world, config, engine->shown.raise_thin, error))
+    if (!karst_engine_world_open(&world, config, engine->shown.thin, error))
         return false;
     bool done = take_colours(engine, &world, shown, error);
     karst_engine_world_close(&world);

@@ -163,7 +163,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
                                       .log = config->log};
     engine->view_distance_m = config->view_distance_m;
     engine->refine = config->refine;
-    if (!karst_engine_world_open(&engine->shown, &world, !config->no_thin, error) ||
+    if (!karst_engine_world_open(&engine->shown, &world, config->thin, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !karst_engine_size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;

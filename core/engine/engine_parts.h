@@ -32,7 +32,7 @@
 /* A world as an engine shows it. */
 typedef struct {
     karst_world_file *file;
-    bool raise_thin; /* as wanted */
+    karst_thin thin; /* as wanted */
     karst_number *values; /* of its parameters, as now in force */
     uint32_t seed;
     karst_fingerprint fingerprint; /* of the density with these values and this seed */
@@ -158,7 +158,7 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config);
 
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
-bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, bool raise_thin,
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
                              karst_error *error);
 /* The same text with other values, compiled anew. */
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,

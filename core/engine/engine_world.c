@@ -16,14 +16,14 @@ static bool remember_values(karst_engine_world *world, const karst_world_config 
            karst_fail(error, KARST_FAILED, "out of memory");
 }
 
-bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, bool raise_thin,
+bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
                              karst_error *error)
 {
     char path[PATH_MAX];
-    *world = (karst_engine_world){.raise_thin = raise_thin};
+    *world = (karst_engine_world){.thin = thin};
     world->file = karst_world_find(config, path, error);
     if (world->file)
-        karst_world_file_raise_thin(world->file, raise_thin);
+        karst_world_file_raise_thin(world->file, thin);
     if (world->file && remember_values(world, config, error))
         return true;
     karst_engine_world_close(world);
@@ -35,7 +35,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 {
     const karst_program_graph *program = old->file->program;
     karst_world_config config = {.has_seed = true, .seed = old->seed};
-    *world = (karst_engine_world){.raise_thin = old->raise_thin};
+    *world = (karst_engine_world){.thin = old->thin};
     karst_parameter_value *given = calloc(program->num_parameters + 1, sizeof *given);
     if (!given)
         return karst_fail(error, KARST_FAILED, "out of memory");
@@ -48,7 +48,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
                                            source->length - source->user_begin, given, num_given, NULL, error);
     free(given);
     if (world->file)
-        karst_world_file_raise_thin(world->file, world->raise_thin);
+        karst_world_file_raise_thin(world->file, world->thin);
     if (world->file && remember_values(world, &config, error))
         return true;
     karst_engine_world_close(world);

@@ -12,7 +12,9 @@ typedef struct {
     char path_file[PATH_MAX], world_file[PATH_MAX];
     command_parameters parameters;
     int size_px[2];
-    uint64_t thin, seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
+    const char *thin;
+    karst_thin thin_kind;
+    uint64_t seed, budget_bricks, max_frames, brick_bits, lanes, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     command_look look;
     const char *aov;
@@ -89,8 +91,10 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          NULL},
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
-        {"thin", 0, COMMAND_INTEGER, "N",
-         "1: show matter thinner than a voxel a voxel wide; 0: let it go (default: 1)", &o->thin, 0, 1, NULL},
+        {"thin", 0, COMMAND_TEXT, "WHEN",
+         "show matter thinner than a voxel a voxel wide: always, never, or auto, where the world has no noise "
+         "(default: auto)",
+         &o->thin, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &o->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
@@ -159,6 +163,18 @@ static bool check_flight(render_options *o, karst_error *error)
 }
 
 /* All that can be wrong and is found without opening a device. */
+static bool parse_thin(const char *text, karst_thin *thin, karst_error *error)
+{
+    static const char *const names[] = {"auto", "always", "never"};
+    *thin = KARST_THIN_AUTO;
+    for (int i = 0; text && i < 3; i++)
+        if (strcmp(text, names[i]) == 0) {
+            *thin = (karst_thin)i;
+            return true;
+        }
+    return !text || karst_fail(error, KARST_USAGE, "--thin %s: must be auto, always or never", text);
+}
+
 static bool check_options(render_options *o, karst_display_kind *display, karst_error *error)
 {
     if (!o->output && !o->path)
@@ -172,6 +188,8 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
         return karst_fail(error, KARST_USAGE, "-o - and --stats - both want stdout; give one of them a file");
     /* The widest voxel takes any coordinate: what is wrong with one of this world's shows when the world is open. */
     if (o->camera && !karst_camera_parse(o->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
+        return false;
+    if (!parse_thin(o->thin, &o->thin_kind, error))
         return false;
     if (o->aov && (o->path || !command_is_exr(o->output)))
         return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
@@ -268,7 +286,7 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.has_seed = o->has_seed;
     config.seed = (uint32_t)o->seed;
     config.no_shadows = o->no_shadows;
-    config.no_thin = o->thin == 0;
+    config.thin = o->thin_kind;
     config.refine = o->refine;
     config.edits = o->edits;
     config.no_blend = o->no_blend;
@@ -286,7 +304,6 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     render_options o = {.display = "auto",
                         .size_px = {1280, 720},
                         .pool_mib = 512,
-                        .thin = 1,
                         .max_frames = 1000,
                         .detail_px = 1,
                         .look = {.samples = 0}};

@@ -84,9 +84,11 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
     return data;
 }
 
-void karst_world_file_raise_thin(karst_world_file *file, bool wanted)
+void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
 {
-    file->raises_thin = wanted && karst_graph_may_be_thin(file->layout.world.graph, file->layout.world.density);
+    karst_thin_facts facts = karst_graph_thin_facts(file->layout.world.graph, file->layout.world.density);
+    file->raises_thin =
+        facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && !facts.has_noise));
 }
 
 /* ---- how to look at it ---- */

@@ -3,6 +3,7 @@
 #ifndef KARST_LANGUAGE_WORLD_FILE_H
 #define KARST_LANGUAGE_WORLD_FILE_H
 
+#include "karst/world.h"
 #include "producers/density/density_producer.h"
 #include "producers/language/emit/emit.h"
 #include "producers/language/language.h"
@@ -34,7 +35,7 @@ karst_world_file *karst_world_file_compile(const char *name, const char *text, s
                                            karst_error *error);
 /* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
  * world has none. Before any is made. */
-void karst_world_file_raise_thin(karst_world_file *file, bool wanted);
+void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
 /* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */

@@ -37,7 +37,7 @@ static karst_world_file *open_text(const char *density, bool raise)
              density);
     karst_world_file *file = karst_world_file_compile("thin", text, strlen(text), NULL, 0, NULL, &error);
     pool_expect(file, density, &error);
-    karst_world_file_raise_thin(file, raise);
+    karst_world_file_raise_thin(file, raise ? KARST_THIN_ALWAYS : KARST_THIN_NEVER);
     return file;
 }
 
@@ -348,7 +348,7 @@ static void test_which(void **state)
     for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++) {
         karst_world_file *file = open_text(worlds[w].density, true);
         assert_int_equal(file->raises_thin, worlds[w].thin);
-        karst_world_file_raise_thin(file, false);
+        karst_world_file_raise_thin(file, KARST_THIN_NEVER);
         assert_false(file->raises_thin);
         karst_world_file_destroy(file);
     }

@@ -66,8 +66,7 @@ typedef struct {
                        * clock, which alone makes unsettled pictures reproducible; to 60000 */
     bool has_seed;
     uint32_t seed;             /* instead of the world's own */
-    bool no_thin; /* leave out matter thinner than the voxels that a distance asks for, instead of showing it a voxel
-                   * wide; what is told of it in karst_stats is 0 then */
+    karst_thin thin; /* KARST_THIN_AUTO; what is told of it in karst_stats is 0 where it is not shown */
     bool no_shadows;           /* leave out the second stream of rays, and its kernels */
     bool no_blend;             /* levels of detail change at once, not gradually: a little faster, but detail pops */
     bool no_beam;              /* each packet of rays looks for its way alone: slower, and the same in every bit */

@@ -29,19 +29,21 @@ static bool is_plain(const karst_graph *graph, const karst_expr_node *n)
     }
 }
 
-bool karst_graph_may_be_thin(const karst_graph *graph, karst_expr density)
+karst_thin_facts karst_graph_thin_facts(const karst_graph *graph, karst_expr density)
 {
-    bool *is_used = calloc(graph->num_nodes, sizeof *is_used), thin = !is_used;
+    bool *is_used = calloc(graph->num_nodes, sizeof *is_used);
+    karst_thin_facts facts = {.may_be_thin = !is_used};
     if (is_used)
         is_used[density] = true;
-    for (karst_expr e = density; e > 0 && !thin; e--) {
+    for (karst_expr e = density; is_used && e > 0; e--) {
         const karst_expr_node *n = &graph->nodes[e];
         if (!is_used[e] || is_uniform(graph, e))
             continue;
-        thin = !is_plain(graph, n);
-        for (int k = 0; k < 4 && !thin; k++)
+        facts.may_be_thin = facts.may_be_thin || !is_plain(graph, n);
+        facts.has_noise = facts.has_noise || n->op == KARST_OP_NOISE;
+        for (int k = 0; k < 4; k++)
             is_used[n->arg[k]] |= n->arg[k] != KARST_NO_EXPR;
     }
     free(is_used);
-    return thin;
+    return facts;
 }

@@ -6,7 +6,11 @@
 
 #include "producers/language/graph/graph.h"
 
-/* False if the density is a sum of noise and linear forms: what is narrower than a voxel has faded out of such. */
-bool karst_graph_may_be_thin(const karst_graph *resolved, karst_expr density);
+typedef struct {
+    bool may_be_thin; /* false of sums of noise and linear forms: what is narrower than a voxel has faded out of such */
+    bool has_noise;
+} karst_thin_facts;
+
+karst_thin_facts karst_graph_thin_facts(const karst_graph *resolved, karst_expr density);
 
 #endif
