@@ -87,8 +87,9 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
 {
     karst_thin_facts facts = karst_graph_thin_facts(file->layout.world.graph, file->layout.world.density);
-    file->raises_thin =
-        facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && !facts.has_noise));
+    /* Worlds that run on their tape would take seconds for it. */
+    bool is_cheap = !facts.has_noise && !file->code.is_tape;
+    file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
 }
 
 /* ---- how to look at it ---- */
@@ -282,6 +283,15 @@ static bool complete(karst_world_file *file, karst_error *error)
     return true;
 }
 
+/* A world whose deepened density is too large to run shows flat air as it is. Nothing is left of the first try. */
+static bool become_flat(karst_world_file *file)
+{
+    karst_emitted_finish(&file->code);
+    karst_tape_finish(&file->tape);
+    karst_tape_finish(&file->colour_tape);
+    return !file->program->is_deepened || karst_program_deepen(file->program, false);
+}
+
 /* Takes the program. */
 static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diagnostics, karst_error *error)
 {
@@ -295,9 +305,9 @@ static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diag
         return NULL;
     }
     file->program = program;
-    karst_program_deepen(program); /* too large for it: flat air stays flat */
+    karst_program_deepen(program, true); /* too large for it: flat air stays flat */
     look_around(file);
-    if (complete(file, error))
+    if (complete(file, NULL) || (become_flat(file) && complete(file, error)))
         return file;
     karst_world_file_destroy(file);
     return NULL;

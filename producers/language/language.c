@@ -312,10 +312,10 @@ bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m)
     return resolve_again(program, &before);
 }
 
-bool karst_program_deepen(karst_program_graph *program)
+bool karst_program_deepen(karst_program_graph *program, bool deepens)
 {
     const karst_program_graph before = *program;
-    program->is_deepened = true;
+    program->is_deepened = deepens;
     return resolve_again(program, &before);
 }
 

@@ -65,9 +65,9 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
 /* Resolves a good program once more, for another finest voxel than its header's, which it sets. false: it stays as it
  * was, as the world would then be too large. Nothing may hold its resolved graph. One thread at a time per program. */
 bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m);
-/* Resolves a good program once more, with air that is exactly 0 made deep (deepen.h), as pictures need it. false: it
- * stays as it was. As above. */
-bool karst_program_deepen(karst_program_graph *program);
+/* Resolves a good program once more, with air that is exactly 0 made deep (deepen.h), as pictures need it, or flat
+ * again. false: it stays as it was. As above. */
+bool karst_program_deepen(karst_program_graph *program, bool deepens);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
 
 #endif

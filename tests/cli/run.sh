@@ -91,7 +91,6 @@ complains 2 "none" "an unknown way to display" render hills --display x11
 complains 2 "1 to 4096|from 1 to 4096" "no samples" render hills --samples 0
 complains 2 "plain, filmic" "an unknown tone" render hills --tone vivid
 complains 2 "auto, or stops" "an exposure that is none" render hills --exposure nan
-complains 2 "drawn once" "samples of a picture that is drawn once" render hills --path "$turn" -o %d.png --live --samples 2
 complains 2 "1 or 16" "an odd number of lanes" render hills --lanes 4
 complains 3 "karst info" "an unknown device" render hills --device no-such-device
 
@@ -100,6 +99,7 @@ echo '{"keyframes": [{"time": 0, "position": ["0", "320", "0"], "yaw": 0, "pitch
     {"time": 1, "position": ["30", "320", "0"], "yaw": 20, "pitch": -10}]}' > turn.json
 sed 's/320/high/' turn.json > bad.json
 turn="$PWD/turn.json"
+complains 2 "drawn once" "samples of a picture that is drawn once" render hills --path "$turn" -o %d.png --live --samples 2
 complains 5 "bad.json.*keyframe 1, position.*high" "a path with a bad keyframe" \
     render hills --path "$PWD/bad.json" -o %d.png
 complains 5 "no path is called 'low-fligth' .* did you mean 'low-flight'. There are: .*orbit" "an unknown path" render hills --path low-fligth -o %d.png

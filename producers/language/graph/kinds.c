@@ -104,16 +104,22 @@ static bool is_float_factor(const resolver *r, const karst_expr_node *n, int k)
            class_of_factor(r, n->arg[1], false) != FORM_UNIFORM;
 }
 
-static void want_arguments(resolver *r, karst_expr e)
+static void want_part(resolver *r, karst_expr e)
 {
-    const karst_expr_node *n = &r->from->nodes[e];
     if (r->wants[e] & WANT_PART) {
         karst_expr of = karst_whole_part_of(r->from, r->wholes, r->formed, e).of;
         r->wants[of] |= karst_whole_is_atom(r->wholes, of) ? WANT_PART : WANT_FORM;
     }
+}
+
+static void want_arguments(resolver *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->from->nodes[e];
     if ((r->wants[e] & WANT_VALUE) && r->class[e] != FORM_AFFINE)
         karst_want_whole_away(r, e);
-    if ((r->wants[e] & WANT_VALUE) && karst_want_wholes(r, e))
+    bool of_wholes = (r->wants[e] & WANT_VALUE) && karst_want_wholes(r, e);
+    want_part(r, e); /* which the latter may want of the node itself: int(p.x) */
+    if (of_wholes)
         return;
     bool differs = compares_forms(r, n);
     if (r->class[e] == FORM_AFFINE)
