@@ -230,10 +230,10 @@ run render air.karst -o air.png $quick
 result "a picture of air says that there is no surface"
 printf '/*{ "view": 100, "camera": { "position": ["0", "500", "0"], "yaw": 0, "pitch": -60, "fov": 60 } }*/\n%s\n' \
     'float density(vec3 p) { return -p.y; }' > near.karst
-run render near.karst -o near.png -q $quick
+run render near.karst -o near.png -q --size 160x120 --pool 64 --detail 2
 [ $status -eq 0 ] && grep -q "warning: all rays end at the view distance of 100 m.*--view-distance [0-9]" stderr
 result "a view that ends before the world does is warned about, also with -q"
-run render near.karst -o near.png --view-distance 1000 -q $quick
+run render near.karst -o near.png --view-distance 1000 -q --size 160x120 --pool 64 --detail 2
 [ $status -eq 0 ] && [ ! -s stderr ]
 result "as far as it says there is a picture"
 run render hills -o short.png --frames-max 1 $quick
