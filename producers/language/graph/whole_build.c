@@ -14,10 +14,10 @@ static void want_parts(resolver *r, const karst_whole *w)
 /* What a node asks of whole numbers: how it is answered by `build_of_wholes`. */
 typedef enum { ASKS_NOTHING, ASKS_REST, ASKS_INT, ASKS_FLOAT, ASKS_ORDER, ASKS_QUOTIENT } question;
 
-/* What a factor is by a modulus, the nearest to 0. */
-static int64_t small_factor(int64_t factor, int64_t modulus)
+/* What a factor times a scale is by a modulus, the nearest to 0. */
+static int64_t small_factor(int64_t factor, int64_t scale, int64_t modulus)
 {
-    int64_t rest = factor % modulus;
+    int64_t rest = factor % modulus * (scale % modulus) % modulus;
     return 2 * rest > modulus ? rest - modulus : 2 * rest < -modulus ? rest + modulus : rest;
 }
 
@@ -35,7 +35,7 @@ static int64_t modulus_of(const resolver *r, const karst_expr_node *n, int64_t *
     *divisor = w->divisor * b->denominator;
     int64_t modulus = b->numerator * w->divisor, most = 2 * modulus; /* below 2^62 */
     for (uint32_t i = 0; i < w->num_terms && modulus < (1 << 24); i++)
-        most += modulus * llabs(small_factor(w->factor[i], modulus));
+        most += modulus * llabs(small_factor(w->factor[i], b->denominator, modulus));
     return modulus < (1 << 24) && *divisor < (1 << 24) && most < INT32_MAX ? modulus : 0;
 }
 
@@ -154,20 +154,20 @@ static karst_expr whole_low(resolver *r, const karst_whole *w)
     return w->constant ? karst_expr_2(r->to, KARST_OP_INT_ADD, low, whole_int(r, w->constant)) : low;
 }
 
-/* The rest of what is before the division, from 0 on. */
-static karst_expr whole_rest(resolver *r, const karst_whole *w, int64_t modulus)
+/* The rest of what is before the division, times a scale, from 0 on. */
+static karst_expr whole_rest(resolver *r, const karst_whole *w, int64_t scale, int64_t modulus)
 {
     karst_expr rest = KARST_NO_EXPR;
-    int64_t constant = w->constant % modulus;
+    int64_t constant = w->constant % modulus * (scale % modulus) % modulus;
+    constant += constant < 0 ? modulus : 0;
     bool is_rest = w->num_terms == 1;
     for (uint32_t i = 0; i < w->num_terms; i++) {
-        int64_t factor = small_factor(w->factor[i], modulus);
+        int64_t factor = small_factor(w->factor[i], scale, modulus);
         if (factor)
             rest = add_times(r, rest, cell_of(r, r->forms[w->atom[i]], rounds_to_zero(r, w->atom[i]), modulus), factor);
         constant += factor < 0 ? -factor * modulus : 0; /* nothing below 0 */
         is_rest &= factor == 1;
     }
-    constant += constant < 0 ? modulus : 0;
     if (!rest || (is_rest && constant == 0))
         return rest ? rest : whole_int(r, constant % modulus);
     if (constant)
@@ -248,7 +248,7 @@ karst_expr karst_build_of_wholes(resolver *r, karst_expr e)
     switch (asked_by(r, e)) {
     case ASKS_REST: {
         int64_t divisor, modulus = modulus_of(r, n, &divisor);
-        karst_expr rest = whole_rest(r, a, modulus);
+        karst_expr rest = whole_rest(r, a, divisor / a->divisor, modulus);
         if (n->type == KARST_TYPE_INT)
             return signed_rest(r, a, rest, modulus);
         rest = karst_expr_convert(r->to, KARST_TYPE_FLOAT, rest);
