@@ -21,6 +21,8 @@ static double third(const int128 v[3]) { return (double)floor_rest(2 * cell(v[0]
 static double masked(const int128 v[3]) { return (double)((cell(v[0], 64) * 3 + cell(v[2], 64) * 5) & 7); }
 static double rest_of_int(const int128 v[3]) { return (double)(towards_zero(v[0]) % 7); }
 static double rest_of_sum(const int128 v[3]) { return (double)((cell(v[0], 2) * 3 - towards_zero(v[2]) + 11) % 10); }
+static double masked_int(const int128 v[3]) { return (double)(towards_zero(v[0]) & 7); }
+static double quarters(const int128 v[3]) { return (double)floor_rest(4 * (cell(v[0], 1) - 3), 7) / 4; }
 static double quotient(const int128 v[3]) { return (double)((int32_t)((cell(v[0], 16) + 5) / 6) & 1023); }
 static double quotient_of_int(const int128 v[3]) { return (double)((int32_t)(towards_zero(v[0]) / 10) & 1023); }
 static double shifted(const int128 v[3]) { return (double)(floor_divide(cell(v[0], 1), 16) % 1000); }
@@ -56,6 +58,8 @@ static const struct {
     {"return mod(floor(p.x / 8.0) + 0.5, 3.0);", third},
     {"int i = int(floor(p.x / 64.0)), j = int(floor(p.z / 64.0)); return float((i * 3 + j * 5) & 7);", masked},
     {"return float(int(p.x) % 7);", rest_of_int},
+    {"return float(int(p.x) & 7);", masked_int},
+    {"return mod(floor(p.x) - 3.0, 1.75);", quarters},
     {"return float((int(floor(p.x / 2.0)) * 3 - int(p.z) + 11) % 10);", rest_of_sum},
     {"return float(((int(floor(p.x / 16.0)) + 5) / 6) & 1023);", quotient},
     {"return float((int(p.x) / 10) & 1023);", quotient_of_int},
