@@ -88,6 +88,21 @@ static bool is_of_dead_run(const char *path)
     return is_dead;
 }
 
+/* Whether a run that lives has this folder for its store. */
+static bool is_in_use(const char *folder)
+{
+    DIR *dir = opendir(folder);
+    const struct dirent *entry;
+    bool found = false;
+    char path[PATH_MAX];
+    while (dir && !found && (entry = readdir(dir)) != NULL)
+        found = is_marker(entry->d_name) &&
+                snprintf(path, sizeof path, "%s/%s", folder, entry->d_name) < (int)sizeof path && !is_of_dead_run(path);
+    if (dir)
+        closedir(dir);
+    return found;
+}
+
 /* Takes away the markers of dead runs; whether there was one. Of several processes one is told so. */
 static bool take_dead_markers(const char *folder)
 {
@@ -176,7 +191,7 @@ static int remove_one(const char *path, const struct stat *info, int kind, struc
     return 0;
 }
 
-/* The one before stays, for who wants to know what was wrong with it. */
+/* The one before stays, for who wants to know what was wrong with it; so does one that a run still writes to. */
 static void remove_older(const char *folder, int number)
 {
     DIR *dir = opendir(folder);
@@ -184,7 +199,7 @@ static void remove_older(const char *folder, int number)
     char path[PATH_MAX];
     while (dir && (entry = readdir(dir)) != NULL) {
         int found = number_of(entry->d_name);
-        if (found > 0 && found < number - 1 && name_generation(folder, found, path))
+        if (found > 0 && found < number - 1 && name_generation(folder, found, path) && !is_in_use(path))
             nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS | FTW_MOUNT);
     }
     if (dir)

@@ -110,10 +110,16 @@ result "what needs no driver leaves its store alone"
 rm -rf own && cp -R sound own && mkdir own/driver/karst-3 own/driver/karst-4
 : > own/driver/karst-4/karst-run-1
 : > own/driver/karst-run-1
+mkdir own/driver/karst-2
+(exec 9> own/driver/karst-2/karst-run-2 && flock -x 9 && exec sleep 600) & # a run that lives
+other=$!
+until [ -e own/driver/karst-2/karst-run-2 ]; do sleep 0.1; done
 POCL_CACHE_DIR="$PWD/own/driver" run $quick -o second.png
 [ $status -eq 0 ] && cmp -s second.png right.png && [ -d own/driver/karst-5 ] && [ -d own/driver/karst-4 ] &&
-    [ ! -e own/driver/karst-3 ] && [ ! -e own/driver/karst-1 ]
-result "of the folders that were set aside the last one stays"
+    [ ! -e own/driver/karst-3 ] && [ ! -e own/driver/karst-1 ] && [ -d own/driver/karst-2 ]
+result "of the folders that were set aside the last one stays, and the one that a living run uses"
+kill $other
+wait $other 2> /dev/null
 rm -rf own && cp -R sound own
 
 # ---- nowhere to write ----
