@@ -53,6 +53,8 @@ typedef struct {
     bool has_exposure;
     double exposure_stops; /* of pictures, where it is said */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
+    bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
+    double dust;            /* as there */
 } karst_world_info;
 
 void karst_producer_destroy(karst_producer *producer); /* NULL is fine */

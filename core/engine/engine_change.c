@@ -211,7 +211,7 @@ bool karst_engine_prepare_colours(karst_engine *engine, karst_error *error)
 static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *shown, karst_error *error)
 {
     karst_engine_world *old = &engine->shown;
-    if (!world->file->has_tape_colours || engine->refine ||
+    if (!world->file->has_tape_colours || engine->refine || world->file->info.has_atmosphere ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
         !karst_engine_set_view_distance(engine, &world->file->info, error))

@@ -24,7 +24,22 @@ karst_light karst_engine_light(const karst_engine *engine)
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
     memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
     memcpy(light.ground_steep, world->ground_steep, sizeof world->ground_steep);
+    if (engine->shown.skies)
+        karst_skies_light(engine->shown.skies, &light);
     return light;
+}
+
+bool karst_engine_aim_skies(karst_engine *engine, karst_error *error)
+{
+    const karst_world_info *world = engine->world;
+    karst_sky_view view = {.globe_m = world->haze_globe_m, .voxel_m = exp2(world->voxel_log2_m)};
+    const karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
+    if (!engine->shown.skies)
+        return true;
+    for (int axis = 0; axis < 3; axis++)
+        view.eye_m[axis] = (double)engine->camera.position.voxel[axis] * view.voxel_m;
+    memcpy(view.sun_direction, light.sun_direction, sizeof view.sun_direction);
+    return karst_skies_aim(engine->shown.skies, &view, error);
 }
 
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole)
@@ -92,6 +107,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     engine->drawn = engine->camera;
+    if (!karst_engine_aim_skies(engine, error))
+        return false;
 
     bool counting = engine->view == KARST_PAINT_STEPS;
     if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,

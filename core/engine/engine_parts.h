@@ -38,6 +38,7 @@ typedef struct {
     karst_fingerprint fingerprint; /* of the density with these values and this seed */
     karst_producer *producer;      /* NULL until it is built */
     karst_shader *shader;
+    karst_skies *skies;                 /* NULL: it has no atmosphere */
     karst_refiner *refiner;             /* NULL: hits stay as bricks have them */
     karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
     karst_world_layout gradient_layout; /* of refine_data */
@@ -174,6 +175,8 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
 /* Makes producer, shader and, if wanted, refiner of an open world. */
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error);
+/* What its shader shows the sky by, if it has an atmosphere; a part of the above. */
+bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *context, karst_error *error);
 void karst_engine_world_close(karst_engine_world *world);
 /* Where rays end in a world, from the configuration or its header. Errors: KARST_USAGE. */
 bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error);
@@ -269,6 +272,8 @@ bool karst_engine_keep_sample(karst_engine *engine, karst_error *error);
  * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also
  * after a failure the picture must be ended. */
 karst_light karst_engine_light(const karst_engine *engine);
+/* Before a picture: its sky, if the world has an atmosphere. */
+bool karst_engine_aim_skies(karst_engine *engine, karst_error *error);
 /* Moves the hits to the true density, where that is wished for. */
 bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                          karst_error *error);

@@ -59,6 +59,7 @@ void karst_engine_world_close(karst_engine_world *world)
 {
     karst_engine_world_close_refiner(world);
     karst_shader_destroy(world->shader);
+    karst_skies_destroy(world->skies);
     karst_producer_destroy(world->producer);
     karst_fingerprint_finish(&world->fingerprint);
     free(world->values);
@@ -69,6 +70,8 @@ void karst_engine_world_close(karst_engine_world *world)
 karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_context *context, unsigned ways,
                                         const karst_buffer *data, karst_error *error)
 {
+    if (world->file->info.has_atmosphere)
+        ways |= KARST_SHADE_ATMOSPHERE;
     if (!world->file->code.colour_source)
         return karst_shader_create(context, ways, error);
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
@@ -85,6 +88,18 @@ karst_shader *karst_engine_tape_shader(karst_context *context, unsigned ways, co
     return karst_shader_create_coloured(context, ways, &colour, error);
 }
 
+bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    const karst_world_info *info = &world->file->info;
+    if (!info->has_atmosphere)
+        return true;
+    if (!world->skies)
+        world->skies = karst_skies_create(context, info->haze_globe_m, info->dust, error);
+    if (world->skies)
+        karst_shader_set_skies(world->shader, world->skies);
+    return world->skies != NULL;
+}
+
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
@@ -98,7 +113,8 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     world->shader = world->producer
                         ? karst_engine_world_shader(world, context, wishes->shade, world->producer->data[0], error)
                         : NULL;
-    return world->shader && (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
+    return world->shader && karst_engine_world_build_skies(world, context, error) &&
+           (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
 }
 
 bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error)

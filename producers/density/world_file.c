@@ -219,6 +219,8 @@ static void set_info(karst_world_file *file)
         file->info.haze_distance_m = header->haze_distance_m > 0 ? header->haze_distance_m : 1e6 * view_distance_m;
         file->info.haze_height_m = header->haze_height_m;
         file->info.haze_globe_m = header->haze_globe_m;
+        file->info.has_atmosphere = header->has_atmosphere;
+        file->info.dust = header->dust;
     }
     for (int i = 0; i < 3 && file->is_indoors; i++) {
         file->info.sky_zenith[i] *= INDOORS_SKY;

@@ -16,10 +16,12 @@ struct karst_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel pixels;
-    bool shadows, radiance;
+    bool shadows, radiance, atmosphere;
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
+    karst_skies *skies;
+    karst_buffer *black; /* a sky, for an atmosphere */
 };
 
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error)
@@ -35,6 +37,8 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
     }
 }
 
+void karst_shader_set_skies(karst_shader *shader, karst_skies *skies) { shader->skies = skies; }
+
 karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways, const karst_shade_colour *colour,
                                            karst_error *error)
 {
@@ -46,14 +50,17 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     char options[512];
     shader->shadows = ways & KARST_SHADE_SHADOWS;
     shader->radiance = ways & KARST_SHADE_RADIANCE;
-    snprintf(options, sizeof(options), "%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
-             shader->radiance ? " -DSHADE_RADIANCE" : "", colour ? " -DSHADE_WORLD_COLOUR " : "",
-             colour ? colour->options : "");
+    shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
+    snprintf(options, sizeof(options), "%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+             shader->radiance ? " -DSHADE_RADIANCE" : "", shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "",
+             colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
     shader->data = colour && colour->data ? colour->data->mem : NULL;
     shader->taken = karst_buffer_create(context, "shading", sizeof(uint32_t), NULL, error);
-    if (shader->taken)
+    if (shader->atmosphere)
+        shader->black = karst_buffer_create(context, "sky", KARST_SKY_FLOATS * sizeof(float), NULL, error);
+    if (shader->taken && (shader->black || !shader->atmosphere))
         shader->program = karst_program_build(context, "raycast/light/shade.cl", options, &world, 1, error);
     if (shader->program)
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
@@ -72,6 +79,7 @@ void karst_shader_destroy(karst_shader *shader)
         clReleaseKernel(shader->pixels);
     karst_program_destroy(shader->program);
     karst_buffer_destroy(shader->taken);
+    karst_buffer_destroy(shader->black);
     free(shader);
 }
 
@@ -115,13 +123,21 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
     const size_t global_size =
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
+    static const karst_sky night;
+    const karst_sky *sky = shader->skies ? karst_skies_sky(shader->skies) : &night;
+    const karst_buffer *sky_table = shader->skies ? karst_skies_buffer(shader->skies) : shader->black;
+    const cl_mem sky_mem = sky_table ? sky_table->mem : NULL;
+    const karst_argument arguments[] = {
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
+        KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
+        KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+        KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(num_packets),
+        KARST_VALUE_ARG(part_packets),
+        /* of an atmosphere alone */
+        KARST_VALUE_ARG(*sky), KARST_VALUE_ARG(sky_mem)};
+    const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
            (!depth || check_size(depth, depth_floats * sizeof(float), pinhole, error)) &&
-           KARST_ARGUMENTS(shader->pixels, error, KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend),
-                           KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light), KARST_BUFFER_ARG(hits),
-                           KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
-                           KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
-                           KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken),
-                           KARST_VALUE_ARG(num_packets), KARST_VALUE_ARG(part_packets)) &&
+           karst_arguments(shader->pixels, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, global_size, local_size, error);
 }

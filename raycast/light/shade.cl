@@ -3,6 +3,20 @@
 #include "raycast/light/light.clh"
 #include "raycast/shadow_shared.h"
 #include "raycast/light/surface.clh"
+#ifdef SHADE_ATMOSPHERE
+#include "raycast/light/atmosphere.clh"
+#define SHADE_SKY_PARAMETERS , karst_sky sky, K_GLOBAL const float *sky_table
+#define SHADE_SKY_TAKES , const karst_sky *sky, K_GLOBAL const float *sky_table
+#define SHADE_SKY , &sky, sky_table
+#define SKY_OF(direction, to_sun) air_sky_with_sun(sky, sky_table, light, direction, to_sun)
+#define HAZY(ground, direction, to_sun, t) air_hazy(sky, sky_table, ground, direction, to_sun, t)
+#else
+#define SHADE_SKY_PARAMETERS
+#define SHADE_SKY_TAKES
+#define SHADE_SKY
+#define SKY_OF(direction, to_sun) sky_colour(light, direction, to_sun)
+#define HAZY(ground, direction, to_sun, t) hazy_colour(light, ground, direction, to_sun, t)
+#endif
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
 #ifdef SHADE_WORLD_COLOUR
@@ -131,7 +145,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                              const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
                              __local const near_octave *octaves, float detail, float own_detail, float blend,
-                             uint packet, uint counts[4])
+                             uint packet, uint counts[4] SHADE_SKY_TAKES)
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
@@ -143,7 +157,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         vfloat to_sun = dot3(&direction, light->sun_direction);
         colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
         if (v_any(valid & ~hit))
-            c = sky_colour(light, &direction, to_sun);
+            c = SKY_OF(&direction, to_sun);
 #ifndef SHADE_RADIANCE
         vfloat dither = tone_dither(x, y);
 #endif
@@ -157,7 +171,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             colour albedo = plain_albedo(light, &s.normal);
 #endif
             colour ground = ground_colour(light, &s.normal, albedo, lit);
-            ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+            ground = HAZY(ground, &direction, to_sun, s.t);
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
             c.b = v_select(hit, ground.b, c.b);
@@ -165,7 +179,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             sunny = hit & v_gt(lit, (vfloat)(0.0f));
             if (v_any(sunny)) {
                 ground = ground_colour(light, &s.normal, albedo, (vfloat)(0.0f));
-                ground = hazy_colour(light, ground, &direction, to_sun, s.t);
+                ground = HAZY(ground, &direction, to_sun, s.t);
 #ifdef SHADE_RADIANCE
                 sun.r = v_select(sunny, c.r - ground.r, sun.r);
                 sun.g = v_select(sunny, c.g - ground.g, sun.g);
@@ -215,7 +229,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
                                   K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
                                   K_GLOBAL const ulong *data, float own_detail, K_GLOBAL uint *taken, uint num_packets,
-                                  uint part_packets)
+                                  uint part_packets SHADE_SKY_PARAMETERS)
 {
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
@@ -233,7 +247,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
         const uint first = part * part_packets, left = num_packets - first;
         for (uint i = 0; i < part_packets && i < left; i++)
             shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
-                         blend, first + i, counts);
+                         blend, first + i, counts SHADE_SKY);
     }
     /* Each item is refused once, and the last of them leaves the word as it was. */
     if (part == num_parts + (uint)get_num_groups(0) - 1)
@@ -251,7 +265,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
 #endif
     /* Packets past the picture's end have no valid pixel. */
     shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
-                 (uint)get_global_id(0), counts);
+                 (uint)get_global_id(0), counts SHADE_SKY);
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
     __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][4];
     for (int i = 0; i < 4; i++)

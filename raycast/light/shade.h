@@ -3,6 +3,7 @@
 #define KARST_RAYCAST_SHADE_H
 
 #include "raycast/cast/cast.h"
+#include "raycast/light/skies.h"
 #include "raycast/shade_shared.h"
 
 typedef struct karst_shader karst_shader;
@@ -28,6 +29,7 @@ typedef struct {
  * bytes. */
 #define KARST_SHADE_SHADOWS 1u
 #define KARST_SHADE_RADIANCE 2u
+#define KARST_SHADE_ATMOSPHERE 4u /* the sky and what is before land are those of karst_shader_set_skies */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -36,6 +38,8 @@ karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_e
 karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways, const karst_shade_colour *colour,
                                            karst_error *error);
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
+/* Of a shader for an atmosphere: borrowed until the next call. Until the first the sky is black. */
+void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);

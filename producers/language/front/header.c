@@ -136,6 +136,29 @@ static void read_camera(reader *r, json_t *camera)
         h->camera_fov_deg = number_of(r, v, "fov", 0.0001, 179);
 }
 
+/* Only a globe is of use to both kinds of sky. */
+static void read_model(reader *r, json_t *sky)
+{
+    static const char *const colours[] = {"zenith", "horizon", "haze", "haze_height"};
+    karst_world_header *h = r->header;
+    json_t *model = json_object_get(sky, "model"), *dust = json_object_get(sky, "dust");
+    const char *name = model ? text_of(r, model, "model") : "plain";
+    h->has_atmosphere = strcmp(name, "atmosphere") == 0;
+    h->dust = dust ? number_of(r, dust, "dust", 0, 100) : 1;
+    if (!h->has_atmosphere && strcmp(name, "plain") != 0)
+        fail(r, "model", "write \"atmosphere\" or \"plain\"",
+             karst_format(r->source->arena, "no model of the sky is called \"%s\"", name));
+    if (!h->has_atmosphere && dust)
+        karst_source_warn(r->source, place_of(r, "dust", r->begin), "write \"model\": \"atmosphere\" beside it",
+                          "\"dust\" has no effect without an atmosphere");
+    for (size_t i = 0; h->has_atmosphere && i < sizeof colours / sizeof *colours; i++)
+        if (json_object_get(sky, colours[i]))
+            karst_source_warn(r->source, place_of(r, colours[i], r->begin), NULL,
+                              "\"%s\" has no effect on an atmosphere, which has its own", colours[i]);
+    if (h->has_atmosphere && h->haze_globe_m > 0 && !(h->haze_globe_m >= 1e5 && h->haze_globe_m <= 1e9))
+        fail(r, "haze_globe", NULL, "an atmosphere's globe has a radius of 10^5 to 10^9 m");
+}
+
 static void read_light(reader *r)
 {
     karst_world_header *h = r->header;
@@ -150,7 +173,7 @@ static void read_light(reader *r)
     }
     if (sky) {
         h->has_sky = true;
-        warn_unknown(r, object_of(r, sky, "sky"), "the sky", "zenith horizon haze haze_height haze_globe");
+        warn_unknown(r, object_of(r, sky, "sky"), "the sky", "model dust zenith horizon haze haze_height haze_globe");
         if ((v = json_object_get(sky, "zenith")))
             read_colour(r, v, "zenith", h->sky_zenith);
         if ((v = json_object_get(sky, "horizon")))
@@ -161,6 +184,7 @@ static void read_light(reader *r)
             h->haze_height_m = number_of(r, v, "haze_height", 0, DBL_MAX);
         if ((v = json_object_get(sky, "haze_globe")))
             h->haze_globe_m = number_of(r, v, "haze_globe", 0, DBL_MAX);
+        read_model(r, sky);
     }
 }
 

@@ -34,6 +34,8 @@ typedef struct {
     bool has_sky;
     double sky_zenith[3], sky_horizon[3], haze_distance_m; /* linear RGB; 0: no haze */
     double haze_height_m, haze_globe_m;                    /* 0: not said */
+    bool has_atmosphere;
+    double dust; /* how dusty its air is; 1 */
     bool has_exposure;
     double exposure_stops; /* of pictures */
     double view_distance_m;                                /* 0: not said */
