@@ -12,8 +12,9 @@
 #include "producers/language/oracle/oracle.h"
 #include "producers/density/world_file.h"
 #include "raycast/cast/cast.h"
-#include "raycast/light/light.clh"
+#include "raycast/light/atmosphere.clh"
 #include "raycast/light/light.h"
+#include "raycast/light/skies.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/rays.clh"
 #include "reference/trace.h"
@@ -32,6 +33,7 @@ typedef struct {
     uint8_t *rgba;             /* of a picture of num_columns x num_rows, rays_px^2 rays a pixel */
     int rays_px, num_columns, num_rows;
     karst_light light;
+    karst_skies *skies; /* NULL: the world has no atmosphere */
     karst_number *values; /* of the parameters */
     atomic_int next_row, rows_done;
     atomic_bool stop;
@@ -169,7 +171,9 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
     trace_ray(w, direction, &hit, stats);
     float to_sun = dot3(&direction, p->light.sun_direction);
     if (hit.kind == KARST_REFERENCE_MISS)
-        return sky_colour(&p->light, &direction, to_sun);
+        return p->skies ? air_sky_with_sun(karst_skies_sky(p->skies), karst_skies_table(p->skies), &p->light,
+                                           &direction, to_sun)
+                        : sky_colour(&p->light, &direction, to_sun);
     const float normal[3] = {(float)hit.normal[0], (float)hit.normal[1], (float)hit.normal[2]};
     const vector3 n = {normal[0], normal[1], normal[2]};
     colour albedo = plain_albedo(&p->light, &n);
@@ -183,7 +187,9 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
         albedo.b = lane_unit((float)rgb[2].precise);
     }
     colour ground = ground_colour(&p->light, &n, albedo, lane_max(dot3(&n, p->light.sun_direction), 0.0f));
-    return hazy_colour(&p->light, ground, &direction, to_sun, (float)(hit.t_m / p->voxel_m));
+    const float t = (float)(hit.t_m / p->voxel_m);
+    return p->skies ? air_hazy(karst_skies_sky(p->skies), karst_skies_table(p->skies), ground, &direction, to_sun, t)
+                    : hazy_colour(&p->light, ground, &direction, to_sun, t);
 }
 
 static void shade_pixel(const worker *w, int x, int y, uint8_t *rgba, karst_reference_stats *stats)
@@ -241,7 +247,7 @@ static bool check_config(const karst_reference_config *c, karst_error *error)
     return true;
 }
 
-static void set_light(picture *p)
+static bool set_light(picture *p, karst_error *error)
 {
     const karst_world_info *info = &p->file->info;
     p->light = karst_light_of_sun(info->sun_azimuth_deg, info->sun_elevation_deg);
@@ -254,6 +260,16 @@ static void set_light(picture *p)
     memcpy(p->light.sky_horizon, info->sky_horizon, sizeof info->sky_horizon);
     memcpy(p->light.ground_flat, info->ground_flat, sizeof info->ground_flat);
     memcpy(p->light.ground_steep, info->ground_steep, sizeof info->ground_steep);
+    if (!info->has_atmosphere)
+        return true;
+    karst_sky_view view = {.globe_m = info->haze_globe_m, .voxel_m = p->voxel_m};
+    memcpy(view.eye_m, eye_m, sizeof eye_m);
+    memcpy(view.sun_direction, p->light.sun_direction, sizeof view.sun_direction);
+    p->skies = karst_skies_create(NULL, info->haze_globe_m, info->dust, error);
+    if (!p->skies || !karst_skies_aim(p->skies, &view, error))
+        return false;
+    karst_skies_light(p->skies, &p->light);
+    return true;
 }
 
 /* Opens the world and finds out what all rays share. */
@@ -287,7 +303,8 @@ static bool prepare(picture *p, karst_error *error)
     p->ray.blend = c->footprint == KARST_FOOTPRINT_BLENDED ? KARST_BLEND_SHARE : 0;
     bool full = p->rgba || c->footprint == KARST_FOOTPRINT_NONE;
     p->ray.lod_scale = full ? 0 : 1.0f / (grown > 1.0e-20f ? grown : 1.0e-20f);
-    set_light(p);
+    if (!set_light(p, error))
+        return false;
     const karst_program_graph *program = p->file->program;
     p->values = calloc(program->num_parameters + 1, sizeof *p->values);
     for (uint32_t i = 0; p->values && i < program->num_parameters; i++)
@@ -351,6 +368,7 @@ static bool run(picture *p, bool (*progress)(void *user, double share), void *us
         karst_oracle_destroy(workers[i].oracle);
     }
     free(p->values);
+    karst_skies_destroy(p->skies);
     karst_world_file_destroy(p->file);
     if (good && stats)
         *stats = p->stats;

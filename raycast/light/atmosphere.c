@@ -264,8 +264,7 @@ static inline void find_again(const float table[AGAIN_HEIGHTS][AGAIN_COSINES][3]
                               double rgb[3])
 {
     double x = sun_cosine < 0 ? fmax(-1, -sun_cosine / AGAIN_DARK) : sqrt(sun_cosine);
-    look_up(table[0][0], AGAIN_COSINES, AGAIN_HEIGHTS, (x + 1) / 2 * (AGAIN_COSINES - 1),
-            l->again_row, rgb);
+    look_up(table[0][0], AGAIN_COSINES, AGAIN_HEIGHTS, (x + 1) / 2 * (AGAIN_COSINES - 1), l->again_row, rgb);
 }
 
 /* Light that comes along a ray: of sunlight that is scattered once, and what the ground sends up of it; or, if there
@@ -284,8 +283,8 @@ static void look_along(const karst_atmosphere *a, const float (*before)[AGAIN_CO
         else
             find_sunlight(a, &s->level, cosine, light);
         for (int c = 0; c < 3; c++)
-            rgb[c] += s->weight[c] * light[c] *
-                      (air * air_scattering[c] * s->at.air + dust * dust_scattering * s->at.dust);
+            rgb[c] +=
+                s->weight[c] * light[c] * (air * air_scattering[c] * s->at.air + dust * dust_scattering * s->at.dust);
     }
     if (!m->to_ground)
         return;
@@ -300,8 +299,7 @@ static void look_along(const karst_atmosphere *a, const float (*before)[AGAIN_CO
 }
 
 /* One order of light, from the one before: at each place the mean over all directions of what comes to it. */
-static void gather(const karst_atmosphere *a, const float (*before)[AGAIN_COSINES][3],
-                   float (*after)[AGAIN_COSINES][3])
+static void gather(const karst_atmosphere *a, const float (*before)[AGAIN_COSINES][3], float (*after)[AGAIN_COSINES][3])
 {
     march m;
     double rgb[3];
@@ -451,7 +449,8 @@ void karst_atmosphere_skylight(const karst_sky *sky, const float table[KARST_SKY
 {
     const double up[3] = {(double)sky->up[0], (double)sky->up[1], (double)sky->up[2]};
     /* Two directions across. */
-    const int least = fabs(up[0]) < fabs(up[1]) ? (fabs(up[0]) < fabs(up[2]) ? 0 : 2) : (fabs(up[1]) < fabs(up[2]) ? 1 : 2);
+    const int least =
+        fabs(up[0]) < fabs(up[1]) ? (fabs(up[0]) < fabs(up[2]) ? 0 : 2) : (fabs(up[1]) < fabs(up[2]) ? 1 : 2);
     double east[3], north[3], length = sqrt(1 - up[least] * up[least]);
     for (int axis = 0; axis < 3; axis++)
         east[axis] = ((axis == least) - up[axis] * up[least]) / length;

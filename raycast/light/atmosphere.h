@@ -4,7 +4,7 @@
  * (Cornette and Shanks 1992, g = 0.8) and thins in 1.2 km; ozone that absorbs, in a layer at 25 km; a ground that
  * reflects 3/10 of what falls on it. Coefficients are those of E. Bruneton, "Precomputed atmospheric scattering: a new
  * implementation" (2017), for 680, 550 and 440 nm. Light that is scattered once is integrated along the ray; light that
- * is scattered again is taken to be the same in all directions, and comes from a table over height and sun, summed order
+ * is scattered again is taken to be the same in all directions; it comes from a table over height and sun, summed order
  * by order.
  *
  * Tables are made on the host, so each device gets the same bits. */

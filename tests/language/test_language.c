@@ -413,6 +413,7 @@ static void test_header(void **s)
     assert_true(h->camera_yaw_deg == 30 && h->camera_pitch_deg == -12 && h->camera_fov_deg == 50);
     assert_true(h->sun_azimuth_deg == 120 && h->sun_elevation_deg == 35 && h->sky_zenith[2] == 0.3 &&
                 h->haze_distance_m == 4000 && h->haze_height_m == 900 && h->haze_globe_m == 6e6);
+    assert_false(h->has_atmosphere);
     assert_int_equal(w.program->num_parameters, 3);
     const karst_world_parameter *p = w.program->parameters;
     assert_int_equal(p[0].value.numerator, 1); /* 0.1 is a tenth */
@@ -426,9 +427,24 @@ static void test_header(void **s)
     world_finish(&w);
 }
 
+static void test_atmosphere(void **s)
+{
+    (void)s;
+    text_world w = world_from_text("/*{ \"sky\": { \"model\": \"atmosphere\", \"dust\": 2.5,\n"
+                                   "\"haze_globe\": 6e6 } }*/\n"
+                                   "float density(vec3 p) { return -p.y; }\n");
+    const karst_world_header *h = &w.program->header;
+    assert_true(h->has_atmosphere && h->dust == 2.5 && h->haze_globe_m == 6e6);
+    world_finish(&w);
+    w = world_from_text("/*{ \"sky\": { \"model\": \"plain\" } }*/\nfloat density(vec3 p) { return -p.y; }\n");
+    assert_true(!w.program->header.has_atmosphere && w.program->header.has_sky);
+    world_finish(&w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_expressions), cmocka_unit_test(test_texts),
-                                       cmocka_unit_test(test_same_graph), cmocka_unit_test(test_header)};
+                                       cmocka_unit_test(test_same_graph), cmocka_unit_test(test_header),
+                                       cmocka_unit_test(test_atmosphere)};
     return cmocka_run_group_tests_name("the language", tests, NULL, NULL);
 }
