@@ -105,12 +105,13 @@ __kernel K_WIDE void radiance_meter(RADIANCE_PARAMETERS, K_GLOBAL uint *bins)
 }
 
 /* From the counts to a factor, half of what would bring the picture's median where it typically is: night stays
- * darker than day. Leaves the counts zero. One work-item. */
+ * darker than day. What is black, as space is, does not count. Leaves the counts zero. One work-item. */
 __kernel void radiance_expose(K_GLOBAL uint *bins, uint num_pixels, K_GLOBAL float *exposure)
 {
-    uint below = 0, half_of = num_pixels / 2;
+    uint below = 0, half_of = (num_pixels - bins[0]) / 2;
     float median = 0.0f;
-    for (int i = 0; i < KARST_METER_BINS; i++) {
+    bins[0] = 0;
+    for (int i = 1; i < KARST_METER_BINS; i++) {
         const uint here = bins[i];
         if (below <= half_of && half_of < below + here) {
             /* evenly within the bin, so that nothing leaps as the view moves */
