@@ -3,6 +3,7 @@
 
 #include "core/engine/engine_parts.h"
 #include "karst/edit.h"
+#include "karst/saved.h"
 #include "producers/edits/edits.h"
 
 /* What changed is forgotten at once, between two frames; the next one makes anew what the last one's rays used. */
@@ -58,7 +59,9 @@ bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error)
 {
     size_t num;
-    karst_edit *edits = karst_edits_load(path, engine->world->voxel_log2_m, &num, error);
+    int voxel_log2_m = engine->world->voxel_log2_m;
+    karst_edit *edits = karst_saved_is_name(path) ? karst_saved_load_edits(path, voxel_log2_m, &num, engine->log, error)
+                                                  : karst_edits_load(path, voxel_log2_m, &num, error);
     bool done = edits && karst_engine_edit(engine, edits, num, error);
     free(edits);
     return done;

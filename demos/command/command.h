@@ -18,6 +18,9 @@
  *   command_check.c    karst check
  *   command_sample.c   karst sample
  *   view/              karst view; see view/view.h
+ *   command_saved.c    saved worlds where a world is taken
+ *   command_new.c      karst new
+ *   command_edit.c     karst edit
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -170,6 +173,30 @@ const char *command_stdin_file(void); /* that file; "": none */
 /* The file of a camera path, likewise. Errors: KARST_BAD_DATA. */
 bool command_find_path(const char *name, char *path, size_t size_bytes, karst_error *error);
 
+/* ---- command_saved.c ---- */
+
+/* Where a command keeps what a saved world may say as well: what is set already stays. `camera` and `edits` may be
+ * NULL: the command has no use for them. Texts live as long as the program. */
+typedef struct {
+    char *world_file; /* becomes what the engine is to be given */
+    size_t size_bytes;
+    const char **camera, **edits;
+    command_parameters *parameters;
+    bool *has_seed;
+    uint64_t *seed;
+} command_scene;
+
+/* command_find_world, and for a saved world (.karstdb) all that it says. Errors: also KARST_BAD_DATA (it cannot be
+ * read), KARST_USAGE (edits are given beside its own). */
+bool command_find_scene(const char *name, const command_scene *scene, command_talk *talk, karst_error *error);
+/* Whether that file holds a text from inside a saved world, for as long as the program runs. */
+bool command_is_from_inside(const char *world_file);
+/* What a saved world holds, for karst info. */
+bool command_print_saved(const char *name, bool json, command_talk *talk, karst_error *error);
+/* The edits of a file of edits or of a saved world: karst_edits_load, karst_saved_load_edits. */
+karst_edit *command_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
+                               karst_error *error);
+
 /* ---- command_world.c ---- */
 
 /* Of a picture without a surface: warns if there would be one beyond the view distance, even of who is quiet; else says
@@ -319,6 +346,8 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
 bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

@@ -117,8 +117,10 @@ static bool parse_beside(bench *b, const char *word, karst_error *error)
 }
 
 /* All that can be wrong and is found without opening a device. */
-static bool check_options(bench *b, const outputs *out, karst_error *error)
+static bool check_options(bench *b, const outputs *out, command_talk *talk, karst_error *error)
 {
+    const command_scene scene = {b->world_file,  sizeof b->world_file, b->path ? NULL : &b->camera, &b->edits,
+                                 &b->parameters, &b->has_seed,         &b->seed};
     const struct {
         const char *file, *option;
     } files[] = {{out->json, "--json"}, {out->csv, "--csv"}, {out->plot, "--plot"}, {out->trace, "--trace"}};
@@ -137,7 +139,7 @@ static bool check_options(bench *b, const outputs *out, karst_error *error)
     if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
     if (!parse_beside(b, out->beside, error) || !karst_display_kind_parse(out->display, &b->display_kind, error) ||
-        !command_find_world(b->world, b->world_file, sizeof b->world_file, error))
+        !command_find_scene(b->world, &scene, talk, error))
         return false;
     if (b->path && (!command_find_path(b->path, b->path_file, sizeof b->path_file, error) ||
                     !karst_path_check(b->path_file, error)))
@@ -295,7 +297,7 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
         return false;
     if (out.help)
         return true;
-    if (!check_options(&b, &out, error))
+    if (!check_options(&b, &out, talk, error))
         return false;
     b.budget_ms = b.budget_ms > 0 ? b.budget_ms : 8;
     b.fps = b.fps > 0 ? b.fps : 30;

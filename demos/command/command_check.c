@@ -165,10 +165,11 @@ static bool try_code(const karst_world *world, const check_options *o, karst_err
     return good || !is_tried || karst_fail(error, why.status, "%s", why.message);
 }
 
-static bool check(const char *name, const check_options *o, command_talk *talk, karst_error *error)
+static bool check(const char *name, check_options *o, command_talk *talk, karst_error *error)
 {
     char path[PATH_MAX];
-    if (!command_find_world(name, path, sizeof path, error))
+    const command_scene scene = {path, sizeof path, NULL, NULL, &o->parameters, &o->has_seed, &o->seed};
+    if (!command_find_scene(name, &scene, talk, error))
         return false;
     kept_lines kept = {0};
     const karst_log log = {.write = keep_line, .user = &kept, .max_level = KARST_LOG_WARNING};

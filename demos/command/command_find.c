@@ -98,6 +98,8 @@ bool command_find_world(const char *name, char *world, size_t size_bytes, karst_
 {
     if (strcmp(name, "-") == 0)
         return read_stdin(world, size_bytes, error);
+    if (karst_saved_is_name(name))
+        return karst_fail(error, KARST_USAGE, "%s: a saved world cannot be used for this; its world can", name);
     return find("worlds", "world", ".karst", KARST_BAD_WORLD, name, world, size_bytes, error);
 }
 

@@ -22,18 +22,22 @@ void command_print_version(FILE *file)
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error)
 {
     bool json = false, help;
+    const char *name;
     const command_option options[] = {
         {"json", 0, COMMAND_FLAG, NULL, "the same as one JSON object", &json, 0, 0, NULL},
     };
     size_t num_words;
-    if (!command_parse(argc, argv, options, 1, NULL, 0, &num_words, &help, error))
+    if (!command_parse(argc, argv, options, 1, &name, 1, &num_words, &help, error))
         return false;
     if (help) {
         puts("karst info: lists devices, ways to display and limits, and says how to mend what is missing.\n"
+             "karst info FILE.karstdb: what a saved world holds.\n"
              "\nOptions:");
         command_print_options(stdout, options, 1);
         return true;
     }
+    if (num_words)
+        return command_print_saved(name, json, talk, error);
     command_open_driver(talk);
     if (!json) {
         karst_info(print_line, stdout);

@@ -175,8 +175,11 @@ static bool parse_thin(const char *text, karst_thin *thin, karst_error *error)
     return !text || karst_fail(error, KARST_USAGE, "--thin %s: must be auto, always or never", text);
 }
 
-static bool check_options(render_options *o, karst_display_kind *display, karst_error *error)
+static bool check_options(render_options *o, karst_display_kind *display, command_talk *talk, karst_error *error)
 {
+    /* A path says where the camera is. */
+    const command_scene scene = {o->world_file,  sizeof o->world_file, o->path ? NULL : &o->camera, &o->edits,
+                                 &o->parameters, &o->has_seed,         &o->seed};
     if (!o->output && !o->path)
         o->output = "out.png";
     if (!o->look.samples)
@@ -195,7 +198,7 @@ static bool check_options(render_options *o, karst_display_kind *display, karst_
         return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
     return (!o->aov || command_parse_aovs(o->aov, &o->aovs, error)) && command_check_look(&o->look, error) &&
            karst_display_kind_parse(o->display, display, error) &&
-           command_find_world(o->world, o->world_file, sizeof o->world_file, error) && check_flight(o, error) &&
+           command_find_scene(o->world, &scene, talk, error) && check_flight(o, error) &&
            (o->path ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
@@ -313,7 +316,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
         return false;
     if (o.help)
         return true;
-    if (!check_options(&o, &display_kind, error))
+    if (!check_options(&o, &display_kind, talk, error))
         return false;
 
     if (!command_check_memory(talk, o.pool_mib, display_kind != KARST_DISPLAY_NONE, error))

@@ -25,6 +25,7 @@ typedef struct {
     karst_sampler *sampler;
     const karst_world_metadata *about;
     size_t num_points;
+    const karst_log *log;
 } sampling;
 
 /* What there is to say of a point. */
@@ -247,16 +248,17 @@ static bool take_edits(sampling *s, karst_error *error)
     size_t num;
     if (!s->options->edits)
         return true;
-    karst_edit *edits = karst_edits_load(s->options->edits, s->about->voxel_log2_m, &num, error);
+    karst_edit *edits = command_load_edits(s->options->edits, s->about->voxel_log2_m, &num, s->log, error);
     bool done = edits && karst_sampler_set_edits(s->sampler, edits, num, error);
     free(edits);
     return done;
 }
 
-static bool run(const sample_options *o, const karst_log *log, karst_error *error)
+static bool run(sample_options *o, command_talk *talk, const karst_log *log, karst_error *error)
 {
     char path[PATH_MAX];
-    if (!command_find_world(o->world, path, sizeof path, error))
+    const command_scene scene = {path, sizeof path, NULL, &o->edits, &o->parameters, &o->has_seed, &o->seed};
+    if (!command_find_scene(o->world, &scene, talk, error))
         return false;
     const karst_world_config config = {.world = path,
                                        .parameters = o->parameters.values,
@@ -264,7 +266,7 @@ static bool run(const sample_options *o, const karst_log *log, karst_error *erro
                                        .has_seed = o->has_seed,
                                        .seed = (uint32_t)o->seed,
                                        .log = log};
-    sampling s = {.options = o, .world = karst_world_open(&config, error)};
+    sampling s = {.options = o, .log = log, .world = karst_world_open(&config, error)};
     s.sampler = s.world ? karst_sampler_create(s.world, error) : NULL;
     s.about = s.world ? karst_world_get_metadata(s.world) : NULL;
     bool done = s.sampler && take_edits(&s, error) && sample_points(&s, error);
@@ -303,7 +305,7 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
     else if (done && num_words == 0)
         done = karst_fail(error, KARST_USAGE, "which world? For example: karst sample hills --at 0,100,0");
     else if (done)
-        done = run(&o, &log, error);
+        done = run(&o, talk, &log, error);
     free(o.at.items);
     return done;
 }

@@ -12,6 +12,8 @@ static const command commands[] = {
     {"accuracy", "speed against error: what each quality setting costs, and how wrong it is", command_accuracy},
     {"check", "what there is to say of a world file: mistakes, bounds, precision, cost", command_check},
     {"sample", "a world's density, gradient and bounds at points", command_sample},
+    {"new", "a saved world: one file with a world, its edits, a camera", command_new},
+    {"edit", "edits of a saved world: add, undo, redo, log, check, backup", command_edit},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
 };
 #define NUM_COMMANDS (sizeof commands / sizeof *commands)

@@ -360,7 +360,9 @@ void view_memory_write(viewer *v)
     }
     memory_keys keys;
     find_keys(v, &keys);
-    if (json_object_size(marks) || json_object_get(all, keys.sum) || json_object_get(all, keys.file)) {
+    /* A saved world keeps its own. */
+    if (!karst_saved_is_name(v->world) &&
+        (json_object_size(marks) || json_object_get(all, keys.sum) || json_object_get(all, keys.file))) {
         if (*keys.sum)
             json_object_set(all, keys.sum, marks);
         json_object_set(all, keys.file, marks);

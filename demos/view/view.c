@@ -123,6 +123,7 @@ static bool open_viewer(viewer *v, karst_error *error)
     view_sliders_read(v, false);
     view_reload_begin(v);
     view_memory_read_bookmarks(v);
+    view_saved_read(v);
     if (v->settings.replay) {
         v->capture.replay_only = true;
         return view_replay_start(v, v->capture.path_file, error);
@@ -354,8 +355,10 @@ static void close_viewer(viewer *v)
         view_record_save(v);
     }
     v->capture.num_keyframes = 0;
-    if (v->engine && v->window && !v->lost)
+    if (v->engine && v->window && !v->lost) {
         view_memory_write(v);
+        view_saved_write(v);
+    }
     command_hold_interrupts(false);
     command_have_all_saved();
     view_reload_end(v);
@@ -421,12 +424,16 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
         good = command_check_memory(talk, v->settings.pool_mib, true, error);
         command_open_driver(talk);
         v->log = command_log(talk);
-        good = good && command_find_world(v->world, v->world_file, sizeof v->world_file, error) &&
+        view_settings *s = &v->settings;
+        const command_scene scene = {v->world_file,  sizeof v->world_file, s->replay ? NULL : &s->camera, &s->edits,
+                                     &s->parameters, &s->has_seed,         &s->seed};
+        good = good && command_find_scene(v->world, &scene, talk, error) &&
                (!v->settings.stats || command_check_output(v->settings.stats, "--stats", false, error)) &&
                (!v->settings.replay ||
                 (command_find_path(v->settings.replay, v->capture.path_file, sizeof v->capture.path_file, error) &&
                  karst_path_check(v->capture.path_file, error)));
         v->is_file = strchr(v->world_file, '/') || strstr(v->world_file, ".karst");
+        v->is_file = v->is_file && !command_is_from_inside(v->world_file);
         if (good)
             good = run(v, error);
         close_viewer(v);

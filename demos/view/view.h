@@ -12,6 +12,7 @@
  *   reload.c      the world file changes: compiling beside the picture, and the change-over
  *   resolution.c  fewer pixels while things move
  *   capture.c     what one leaves with: pictures, paths, videos, statistics
+ *   keep.c        what a saved world keeps of a visit
  *   settings.c    flags, environment, configuration; what is remembered
  */
 #ifndef KARST_DEMOS_VIEW_H
@@ -60,6 +61,12 @@ typedef struct {
 void view_memory_read(viewer *v);            /* but for bookmarks */
 void view_memory_read_bookmarks(viewer *v);  /* of the world's text, whatever its file is called */
 void view_memory_write(viewer *v);
+
+/* ---- keep.c ---- */
+
+/* Of a saved world: its bookmarks, instead of those remembered; and into it, bookmarks and camera, when one leaves. */
+void view_saved_read(viewer *v);
+void view_saved_write(viewer *v);
 
 /* ---- overlay.c ---- */
 

@@ -112,7 +112,7 @@ karst_sampler *view_sampler_create(const viewer *v, karst_world *compiled, karst
     if (!sampler || !v->settings.edits)
         return sampler;
     karst_edit *edits =
-        karst_edits_load(v->settings.edits, karst_world_get_metadata(compiled)->voxel_log2_m, &num, error);
+        command_load_edits(v->settings.edits, karst_world_get_metadata(compiled)->voxel_log2_m, &num, NULL, error);
     if (!edits || !karst_sampler_set_edits(sampler, edits, num, error)) {
         karst_sampler_destroy(sampler);
         sampler = NULL;

@@ -12,12 +12,10 @@
 
 #include "core/base/text.h"
 #include "producers/edits/edit_list.h"
+#include "producers/edits/edits_text.h"
 
 /* Such a file takes some ten times its size in memory while it is read. */
 #define MAX_FILE_BYTES ((off_t)256 << 20)
-
-static const char *const shapes[] = {"sphere", "box", "capsule", "plane", "noise"};
-static const char *const modes[] = {"add", "remove", "flatten"};
 
 /* Where in the file we are, for messages. */
 typedef struct {
@@ -136,7 +134,7 @@ static bool check_fields(const reader *r, const karst_edit *edit)
         }
         if (!found)
             return complain(r, karst_text_quote(field, quoted), "a %s of mode %s has no such field; there are: %s",
-                            shapes[edit->shape], modes[edit->mode], list);
+                            karst_edit_shape_words[edit->shape], karst_edit_mode_words[edit->mode], list);
     }
     return true;
 }
@@ -150,7 +148,8 @@ static bool read_edit(const reader *r, karst_edit *edit)
     karst_edit_record record;
     if (!json_is_object(r->object))
         return complain(r, "all of it", "must be an object, such as {\"shape\": \"sphere\", \"mode\": \"add\", ...}");
-    if (!read_word(r, "shape", shapes, 5, &shape) || !read_word(r, "mode", modes, 3, &mode))
+    if (!read_word(r, "shape", karst_edit_shape_words, EDITS_NUM_SHAPES, &shape) ||
+        !read_word(r, "mode", karst_edit_mode_words, EDITS_NUM_MODES, &mode))
         return false;
     *edit = (karst_edit){.shape = (karst_edit_shape)shape, .mode = (karst_edit_mode)mode, .scale_m = 1};
     bool is_round = shape == KARST_EDIT_SPHERE || shape == KARST_EDIT_CAPSULE || shape == KARST_EDIT_NOISE;

@@ -78,6 +78,20 @@ karst_edit_report karst_engine_edit_report(const karst_engine *engine);
  * or line and the field), KARST_FAILED. Thread-safe. */
 karst_edit *karst_edits_load(const char *path, int voxel_log2_m, size_t *num, karst_error *error);
 
+/* Reads one edit from a line, for a world of these voxels: the shape, its values, what becomes of the land (`add` if
+ * that is left out), and what else there is to say:
+ *
+ *     sphere,X,Y,Z,RADIUS   box,X,Y,Z,HALF_X,HALF_Y,HALF_Z   capsule,X,Y,Z,TO_X,TO_Y,TO_Z,RADIUS   plane,X,Y,Z
+ *     noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE      then ,add ,remove or ,flatten      then ,blend=M ,seed=N ,normal=X:Y:Z
+ *
+ * All are metres, and as karst_edits_load takes them; places are exact decimals. *edit changes only on success. Errors:
+ * KARST_USAGE (what is wrong with which value), KARST_FAILED (memory). Thread-safe. */
+bool karst_edit_parse(const char *text, int voxel_log2_m, karst_edit *edit, karst_error *error);
+/* Writes one edit as an object of the list that karst_edits_load reads, which gives the same edit back (the far end of
+ * a capsule to 2^-32 voxel). 2048 bytes always suffice; returns the length, as snprintf does; -1 (and "") if there is
+ * no such shape or mode, or voxel_log2_m is out of range. Thread-safe. */
+int karst_edit_format(const karst_edit *edit, int voxel_log2_m, char *text, size_t size_bytes);
+
 /* From now on a sampler's densities are those of its world with these edits, instead of any before; gradients and
  * bounds are not known where edits are near. The positions are in the world's voxels. All are taken or none. Errors:
  * KARST_USAGE, KARST_FAILED. */

@@ -81,7 +81,8 @@ typedef struct {
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
-    const char *edits; /* path of a file of edits (karst/edit.h) that the world is shown with; NULL: none */
+    const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
+                        * world is shown with; NULL: none */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */

@@ -17,6 +17,7 @@
 #include "karst/path.h"
 #include "karst/position.h"
 #include "karst/reference.h"
+#include "karst/saved.h"
 #include "karst/stats.h"
 #include "karst/view.h"
 #include "karst/world.h"
