@@ -12,8 +12,9 @@ _karst()
     --display) words="auto egl osmesa none" ;;
     --mode) words="fly walk orbit" ;;
     --view) words="picture level bricks steps age produced provisional depth normal" ;;
+    --export) words=text ;;
     --path | --replay) words="walk low-flight orbit dive jump" ;;
-    -o | --output | --stats | --plot | --folder)
+    -o | --output | --stats | --plot | --folder | --edits | --backup | --recover)
         mapfile -t COMPREPLY < <(compgen -f -- "$current")
         return
         ;;
@@ -24,7 +25,7 @@ _karst()
         words=$(karst --help 2> /dev/null | sed -n 's/^  karst \([a-z]*\)  .*/\1/p')
     elif [ -z "$words" ]; then
         words=$(karst help render 2> /dev/null | sed -n '/^Worlds/,/^$/s/^  \([a-z0-9_-]*\) .*/\1/p')
-        mapfile -t COMPREPLY < <(compgen -f -X '!*.karst' -- "$current")
+        mapfile -t COMPREPLY < <(compgen -f -X '!*.karst*' -- "$current")
     fi
     local more
     mapfile -t more < <(compgen -W "$words" -- "$current")

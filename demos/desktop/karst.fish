@@ -21,7 +21,8 @@ complete -c karst -n '__karst_is_after --display' -a 'auto egl osmesa none'
 complete -c karst -n '__karst_is_after --mode' -a 'fly walk orbit'
 complete -c karst -n '__karst_is_after --view' -a 'picture level bricks steps age produced provisional depth normal'
 complete -c karst -n '__karst_is_after --path --replay' -a 'walk low-flight orbit dive jump' -F
-complete -c karst -n '__karst_is_after -o --output --stats --plot --folder' -F
+complete -c karst -n '__karst_is_after -o --output --stats --plot --folder --edits --backup --recover' -F
+complete -c karst -n '__karst_is_after --export' -a 'text'
 complete -c karst -n 'test (count (commandline -opc)) -gt 1' -a '(__karst_worlds)'
 complete -c karst -n 'test (count (commandline -opc)) -gt 1; and not string match -q -- "-*" (commandline -ct)' \
-    -a '(__fish_complete_suffix .karst)'
+    -a '(__fish_complete_suffix .karst) (__fish_complete_suffix .karstdb)'

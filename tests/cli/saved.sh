@@ -101,6 +101,31 @@ detail=$(cat stderr stdout) result "compact: what was undone is gone"
     "$karst" edit copy.karstdb --log 2> /dev/null | cmp - log
 detail=$(cat stderr) result "backup"
 
+# ---- full, and in use ----
+"$karst" new full.karstdb --from flat.karst --edits edits.json 2> stderr && cp full.karstdb same.karstdb &&
+    awk 'BEGIN { printf "{ \"edits\": ["; for (i = 0; i < 5000; i++) printf "%s{ \"shape\": \"sphere\", \"mode\": \"add\", \"at\": [%d, 0, 0], \"radius\": 1 }\n", i ? "," : "", i; print "] }" }' \
+        > many.json
+(ulimit -f 200 && "$karst" edit full.karstdb --from many.json) 2> stderr
+exits 1 "a file that may grow no further: told"
+grep -qi 'too large\|full' stderr && "$karst" edit full.karstdb --check --json 2> stderr | tr -d ' \n' | grep -q '"damage":\[\].*"edits":6,'
+detail=$(cat stderr) result "and nothing of before is lost"
+"$karst" edit full.karstdb --from many.json 2> stderr && "$karst" edit full.karstdb --json 2>> stderr | grep -q '"edits": 5006'
+detail=$(cat stderr) result "with room it can be written again"
+"$karst" edit world.karstdb --log > log 2> /dev/null
+mkfifo pipe
+# It holds the file while it waits for its file of edits.
+"$karst" edit world.karstdb --from pipe 2> /dev/null &
+holder=$!
+i=0
+while [ $i -lt 100 ] && [ ! -e world.karstdb-wal ]; do sleep 0.05; i=$((i + 1)); done
+"$karst" edit world.karstdb --add sphere,0,0,0,1 2> stderr
+exits 1 "a second writer is refused"
+grep -q 'another process' stderr && "$karst" edit world.karstdb --log 2> stderr | cmp - log && [ "$(density world.karstdb --at 0,2,8)" = 0.5 ] &&
+    "$karst" edit world.karstdb --backup held.karstdb 2> stderr && "$karst" edit held.karstdb --log 2> /dev/null | cmp - log
+detail=$(cat stderr) result "meanwhile others read and copy"
+printf '{ "edits": [ ] }' > pipe
+wait $holder
+
 # ---- refused ----
 "$karst" new world.karstdb --from flat.karst 2> stderr
 exits 1 "new: never over a file that is there"

@@ -18,6 +18,9 @@
 #include "karst/saved.h"
 
 #define RIG_VOXEL_LOG2_M (-4) /* hills */
+#ifndef RIG_IN_MEMORY
+#define RIG_IN_MEMORY false
+#endif
 
 #define assert_ok(call)                               \
     do {                                              \
@@ -46,16 +49,27 @@ static inline void rig_remove_folder(void)
 }
 static inline const char *rig_path(const char *name)
 {
-    static char paths[8][PATH_MAX];
-    static unsigned next;
+    static struct {
+        const char *name;
+        char path[160];
+    } paths[64];
     if (!*rig_folder) {
-        strcpy(rig_folder, "/tmp/karst-saved-XXXXXX");
+        /* Small files need no disk that takes its time. */
+        bool in_memory = RIG_IN_MEMORY && access("/dev/shm", W_OK | X_OK) == 0;
+        strcpy(rig_folder, in_memory ? "/dev/shm/karst-saved-XXXXXX" : "/tmp/karst-saved-XXXXXX");
         assert_non_null(mkdtemp(rig_folder));
         atexit(rig_remove_folder);
     }
-    char *path = paths[next++ % 8];
-    snprintf(path, PATH_MAX, "%s/%s", rig_folder, name);
-    return path;
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
+        if (!paths[i].name) {
+            paths[i].name = name;
+            snprintf(paths[i].path, sizeof paths[i].path, "%s/%s", rig_folder, name);
+        }
+        if (strcmp(paths[i].name, name) == 0)
+            return paths[i].path;
+    }
+    fail_msg("too many names");
+    return NULL;
 }
 
 static inline uint64_t rig_mix(uint64_t x)
