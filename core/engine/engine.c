@@ -48,12 +48,6 @@ bool karst_engine_check(karst_engine *engine, karst_error *error) { return karst
 
 /* ---- a frame ---- */
 
-void karst_engine_next_serial(karst_engine *engine)
-{
-    if (++engine->serial == 0) /* which means none */
-        engine->serial = 1;
-}
-
 static int64_t floor_shift(int64_t value, int shift) { return shift > 62 ? (value < 0 ? -1 : 0) : value >> shift; }
 
 /* Keeps the camera at least a quarter of a root node away from the root window's faces, so that every ray ends at its
@@ -79,11 +73,6 @@ static bool place_root(karst_engine *engine, karst_error *error)
     engine->top_level = top_level;
     engine->root_placed = true;
     return karst_cache_place_root(engine->cache, corner, top_level, error);
-}
-
-double karst_engine_detail_px(const karst_engine *engine)
-{
-    return engine->detail_px * karst_ladder_factor(&engine->ladder) * engine->pace.factor;
 }
 
 /* The next rung of detail, from what this round could and could not do. */

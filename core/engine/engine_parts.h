@@ -196,7 +196,7 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *worl
 /* Runs the shader of tapes once beside the engine, so that it is compiled. */
 bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error);
 
-/* What is cast from now on has stamps of its own. */
+/* engine_state.c. What is cast from now on has stamps of its own. */
 void karst_engine_next_serial(karst_engine *engine);
 /* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
 double karst_engine_detail_px(const karst_engine *engine);
@@ -226,9 +226,12 @@ void karst_engine_learn_cost(karst_engine *engine);
 /* Slopes of bricks made since the last call (karst_caster_survey_slopes); with a budget in ms: a part of them a call.
  * No hit depends on it. */
 bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
-/* CPU time of all threads over the cores: what things cost a CPU device however busy it is with others. */
+/* engine_round.c. CPU time of all threads over the cores: what things cost a CPU device however busy it is with others.
+ */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
-
+/* Answers and publishes a round's work; and enters it in the statistics. */
+bool karst_engine_produce(karst_engine *engine, const karst_work *work, uint32_t *num_constant, karst_error *error);
+void karst_engine_count_made(karst_engine *engine, const karst_work *work, uint32_t num_constant);
 /* One round of collect, produce and publish for what rays wanted with the engine's serial. */
 bool karst_engine_answer_round(karst_engine *engine, const karst_position *from, karst_allowance *left,
                                karst_work *work, karst_error *error);
