@@ -52,7 +52,7 @@ static bool count_reproduced(karst_cache *cache, uint32_t num_chosen_loads, uint
 /* The values are the cache's own lists, which stay as they are until the last read of this round. */
 static bool upload(karst_buffer *buffer, const uint32_t *values, uint32_t num, karst_error *error)
 {
-    return karst_cache_send(buffer, 0, values, num * sizeof(*values), error);
+    return karst_buffer_send(buffer, 0, values, num * sizeof(*values), error);
 }
 
 bool karst_cache_root_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error)
@@ -94,7 +94,7 @@ static bool accept(karst_cache *cache, const karst_collect_params *params, karst
            karst_wants_accept(wants, cache->load_nodes, loads->num, cache->subdivide_nodes, subdivides->num,
                               params->serial, error) &&
            ((!cache->has_names && !karst_churn_any_is_recent(&cache->churn, params->frame)) ||
-            karst_cache_fetch(wants->identities, 0, cache->identities,
+            karst_buffer_fetch(wants->identities, 0, cache->identities,
                               (loads->num + subdivides->num) * sizeof(uint64_t), error));
 }
 

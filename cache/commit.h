@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 
 typedef struct karst_commit karst_commit;
 

@@ -138,7 +138,7 @@ bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work
     cache->num_granted_bricks = work->num_loads;
     const uint32_t *nodes = cache->dropped_nodes + cache->next_dropped;
     cache->next_dropped = work->num_loads ? cache->next_dropped + work->num_loads : cache->num_dropped;
-    return karst_cache_send(cache->load_nodes, 0, nodes, work->num_loads * sizeof(uint32_t), error) &&
-           karst_cache_send(cache->load_slots, 0, cache->granted_bricks, work->num_loads * sizeof(uint32_t), error) &&
+    return karst_buffer_send(cache->load_nodes, 0, nodes, work->num_loads * sizeof(uint32_t), error) &&
+           karst_buffer_send(cache->load_slots, 0, cache->granted_bricks, work->num_loads * sizeof(uint32_t), error) &&
            karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
 }

@@ -100,7 +100,7 @@ static bool unlink_tiles(void *user, uint32_t num, karst_error *error)
                            KARST_BUFFER_ARG(pools->brick_owner), KARST_BUFFER_ARG(evict->evicted_tiles),
                            KARST_BUFFER_ARG(lru->freed)) &&
            karst_launch(evict->context, evict->unlink_tiles, STAGE, num, evict->shape.item_local, error) &&
-           karst_cache_fetch(evict->evicted_tiles, 0, evict->host_tiles, num * sizeof(*evict->host_tiles), error);
+           karst_buffer_fetch(evict->evicted_tiles, 0, evict->host_tiles, num * sizeof(*evict->host_tiles), error);
 }
 
 static bool unlink_bricks(void *user, uint32_t num, karst_error *error)
@@ -116,7 +116,7 @@ static bool unlink_bricks(void *user, uint32_t num, karst_error *error)
                            KARST_BUFFER_ARG(pools->nodes), KARST_BUFFER_ARG(pools->tile_info),
                            KARST_BUFFER_ARG(pools->brick_owner), KARST_BUFFER_ARG(evict->evicted_bricks)) &&
            karst_launch(evict->context, evict->unlink_bricks, STAGE, num, evict->shape.item_local, error) &&
-           karst_cache_fetch(evict->evicted_bricks, 0, evict->host_bricks, num * sizeof(*evict->host_bricks), error);
+           karst_buffer_fetch(evict->evicted_bricks, 0, evict->host_bricks, num * sizeof(*evict->host_bricks), error);
 }
 
 bool karst_evict_start(karst_evict *evict, uint32_t serial, uint32_t need_tiles, uint32_t need_bricks,

@@ -2,7 +2,7 @@
 #ifndef KARST_CACHE_EVICT_H
 #define KARST_CACHE_EVICT_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 #include "cache/churn.h"
 #include "cache/evict_shared.h"
 #include "cache/lru.h"

@@ -191,7 +191,7 @@ static bool launch_look(karst_lru *lru, const karst_lru *behind, karst_error *er
                                 KARST_BUFFER_ARG(pools->brick_stamp), KARST_BUFFER_ARG(pools->brick_fallback),
                                 KARST_BUFFER_ARG(pools->brick_owner))))
         return false;
-    return karst_cache_send(slots, 0, lru->slots, ask->num * sizeof(uint32_t), error) &&
+    return karst_buffer_send(slots, 0, lru->slots, ask->num * sizeof(uint32_t), error) &&
            karst_launch(lru->context, lru->look, STAGE, ask->num, lru->shape.item_local, error) &&
            KARST_ARGUMENTS(lru->take, error, KARST_BUFFER_ARG(slots), KARST_VALUE_ARG(*ask),
                            KARST_BUFFER_ARG(behind ? behind->result : lru->result),
@@ -258,7 +258,7 @@ bool karst_lru_start(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t n
         return unlink(user, lru->host_result.num_taken, error);
     }
     return launch_look(lru, behind, error) && unlink(user, need, error) &&
-           karst_cache_fetch(lru->result, 0, &lru->host_result, sizeof(lru->host_result), error);
+           karst_buffer_fetch(lru->result, 0, &lru->host_result, sizeof(lru->host_result), error);
 }
 
 bool karst_lru_recycle(karst_lru *lru, uint32_t serial, bool stand_ins, uint32_t need, karst_lru_unlink unlink,

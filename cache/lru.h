@@ -4,7 +4,7 @@
 #ifndef KARST_CACHE_LRU_H
 #define KARST_CACHE_LRU_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 #include "cache/lru_shared.h"
 #include "cache/mapped.h"
 #include "cache/shape.h"

@@ -5,7 +5,7 @@
 #ifndef KARST_CACHE_MAPPED_H
 #define KARST_CACHE_MAPPED_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 
 /* NULL: not mapped. See cache.h for what they hold. */
 typedef struct {

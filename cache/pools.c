@@ -11,18 +11,6 @@
 
 static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
 
-bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
-                      karst_error *error)
-{
-    if (size_bytes == 0)
-        return true;
-    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
-                                       NULL, NULL);
-    if (code != CL_SUCCESS)
-        return karst_fail(error, KARST_FAILED, "cannot write buffer %s: %s", buffer->name, karst_cl_error_name(code));
-    return true;
-}
-
 size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
                                 int brick_bits)
 {
@@ -32,11 +20,6 @@ size_t karst_cache_num_segments(const karst_context *context, uint32_t num_brick
         limit = smaller(limit, max_segment_bytes);
     size_t most = limit / brick_bytes, num_slots = (size_t)num_bricks + KARST_CACHE_ROOT_BRICKS;
     return most ? (num_slots + most - 1) / most : 0;
-}
-
-bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error)
-{
-    return karst_buffer_fetch(buffer, offset_bytes, data, size_bytes, error);
 }
 
 /* Cuts the brick pool into equal segments. */
@@ -231,31 +214,7 @@ void karst_cache_destroy(karst_cache *cache)
     free(cache);
 }
 
-karst_work karst_cache_empty_work(const karst_cache *cache)
-{
-    return (karst_work){.load_nodes = cache->load_nodes,
-                        .load_slots = cache->load_slots,
-                        .load_results = cache->load_results,
-                        .subdivide_nodes = cache->subdivide_nodes,
-                        .subdivide_tiles = cache->subdivide_tiles};
-}
-
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache) { return &cache->buffers; }
-
-void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t num)
-{
-    while (num--) {
-        bool is_root = slots[num] >= cache->buffers.num_bricks;
-        karst_slots_give(is_root ? &cache->root_slots : &cache->brick_slots, &slots[num], 1);
-    }
-}
-
-void karst_cache_abandon(karst_cache *cache)
-{
-    karst_slots_give(&cache->tile_slots, cache->granted_tiles, cache->num_granted_tiles);
-    karst_cache_give_bricks(cache, cache->granted_bricks, cache->num_granted_bricks);
-    cache->num_granted_tiles = cache->num_granted_bricks = 0;
-}
 
 bool karst_cache_clear(karst_cache *cache, karst_error *error)
 {

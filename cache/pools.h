@@ -45,14 +45,15 @@ struct karst_cache {
     int64_t root_corner[3];
 };
 
-/* Gives brick slots back to where they belong. */
+/* round.c. Gives brick slots back to where they belong. */
 void karst_cache_give_bricks(karst_cache *cache, const uint32_t *slots, uint32_t num);
-/* Builds the kernels with which the device collects, where there are none yet: a cache whose host collects is made
- * without, so that no start waits for their compiler. Errors: KARST_FAILED. */
-bool karst_cache_take_kernels(karst_cache *cache, karst_error *error);
 /* A round's work without any. */
 karst_work karst_cache_empty_work(const karst_cache *cache);
 /* Gives slots that were granted but never published back: there is no open round afterwards. */
 void karst_cache_abandon(karst_cache *cache);
+
+/* pools.c. Builds the kernels with which the device collects, where there are none yet: a cache whose host collects is
+ * made without, so that no start waits for their compiler. Errors: KARST_FAILED. */
+bool karst_cache_take_kernels(karst_cache *cache, karst_error *error);
 
 #endif

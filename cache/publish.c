@@ -1,6 +1,5 @@
-/* Publish: launchers of publish.cl, and the slots that come back. */
+/* Publish: launchers of publish.cl. */
 #include "cache/publish.h"
-#include "cache/pools.h"
 
 #include <stdlib.h>
 
@@ -54,44 +53,9 @@ static bool launch_subdivides(karst_publish *publish, const karst_work *work, ui
            karst_launch(publish->context, publish->subdivides, STAGE, num, publish->shape.item_local, error);
 }
 
-/* Keeps of `granted` what was not used, in order. */
-static void keep_unused(uint32_t *granted, uint32_t *num_granted, uint32_t i)
+bool karst_publish_launch(karst_publish *publish, const karst_work *work, uint32_t num_loads, uint32_t num_subdivides,
+                          uint32_t serial, karst_error *error)
 {
-    granted[(*num_granted)++] = granted[i];
-}
-
-bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
-                         uint32_t *num_bricks_constant, karst_error *error)
-{
-    karst_publish *publish = &cache->publish;
-    uint32_t *flags = publish->host_flags, num_linked = 0, num_constant = 0;
-    uint32_t num_bricks = cache->num_granted_bricks, num_tiles = cache->num_granted_tiles;
-    uint32_t num_loads = work->num_loads < num_bricks ? work->num_loads : num_bricks;
-    uint32_t num_subdivides = work->num_subdivides < num_tiles ? work->num_subdivides : num_tiles;
-    if (!launch_loads(publish, work, num_loads, cache->serial, error) ||
-        !launch_subdivides(publish, work, num_subdivides, cache->serial, error) ||
-        !karst_buffer_read(work->load_results, 0, flags, num_loads * sizeof(*flags), error))
-        return false;
-
-    cache->num_granted_bricks = 0;
-    for (uint32_t i = 0; i < num_bricks; i++) {
-        uint32_t result = i < num_loads ? flags[i] : KARST_STATE_UNKNOWN;
-        bool linked = result == KARST_STATE_BRICK || (result & KARST_LOAD_KEPT);
-        num_linked += linked;
-        num_constant += result == KARST_STATE_AIR || result == KARST_STATE_SOLID;
-        if (!linked)
-            keep_unused(cache->granted_bricks, &cache->num_granted_bricks, i);
-    }
-    if (!karst_buffer_read(publish->used, 0, flags, num_subdivides * sizeof(*flags), error))
-        return false;
-    cache->num_granted_tiles = 0;
-    for (uint32_t i = 0; i < num_tiles; i++)
-        if (i >= num_subdivides || !flags[i])
-            keep_unused(cache->granted_tiles, &cache->num_granted_tiles, i);
-    karst_cache_abandon(cache);
-    if (num_bricks_linked)
-        *num_bricks_linked = num_linked;
-    if (num_bricks_constant)
-        *num_bricks_constant = num_constant;
-    return true;
+    return launch_loads(publish, work, num_loads, serial, error) &&
+           launch_subdivides(publish, work, num_subdivides, serial, error);
 }

@@ -2,7 +2,7 @@
 #ifndef KARST_CACHE_PUBLISH_H
 #define KARST_CACHE_PUBLISH_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 #include "cache/shape.h"
 
 typedef struct {
@@ -18,5 +18,10 @@ typedef struct {
 bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
                         const karst_cache_buffers *pools, karst_error *error);
 void karst_publish_finish(karst_publish *publish);
+
+/* Links the first num_loads and num_subdivides of the work; publish->used says of each subdivide whether its tile was
+ * linked. Returns at once. Errors: KARST_FAILED. */
+bool karst_publish_launch(karst_publish *publish, const karst_work *work, uint32_t num_loads, uint32_t num_subdivides,
+                          uint32_t serial, karst_error *error);
 
 #endif

@@ -21,12 +21,6 @@ static inline karst_shape karst_shape_of(const karst_context *context)
     return (karst_shape){64, 64, 64, 256, 2048};
 }
 
-/* Like karst_buffer_write, but returns at once: `data` must stay as it is until the next blocking read. */
-bool karst_cache_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
-                      karst_error *error);
-/* Like karst_buffer_read, but returns at once: `data` is there after the next blocking read. */
-bool karst_cache_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
-
 static inline uint32_t karst_shape_chunks(const karst_shape *shape, uint32_t num_entries)
 {
     return (uint32_t)(((uint64_t)num_entries + shape->chunk - 1) / shape->chunk);

@@ -110,7 +110,7 @@ bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, kar
             continue;
         uint32_t ahead = list->num + list->num / 4 + 256, num = num_slots(survey, kind);
         list->num_read = ahead < num ? ahead : num;
-        if (!karst_cache_fetch(survey->found[kind], 0, list->slots, list->num_read * sizeof(*list->slots), error))
+        if (!karst_buffer_fetch(survey->found[kind], 0, list->slots, list->num_read * sizeof(*list->slots), error))
             return false;
     }
     return true;

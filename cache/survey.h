@@ -6,7 +6,7 @@
 #ifndef KARST_CACHE_SURVEY_H
 #define KARST_CACHE_SURVEY_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 #include "cache/mapped.h"
 #include "cache/scan.h"
 #include "cache/shape.h"

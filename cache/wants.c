@@ -127,7 +127,7 @@ bool karst_wants_begin(karst_wants *wants, uint32_t serial, uint32_t turn, const
     uint32_t ahead = wants->num_last + wants->num_last / 4 + 64;
     wants->num_read = ahead < KARST_WANTS_LIST ? ahead : KARST_WANTS_LIST;
     return launch_mark(wants, error) && launch_list(wants, 0, error) &&
-           karst_cache_fetch(wants->wants, 0, wants->host_wants, wants->num_read * sizeof(*wants->host_wants), error);
+           karst_buffer_fetch(wants->wants, 0, wants->host_wants, wants->num_read * sizeof(*wants->host_wants), error);
 }
 
 static void choose_none(karst_wants *wants)

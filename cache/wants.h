@@ -5,7 +5,7 @@
 #ifndef KARST_CACHE_WANTS_H
 #define KARST_CACHE_WANTS_H
 
-#include "cache/cache.h"
+#include "cache/buffers.h"
 #include "cache/mapped.h"
 #include "cache/shape.h"
 #include "cache/survey.h"

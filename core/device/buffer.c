@@ -256,6 +256,18 @@ bool karst_buffer_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, s
     return check_code(buffer, "read", code, error);
 }
 
+bool karst_buffer_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                       karst_error *error)
+{
+    if (!check_range(buffer, "write", offset_bytes, size_bytes, error))
+        return false;
+    if (size_bytes == 0)
+        return true;
+    cl_int code = clEnqueueWriteBuffer(buffer->context->queue, buffer->mem, CL_FALSE, offset_bytes, size_bytes, data, 0,
+                                       NULL, NULL);
+    return check_code(buffer, "write", code, error);
+}
+
 bool karst_buffer_fill(karst_buffer *buffer, uint32_t value, size_t offset_bytes, size_t size_bytes, karst_error *error)
 {
     if (!check_range(buffer, "fill", offset_bytes, size_bytes, error))

@@ -131,6 +131,9 @@ void karst_buffer_destroy(karst_buffer *buffer); /* NULL is fine */
 bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
                         karst_error *error);
 bool karst_buffer_read(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
+/* Enqueues a write: `data` must stay as it is until the queue is waited for. */
+bool karst_buffer_send(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,
+                       karst_error *error);
 /* Enqueues a read: `data` holds it once the queue is waited for, and must be there until then. */
 bool karst_buffer_fetch(karst_buffer *buffer, size_t offset_bytes, void *data, size_t size_bytes, karst_error *error);
 /* The contents in the host's own memory, to be read and written until unmapped; waits for what was enqueued. For CPU

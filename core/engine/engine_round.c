@@ -112,7 +112,8 @@ bool karst_engine_answer_round(karst_engine *engine, const karst_position *from,
     }
     uint32_t num_constant;
     uint64_t before_ns = made_cpu_ns(engine);
-    if (!karst_cache_collect(engine->cache, &params, work, error) || !karst_engine_produce(engine, work, &num_constant, error))
+    if (!karst_cache_collect(engine->cache, &params, work, error) ||
+        !karst_engine_produce(engine, work, &num_constant, error))
         return false;
     left->bricks -= work->num_loads;
     left->tiles -= work->num_subdivides;
