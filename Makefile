@@ -61,8 +61,8 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := tests/lint/selftest.sh tests/cli/run.sh tests/cli/bench.sh tests/cli/world.sh tests/cli/edits.sh tests/cli/saved.sh tests/cli/accuracy.sh \
-    tests/cli/environment.sh tests/cli/command.sh $(if $(filter release,$(CONFIG)),tests/oclgrind/run.sh)
+TEST_SCRIPTS := $(addprefix tests/,lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
+    cli/mesh.sh cli/accuracy.sh cli/environment.sh cli/command.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)

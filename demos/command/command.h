@@ -17,6 +17,7 @@
  *   command_bench*.c   karst bench; see command_bench.h
  *   command_check.c    karst check
  *   command_sample.c   karst sample
+ *   command_mesh.c     karst mesh
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
@@ -348,6 +349,7 @@ bool command_check(int argc, char **argv, command_talk *talk, karst_error *error
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

@@ -24,6 +24,9 @@ typedef struct {
     uint num; /* samples of a block */
     long origin[3];
     uint index[3][MOST_SAMPLES]; /* of samples, from the brick's origin */
+    bool is_of_points;           /* then samples lie anywhere: */
+    long voxel[3][MOST_SAMPLES];
+    uint point_fraction[3][MOST_SAMPLES];
     uint cell[3][MOST_SAMPLES], fraction[3][MOST_SAMPLES]; /* of a noise's coordinates */
     int known[4][2][MOST_SAMPLES]; /* operands that are the same in all samples */
     int zeros[MOST_SAMPLES];
@@ -75,7 +78,14 @@ K_INLINE affine_position position_at(const block *b, uint x, uint y, uint z)
                           {0, 0, 0}};
     return at;
 }
-#define POSITION position_at(b, b->index[0][i], b->index[1][i], b->index[2][i])
+K_INLINE affine_position point_at(const block *b, uint i)
+{
+    affine_position at = {{b->voxel[0][i], b->voxel[1][i], b->voxel[2][i]},
+                          {b->point_fraction[0][i], b->point_fraction[1][i], b->point_fraction[2][i]}};
+    return at;
+}
+#define POSITION \
+    (b->is_of_points ? point_at(b, i) : position_at(b, b->index[0][i], b->index[1][i], b->index[2][i]))
 
 /* A form's fixed point is the sum of one part for each axis, exactly: parts by index. */
 typedef struct {
@@ -118,6 +128,16 @@ K_INLINE int only_axis(const long factor[3])
 K_INLINE void place_coordinates(block *b, uint n, const karst_lattice *form, int to)
 {
     uint *cell = b->cell[to], *fraction = b->fraction[to];
+    if (b->is_of_points) {
+        FOR_EACH
+        {
+            affine_position at = point_at(b, i);
+            noise_coordinate c = affine_coordinate(&at, form);
+            cell[i] = c.cell;
+            fraction[i] = c.fraction;
+        }
+        return;
+    }
     int axis = only_axis(form->frequency);
     if (axis == 3) {
         form_parts parts;
@@ -147,6 +167,14 @@ K_INLINE void place_coordinates(block *b, uint n, const karst_lattice *form, int
 
 K_INLINE void place_floats(block *b, uint n, const karst_linear *form, int *to)
 {
+    if (b->is_of_points) {
+        FOR_EACH
+        {
+            affine_position at = point_at(b, i);
+            to[i] = v_as_int(affine_float(&at, form));
+        }
+        return;
+    }
     int axis = only_axis(form->factor);
     if (axis == 3) {
         form_parts parts;
@@ -165,6 +193,16 @@ K_INLINE void place_floats(block *b, uint n, const karst_linear *form, int *to)
 
 K_INLINE void place_pairs(block *b, uint n, const karst_linear *form, int *to, int *rest)
 {
+    if (b->is_of_points) {
+        FOR_EACH
+        {
+            affine_position at = point_at(b, i);
+            wide r = wide_affine_sum(affine_form_sum(&at, form), form);
+            to[i] = v_as_int(r.hi);
+            rest[i] = v_as_int(r.lo);
+        }
+        return;
+    }
     form_parts parts;
     part_form(b, form->factor, affine_form_offset(form), &parts);
     FOR_EACH
@@ -495,24 +533,18 @@ K_INLINE void place_block(block *b, uint n, uint first)
     }
 }
 
-K_INLINE void run_samples(block *b, const uint *steps, uint count, uint output, float *samples)
+K_INLINE void run_block(block *b, const uint *steps, uint count)
 {
     const uint n = b->num & ~(LANE_GROUP - 1u);
-    for (uint first = 0; first < KARST_BRICK_SAMPLES; first += n) {
-        place_block(b, n, first);
-        for (uint k = 0; k < count; k++) {
-            uint step = steps ? steps[k] : k, side = steps ? step >> TAPE_STEP_SIDE : 0u;
-            const karst_instruction *in = b->tape->code + (step & TAPE_STEP_INDEX);
-            if (!steps && in->flags & TAPE_IN_CURVE)
-                continue;
-            if (side)
-                run_side(b, n, in, side);
-            else
-                run_instruction(b, n, in);
-        }
-        const int *values = find(b, n, output, 0);
-        uint rest = KARST_BRICK_SAMPLES - first;
-        memcpy(samples + first, values, (rest < n ? rest : n) * sizeof *samples);
+    for (uint k = 0; k < count; k++) {
+        uint step = steps ? steps[k] : k, side = steps ? step >> TAPE_STEP_SIDE : 0u;
+        const karst_instruction *in = b->tape->code + (step & TAPE_STEP_INDEX);
+        if (!steps && in->flags & TAPE_IN_CURVE)
+            continue;
+        if (side)
+            run_side(b, n, in, side);
+        else
+            run_instruction(b, n, in);
     }
 }
 
@@ -529,17 +561,29 @@ K_INLINE void run_samples(block *b, const uint *steps, uint count, uint output, 
 #endif
 
 /* All that it calls becomes part of it, and so is compiled for its width. */
-#define RUN_SAMPLES(name, attributes)                                                                         \
-    static __attribute__((noinline, flatten)) attributes void name(block *b, const uint *steps, uint count, \
-                                                                     uint output, float *samples)           \
-    {                                                                                                       \
-        run_samples(b, steps, count, output, samples);                                                      \
+#define RUN_BLOCK(name, attributes)                                                                             \
+    static __attribute__((noinline, flatten)) attributes void name(block *b, const uint *steps, uint count) \
+    {                                                                                                           \
+        run_block(b, steps, count);                                                                             \
     }
-RUN_SAMPLES(run_samples_plain, )
+RUN_BLOCK(run_block_plain, )
 #ifdef HAS_WIDTHS
-RUN_SAMPLES(run_samples_avx2, __attribute__((target(AVX2_HAS))))
-RUN_SAMPLES(run_samples_avx512, __attribute__((target(AVX512_HAS))))
+RUN_BLOCK(run_block_avx2, __attribute__((target(AVX2_HAS))))
+RUN_BLOCK(run_block_avx512, __attribute__((target(AVX512_HAS))))
 #endif
+
+static void run_block_of(karst_host_width width, block *b, const uint *steps, uint count)
+{
+#ifdef HAS_WIDTHS
+    if (width == KARST_HOST_AVX512)
+        run_block_avx512(b, steps, count);
+    else if (width == KARST_HOST_AVX2)
+        run_block_avx2(b, steps, count);
+    else
+#endif
+        run_block_plain(b, steps, count);
+    (void)width;
+}
 
 bool karst_host_width_is_there(karst_host_width width)
 {
@@ -564,27 +608,58 @@ karst_host_width karst_host_width_best(void)
     return width;
 }
 
+/* `most`: samples that are wanted. */
+static void init_block(block *b, const tape_program *tape, int level, uint most)
+{
+    uint num_slots = 1;
+    b->tape = tape;
+    b->level = level;
+    for (uint k = 0; k < tape->num_instructions; k++)
+        num_slots = tape->code[k].slot >= num_slots ? tape->code[k].slot + 1u : num_slots;
+    b->num = CACHED_INTS / (num_slots * TAPE_VALUE_ELEMENTS) & ~(LANE_GROUP - 1u);
+    b->num = b->num > MOST_SAMPLES ? MOST_SAMPLES : b->num < LEAST_SAMPLES ? LEAST_SAMPLES : b->num;
+    most = (most + LANE_GROUP - 1u) & ~(LANE_GROUP - 1u);
+    b->num = b->num > most ? most : b->num;
+    memset(b->zeros, 0, sizeof b->zeros);
+}
+
 void karst_host_tape_samples(karst_host_width width, const tape_program *tape, const uint *steps, uint count,
                              uint output, const long origin[3], int level, float samples[KARST_BRICK_SAMPLES])
 {
     block b;
-    uint num_slots = 1;
-    b.tape = tape;
-    b.level = level;
+    init_block(&b, tape, level, KARST_BRICK_SAMPLES);
+    b.is_of_points = false;
     for (int axis = 0; axis < 3; axis++)
         b.origin[axis] = origin[axis];
-    for (uint k = 0; k < tape->num_instructions; k++)
-        num_slots = tape->code[k].slot >= num_slots ? tape->code[k].slot + 1u : num_slots;
-    b.num = CACHED_INTS / (num_slots * TAPE_VALUE_ELEMENTS) & ~(LANE_GROUP - 1u);
-    b.num = b.num > MOST_SAMPLES ? MOST_SAMPLES : b.num < LEAST_SAMPLES ? LEAST_SAMPLES : b.num;
-    memset(b.zeros, 0, sizeof b.zeros);
-#ifdef HAS_WIDTHS
-    if (width == KARST_HOST_AVX512)
-        run_samples_avx512(&b, steps, count, output, samples);
-    else if (width == KARST_HOST_AVX2)
-        run_samples_avx2(&b, steps, count, output, samples);
-    else
-#endif
-        run_samples_plain(&b, steps, count, output, samples);
-    (void)width;
+    const uint n = b.num & ~(LANE_GROUP - 1u);
+    for (uint first = 0; first < KARST_BRICK_SAMPLES; first += n) {
+        place_block(&b, n, first);
+        run_block_of(width, &b, steps, count);
+        uint rest = KARST_BRICK_SAMPLES - first;
+        memcpy(samples + first, find(&b, n, output, 0), (rest < n ? rest : n) * sizeof *samples);
+    }
+}
+
+void karst_host_tape_points(karst_host_width width, const tape_program *tape, const uint *outputs, uint num_outputs,
+                            const karst_position *at, size_t num, int level, float *const *values)
+{
+    block b;
+    if (num == 0)
+        return;
+    init_block(&b, tape, level, num < MOST_SAMPLES ? (uint)num : MOST_SAMPLES);
+    b.is_of_points = true;
+    const uint n = b.num & ~(LANE_GROUP - 1u);
+    for (size_t first = 0; first < num; first += n) {
+        const size_t rest = num - first < n ? num - first : n;
+        for (uint i = 0; i < n; i++) {
+            const karst_position *point = at + first + (i < rest ? i : rest - 1);
+            for (int axis = 0; axis < 3; axis++) {
+                b.voxel[axis][i] = point->voxel[axis];
+                b.point_fraction[axis][i] = point->fraction[axis];
+            }
+        }
+        run_block_of(width, &b, NULL, tape->num_instructions);
+        for (uint k = 0; k < num_outputs; k++)
+            memcpy(values[k] + first, find(&b, n, outputs[k], 0), rest * sizeof *values[k]);
+    }
 }

@@ -6,6 +6,8 @@
 #ifndef KARST_PRODUCERS_HOST_TAPE_H
 #define KARST_PRODUCERS_HOST_TAPE_H
 
+#include "karst/position.h"
+
 #include "cache/layout_shared.h"
 #include "producers/language/tape/tape.clh"
 #include "producers/language/tape/tape.h"
@@ -29,5 +31,8 @@ karst_host_width karst_host_width_best(void);
  * Thread-safe; works on some 700 KiB of the thread's stack. */
 void karst_host_tape_samples(karst_host_width width, const tape_program *tape, const uint *steps, uint count,
                              uint output, const long origin[3], int level, float samples[KARST_BRICK_SAMPLES]);
+/* The same at `num` points anywhere: outputs[k] of point i goes to values[k][i]. `level` is -1 for all detail. */
+void karst_host_tape_points(karst_host_width width, const tape_program *tape, const uint *outputs, uint num_outputs,
+                            const karst_position *at, size_t num, int level, float *const *values);
 
 #endif

@@ -1,19 +1,11 @@
-#include "producers/density/world_internal.h"
+#include "producers/density/sampler_internal.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#include "producers/edits/edit_list.h"
 #include "producers/language/tape/tape.clh"
 
 #define MAX_LEVEL 40
-
-struct karst_sampler {
-    const karst_world *world;
-    karst_oracle *oracle, *gradient_oracle;
-    int *slots; /* of the bounds' tape */
-    karst_edit_list edits; /* without data: none */
-};
 
 int karst_world_level(const karst_world *world, double footprint_m)
 {
@@ -47,6 +39,8 @@ void karst_sampler_destroy(karst_sampler *sampler)
     karst_oracle_destroy(sampler->oracle);
     karst_oracle_destroy(sampler->gradient_oracle);
     karst_edit_list_finish(&sampler->edits);
+    karst_tape_finish(&sampler->density_tape);
+    karst_tape_finish(&sampler->gradient_tape);
     free(sampler->slots);
     free(sampler);
 }
@@ -65,7 +59,7 @@ bool karst_sampler_set_edits(karst_sampler *sampler, const karst_edit *edits, si
     return true;
 }
 
-static bool is_edited(const karst_sampler *sampler, const karst_position *at, double half_m)
+bool karst_sampler_is_edited(const karst_sampler *sampler, const karst_position *at, double half_m)
 {
     return sampler->edits.data &&
            karst_edit_list_touches(&sampler->edits, at, ldexp(half_m, -sampler->world->metadata.voxel_log2_m));
@@ -113,11 +107,18 @@ static void edited_gradient(karst_sampler *sampler, const karst_position *at, do
         *density = karst_sampler_density(sampler, at, footprint_m);
 }
 
+bool karst_sampler_is_flat(const karst_sampler *sampler, float text, float executed)
+{
+    const karst_resolved_world *world = &sampler->world->file->program->world;
+    return world->text &&
+           (world->graph->nodes[world->text].kind == KARST_KIND_STEPS || (text == 0 && executed != 0));
+}
+
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
                             karst_sample gradient[3], karst_sample *density)
 {
     karst_oracle_value values[3];
-    if (is_edited(sampler, at, 0)) {
+    if (karst_sampler_is_edited(sampler, at, 0)) {
         edited_gradient(sampler, at, footprint_m, gradient, density);
         return true;
     }
@@ -125,13 +126,10 @@ bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, do
         return false;
     karst_oracle_value value =
         karst_oracle_gradient(sampler->gradient_oracle, at, karst_world_level(sampler->world, footprint_m), values);
-    /* Where the text's density is another one it is flat. */
     karst_sample text = sample_of(value);
-    const karst_resolved_world *resolved = &sampler->world->file->program->world;
-    if (resolved->text)
+    if (sampler->world->file->program->world.text)
         text = karst_sampler_density(sampler, at, footprint_m);
-    bool is_flat = resolved->text && (resolved->graph->nodes[resolved->text].kind == KARST_KIND_STEPS ||
-                                      (text.device == 0 && value.device != 0));
+    bool is_flat = karst_sampler_is_flat(sampler, text.device, value.device);
     for (int axis = 0; axis < 3; axis++)
         gradient[axis] = is_flat ? (karst_sample){0, 0} : sample_of(values[axis]);
     if (density)
@@ -196,7 +194,7 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
     range[0] = -(double)INFINITY;
     range[1] = (double)INFINITY;
     double widest_m = fmax(fabs(half_m[0]), fmax(fabs(half_m[1]), fabs(half_m[2])));
-    if (!known || is_edited(sampler, centre, widest_m) || tape_bounds(&program, &box, NULL))
+    if (!known || karst_sampler_is_edited(sampler, centre, widest_m) || tape_bounds(&program, &box, NULL))
         return false;
     op_bound density = tape_load_bound(&program, tape->output[0]);
     if (!isfinite(density.v.lo) || !isfinite(density.v.hi))

@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "karst/data.h"
+#include "karst/edit.h"
 #include "karst/world.h"
 
 static karst_world *open_world(const char *name)
@@ -321,12 +322,59 @@ static void test_threads(void **state)
     karst_world_close(world);
 }
 
+/* Many points at once: the bits of one by one, near and far, at any footprint, with edits and without. */
+static void test_many_points(void **state)
+{
+    (void)state;
+    enum { NUM = 700 };
+    static const char *const names[] = {"hills", "alps", "lattice", "regions", "islands"};
+    static const char *const far_texts[] = {"0", "1e14", "-123456789012345.678"};
+    karst_world *worlds[sizeof names / sizeof *names + 1];
+    const size_t num_shipped = sizeof names / sizeof *names;
+    for (size_t i = 0; i < num_shipped; i++)
+        worlds[i] = open_world(names[i]);
+    /* Whose text's density is 0 in air. */
+    static const char flat[] = "/*{ \"voxel\": 0.25 }*/\nfloat density(vec3 p) { return max(sin(p.x) - p.y, 0.0); }\n";
+    worlds[num_shipped] = world_of(flat, NULL, 0);
+    for (size_t i = 0; i <= num_shipped; i++)
+        for (int round = 0; round < 6; round++) {
+            static karst_position at[NUM];
+            static float density[NUM], of_gradient[NUM], gradient[NUM][3];
+            const int voxel_log2_m = karst_world_get_metadata(worlds[i])->voxel_log2_m;
+            const double footprint_m = round % 2 ? 2.5 : 0;
+            karst_sampler *sampler = sampler_of(worlds[i]);
+            const karst_position centre = at_metres(worlds[i], far_texts[round % 3], "20", "-5.125");
+            const karst_edit edit = {
+                .shape = KARST_EDIT_SPHERE, .mode = KARST_EDIT_ADD, .at = centre, .radius_m = 30, .blend_m = 2};
+            assert_true(round < 3 || karst_sampler_set_edits(sampler, &edit, 1, NULL));
+            for (int k = 0; k < NUM; k++)
+                at[k] = karst_position_add_m(
+                    centre, (double[3]){200 * random_unit() - 100, 300 * random_unit() - 150, 90 * random_unit()},
+                    voxel_log2_m);
+            const size_t num = round == 5 ? 1 : NUM;
+            karst_sampler_densities(sampler, at, num, footprint_m, density);
+            const bool has_gradient = karst_sampler_gradients(sampler, at, num, footprint_m, gradient, of_gradient);
+            assert_true(has_gradient);
+            for (size_t k = 0; k < num; k++) {
+                karst_sample slopes[3], value = karst_sampler_density(sampler, &at[k], footprint_m);
+                assert_memory_equal(&density[k], &value.device, sizeof value.device);
+                assert_true(karst_sampler_gradient(sampler, &at[k], footprint_m, slopes, &value));
+                assert_memory_equal(&of_gradient[k], &value.device, sizeof value.device);
+                for (int axis = 0; axis < 3; axis++)
+                    assert_memory_equal(&gradient[k][axis], &slopes[axis].device, sizeof(float));
+            }
+            karst_sampler_destroy(sampler);
+        }
+    for (size_t i = 0; i <= num_shipped; i++)
+        karst_world_close(worlds[i]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_metadata),        cmocka_unit_test(test_check),   cmocka_unit_test(test_bad_worlds),
         cmocka_unit_test(test_levels),          cmocka_unit_test(test_colour),  cmocka_unit_test(test_bounds),
-        cmocka_unit_test(test_exact_positions), cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_exact_positions), cmocka_unit_test(test_threads), cmocka_unit_test(test_many_points),
     };
     return cmocka_run_group_tests_name("world", tests, NULL, NULL);
 }

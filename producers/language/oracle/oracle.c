@@ -144,6 +144,9 @@ void karst_oracle_destroy(karst_oracle *oracle)
     free(oracle);
 }
 
+const karst_world_layout *karst_oracle_layout(const karst_oracle *oracle) { return &oracle->layout; }
+const uint64_t *karst_oracle_words(const karst_oracle *oracle) { return oracle->words; }
+
 /* ---- evaluating ---- */
 
 static void evaluate(karst_oracle *o, const karst_oracle_plan *plan, const karst_position *at, int level)

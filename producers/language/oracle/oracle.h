@@ -30,6 +30,11 @@ karst_oracle *karst_oracle_create(const karst_resolved_world *world, const karst
 karst_oracle *karst_oracle_clone(const karst_oracle *oracle, karst_error *error);
 void karst_oracle_destroy(karst_oracle *oracle); /* NULL is fine */
 
+/* What it evaluates: the layout of its world, and the data that goes with it, as devices read it. Borrowed; live as
+ * long as the oracle. Thread-safe. */
+const karst_world_layout *karst_oracle_layout(const karst_oracle *oracle);
+const uint64_t *karst_oracle_words(const karst_oracle *oracle);
+
 /* One thread at a time per oracle, for all that follow. */
 
 /* Density at a position, band-limited to the voxel of `level`; -1: full density. */

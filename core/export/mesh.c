@@ -1,0 +1,236 @@
+/* Slabs of tiles: which are looked at, by which thread, in which order they are joined. */
+#include "karst/mesh.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "core/export/join.h"
+#include "core/export/piece.h"
+
+enum { MAX_THREADS = 256, TILES_OF_THREAD = 8 };
+/* What evaluating takes, and more. */
+#define STACK_BYTES (8u << 20)
+
+typedef struct {
+    const karst_world *world;
+    const karst_mesh_config *config;
+    const karst_mesh_sink *sink;
+    karst_mesh_stats *stats;
+    karst_mesh_join *join;
+    karst_mesh_worker *workers[MAX_THREADS];
+    int num_threads;
+    karst_mesh_tile *tiles; /* of a slab that may hold surface, in their order */
+    size_t num_tiles, max_tiles;
+    int64_t slab, num_slabs, grid_cells[3]; /* the box's, and one more below */
+} finder;
+
+/* ---- tiles of a slab ---- */
+
+static bool add_tile(finder *f, const int64_t first[3], const int64_t num[3])
+{
+    if (f->num_tiles == f->max_tiles) {
+        const size_t more = f->max_tiles ? 2 * f->max_tiles : 64;
+        karst_mesh_tile *larger = realloc(f->tiles, more * sizeof *larger);
+        if (!larger)
+            return false;
+        f->tiles = larger;
+        f->max_tiles = more;
+    }
+    karst_mesh_tile *tile = &f->tiles[f->num_tiles++];
+    *tile = (karst_mesh_tile){.num_vertices = 0};
+    for (int axis = 0; axis < 3; axis++) {
+        tile->first[axis] = first[axis];
+        tile->num_cells[axis] = (int)num[axis];
+        tile->grid_cells[axis] = f->grid_cells[axis];
+    }
+    return true;
+}
+
+/* A square of `size` tiles from x, y on, smaller ones in the order in which they come to lie on lower ones. */
+static bool list_tiles(finder *f, int64_t x, int64_t y, int64_t size)
+{
+    const int64_t *cells = f->grid_cells;
+    const int64_t first[3] = {x * KARST_TILE_CELLS, y * KARST_TILE_CELLS, f->slab * KARST_TILE_CELLS};
+    const int64_t widest[3] = {size * KARST_TILE_CELLS, size * KARST_TILE_CELLS, KARST_TILE_CELLS};
+    int64_t num[3];
+    for (int axis = 0; axis < 3; axis++) {
+        if (first[axis] >= cells[axis])
+            return true;
+        num[axis] = cells[axis] - first[axis] < widest[axis] ? cells[axis] - first[axis] : widest[axis];
+    }
+    if (karst_mesh_is_clear(f->workers[0], first, num))
+        return true;
+    if (size == 1)
+        return add_tile(f, first, num);
+    for (int i = 0; i < 4; i++)
+        if (!list_tiles(f, x + (i & 1) * size / 2, y + (i >> 1) * size / 2, size / 2))
+            return false;
+    return true;
+}
+
+/* ---- threads ---- */
+
+typedef struct {
+    finder *f;
+    karst_mesh_worker *worker;
+    atomic_size_t *next;
+    size_t end;
+    karst_error error;
+    bool is_done;
+} task;
+
+static void *run_task(void *argument)
+{
+    task *t = argument;
+    t->is_done = true;
+    for (size_t i; t->is_done && (i = atomic_fetch_add(t->next, 1)) < t->end;)
+        t->is_done = karst_mesh_fill_tile(t->worker, &t->f->tiles[i], &t->error);
+    return NULL;
+}
+
+/* Fills tiles first to end - 1. Where a thread cannot be started, the others do its work. */
+static bool fill_tiles(finder *f, size_t first, size_t end, karst_error *error)
+{
+    pthread_t threads[MAX_THREADS];
+    bool is_running[MAX_THREADS] = {false}, done = true;
+    task *tasks = calloc((size_t)f->num_threads, sizeof *tasks);
+    atomic_size_t next = first;
+    pthread_attr_t attributes;
+    if (!tasks || pthread_attr_init(&attributes) != 0) {
+        free(tasks);
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    }
+    pthread_attr_setstacksize(&attributes, STACK_BYTES);
+    for (int i = 0; i < f->num_threads; i++) {
+        tasks[i] = (task){.f = f, .worker = f->workers[i], .next = &next, .end = end, .is_done = true};
+        is_running[i] = i > 0 && pthread_create(&threads[i], &attributes, run_task, &tasks[i]) == 0;
+    }
+    run_task(&tasks[0]);
+    for (int i = 0; i < f->num_threads; i++) {
+        if (is_running[i])
+            pthread_join(threads[i], NULL);
+        if (done && !tasks[i].is_done)
+            done = karst_fail(error, tasks[i].error.status, "%s", tasks[i].error.message);
+    }
+    pthread_attr_destroy(&attributes);
+    free(tasks);
+    return done;
+}
+
+static bool join_tiles(finder *f, size_t first, size_t end, karst_error *error)
+{
+    bool done = true;
+    for (size_t i = first; i < end; i++) {
+        karst_mesh_tile *tile = &f->tiles[i];
+        f->stats->num_open_cells += tile->num_open_cells;
+        f->stats->num_samples += tile->num_samples;
+        f->stats->num_sharp += tile->num_sharp;
+        done = done && karst_mesh_join_add(f->join, tile, error);
+        karst_mesh_tile_finish(tile);
+    }
+    return done;
+}
+
+static bool report(const finder *f, size_t num_done, karst_error *error)
+{
+    const double of_slab = f->num_tiles ? (double)num_done / (double)f->num_tiles : 1;
+    return !f->sink->progress ||
+           f->sink->progress(f->sink->user, ((double)f->slab + of_slab) / (double)f->num_slabs) ||
+           karst_fail(error, KARST_FAILED, "the mesh was stopped");
+}
+
+static bool find_slab(finder *f, karst_error *error)
+{
+    int64_t widest = 1;
+    while (widest * KARST_TILE_CELLS < f->grid_cells[0] || widest * KARST_TILE_CELLS < f->grid_cells[1])
+        widest *= 2;
+    f->num_tiles = 0;
+    karst_mesh_join_begin_slab(f->join);
+    if (!list_tiles(f, 0, 0, widest))
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    const size_t at_once = (size_t)f->num_threads * TILES_OF_THREAD;
+    for (size_t i = 0; i < f->num_tiles; i += at_once) {
+        const size_t end = f->num_tiles - i < at_once ? f->num_tiles : i + at_once;
+        bool done = fill_tiles(f, i, end, error);
+        if (!done) {
+            for (size_t k = i; k < end; k++)
+                karst_mesh_tile_finish(&f->tiles[k]);
+            return false;
+        }
+        if (!join_tiles(f, i, end, error) || !report(f, end, error))
+            return false;
+    }
+    return report(f, f->num_tiles, error);
+}
+
+/* ---- all of it ---- */
+
+static bool check(const karst_world *world, const karst_mesh_config *config, karst_error *error)
+{
+    const double voxel_m = ldexp(1, karst_world_get_metadata(world)->voxel_log2_m);
+    if (!(config->cell_m > 0) || !isfinite(config->cell_m) || config->cell_m < voxel_m * 0x1p-20)
+        return karst_fail(error, KARST_USAGE,
+                          "a mesh of cells of %g m: they must be above 0, and not narrower than 2^-20 of the world's "
+                          "voxels of %g m",
+                          config->cell_m, voxel_m);
+    if (!(config->footprint_m >= 0) || !isfinite(config->footprint_m))
+        return karst_fail(error, KARST_USAGE, "a mesh of footprint %g m: it must not be below 0", config->footprint_m);
+    if (config->num_threads < 0 || config->num_threads > MAX_THREADS)
+        return karst_fail(error, KARST_USAGE, "a mesh by %d threads: 0 to %d", config->num_threads, MAX_THREADS);
+    for (int axis = 0; axis < 3; axis++) {
+        const int64_t num = config->num_cells[axis];
+        if (num < 1 || num > KARST_MESH_MAX_CELLS)
+            return karst_fail(error, KARST_USAGE,
+                              "a mesh of %lld cells along %c: 1 to %d; take wider cells or a smaller box",
+                              (long long)num, "xyz"[axis], KARST_MESH_MAX_CELLS);
+        const double low = (double)config->corner.voxel[axis], high = low + (double)num * config->cell_m / voxel_m;
+        if (!(low > -0x1p61) || !(high < 0x1p61))
+            return karst_fail(error, KARST_USAGE, "a mesh's box leaves the world along %c", "xyz"[axis]);
+    }
+    return true;
+}
+
+static int choose_num_threads(const karst_mesh_config *config)
+{
+    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    if (config->num_threads)
+        return config->num_threads;
+    return cores < 1 ? 1 : cores > MAX_THREADS ? MAX_THREADS : (int)cores;
+}
+
+bool karst_mesh_find(const karst_world *world, const karst_mesh_config *config, const karst_mesh_sink *sink,
+                     karst_mesh_stats *stats, karst_error *error)
+{
+    if (!check(world, config, error))
+        return false;
+    karst_mesh_stats own = {0};
+    finder f = {.world = world,
+                .config = config,
+                .sink = sink,
+                .stats = &own,
+                .num_threads = choose_num_threads(config)};
+    bool done = true;
+    own.num_cells = (double)config->num_cells[0] * (double)config->num_cells[1] * (double)config->num_cells[2];
+    for (int axis = 0; axis < 3; axis++)
+        f.grid_cells[axis] = config->num_cells[axis] + 1;
+    f.num_slabs = (f.grid_cells[2] + KARST_TILE_CELLS - 1) / KARST_TILE_CELLS;
+    const karst_grid grid = {.corner = config->corner, .cell_m = config->cell_m};
+    f.join = karst_mesh_join_create(&grid, sink, &own, error);
+    for (int i = 0; f.join && done && i < f.num_threads; i++) {
+        f.workers[i] = karst_mesh_worker_create(world, config, error);
+        done = f.workers[i];
+    }
+    for (; f.join && done && f.slab < f.num_slabs; f.slab++)
+        done = find_slab(&f, error);
+    for (int i = 0; i < f.num_threads; i++)
+        karst_mesh_worker_destroy(f.workers[i]);
+    free(f.tiles);
+    if (f.join && stats && done)
+        *stats = own;
+    done = done && f.join;
+    karst_mesh_join_destroy(f.join);
+    return done;
+}
