@@ -15,7 +15,7 @@ K_ASSERT_SIZE(karst_shade_anchor, 40);
 /* What a picture's light and colours are. Linear RGB; directions are unit vectors in world axes; lengths in level-0
  * voxels. */
 typedef struct {
-    float sun_direction[4]; /* towards the sun */
+    float sun_direction[4]; /* towards the sun; [3]: 1 where surfaces' own light is left out, to show albedos */
     float sun_colour[4], sky_zenith[4], sky_horizon[4], ground_flat[4], ground_steep[4];
     float haze_distance;   /* at which haze hides 1 - 1/e of the surface, where it is thickest */
     float shadow_distance; /* how far shadow rays go */

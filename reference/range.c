@@ -63,7 +63,7 @@ karst_ranger *karst_ranger_create(const karst_program_graph *program, const kars
         return NULL;
     }
     r->graph = program->world.graph;
-    r->density = program->world.density;
+    r->density = program->world.root[KARST_ROOT_DENSITY];
     r->oracle = karst_oracle_create(&program->world, parameters, seed, program->header.voxel_log2_m, error);
     r->order = calloc(r->graph->num_nodes, sizeof *r->order);
     r->is_float = calloc(r->graph->num_nodes, 1);

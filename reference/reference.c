@@ -176,17 +176,22 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
                         : sky_colour(&p->light, &direction, to_sun);
     const float normal[3] = {(float)hit.normal[0], (float)hit.normal[1], (float)hit.normal[2]};
     const vector3 n = {normal[0], normal[1], normal[2]};
-    colour albedo = plain_albedo(&p->light, &n);
+    colour albedo = plain_albedo(&p->light, &n), own = {0, 0, 0};
     if (w->oracle) {
         const double d[3] = {(double)direction.x, (double)direction.y, (double)direction.z};
         karst_position at = karst_reference_place(&p->camera.position, d, hit.t_m / p->voxel_m);
-        karst_oracle_value rgb[3];
-        karst_oracle_colour(w->oracle, &at, normal, -1, rgb);
+        karst_oracle_value values[KARST_NUM_ROOTS];
+        karst_oracle_shading(w->oracle, &at, normal, -1, values);
+        const karst_oracle_value *rgb = values + KARST_ROOT_COLOUR, *emitted = values + KARST_ROOT_EMISSION;
         albedo.r = lane_unit((float)rgb[0].precise);
         albedo.g = lane_unit((float)rgb[1].precise);
         albedo.b = lane_unit((float)rgb[2].precise);
+        own.r = own_light((float)emitted[0].precise);
+        own.g = own_light((float)emitted[1].precise);
+        own.b = own_light((float)emitted[2].precise);
     }
     colour ground = ground_colour(&p->light, &n, albedo, lane_max(dot3(&n, p->light.sun_direction), 0.0f));
+    ground = add_colour(ground, own, 1.0f);
     const float t = (float)(hit.t_m / p->voxel_m);
     return p->skies ? air_hazy(karst_skies_sky(p->skies), karst_skies_table(p->skies), ground, &direction, to_sun, t)
                     : hazy_colour(&p->light, ground, &direction, to_sun, t);
@@ -318,7 +323,7 @@ static bool make_worker(picture *p, worker *w, karst_error *error)
     uint32_t seed = p->config->has_seed ? p->config->seed : program->header.seed;
     w->picture = p;
     w->ranger = karst_ranger_create(program, p->values, seed, error);
-    if (w->ranger && p->rgba && program->has_colour) {
+    if (w->ranger && p->rgba && karst_has_output(program->root, KARST_OUTPUT_COLOUR)) {
         w->oracle = karst_oracle_create(&program->world, p->values, seed, program->header.voxel_log2_m, error);
         return w->oracle != NULL;
     }

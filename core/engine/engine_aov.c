@@ -56,7 +56,7 @@ bool karst_engine_centre_hits(karst_engine *engine, karst_error *error)
 /* Shaded in light that shows the albedo alone: as bright from everywhere, without sun and haze. */
 static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
 {
-    karst_light light = {.sun_direction = {0, 1, 0, 0},
+    karst_light light = {.sun_direction = {0, 1, 0, 1},
                          .sky_zenith = {1, 1, 1},
                          .sky_horizon = {1, 1, 1},
                          .ground_flat = {1, 1, 1},

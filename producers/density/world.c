@@ -93,7 +93,7 @@ static bool describe(karst_world *world, const karst_world_config *config, karst
         .view_distance_m = info->view_distance_m,
         .extent_m = header->has_extent ? header->extent_m : 0,
         .declared_lipschitz = header->has_lipschitz ? header->lipschitz : 0,
-        .has_colour = world->file->program->has_colour,
+        .has_colour = karst_has_output(world->file->program->root, KARST_OUTPUT_COLOUR),
     };
     karst_camera_parse(info->camera, header->voxel_log2_m, &world->metadata.camera, NULL);
     return list_parameters(world, error);

@@ -57,6 +57,13 @@ static void place_tape(const karst_tape *tape, size_t word, char *data)
     memcpy(data + 8 * code_word(tape, word), tape->code, tape->num_instructions * sizeof *tape->code);
 }
 
+/* Outputs of shading's tape that the header has no room for. */
+static size_t num_more(const karst_tape *tape)
+{
+    const size_t num_colours = karst_outputs[KARST_OUTPUT_COLOUR].num_floats;
+    return tape->num_outputs > num_colours ? tape->num_outputs - num_colours : 0;
+}
+
 static void *make_data(const karst_world_file *file, const karst_number *values, uint32_t seed, karst_error *error)
 {
     char *data = calloc(1, file->data_bytes);
@@ -78,6 +85,11 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .colour_constants = (uint32_t)colour_word,
                                 .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
                                 .raises_thin = file->raises_thin};
+    if (num_more(colour)) {
+        header.more_outputs = (uint32_t)end_word(colour, colour_word);
+        memcpy(data + 8 * (size_t)header.more_outputs, colour->output + colour->num_outputs - num_more(colour),
+               num_more(colour) * sizeof *colour->output);
+    }
     memcpy(data, &header, sizeof header);
     place_tape(tape, word, data);
     place_tape(colour, colour_word, data);
@@ -86,7 +98,8 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
 
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
 {
-    karst_thin_facts facts = karst_graph_thin_facts(file->layout.world.graph, file->layout.world.density);
+    const karst_resolved_world *world = &file->layout.world;
+    karst_thin_facts facts = karst_graph_thin_facts(world->graph, world->root[KARST_ROOT_DENSITY]);
     /* Worlds that run on their tape would take seconds for it. */
     bool is_cheap = !facts.has_noise && !file->code.is_tape;
     file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
@@ -259,16 +272,19 @@ static bool make_code(karst_world_file *file, karst_error *error)
     const karst_resolved_world *world = &file->program->world;
     karst_error why = {0};
     if (!karst_emit_world(&file->layout, &file->code, &why))
-        return fail_at(file, world->density, &why, error);
-    if (!make_tape(file, &world->density, 1, "density", &file->tape, error))
+        return fail_at(file, world->root[KARST_ROOT_DENSITY], &why, error);
+    if (!make_tape(file, &world->root[KARST_ROOT_DENSITY], 1, "density", &file->tape, error))
         return false;
-    if (file->code.is_colour_tape && !make_tape(file, world->colour, 3, "colour", &file->colour_tape, error))
+    karst_expr shading[KARST_NUM_ROOTS];
+    const uint32_t num_shading = (uint32_t)karst_program_roots(world->root, KARST_PROGRAM_SHADING, shading);
+    const bool is_colour_alone = num_shading == karst_outputs[KARST_OUTPUT_COLOUR].num_floats;
+    if (file->code.is_colour_tape && !make_tape(file, shading, num_shading, "colour", &file->colour_tape, error))
         return false;
-    if (world->has_colour && !file->code.is_colour_tape &&
-        !karst_tape_build_plain(&file->layout, world->colour, 3, &file->colour_tape, &why))
+    if (is_colour_alone && !file->code.is_colour_tape &&
+        !karst_tape_build_plain(&file->layout, shading, num_shading, &file->colour_tape, &why))
         karst_tape_finish(&file->colour_tape);
     file->has_tape_colours =
-        world->has_colour && file->colour_tape.code && file->colour_tape.num_slots <= TAPE_COLOURS_SLOTS;
+        is_colour_alone && file->colour_tape.code && file->colour_tape.num_slots <= TAPE_COLOURS_SLOTS;
     return true;
 }
 
@@ -280,7 +296,8 @@ static bool complete(karst_world_file *file, karst_error *error)
                           file->program->name);
     if (!make_code(file, error))
         return false;
-    file->data_bytes = 8 * end_word(&file->colour_tape, end_word(&file->tape, file->layout.num_words));
+    file->data_bytes = 8 * (end_word(&file->colour_tape, end_word(&file->tape, file->layout.num_words)) +
+                            (num_more(&file->colour_tape) + 1) / 2);
     set_info(file);
     return true;
 }

@@ -17,7 +17,7 @@ typedef struct {
     karst_emitted code;
     karst_tape tape;        /* of the density, for its bounds */
     karst_tape colour_tape; /* of the colours: if code.is_colour_tape, or has_tape_colours */
-    bool has_tape_colours;  /* they can run on the interpreter of all colours */
+    bool has_tape_colours;  /* they can run on the interpreter of all colours: there is nothing but colours */
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];

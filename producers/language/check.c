@@ -105,6 +105,30 @@ static void say_parameters(const report *r)
     }
 }
 
+/* What entries that give several values give, and what of it is not used. */
+static void say_entries(const report *r)
+{
+    const karst_program_graph *p = r->program;
+    for (int e = 0; e < KARST_NUM_ENTRIES; e++) {
+        const karst_entry_info *entry = &karst_entries[e];
+        char given[256] = "", idle[256] = "";
+        uint32_t num_idle = 0;
+        for (int o = entry->first; p->has_entry[e] && entry->last > entry->first && o <= (int)entry->last; o++) {
+            if (!karst_has_output(p->root, (karst_output)o))
+                continue;
+            const karst_output_info *output = &karst_outputs[o];
+            char *list = output->is_shown ? given : idle;
+            num_idle += !output->is_shown;
+            snprintf(list + strlen(list), sizeof given - strlen(list), "%s%s", *list ? ", " : "", output->name);
+        }
+        if (*given)
+            say(r, "  %s gives %s", entry->name, given);
+        if (*idle)
+            say(r, "  of what %s gives, %s %s no effect on pictures yet", entry->name, idle,
+                num_idle == 1 ? "has" : "have");
+    }
+}
+
 /* A tensor product: each argument affine in its own axis alone, or constant. */
 static bool is_separable(const report *r, const karst_expr_node *n)
 {
@@ -229,7 +253,7 @@ static void say_bounds(const report *r)
 
 static void say_steepness(const report *r)
 {
-    karst_expr root = r->program->world.density;
+    karst_expr root = r->program->world.root[KARST_ROOT_DENSITY];
     karst_lipschitz s = r->steepness[root];
     karst_range range = r->ranges[root];
     if (isfinite(s.constant))
@@ -379,7 +403,7 @@ static bool say_cost(const report *r, karst_error *error)
 
 static void mark_density(report *r)
 {
-    r->is_density[r->program->world.density] = 1;
+    r->is_density[r->program->world.root[KARST_ROOT_DENSITY]] = 1;
     for (karst_expr e = r->graph->num_nodes - 1; e > 0; e--)
         for (int k = 0; r->is_density[e] && k < 4; k++)
             r->is_density[r->graph->nodes[e].arg[k]] = 1;
@@ -418,6 +442,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
             print(user, d->text);
         say_head(&r);
         say_parameters(&r);
+        say_entries(&r);
         say_noises(&r);
         say_bounds(&r);
         say_steepness(&r);

@@ -73,7 +73,7 @@ bool karst_fingerprint_init(karst_fingerprint *fingerprint, const karst_program_
     jmp_buf full;
     karst_arena arena;
     karst_graph live;
-    karst_expr density = program->world.density;
+    karst_expr density = program->world.root[KARST_ROOT_DENSITY];
     *fingerprint = (karst_fingerprint){0};
     karst_arena_init(&arena, KARST_LANGUAGE_ARENA_BYTES, out_of_memory, &full);
     if (setjmp(full)) {

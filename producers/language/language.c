@@ -94,6 +94,7 @@ static void parse(compilation *c)
     expanded = (karst_tokens){0};
     karst_lex(&c->source, &c->names, c->source.user_begin, c->source.length, &user);
     karst_preprocess(&c->source, &c->names, &user, &expanded);
+    karst_entry_structs(&c->parser, &expanded);
     karst_parse_file(&c->parser, &expanded, false);
 }
 
@@ -108,13 +109,10 @@ static void live_full(void *user, uint32_t where)
 static void extract(compilation *c)
 {
     karst_program_graph *p = c->program;
-    karst_expr roots[4] = {c->lowering.density, c->lowering.colour[0], c->lowering.colour[1], c->lowering.colour[2]};
     karst_graph_init(&p->graph, &p->arena, KARST_MAX_LIVE_NODES, live_full, c);
-    karst_graph_extract(&c->raw, &p->graph, roots, c->lowering.has_colour ? 4 : 1);
-    p->density = roots[0];
-    p->has_colour = c->lowering.has_colour;
-    for (int i = 0; i < 3 && p->has_colour; i++)
-        p->colour[i] = roots[i + 1];
+    memcpy(p->root, c->lowering.root, sizeof p->root);
+    memcpy(p->has_entry, c->lowering.has_entry, sizeof p->has_entry);
+    karst_graph_extract(&c->raw, &p->graph, p->root, KARST_NUM_ROOTS);
     for (uint32_t i = 1; i < p->graph.num_nodes; i++) {
         const karst_expr_node *n = &p->graph.nodes[i];
         if (n->op != KARST_OP_NOISE)
@@ -132,6 +130,22 @@ static double open_range(double bound)
     return bound == DBL_MAX ? (double)INFINITY : bound == -DBL_MAX ? -(double)INFINITY : bound;
 }
 
+/* Numbers of the roots that are there: those that are not softened, then the others. Returns how many come first. */
+static size_t order_roots(const karst_program_graph *p, uint32_t order[KARST_NUM_ROOTS], size_t *num_roots)
+{
+    size_t count = 0, num_sharp = 0;
+    for (int softened = 0; softened < 2; softened++) {
+        for (int o = 0; o < KARST_NUM_OUTPUTS; o++)
+            if (karst_entries[karst_entry_of((karst_output)o)].is_softened == softened &&
+                karst_has_output(p->root, (karst_output)o))
+                for (uint32_t i = 0; i < karst_outputs[o].num_floats; i++)
+                    order[count++] = karst_outputs[o].root + i;
+        num_sharp = softened ? num_sharp : count;
+    }
+    *num_roots = count;
+    return num_sharp;
+}
+
 static void resolve(compilation *c)
 {
     karst_program_graph *p = c->program;
@@ -143,16 +157,21 @@ static void resolve(compilation *c)
     karst_kinds_settings settings = {.voxel_log2_m = p->header.voxel_log2_m, .extent_m = p->header.extent_m};
     settings.parameter_min = low;
     settings.parameter_max = high;
+    const karst_expr density = p->root[KARST_ROOT_DENSITY];
     if (p->is_deepened && !p->deep)
-        p->deep = karst_deepen(&p->graph, &settings, p->density);
-    bool differs = p->is_deepened && p->deep != p->density;
-    karst_expr roots[5] = {differs ? p->deep : p->density, p->density};
-    size_t num_roots = settings.num_densities = differs ? 2 : 1;
-    for (int i = 0; i < 3 && p->has_colour; i++)
-        roots[num_roots++] = p->colour[i];
+        p->deep = karst_deepen(&p->graph, &settings, density);
+    bool differs = p->is_deepened && p->deep != density;
+    uint32_t order[KARST_NUM_ROOTS];
+    karst_expr roots[KARST_NUM_ROOTS + 1] = {differs ? p->deep : density, density};
+    size_t num_roots, num_sharp = order_roots(p, order, &num_roots), others = differs;
+    for (size_t i = 1; i < num_roots; i++)
+        roots[i + others] = p->root[order[i]];
+    settings.num_sharp_roots = num_sharp + others;
     karst_graph_init(&p->resolved, &p->arena, 2 * KARST_MAX_LIVE_NODES, live_full, c);
-    karst_kinds_resolve(&p->graph, &settings, &p->resolved, roots, num_roots);
-    p->world = (karst_resolved_world){.graph = &p->resolved, .density = roots[0], .has_colour = p->has_colour};
+    karst_kinds_resolve(&p->graph, &settings, &p->resolved, roots, num_roots + others);
+    p->world = (karst_resolved_world){.graph = &p->resolved, .root[KARST_ROOT_DENSITY] = roots[0]};
+    for (size_t i = 1; i < num_roots; i++)
+        p->world.root[order[i]] = roots[i + others];
     p->world.text = differs ? roots[1] : KARST_NO_EXPR;
     if (differs) {
         karst_range *ranges = karst_arena_alloc(&p->arena, p->resolved.num_nodes * sizeof *ranges);
@@ -160,8 +179,6 @@ static void resolve(compilation *c)
         p->text_range[0] = ranges[p->world.text].lo;
         p->text_range[1] = ranges[p->world.text].hi;
     }
-    for (int i = 0; i < 3 && p->has_colour; i++)
-        p->world.colour[i] = roots[settings.num_densities + (size_t)i];
 }
 
 /* Text that compiles to what no back end can compute is not let through: a compiler of kernels would be the first to
@@ -171,7 +188,7 @@ static void check_form(compilation *c)
     const karst_program_graph *p = c->program;
     const char *fault;
     if (!karst_resolved_world_check(&p->world, &fault))
-        karst_source_error(&c->source, p->resolved.nodes[p->world.density].where,
+        karst_source_error(&c->source, p->resolved.nodes[p->world.root[KARST_ROOT_DENSITY]].where,
                            "this is a mistake of Karst, not of the text: please report it",
                            "this world was translated into what cannot be computed: %s", fault);
 }
@@ -254,8 +271,8 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
         const karst_diagnostic *last = c->source.last;
         program->graph = program->resolved = (karst_graph){0};
         program->world = (karst_resolved_world){0};
-        program->density = KARST_NO_EXPR;
-        program->has_colour = false;
+        memset(program->root, 0, sizeof program->root);
+        memset(program->has_entry, 0, sizeof program->has_entry);
         if (c->arena_full || !last || !last->is_error)
             karst_fail(error, KARST_BAD_WORLD, "%s: the world needs more than %zu MiB to compile", name,
                        KARST_LANGUAGE_ARENA_BYTES >> 20);

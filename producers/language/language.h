@@ -29,15 +29,14 @@ typedef struct {
     karst_source source; /* its text: places in it are the `where` of nodes */
     const char *name;    /* of the file */
     karst_world_header header;
-    karst_graph graph;  /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
-    karst_expr density; /* float */
-    bool has_colour;
-    karst_expr colour[3];       /* floats: linear RGB */
-    karst_graph resolved;       /* what is executed: see kinds.h */
-    karst_resolved_world world; /* the same roots in it */
-    bool is_deepened;           /* world.density is `deep`, and world.text the density if that is another one */
-    karst_expr deep;            /* in `graph`; KARST_NO_EXPR: not asked for yet */
-    double text_range[2];       /* of world.text, over all space */
+    karst_graph graph; /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
+    karst_expr root[KARST_NUM_ROOTS];  /* floats: what its entries give (entries.h) */
+    bool has_entry[KARST_NUM_ENTRIES]; /* those that the text has and that run */
+    karst_graph resolved;              /* what is executed: see kinds.h */
+    karst_resolved_world world;        /* the same roots in it */
+    bool is_deepened;     /* its density is `deep`, and world.text the text's density if that is another one */
+    karst_expr deep;      /* in `graph`; KARST_NO_EXPR: not asked for yet */
+    double text_range[2]; /* of world.text, over all space */
     uint32_t num_parameters;
     karst_world_parameter *parameters;
     uint32_t num_octaves;                /* of all noises together */

@@ -28,10 +28,10 @@
 
 #ifdef SHADE_WORLD_COLOUR
 /* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
- * are. */
+ * are. `glow`: 0, to which what the surface gives off is added. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
                                const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
-                               vint hit)
+                               vint hit, colour *glow)
 {
     world_point_at place;
     world_near_at near;
@@ -46,11 +46,22 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
         int level = (int)v_min_across(left);
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
         vfloat red, green, blue;
+#ifdef WORLD_NUM_OUTPUTS
+        vfloat values[WORLD_NUM_OUTPUTS];
+        world_outputs(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
+        red = values[0], green = values[1], blue = values[2];
+#else
         world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
+#endif
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
         albedo.r = k_fma(share, lane_unit(red), albedo.r);
         albedo.g = k_fma(share, lane_unit(green), albedo.g);
         albedo.b = k_fma(share, lane_unit(blue), albedo.b);
+#ifdef WORLD_OUTPUT_EMISSION
+        glow->r = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION]), glow->r);
+        glow->g = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION + 1]), glow->g);
+        glow->b = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION + 2]), glow->b);
+#endif
         own &= ~from_own;
         next &= ~from_next;
     }
@@ -59,6 +70,17 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
 #else
 typedef int near_octave;
 #define WORLD_NEAR_OCTAVES 0
+#endif
+
+/* The ground's colour and what it gives off. */
+#ifdef WORLD_OUTPUT_EMISSION
+RAY_INLINE colour glowing_colour(const karst_light *light, const vector3 *normal, colour albedo, const colour *glow,
+                                 vfloat lit)
+{
+    return add_colour(ground_colour(light, normal, albedo, lit), *glow, (vfloat)(1.0f - light->sun_direction[3]));
+}
+#else
+#define glowing_colour(light, normal, albedo, glow, lit) ground_colour(light, normal, albedo, lit)
 #endif
 
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
@@ -165,12 +187,13 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         colour sun = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+            colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
 #ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit);
+            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow);
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
-            colour ground = ground_colour(light, &s.normal, albedo, lit);
+            colour ground = glowing_colour(light, &s.normal, albedo, &glow, lit);
             ground = HAZY(ground, &direction, to_sun, s.t);
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
@@ -178,7 +201,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #ifdef SHADE_SHADOWS
             sunny = hit & v_gt(lit, (vfloat)(0.0f));
             if (v_any(sunny)) {
-                ground = ground_colour(light, &s.normal, albedo, (vfloat)(0.0f));
+                ground = glowing_colour(light, &s.normal, albedo, &glow, (vfloat)(0.0f));
                 ground = HAZY(ground, &direction, to_sun, s.t);
 #ifdef SHADE_RADIANCE
                 sun.r = v_select(sunny, c.r - ground.r, sun.r);

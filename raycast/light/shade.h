@@ -14,9 +14,13 @@ typedef struct {
      *     void world_colour(world_data data, const world_near_at *near, __local const near_octave *octaves,
      *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
      *                       vfloat *red, vfloat *green, vfloat *blue);
-     * the albedo (linear RGB) at places, band-limited to voxels of a level. `place` is only looked at where
-     * near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel, fraction in 2^-32) void
-     * world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],
+     * the albedo (linear RGB) at places, band-limited to voxels of a level. Or, with WORLD_NUM_OUTPUTS defined, the
+     * same with `vfloat values[WORLD_NUM_OUTPUTS]` for the three colours, under the name world_outputs: from 0 on the
+     * albedo, and where they are defined, from WORLD_OUTPUT_EMISSION on what the surface gives off (linear RGB), at
+     * WORLD_OUTPUT_MIRROR the share of light that it mirrors, and so on (producers/language/graph/entries.h). `place`
+     * is only looked at where near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel,
+     * fraction in 2^-32)
+     *     void world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],
      *                               __local near_octave *octaves, uint item, uint num_items);
      * has made WORLD_NEAR_OCTAVES octaves: each of num_items work-items, from 0, its part, and a barrier after that.
      * near_octave is the text's own type. Borrowed during creation. */

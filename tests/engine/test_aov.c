@@ -15,10 +15,23 @@
 
 enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT };
 
-static const char text[] = "/*{ \"voxel\": 0.0625, \"view\": 60, \"camera\": { \"position\": [\"3\", \"4\", \"-5\"],\n"
-                           "\"yaw\": 10, \"pitch\": -20 } }*/\n"
-                           "float density(vec3 p) { return max(-p.y, 2.0 - length(p - vec3(5.0, 1.0, 5.0))); }\n"
-                           "vec3 colour(vec3 p, vec3 n) { return vec3(0.6, 0.15, n.y > 0.99 ? 0.1 : 0.4); }\n";
+#define HEAD \
+    "/*{ \"voxel\": 0.0625, \"view\": 60,\n" \
+    "\"sky\": { \"zenith\": [0.1, 0.2, 0.5], \"horizon\": [0.5, 0.6, 0.7], \"haze\": 1e6 },\n" \
+    "\"camera\": { \"position\": [\"3\", \"4\", \"-5\"],\n" \
+    "\"yaw\": 10, \"pitch\": -20 } }*/\n" \
+    "float density(vec3 p) { return max(-p.y, 2.0 - length(p - vec3(5.0, 1.0, 5.0))); }\n" \
+    "vec3 colour(vec3 p, vec3 n) { return vec3(0.6, 0.15, n.y > 0.99 ? 0.1 : 0.4); }\n"
+
+/* The second: the same, but the ball gives off so much blue light. */
+#define GLOW 2.0
+static const char *const texts[2] = {HEAD, HEAD "material surface(vec3 p, vec3 n) {\n"
+                                                "    material m;\n"
+                                                "    m.colour = colour(p, n);\n"
+                                                "    m.emission.z = p.y > 0.2 ? 2.0 : -1.0;\n"
+                                                "    m.mirror = 0.5;\n"
+                                                "    return m;\n"
+                                                "}\n"};
 
 static float *read_aov(karst_engine *engine, karst_aov aov)
 {
@@ -51,6 +64,7 @@ static void check(karst_engine *engine, unsigned samples)
         const double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
         assert_true(fabs(length - (double)depth[i]) < 1e-4 * length);
         assert_true(level[i] >= 0 && fabs((double)a[0] - 0.6) < 1e-5 && fabs((double)a[1] - 0.15) < 1e-5);
+        assert_true(a[2] < 0.4f + 1e-5f);
         const double ball = fabs(hypot(hypot((double)p[0] - 5, (double)p[1] - 1), (double)p[2] - 5) - 2);
         /* On the ground or on the ball, to less than a voxel, with its normal. */
         assert_true(fmin(fabs((double)p[1]), ball) < 0.1);
@@ -70,32 +84,58 @@ static void check(karst_engine *engine, unsigned samples)
         free(all[i]);
 }
 
-static void values_follow_from_geometry(void **state)
+/* Settles a picture of a text and checks it; its radiance, which is the caller's. */
+static float *check_text(const char *text, unsigned samples)
 {
-    (void)state;
     char path[] = "/tmp/karst-aov-XXXXXX.karst";
     int fd = mkstemps(path, 6);
     assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
     close(fd);
-    for (unsigned samples = 1; samples <= 4; samples += 3) {
-        karst_error error = {0};
-        bool settled = false;
-        const karst_engine_config config = {.world = path,
-                                            .display = KARST_DISPLAY_NONE,
-                                            .width_px = WIDTH,
-                                            .height_px = HEIGHT,
-                                            .pool_bytes = (uint64_t)64 << 20,
-                                            .samples = samples,
-                                            .tone = KARST_TONE_OF_FILM};
-        karst_engine *engine = karst_engine_create(&config, &error);
-        if (!engine || !karst_engine_settle(engine, 400, NULL, NULL, &settled, &error))
-            fail_msg("%s", error.message);
-        assert_true(settled);
-        check(engine, samples);
-        check(engine, samples); /* reading changes nothing */
-        karst_engine_destroy(engine);
-    }
+    karst_error error = {0};
+    bool settled = false;
+    const karst_engine_config config = {.world = path,
+                                        .display = KARST_DISPLAY_NONE,
+                                        .width_px = WIDTH,
+                                        .height_px = HEIGHT,
+                                        .pool_bytes = (uint64_t)64 << 20,
+                                        .samples = samples,
+                                        .tone = KARST_TONE_OF_FILM};
+    karst_engine *engine = karst_engine_create(&config, &error);
+    if (!engine || !karst_engine_settle(engine, 400, NULL, NULL, &settled, &error))
+        fail_msg("%s", error.message);
+    assert_true(settled);
+    check(engine, samples);
+    check(engine, samples); /* reading changes nothing */
+    float *radiance = read_aov(engine, KARST_AOV_RADIANCE);
+    karst_engine_destroy(engine);
     unlink(path);
+    return radiance;
+}
+
+static void values_follow_from_geometry(void **state)
+{
+    (void)state;
+    for (unsigned samples = 1; samples <= 4; samples += 3)
+        free(check_text(texts[0], samples));
+}
+
+/* What a surface gives off is added to its light, also in the shade, and is no part of its albedo. Light that is less
+ * than none is none. */
+static void surfaces_glow(void **state)
+{
+    (void)state;
+    float *dark = check_text(texts[0], 1), *bright = check_text(texts[1], 1);
+    int num_bright = 0, num_between = 0; /* comparisons of places have edges as wide as a voxel */
+    for (int i = 0; i < 3 * NUM; i++) {
+        const double more = (double)bright[i] - (double)dark[i];
+        assert_true(more > -1e-5 && more < (i % 3 == 2 ? GLOW + 1e-5 : 1e-5));
+        num_bright += more > 0.9 * GLOW;
+        num_between += more > 1e-5 && more <= 0.9 * GLOW;
+    }
+    print_message("%d pixels give off light, %d some of it\n", num_bright, num_between);
+    assert_true(num_bright > 100 && num_bright < NUM / 4 && num_between < num_bright / 4);
+    free(dark);
+    free(bright);
 }
 
 static void names_are_known(void **state)
@@ -111,7 +151,7 @@ static void names_are_known(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(values_follow_from_geometry),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(values_follow_from_geometry), cmocka_unit_test(surfaces_glow),
                                        cmocka_unit_test(names_are_known)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -79,7 +79,7 @@ static void run_tape(const karst_program_graph *program, const karst_world_layou
     karst_error error = {0};
     uint64_t *data = calloc(layout->num_words, sizeof *data);
     if (data && karst_world_data_fill(layout, parameters, program->header.seed, program->header.voxel_log2_m, data) &&
-        karst_tape_build(layout, &program->world.density, 1, &tape, &error))
+        karst_tape_build(layout, &program->world.root[KARST_ROOT_DENSITY], 1, &tape, &error))
         compare_tape(layout, &tape, data, oracle);
     karst_tape_finish(&tape);
     free(data);
@@ -125,9 +125,9 @@ static void use(karst_program_graph *program)
         return; /* memory */
     }
     const float up[3] = {0, 1, 0};
-    karst_oracle_value rgb[3];
-    for (size_t i = 0; program->has_colour && i < NUM_PLACES; i++)
-        karst_oracle_colour(oracle, &places[i], up, -1, rgb);
+    karst_oracle_value values[KARST_NUM_ROOTS];
+    for (size_t i = 0; karst_has_output(program->root, KARST_OUTPUT_COLOUR) && i < NUM_PLACES; i++)
+        karst_oracle_shading(oracle, &places[i], up, -1, values);
     run_tape(program, &layout, parameters, oracle);
     run_gradient(program, parameters, oracle);
     karst_oracle_destroy(oracle);

@@ -33,6 +33,8 @@ static bool random_prefers_whole;
 
 enum { GRAPH_PARAMETERS = 2, GRAPH_MAX_POOL = 256 };
 
+#define RANDOM_ROOTS 4
+
 /* Where a graph is looked at: a box of level-0 voxels. */
 typedef struct {
     int64_t voxel[3];
@@ -46,7 +48,7 @@ typedef struct {
     karst_arena arena;
     karst_expr pool[4][GRAPH_MAX_POOL]; /* by type */
     uint32_t count[4];
-    karst_expr root[KARST_TAPE_MAX_OUTPUTS]; /* the latest floats that are not uniform, then places */
+    karst_expr root[RANDOM_ROOTS]; /* the latest floats that are not uniform, then places */
     karst_number parameters[GRAPH_PARAMETERS];
     const random_place *place;
     bool with_noise;
@@ -374,7 +376,7 @@ static inline void random_graph_make(random_graph *r, const random_place *place,
         pool_add(r, e);
     }
     uint32_t found = 0;
-    for (uint32_t i = r->count[0]; i > 0 && found < KARST_TAPE_MAX_OUTPUTS; i--)
+    for (uint32_t i = r->count[0]; i > 0 && found < RANDOM_ROOTS; i--)
         if (!karst_graph_is_uniform(g, r->pool[0][i - 1]))
             r->root[found++] = r->pool[0][i - 1];
     while (found < num_roots)

@@ -163,9 +163,9 @@ static void add_curves(random_graph *r)
 {
     karst_graph *g = &r->graph;
     r->count[KARST_TYPE_FLOAT] = 0; /* of the graph before roots were extracted */
-    for (int i = 0; i < KARST_TAPE_MAX_OUTPUTS; i++)
+    for (int i = 0; i < RANDOM_ROOTS; i++)
         pool_add(r, r->root[i]);
-    for (int i = 0; i < KARST_TAPE_MAX_OUTPUTS; i++) {
+    for (int i = 0; i < RANDOM_ROOTS; i++) {
         karst_expr source = random_chance(3) ? r->root[i] : random_affine_leaf(r);
         if (random_chance(3))
             source =
@@ -212,15 +212,15 @@ static void subject_make(subject *s, uint64_t seed)
     s->place = random_place_make();
     uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
     random_prefers_whole = seed >= SEEDS_OF_WHOLE_NUMBERS;
-    random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), KARST_TAPE_MAX_OUTPUTS);
+    random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), RANDOM_ROOTS);
     if (seed % 2)
         add_curves(&s->graph);
     if (random_chance(3))
         random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
     karst_resolved_world world = {
-        .graph = &s->graph.graph, .density = root[0], .colour = {root[1], root[2], root[3]}, .has_colour = true};
-    subject_fill(s, &world, s->graph.parameters, root, KARST_TAPE_MAX_OUTPUTS, seed % 2);
+        .graph = &s->graph.graph, .root = {root[0], root[1], root[2], root[3]}};
+    subject_fill(s, &world, s->graph.parameters, root, RANDOM_ROOTS, seed % 2);
 }
 
 /* Density of a text, over a box about where built_ins.h has its expressions, or far away. */
@@ -242,7 +242,7 @@ static void subject_of_text(subject *s, const karst_program_graph *program, uint
     karst_number values[KARST_HEADER_MAX_PARAMETERS + 16];
     for (uint32_t i = 0; i < program->num_parameters; i++)
         values[i] = program->parameters[i].value;
-    subject_fill(s, &program->world, values, &program->world.density, 1, seed % 2);
+    subject_fill(s, &program->world, values, &program->world.root[KARST_ROOT_DENSITY], 1, seed % 2);
 }
 static tape_program program_of(const subject *s, int *slots)
 {
@@ -533,7 +533,7 @@ static void test_pairs_are_bounded_to_a_part_of_a_voxel(void **state)
     karst_expr root = karst_expr_2(&g, KARST_OP_SUBTRACT, length, karst_graph_float(&g, 6371000));
     g.nodes[length].kind = g.nodes[root].kind = KARST_KIND_WIDE;
     karst_world_layout layout;
-    karst_resolved_world world = {.graph = &g, .density = root};
+    karst_resolved_world world = {.graph = &g, .root = {root}};
     assert_true(karst_world_layout_init(&layout, &world));
     uint64_t *data = calloc(layout.num_words, sizeof *data);
     assert_true(karst_world_data_fill(&layout, NULL, 1, -6, data)); /* voxels of 1/64 m */

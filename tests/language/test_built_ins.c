@@ -138,7 +138,7 @@ static int check_tape(const char *expression)
     karst_tape tape;
     int num_lively = 0;
     assert_true(karst_world_layout_init(&layout, &w.program->world));
-    assert_true(karst_tape_build(&layout, &w.program->world.density, 1, &tape, &error));
+    assert_true(karst_tape_build(&layout, &w.program->world.root[KARST_ROOT_DENSITY], 1, &tape, &error));
     karst_number values[KARST_HEADER_MAX_PARAMETERS + 16];
     for (uint32_t i = 0; i < w.program->num_parameters; i++)
         values[i] = w.program->parameters[i].value;

@@ -313,14 +313,14 @@ static void check_random_graph(uint64_t seed, tally *t)
         graph.graph.noises[i].derivative = 0;
     if (seed % 4 == 0)
         random_graph_widen(&graph);
-    karst_resolved_world world = {.graph = &graph.graph, .density = graph.root[0]};
+    karst_resolved_world world = {.graph = &graph.graph, .root = {graph.root[0]}};
     derived d = derive_world(&world, graph.parameters, GRAPH_PARAMETERS, WORLD_SEED, place.voxel_log2_m);
 
     karst_world_layout layout;
     karst_tape tape;
     karst_error error = {0};
-    const karst_expr roots[4] = {d.world->world.density, d.world->world.gradient[0], d.world->world.gradient[1],
-                                 d.world->world.gradient[2]};
+    const karst_expr roots[4] = {d.world->world.root[KARST_ROOT_DENSITY], d.world->world.gradient[0],
+                                 d.world->world.gradient[1], d.world->world.gradient[2]};
     assert_true(karst_world_layout_init(&layout, &d.world->world));
     uint64_t *data = calloc(layout.num_words, sizeof *data);
     assert_true(karst_world_data_fill(&layout, graph.parameters, WORLD_SEED, place.voxel_log2_m, data));

@@ -444,6 +444,35 @@ static const struct {
      "  vec3 coluor(vec3 p, vec3 n) { return n; }\n"
      "       ^\n"
      "  is this it? Then call it colour"},
+    {"colour_of_another_kind",
+     "float density(vec3 p) { return -p.y; }\n"
+     "vec3 colour(float t) { return vec3(t); }\n",
+     "world.karst:2:6: warning: 'colour' is not used: it has other parameters or another result than Karst's own\n"
+     "  vec3 colour(float t) { return vec3(t); }\n"
+     "       ^\n"
+     "  write vec3 colour(vec3 p, vec3 n)"},
+    {"surface_of_another_kind",
+     "float density(vec3 p) { return -p.y; }\n"
+     "vec3 surface(vec3 p, vec3 n) { return n; }\n",
+     "world.karst:2:6: warning: 'surface' is not used: it has other parameters or another result than Karst's own\n"
+     "  vec3 surface(vec3 p, vec3 n) { return n; }\n"
+     "       ^\n"
+     "  write material surface(vec3 p, vec3 n)"},
+    {"surface_misspelt",
+     "float density(vec3 p) { return -p.y; }\n"
+     "material surfcae(vec3 p, vec3 n) { material m; return m; }\n",
+     "world.karst:2:10: warning: there is no function 'surface', but a 'surfcae'\n"
+     "  material surfcae(vec3 p, vec3 n) { material m; return m; }\n"
+     "           ^\n"
+     "  is this it? Then call it surface"},
+    {"colour_besides_surface",
+     "float density(vec3 p) { return -p.y; }\n"
+     "vec3 color(vec3 p, vec3 n) { return n; }\n"
+     "material surface(vec3 p, vec3 n) { material m; return m; }\n",
+     "world.karst:2:6: warning: 'color' is not used: 'surface' gives what it would\n"
+     "  vec3 color(vec3 p, vec3 n) { return n; }\n"
+     "       ^\n"
+     "  call it in surface, or remove it"},
     {"place_on_the_screen",
      "float density(vec3 p) {\n"
      "    return gl_FragCoord.x - p.y;\n"

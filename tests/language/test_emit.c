@@ -132,8 +132,19 @@ static const char colour_probe[] =
     "            near.is_far |= 1 << axis;\n"
     "    }\n"
     "    world_colour_prepare(data, anchor, fraction, octaves, 0u, 1u);\n"
+    "#ifdef WORLD_NUM_OUTPUTS\n"
+    "    vfloat values[WORLD_NUM_OUTPUTS];\n"
+    "    world_outputs(data, &near, octaves, &at, level, nx, ny, nz, values);\n"
+    "    red = values[0], green = values[1], blue = values[2];\n"
+    "#else\n"
     "    world_colour(data, &near, octaves, &at, level, nx, ny, nz, &red, &green, &blue);\n"
-    "    v_store_float(red + (vfloat)(2.0f) * green - (vfloat)(4.0f) * blue, out + first);\n"
+    "#endif\n"
+    "    vfloat sum = red + (vfloat)(2.0f) * green - (vfloat)(4.0f) * blue;\n"
+    "#ifdef WORLD_NUM_OUTPUTS\n"
+    "    for (int i = 3; i < WORLD_NUM_OUTPUTS; i++)\n"
+    "        sum += (vfloat)((float)(1 << i)) * values[i];\n"
+    "#endif\n"
+    "    v_store_float(sum, out + first);\n"
     "}\n"
     "__kernel void brick(void) {}\n";
 
@@ -278,8 +289,8 @@ static int close_devices(void **state)
 
 /* Every STEP-th sample, and the last one of each row, against the host. */
 #define STEP 97
-static void compare_with_oracle(karst_oracle *oracle, bool is_colour, const float *samples, const int64_t origin[3],
-                                int level, uint32_t number)
+static void compare_with_oracle(karst_oracle *oracle, const karst_expr *shading, const float *samples,
+                                const int64_t origin[3], int level, uint32_t number)
 {
     /* As colour_probe has them: packets of one kind of ground, and such as hold two. */
     static const float slope[3] = {0.48f, 0.6f, -0.64f}, steep[3] = {0.8f, 0.0f, -0.6f}, flat[3] = {0, 1, 0};
@@ -290,13 +301,17 @@ static void compare_with_oracle(karst_oracle *oracle, bool is_colour, const floa
                         i / (KARST_BRICK_SIDE * KARST_BRICK_SIDE)};
         for (int axis = 0; axis < 3; axis++)
             at.voxel[axis] = origin[axis] + ((int64_t)index[axis] << level);
-        for (int axis = 0; axis < 3 && is_colour; axis++)
+        for (int axis = 0; axis < 3 && shading; axis++)
             at.fraction[axis] = colour_fraction((uint32_t)i, axis);
         float expected;
-        if (is_colour) {
-            karst_oracle_value rgb[3];
-            karst_oracle_colour(oracle, &at, normals[(i >> 5 & 3) * 2 + (i & 1)], level, rgb);
+        if (shading) {
+            karst_oracle_value v[KARST_NUM_ROOTS], *rgb = v + KARST_ROOT_COLOUR;
+            uint32_t list[KARST_NUM_ROOTS];
+            const size_t count = karst_list_roots(shading, KARST_PROGRAM_SHADING, list);
+            karst_oracle_shading(oracle, &at, normals[(i >> 5 & 3) * 2 + (i & 1)], level, v);
             expected = rgb[0].device + 2.0f * rgb[1].device - 4.0f * rgb[2].device;
+            for (size_t k = 3; k < count; k++)
+                expected += (float)(1 << k) * v[list[k]].device;
         } else {
             expected = karst_oracle_density(oracle, &at, level).device;
         }
@@ -333,7 +348,7 @@ static void check_densities(const subject *s, const karst_number *values)
         compare(samples[0], samples[1], "points with 1 and 16 lanes", origin, level, s->number);
         compare(samples[0], samples[2], "points and bricks, 1 lane", origin, level, s->number);
         compare(samples[0], samples[3], "points and bricks, 16 lanes", origin, level, s->number);
-        compare_with_oracle(oracle, false, samples[0], origin, level, s->number);
+        compare_with_oracle(oracle, NULL, samples[0], origin, level, s->number);
     }
     karst_oracle_destroy(oracle);
 }
@@ -354,7 +369,7 @@ static void check_colours(const subject *s, const karst_number *values)
             run_points(&devices[i], places[p].origin, places[p].level, samples[i]);
         }
         compare(samples[0], samples[1], "colours with 1 and 16 lanes", places[p].origin, places[p].level, s->number);
-        compare_with_oracle(oracle, true, samples[0], places[p].origin, places[p].level, s->number);
+        compare_with_oracle(oracle, s->layout.world.root, samples[0], places[p].origin, places[p].level, s->number);
     }
     for (int i = 0; i < 2; i++)
         device_drop(&devices[i]);
@@ -383,7 +398,7 @@ static void check_world(const karst_resolved_world *world, const karst_number *c
     }
     for (int i = 0; i < 2; i++)
         device_drop(&devices[i]);
-    if (world->has_colour) {
+    if (karst_has_output(world->root, KARST_OUTPUT_COLOUR)) {
         assert_true(karst_world_data_fill(&s.layout, values[0], 7, voxel_log2_m, s.words));
         check_colours(&s, values[0]);
     }
@@ -405,7 +420,7 @@ static void test_random_graphs(void **state)
         karst_graph_init(&live, &arena, 1u << 16, full, NULL);
         karst_expr root = wild_graph(&graph, &random, 20 + wild_below(&random, 150));
         karst_graph_extract(&graph, &live, &root, 1);
-        karst_resolved_world world = {.graph = &live, .density = root};
+        karst_resolved_world world = {.graph = &live, .root = {root}};
         karst_number values[2][WILD_PARAMETERS];
         for (int k = 0; k < 2 * WILD_PARAMETERS; k++)
             values[k / WILD_PARAMETERS][k % WILD_PARAMETERS] =
@@ -478,6 +493,40 @@ static void test_noises(void **state)
     check_folder("tests/language/noises");
 }
 
+/* All that a surface gives, with the normal, noise on either side of a mix, a parameter and a number that is known. */
+static void test_surfaces(void **state)
+{
+    static const char *const texts[] = {
+        "/*{ \"params\": { \"wet\": 0.3 } }*/\n"
+        "float density(vec3 p) { return fbm(p / 16.0, 3) - p.y; }\n"
+        "material surface(vec3 p, vec3 n) {\n"
+        "    material m;\n"
+        "    float rock = smoothstep(0.2, 0.7, n.y);\n"
+        "    m.colour = mix(vec3(fbm(p / 3.0, 4)), vec3(0.2, 0.3, noise(p)), rock);\n"
+        "    m.mirror = wet * n.y;\n"
+        "    m.gloss = step(0.0, sin(p.x / 5.0));\n"
+        "    m.emission = vec3(noise(p / 7.0), fract(p.y / 9.0), 0.25);\n"
+        "    m.ior = 1.5;\n"
+        "    m.absorption = p.zxy / 100.0;\n"
+        "    m.transparency = mix(0.0, noise(p / 2.0), rock);\n"
+        "    return m;\n"
+        "}\n",
+        "float density(vec3 p) { return -p.y; }\n"
+        "material surface(vec3 p, vec3 n) { material m; m.emission.y = worley(p / 4.0).x * n.z; return m; }\n",
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        karst_error error = {0};
+        bool ok;
+        karst_program_graph *program =
+            karst_language_compile("surface", texts[i], strlen(texts[i]), NULL, 0, &ok, &error);
+        expect(program && ok, &error);
+        uint32_t list[KARST_NUM_ROOTS];
+        assert_int_equal(karst_list_roots(program->world.root, KARST_PROGRAM_SHADING, list), i ? 6 : 13);
+        check_program(program, "a surface");
+    }
+}
+
 /* Every function of the language, a few dozen a world: the density is a hash of all their bits. */
 static void test_every_function(void **state)
 {
@@ -541,7 +590,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_means_of_noise), cmocka_unit_test(test_random_graphs),
         cmocka_unit_test(test_shipped_worlds), cmocka_unit_test(test_pasted_worlds),
-        cmocka_unit_test(test_noises),         cmocka_unit_test(test_every_function),
+        cmocka_unit_test(test_noises),         cmocka_unit_test(test_surfaces),
+        cmocka_unit_test(test_every_function),
     };
     return cmocka_run_group_tests(tests, open_devices, close_devices);
 }

@@ -27,13 +27,16 @@
 
 static const char head[] = "#include \"producers/language/emit/emit.clh\"\n";
 /* What a graph's texts define. */
-static const char *const names[] = {"world_axes",   "world_point",  "world_prepare",        "world_plane",  "world_row",
-                                    "world_sample", "world_colour", "world_colour_prepare", "world_surface"};
-static const char *const macros[] = {"WORLD_FACE_IN_ROWS", "WORLD_COLOUR_TAKES_PLACES", "WORLD_NEAR_OCTAVES"};
+static const char *const names[] = {"world_axes",    "world_point",  "world_prepare", "world_plane",
+                                    "world_row",     "world_sample", "world_colour",  "world_colour_prepare",
+                                    "world_surface", "world_outputs"};
+#define OUTPUT_NAME(id, ...) "WORLD_OUTPUT_" #id,
+static const char *const macros[] = {"WORLD_FACE_IN_ROWS", "WORLD_COLOUR_TAKES_PLACES", "WORLD_NEAR_OCTAVES",
+                                     "WORLD_NUM_OUTPUTS", KARST_OUTPUTS(OUTPUT_NAME)};
 
 /* What has been met in texts that compiled. */
 static struct {
-    uint32_t op[KARST_NUM_OPS], wide[KARST_NUM_OPS], type[4], choices, gradients, colours, densities;
+    uint32_t op[KARST_NUM_OPS], wide[KARST_NUM_OPS], type[4], choices, gradients, colours, surfaces, densities;
 } met;
 
 static void expect(bool good, const karst_error *error)
@@ -111,6 +114,7 @@ static void add_world(karst_text *batch, const karst_resolved_world *world, uint
     if (emitted.colour_source && !emitted.is_colour_tape) {
         add_text(batch, emitted.colour_source, number, 'c');
         met.colours++;
+        met.surfaces += strstr(emitted.colour_source, "world_outputs") != NULL;
         met.choices += strstr(emitted.colour_source, "if (v_any(m") != NULL;
     }
     karst_emitted_finish(&emitted);
@@ -181,16 +185,15 @@ static void add_wild(karst_text *batch, uint32_t number)
     karst_arena_init(&arena, (size_t)64 << 20, NULL, NULL);
     karst_graph_init(&graph, &arena, 1u << 16, graph_full, NULL);
     karst_graph_init(&live, &arena, 1u << 16, graph_full, NULL);
-    karst_resolved_world world = {.graph = &live, .has_colour = wild_below(&random, 2)};
-    karst_expr roots[4] = {wild_graph(&graph, &random, 12 + wild_below(&random, 120))};
-    for (int i = 1; i < 4 && world.has_colour; i++)
-        roots[i] = nest(&graph, &random, 1 + wild_below(&random, 4));
-    if (world.has_colour && wild_below(&random, 2))
-        karst_soften(&graph, -4, roots + 1, 3);
-    karst_graph_extract(&graph, &live, roots, world.has_colour ? 4 : 1);
-    world.density = roots[0];
-    for (int i = 0; i < 3 && world.has_colour; i++)
-        world.colour[i] = roots[i + 1];
+    karst_resolved_world world = {.graph = &live};
+    /* A density alone, with a colour, with all that a surface gives. */
+    const uint32_t num_roots = (uint32_t[]){1, 4, KARST_NUM_ROOTS}[wild_below(&random, 3)];
+    world.root[KARST_ROOT_DENSITY] = wild_graph(&graph, &random, 12 + wild_below(&random, 120));
+    for (uint32_t i = 1; i < num_roots; i++)
+        world.root[i] = nest(&graph, &random, 1 + wild_below(&random, 4));
+    if (num_roots > 1 && wild_below(&random, 2))
+        karst_soften(&graph, -4, world.root + 1, num_roots - 1);
+    karst_graph_extract(&graph, &live, world.root, num_roots);
     wild_kinds(&live, &random);
     add_world(batch, &world, number);
     karst_arena_finish(&arena);
@@ -206,9 +209,9 @@ static void add_canonical(karst_text *batch, uint32_t number)
     random_graph_make(&r, &place, 5 + random_below(150), true, 4);
     if (random_chance(2))
         random_graph_widen(&r);
-    karst_resolved_world world = {.graph = &r.graph, .density = r.root[0], .has_colour = random_chance(2)};
-    for (int i = 0; i < 3; i++)
-        world.colour[i] = r.root[i + 1];
+    karst_resolved_world world = {.graph = &r.graph, .root = {r.root[0]}};
+    if (random_chance(2))
+        memcpy(world.root + 1, r.root + 1, 3 * sizeof *r.root);
     add_world(batch, &world, number);
     random_graph_finish(&r);
 }
@@ -260,9 +263,10 @@ static void test_random_graphs(void **state)
     for (int type = 0; type < 4; type++)
         assert_true(met.type[type] > 0);
     assert_true(met.wide[KARST_OP_SELECT] > 0 && met.wide[KARST_OP_MIX] > 0);
-    print_message("%u densities, %u gradients, %u colours, %u of which leave something out\n", met.densities,
-                  met.gradients, met.colours, met.choices);
-    assert_true(met.choices > num_graphs() / 50 && met.gradients > num_graphs() / 20);
+    print_message("%u densities, %u gradients, %u colours, %u of which leave something out, %u with more\n",
+                  met.densities, met.gradients, met.colours, met.choices, met.surfaces);
+    assert_true(met.choices > num_graphs() / 50 && met.gradients > num_graphs() / 20 &&
+                met.surfaces > num_graphs() / 20);
 }
 
 /* ---- and what is refused ---- */
@@ -286,7 +290,7 @@ static void test_mixed_types(void **state)
         karst_expr less = karst_graph_raw(&g, KARST_OP_LESS, KARST_TYPE_BOOL, 0, a, b, 0, 0);
         karst_expr other = karst_graph_raw(&g, KARST_OP_ADD, KARST_TYPE_FLOAT, 0, b, a, 0, 0);
         karst_expr choice = karst_graph_raw(&g, KARST_OP_SELECT, KARST_TYPE_FLOAT, 0, less, less, other, 0);
-        karst_resolved_world world = {.graph = &g, .density = choice};
+        karst_resolved_world world = {.graph = &g, .root = {choice}};
         karst_kinds_set(&g, 1);
         g.nodes[choice].kind = g.nodes[other].kind = kind ? KARST_KIND_WIDE : KARST_KIND_FLOAT;
         assert_false(karst_resolved_world_check(&world, &fault));
@@ -296,11 +300,11 @@ static void test_mixed_types(void **state)
         assert_int_equal(error.status, KARST_FAILED);
         assert_non_null(strstr(error.message, "incompatible type"));
         karst_emitted_finish(&emitted);
-        world.density = less;
+        world.root[KARST_ROOT_DENSITY] = less;
         g.nodes[choice].arg[1] = other;
         assert_false(karst_resolved_world_check(&world, &fault));
         assert_non_null(strstr(fault, "no float"));
-        world.density = choice;
+        world.root[KARST_ROOT_DENSITY] = choice;
         assert_true(karst_resolved_world_check(&world, &fault));
         karst_arena_finish(&arena);
     }

@@ -371,10 +371,11 @@ static void test_same_graph(void **s)
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
         text_world a = world_from_body(pairs[i][0]), b = world_from_body(pairs[i][1]);
         const karst_graph *g = &a.program->graph, *h = &b.program->graph;
-        if (g->nodes[a.program->density].op != h->nodes[b.program->density].op || g->num_nodes != h->num_nodes)
+        if (g->nodes[a.program->root[KARST_ROOT_DENSITY]].op != h->nodes[b.program->root[KARST_ROOT_DENSITY]].op ||
+            g->num_nodes != h->num_nodes)
             fail_msg("%s: %u nodes, %s; but %u nodes, %s", pairs[i][0], g->num_nodes,
-                     karst_op_name(g->nodes[a.program->density].op), h->num_nodes,
-                     karst_op_name(h->nodes[b.program->density].op));
+                     karst_op_name(g->nodes[a.program->root[KARST_ROOT_DENSITY]].op), h->num_nodes,
+                     karst_op_name(h->nodes[b.program->root[KARST_ROOT_DENSITY]].op));
         for (int k = 0; k < 50; k++) {
             double x = k * 0.37 - 9, y = k * -0.71 + 17, z = k * 0.13 - 3;
             karst_oracle_value u = density_at(&a, x, y, z), v = density_at(&b, x, y, z);

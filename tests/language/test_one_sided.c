@@ -201,7 +201,7 @@ static void check_graph(uint64_t number, tally *t)
     karst_graph_extract(&built, &graph, &root, 1);
     karst_kinds_set(&graph, 1);
     if (!karst_graph_is_uniform(&graph, root)) {
-        karst_resolved_world world = {.graph = &graph, .density = root};
+        karst_resolved_world world = {.graph = &graph, .root = {root}};
         karst_gradient_world *derived = karst_derive(&world, &error);
         assert_non_null(derived);
         karst_oracle *oracle = karst_oracle_create(&derived->world, NULL, 7, VOXEL_LOG2_M, &error);

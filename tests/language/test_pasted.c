@@ -48,7 +48,7 @@ static void test_all(void **s)
             assert_near((double)v.device, v.precise, 2e-3 * (1 + fabs(v.precise)), entry->d_name);
             solid += v.precise > 0;
         }
-        if (w.program->has_colour) {
+        if (karst_has_output(w.program->root, KARST_OUTPUT_COLOUR)) {
             karst_oracle_value rgb[3];
             karst_position at = position_at(&w, 1, 2, 3);
             karst_oracle_colour(w.oracle, &at, (const float[]){0, 1, 0}, -1, rgb);

@@ -43,14 +43,14 @@ static void compare_graph(uint64_t seed, tally *t)
     random_graph_make(&graph, &place, 20 + random_below(120), random_chance(2), 1);
     if (random_chance(3))
         random_graph_widen(&graph);
-    karst_resolved_world world = {.graph = &graph.graph, .density = graph.root[0]};
+    karst_resolved_world world = {.graph = &graph.graph, .root = {graph.root[0]}};
     karst_world_layout layout;
     karst_tape tape;
     karst_error error;
     assert_true(karst_world_layout_init(&layout, &world));
     uint64_t *data = calloc(layout.num_words, sizeof *data);
     assert_true(karst_world_data_fill(&layout, graph.parameters, 7, place.voxel_log2_m, data));
-    assert_true(karst_tape_build(&layout, &world.density, 1, &tape, &error));
+    assert_true(karst_tape_build(&layout, &world.root[KARST_ROOT_DENSITY], 1, &tape, &error));
     assert_true(tape.num_slots <= TAPE_SLOTS);
     uint32_t stride = tape.num_slots * TAPE_VALUE_ELEMENTS;
     int *slots = calloc(tape.num_slots * (TAPE_BOUND_ELEMENTS + NUM_POINTS * TAPE_VALUE_ELEMENTS), sizeof *slots);
@@ -227,18 +227,22 @@ static const char colour_probe[] =
     "    world_point_at at;\n"
     "    __local near_octave known[WORLD_NEAR_OCTAVES + 1];\n"
     "    const world_near_at near = {.is_far = 7};\n"
-    "    vfloat red, green, blue;\n"
+    "#ifndef WORLD_NUM_OUTPUTS\n"
+    "#define WORLD_NUM_OUTPUTS 3\n"
+    "    vfloat values[3];\n"
+    "#define world_outputs(...) world_colour(__VA_ARGS__, values + 1, values + 2)\n"
+    "#else\n"
+    "    vfloat values[WORLD_NUM_OUTPUTS];\n"
+    "#endif\n"
     "    int first = (int)get_global_id(0) * LANES;\n"
     "    at.voxel[0] = v_int_to_long((vint)(x + 3 * first) + 3 * V_LANE);\n"
     "    at.voxel[1] = (vlong)(5L);\n"
     "    at.voxel[2] = (vlong)(-70L);\n"
     "    for (int i = 0; i < 3; i++)\n"
     "        at.fraction[i] = (vuint)(0u);\n"
-    "    world_colour(data, &near, known, &at, level, (vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), &red,\n"
-    "                 &green, &blue);\n"
-    "    v_store_float(red, out + 3 * first);\n"
-    "    v_store_float(green, out + 3 * first + LANES);\n"
-    "    v_store_float(blue, out + 3 * first + 2 * LANES);\n"
+    "    world_outputs(data, &near, known, &at, level, (vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), values);\n"
+    "    for (int i = 0; i < WORLD_NUM_OUTPUTS; i++)\n"
+    "        v_store_float(values[i], out + WORLD_NUM_OUTPUTS * first + i * LANES);\n"
     "}\n";
 enum { NUM_COLOURS = 64 };
 
@@ -248,7 +252,9 @@ static void check_colours(const karst_world_file *file, int lanes)
     static const float normal[3] = {0.48f, 0.6f, -0.64f};
     karst_error error = {0};
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
-    float rgb[3 * NUM_COLOURS];
+    float values[KARST_NUM_ROOTS * NUM_COLOURS];
+    uint32_t list[KARST_NUM_ROOTS];
+    const int count = (int)karst_list_roots(file->program->world.root, KARST_PROGRAM_SHADING, list);
     karst_number none = {0};
     karst_world_file_colour_options(file, options);
     karst_context *context = karst_context_create(getenv("KARST_DEVICE"), lanes, NULL, &error);
@@ -259,7 +265,7 @@ static void check_colours(const karst_world_file *file, int lanes)
     cl_kernel kernel = karst_program_kernel(program, "colours", &error);
     void *bytes = karst_world_file_data(file, file->info.seed, &error);
     karst_buffer *data = karst_buffer_create(context, "data", file->data_bytes, NULL, &error);
-    karst_buffer *out = karst_buffer_create(context, "out", sizeof rgb, NULL, &error);
+    karst_buffer *out = karst_buffer_create(context, "out", sizeof values, NULL, &error);
     pool_expect(kernel && bytes && data && out && karst_buffer_write(data, 0, bytes, file->data_bytes, &error), "data",
                 &error);
     karst_oracle *oracle =
@@ -270,15 +276,15 @@ static void check_colours(const karst_world_file *file, int lanes)
         pool_expect(KARST_ARGUMENTS(kernel, &error, KARST_BUFFER_ARG(data), KARST_VALUE_ARG(x), KARST_VALUE_ARG(level),
                                     KARST_BUFFER_ARG(out)) &&
                         karst_launch(context, kernel, KARST_STAGE_SHADE, (size_t)(NUM_COLOURS / lanes), 1, &error) &&
-                        karst_buffer_read(out, 0, rgb, sizeof rgb, &error),
+                        karst_buffer_read(out, 0, values, sizeof values, &error),
                     "colours", &error);
         for (int i = 0; i < NUM_COLOURS; i++) {
             karst_position at = {.voxel = {x + 3 * i, 5, -70}};
-            karst_oracle_value expected[3];
-            karst_oracle_colour(oracle, &at, normal, level, expected);
-            for (int c = 0; c < 3; c++)
-                assert_int_equal(k_as_uint(rgb[3 * (i / lanes * lanes) + c * lanes + i % lanes]),
-                                 k_as_uint(expected[c].device));
+            karst_oracle_value expected[KARST_NUM_ROOTS];
+            karst_oracle_shading(oracle, &at, normal, level, expected);
+            for (int c = 0; c < count; c++)
+                assert_int_equal(k_as_uint(values[count * (i / lanes * lanes) + c * lanes + i % lanes]),
+                                 k_as_uint(expected[list[c]].device));
         }
     }
     karst_oracle_destroy(oracle);
@@ -288,6 +294,20 @@ static void check_colours(const karst_world_file *file, int lanes)
     clReleaseKernel(kernel);
     karst_program_destroy(program);
     karst_context_destroy(context);
+}
+
+static void check_large_colours(const char *text, int num_outputs)
+{
+    karst_error error = {0};
+    uint32_t list[KARST_NUM_ROOTS];
+    karst_world_file *file = karst_world_file_compile("large", text, strlen(text), NULL, 0, NULL, &error);
+    pool_expect(file, "world", &error);
+    print_message("%u steps\n", file->colour_tape.num_instructions);
+    assert_true(file->code.is_colour_tape && !file->code.is_tape && file->colour_tape.num_instructions > 4000);
+    assert_int_equal(karst_list_roots(file->program->world.root, KARST_PROGRAM_SHADING, list), num_outputs);
+    check_colours(file, 16);
+    check_colours(file, 1);
+    karst_world_file_destroy(file);
 }
 
 static void test_large_colours(void **state)
@@ -305,14 +325,17 @@ static void test_large_colours(void **state)
         "    }\n"
         "    return c;\n"
         "}\n";
-    karst_error error = {0};
-    karst_world_file *file = karst_world_file_compile("large", text, strlen(text), NULL, 0, NULL, &error);
-    pool_expect(file, "world", &error);
-    print_message("%u steps\n", file->colour_tape.num_instructions);
-    assert_true(file->code.is_colour_tape && !file->code.is_tape && file->colour_tape.num_instructions > 4000);
-    check_colours(file, 16);
-    check_colours(file, 1);
-    karst_world_file_destroy(file);
+    static const char surface[] = "material surface(vec3 p, vec3 n) {\n"
+                                  "    material m;\n"
+                                  "    m.colour = colour(p, n);\n"
+                                  "    m.mirror = m.colour.y * n.y;\n"
+                                  "    m.emission = vec3(2.0, noise(p / 9.0), m.colour.z);\n"
+                                  "    return m;\n"
+                                  "}\n";
+    char both[sizeof text + sizeof surface];
+    check_large_colours(text, 3);
+    snprintf(both, sizeof both, "%s%s", text, surface);
+    check_large_colours(both, 7);
 }
 
 int main(void)

@@ -39,7 +39,7 @@ static void subject_make(subject *s, uint64_t seed, bool with_pairs)
     if (with_pairs)
         random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
-    s->world = (karst_resolved_world){.graph = &s->graph.graph, .density = root[0]};
+    s->world = (karst_resolved_world){.graph = &s->graph.graph, .root = {root[0]}};
     assert_true(karst_world_layout_init(&s->layout, &s->world));
     s->data = calloc(s->layout.num_words, sizeof *s->data);
     assert_true(karst_world_data_fill(&s->layout, s->graph.parameters, WORLD_SEED, s->place.voxel_log2_m, s->data));

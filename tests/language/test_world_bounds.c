@@ -46,7 +46,7 @@ static void world_open(world *w, const char *path)
     if (!ok)
         fail_msg("%s: %s", path, error.message);
     assert_true(karst_world_layout_init(&w->layout, &w->program->world));
-    assert_true(karst_tape_build(&w->layout, &w->program->world.density, 1, &w->tape, &error));
+    assert_true(karst_tape_build(&w->layout, &w->program->world.root[KARST_ROOT_DENSITY], 1, &w->tape, &error));
     karst_number *values = calloc(w->program->num_parameters + 1, sizeof *values);
     for (uint32_t i = 0; i < w->program->num_parameters; i++)
         values[i] = w->program->parameters[i].value;

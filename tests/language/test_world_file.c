@@ -40,7 +40,7 @@ static void test_shipped_worlds(void **state)
         assert_string_equal(expected, name);
         assert_true(strlen(file->info.description) > 10);
         assert_true(file->program->header.has_camera && file->program->header.has_sun && file->program->header.has_sky);
-        assert_true(file->program->world.has_colour);
+        assert_true(karst_has_output(file->program->world.root, KARST_OUTPUT_COLOUR));
         assert_non_null(strstr(file->code.source, "world_row"));
         assert_non_null(strstr(file->code.colour_source, "world_colour"));
         if (!karst_camera_parse(file->info.camera, file->info.voxel_log2_m, &camera, &error))

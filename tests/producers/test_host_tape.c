@@ -38,7 +38,7 @@ static void open_subject(subject *s, uint64_t seed, bool with_pairs)
     random_graph_make(&s->graph, &s->place, 20 + random_below(120), true, 1);
     if (with_pairs)
         random_graph_widen(&s->graph);
-    s->world = (karst_resolved_world){.graph = &s->graph.graph, .density = s->graph.root[0]};
+    s->world = (karst_resolved_world){.graph = &s->graph.graph, .root = {s->graph.root[0]}};
     assert_true(karst_world_layout_init(&s->layout, &s->world));
     s->data = calloc(s->layout.num_words, sizeof *s->data);
     assert_non_null(s->data);

@@ -70,7 +70,7 @@ typedef struct {
     double view_distance_m;
     double extent_m;           /* how far from the origin it means something; 0: not said */
     double declared_lipschitz; /* 0: none */
-    bool has_colour;           /* it defines colour() */
+    bool has_colour;           /* it defines colour() or surface() */
     size_t num_parameters;
     const karst_parameter_info *parameters; /* of the header, in its order */
 } karst_world_metadata;
@@ -123,7 +123,7 @@ double karst_sampler_precise_density(karst_sampler *sampler, const karst_positio
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
                             karst_sample gradient[3], karst_sample *density);
 
-/* The albedo, linear RGB, for a normal of length 1. false: the world defines no colours. */
+/* The albedo (of colour() or surface()), linear RGB, for a normal of length 1. false: the world defines none. */
 bool karst_sampler_colour(karst_sampler *sampler, const karst_position *at, const float normal[3], double footprint_m,
                           karst_sample rgb[3]);
 

@@ -34,9 +34,9 @@
 
 typedef struct {
     char *source;            /* malloc'ed text of "world.clh" */
-    char *colour_source;     /* malloc'ed text that defines world_colour alone; NULL: the world has no colours */
+    char *colour_source;     /* malloc'ed text of what shading runs (raycast/light/shade.h); NULL: there is nothing */
     uint32_t num_point_ops;  /* nodes of world_point */
-    uint32_t num_colour_ops; /* of world_colour; 0 if there is none */
+    uint32_t num_colour_ops; /* of that; 0 if there is none */
     uint32_t num_ops[8];     /* of the brick form by what they depend on: bits KARST_DEPENDS_X, _Y, _Z */
     bool is_tape;            /* `source` is the tape's interpreter: no ops are counted but those of colours */
     bool is_colour_tape;     /* the same of `colour_source` */

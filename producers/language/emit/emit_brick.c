@@ -314,7 +314,8 @@ static void row(karst_emit *emit)
         "    if (axes->plane != iz)\n        world_plane(axes, iz);\n"
         "    const affine_position at = emit_samples(axes->origin, axes->level, lane, (vint)(iy), (vint)(iz));\n");
     lines(emit, KARST_AXES);
-    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
+    karst_text_add(text, "    return %s;\n}\n\n",
+                   karst_emit_operand(emit, emit->layout->world.root[KARST_ROOT_DENSITY]).text);
 }
 
 bool karst_emit_face_in_rows(const karst_emit *emit)
@@ -349,7 +350,8 @@ static void sample(karst_emit *emit)
                                emit->graph->nodes[e].type == KARST_TYPE_FLOAT ? floats : "INTS",
                                karst_emit_axes_name(axes), parts[i], e, karst_emit_axes_name(axes));
     }
-    karst_text_add(&emit->text, "    return %s;\n}\n\n", karst_emit_operand(emit, emit->layout->world.density).text);
+    karst_text_add(&emit->text, "    return %s;\n}\n\n",
+                   karst_emit_operand(emit, emit->layout->world.root[KARST_ROOT_DENSITY]).text);
 }
 
 /* The first noises that may be tensors, for as long as there is room. */
@@ -423,7 +425,7 @@ static uint32_t mark_kept(karst_emit *emit, karst_expr root)
 
 void karst_emit_bricks(karst_emit *emit, karst_emitted *emitted)
 {
-    karst_expr root = emit->layout->world.density;
+    karst_expr root = emit->layout->world.root[KARST_ROOT_DENSITY];
     karst_emit_mark(emit, &root, 1);
     if (mark_kept(emit, root) > MAX_XY_KEPT) {
         for (karst_expr e = 1; e < emit->graph->num_nodes; e++)

@@ -116,7 +116,10 @@ void karst_emit_worley_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);
-void karst_emit_colours(karst_emit *emit, karst_emitted *emitted);
+/* What stands before the code of a world whose shading has more outputs than the colour: how many there are, and where
+ * each begins. */
+void karst_emit_output_names(karst_emit *emit);
+void karst_emit_shading(karst_emit *emit, karst_emitted *emitted);
 void karst_emit_surfaces(karst_emit *emit);
 
 /* ---- emit_choice.c ---- */

@@ -1,4 +1,4 @@
-/* The point form: world_point and world_colour. */
+/* The point form: world_point, world_colour and world_outputs. */
 #include "producers/language/emit/emit_internal.h"
 
 #include <stdlib.h>
@@ -34,8 +34,8 @@ void karst_emit_points(karst_emit *emit, karst_emitted *emitted)
     karst_text_add(text,
                    "K_INLINE K_WIDE vfloat world_point(world_data data, const world_point_at *place, int level)\n{\n%s",
                    begin);
-    emitted->num_point_ops = lines_of(emit, &world->density, 1);
-    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
+    emitted->num_point_ops = lines_of(emit, &world->root[KARST_ROOT_DENSITY], 1);
+    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->root[KARST_ROOT_DENSITY]).text);
 }
 
 /* ---- gradients ---- */
@@ -105,7 +105,8 @@ static bool gradient_lines(karst_emit *emit, karst_expr density, const karst_exp
 void karst_emit_surfaces(karst_emit *emit)
 {
     const karst_resolved_world *world = &emit->layout->world;
-    const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
+    const karst_expr roots[4] = {world->root[KARST_ROOT_DENSITY], world->gradient[0], world->gradient[1],
+                                 world->gradient[2]};
     karst_text *text = &emit->text;
     karst_text_add(text,
                    "K_INLINE K_WIDE vfloat world_surface(world_data data, const world_point_at *place, int level, "
@@ -113,34 +114,60 @@ void karst_emit_surfaces(karst_emit *emit)
                    begin);
     karst_emit_mark(emit, roots, 4);
     karst_emit_begin_block(emit, (karst_block){.is_point = true});
-    if (!gradient_lines(emit, world->density, world->gradient)) {
+    if (!gradient_lines(emit, world->root[KARST_ROOT_DENSITY], world->gradient)) {
         marked_lines(emit);
         for (int i = 0; i < 3; i++)
             karst_text_add(text, "    gradient[%d] = %s;\n", i, karst_emit_operand(emit, world->gradient[i]).text);
     }
-    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->density).text);
+    karst_text_add(text, "    return %s;\n}\n\n", karst_emit_operand(emit, world->root[KARST_ROOT_DENSITY]).text);
 }
 
-void karst_emit_colours(karst_emit *emit, karst_emitted *emitted)
+/* ---- shading ---- */
+
+static const char shading_inputs[] =
+    "world_data data, const world_near_at *near, __local const near_octave *octaves,\n"
+    "                                  const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz";
+static const char colour_parameters[] = "vfloat *red, vfloat *green, vfloat *blue";
+#define SHADING_NAME(id, ...) "WORLD_OUTPUT_" #id,
+static const char *const shading_names[KARST_NUM_OUTPUTS] = {KARST_OUTPUTS(SHADING_NAME)};
+
+void karst_emit_output_names(karst_emit *emit)
 {
-    const karst_resolved_world *world = &emit->layout->world;
+    uint32_t numbers[KARST_NUM_ROOTS];
+    size_t count = karst_list_roots(emit->layout->world.root, KARST_PROGRAM_SHADING, numbers);
+    if (count == karst_outputs[KARST_OUTPUT_COLOUR].num_floats)
+        return;
+    karst_text_add(&emit->text, "#define WORLD_NUM_OUTPUTS %u\n", (unsigned)count);
+    for (uint32_t i = 0; i < count; i++)
+        for (int o = 0; o < KARST_NUM_OUTPUTS; o++)
+            if (karst_outputs[o].root == numbers[i])
+                karst_text_add(&emit->text, "#define %s %u\n", shading_names[o], i);
+}
+
+void karst_emit_shading(karst_emit *emit, karst_emitted *emitted)
+{
+    karst_expr roots[KARST_NUM_ROOTS];
+    const size_t num_roots = karst_program_roots(emit->layout->world.root, KARST_PROGRAM_SHADING, roots);
+    const bool is_colour_alone = num_roots == karst_outputs[KARST_OUTPUT_COLOUR].num_floats;
     karst_text *text = &emit->text;
-    emitted->num_colour_ops = karst_emit_mark(emit, world->colour, 3);
+    emitted->num_colour_ops = karst_emit_mark(emit, roots, num_roots);
     karst_emit_near_octaves(emit);
-    karst_text_add(text,
-                   "K_INLINE K_WIDE void world_colour(world_data data, const world_near_at *near, __local const "
-                   "near_octave *octaves,\n                                  const world_point_at *place, int level, "
-                   "vfloat nx, vfloat ny, vfloat nz,\n                                  vfloat *red, vfloat *green, "
-                   "vfloat *blue)\n{\n%s",
-                   begin);
+    karst_text_add(text, "K_INLINE K_WIDE void %s(%s,\n                                  %s)\n{\n%s",
+                   is_colour_alone ? "world_colour" : "world_outputs", shading_inputs,
+                   is_colour_alone ? colour_parameters : "vfloat values[WORLD_NUM_OUTPUTS]", begin);
     const size_t body = text->length;
     karst_emit_begin_block(emit, (karst_block){.is_point = true, .is_near = true});
     /* What a packet does not need is left out, though then infinite numbers in it do not come through. */
-    if (!karst_emit_choice_lines(emit, world->colour, 3))
+    if (!karst_emit_choice_lines(emit, roots, num_roots))
         marked_lines(emit);
     static const char *const names[] = {"red", "green", "blue"};
-    for (int i = 0; i < 3; i++)
-        karst_text_add(text, "    *%s = %s;\n", names[i], karst_emit_operand(emit, world->colour[i]).text);
+    for (uint32_t i = 0; i < num_roots; i++) {
+        const karst_operand value = karst_emit_operand(emit, roots[i]);
+        if (is_colour_alone)
+            karst_text_add(text, "    *%s = %s;\n", names[i], value.text);
+        else
+            karst_text_add(text, "    values[%u] = %s;\n", i, value.text);
+    }
     /* What is not near takes the exact place as first argument. */
     const bool takes_places = !text->failed && strstr(text->bytes + body, "(&at,");
     karst_text_add(text, "}\n#define WORLD_COLOUR_TAKES_PLACES %d\n\n", takes_places);

@@ -134,7 +134,7 @@ static bool take_text(karst_emit *emit, char **to, karst_error *error)
 static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error *error)
 {
     karst_error why = {0};
-    if (check(emit, &emit->layout->world.density, 1, "density", &why)) {
+    if (check(emit, &emit->layout->world.root[KARST_ROOT_DENSITY], 1, "density", &why)) {
         preamble(emit);
         karst_emit_points(emit, emitted);
         karst_emit_bricks(emit, emitted);
@@ -148,15 +148,21 @@ static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error 
     return take_text(emit, &emitted->source, error);
 }
 
-/* The same for the colours. */
-static bool write_colours(karst_emit *emit, karst_emitted *emitted, karst_error *error)
+/* The same for what shading runs, if there is anything. */
+static bool write_shading(karst_emit *emit, karst_emitted *emitted, karst_error *error)
 {
     karst_error why = {0};
-    if (check(emit, emit->layout->world.colour, 3, "colour", &why)) {
+    karst_expr roots[KARST_NUM_ROOTS];
+    size_t num_roots = karst_program_roots(emit->layout->world.root, KARST_PROGRAM_SHADING, roots);
+    if (num_roots == 0)
+        return true;
+    if (check(emit, roots, num_roots, "colour", &why)) {
         preamble(emit);
-        karst_emit_colours(emit, emitted);
+        karst_emit_output_names(emit);
+        karst_emit_shading(emit, emitted);
     } else if (why.status == KARST_BAD_WORLD) {
         emitted->is_colour_tape = true;
+        karst_emit_output_names(emit);
         karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_colour.clh\"\n", only_gradient(emit));
     } else {
         return karst_fail(error, why.status, "%s", why.message);
@@ -183,7 +189,8 @@ bool karst_emit_is_tape(const karst_world_layout *layout, bool *is_tape, karst_e
     karst_emit emit;
     karst_error why = {0};
     bool done = begin(&emit, layout, error);
-    *is_tape = done && !check(&emit, &layout->world.density, 1, "density", &why) && why.status == KARST_BAD_WORLD;
+    *is_tape = done && !check(&emit, &layout->world.root[KARST_ROOT_DENSITY], 1, "density", &why) &&
+               why.status == KARST_BAD_WORLD;
     if (done && why.status != KARST_OK && !*is_tape)
         done = karst_fail(error, why.status, "%s", why.message);
     finish(&emit);
@@ -195,8 +202,7 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     karst_emit emit;
     *emitted = (karst_emitted){0};
     bool done = begin(&emit, layout, error);
-    done = done && write_density(&emit, emitted, error) &&
-           (!layout->world.has_colour || write_colours(&emit, emitted, error));
+    done = done && write_density(&emit, emitted, error) && write_shading(&emit, emitted, error);
     if (!done)
         karst_emitted_finish(emitted);
     finish(&emit);
@@ -206,7 +212,8 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
 bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error)
 {
     const karst_resolved_world *world = &layout->world;
-    const karst_expr roots[4] = {world->density, world->gradient[0], world->gradient[1], world->gradient[2]};
+    const karst_expr roots[4] = {world->root[KARST_ROOT_DENSITY], world->gradient[0], world->gradient[1],
+                                 world->gradient[2]};
     karst_emit emit;
     karst_emitted points = {0};
     bool done = begin(&emit, layout, error);

@@ -83,7 +83,8 @@ struct karst_ast_variable { /* also parameters, fields and globals */
 struct karst_ast_struct {
     uint32_t name, where;
     karst_ast_variable *fields;
-    karst_type *type; /* made by lower.c when first needed */
+    const double *usual; /* what each of its floats is at first; NULL: 0 */
+    karst_type *type;    /* made by lower_state.c when first needed */
     karst_ast_struct *next;
 };
 

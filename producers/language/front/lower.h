@@ -5,6 +5,7 @@
 #define KARST_LANGUAGE_LOWER_H
 
 #include "producers/language/front/parser.h"
+#include "producers/language/graph/entries.h"
 
 #define KARST_MAX_INLINING 64u
 #define KARST_MAX_ITERATIONS 16384u
@@ -32,12 +33,15 @@ typedef struct {
     karst_lower_parameter parameters[KARST_MAX_PARAMETERS + 16];
     uint32_t num_parameters;
     /* out */
-    karst_expr density, colour[3];
-    bool has_colour;
+    karst_expr root[KARST_NUM_ROOTS];  /* KARST_NO_EXPR: no entry gives it, or the usual number is all that it is */
+    bool has_entry[KARST_NUM_ENTRIES]; /* which of them run */
     uint32_t max_iterations_seen;
 } karst_lowering;
 
-/* Lowers both entry points. Errors go through the source. */
+/* Gives the user's text the structs that entries return (entries.h), if it names them as types; before it is parsed.
+ * A struct of the user's hides one of these. */
+void karst_entry_structs(karst_parser *parser, const karst_tokens *user);
+/* Lowers all entry points. Errors go through the source. */
 void karst_lower(karst_lowering *lowering);
 
 #endif

@@ -25,7 +25,10 @@ static karst_expr zero_of(karst_lower_state *s, karst_scalar_type type)
 
 static void fill_zero(karst_lower_state *s, const karst_type *type, karst_expr *e)
 {
-    if (type->shape == KARST_SHAPE_STRUCT)
+    if (type->usual)
+        for (uint32_t i = 0; i < type->num_scalars; i++)
+            e[i] = karst_graph_number(s->graph, KARST_TYPE_FLOAT, karst_number_shortest(type->usual[i]));
+    else if (type->shape == KARST_SHAPE_STRUCT)
         for (uint32_t i = 0; i < type->num_fields; i++)
             fill_zero(s, type->fields[i].type, e + type->fields[i].offset);
     else if (type->shape == KARST_SHAPE_ARRAY)
@@ -217,8 +220,10 @@ static const karst_type *struct_type(karst_lower_state *s, karst_ast_struct *str
     uint32_t count = 0;
     for (const karst_ast_variable *f = structure->fields; f; f = f->next)
         count++;
-    *type =
-        (karst_type){.shape = KARST_SHAPE_STRUCT, .name = karst_lower_name(s, structure->name), .num_fields = count};
+    *type = (karst_type){.shape = KARST_SHAPE_STRUCT,
+                         .name = karst_lower_name(s, structure->name),
+                         .num_fields = count,
+                         .usual = structure->usual};
     type->fields = karst_arena_alloc(s->arena, count * sizeof *type->fields);
     karst_field *field = type->fields;
     for (const karst_ast_variable *f = structure->fields; f; f = f->next, field++) {

@@ -31,7 +31,8 @@ struct karst_type {
     uint32_t count;            /* of elements */
     karst_field *fields;       /* of structs */
     uint32_t num_fields;
-    const char *name; /* as in messages: "vec3", "float[4]" */
+    const double *usual; /* of structs of floats: what each is at first; NULL: 0 */
+    const char *name;    /* as in messages: "vec3", "float[4]" */
 };
 
 extern const karst_type karst_type_void;

@@ -175,14 +175,15 @@ bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
     }
     for (karst_expr e = 0; e < count; e++)
         layout->word[e] = KARST_NO_WORD;
-    /* The density's first, and room to spare among the values: its code is then the same whatever colours need. */
-    mark_needed(world, &world->density, 1, layout->is_known, needed);
+    /* The density's first, and room to spare among the values: its code is then the same whatever shading needs. */
+    mark_needed(world, &world->root[KARST_ROOT_DENSITY], 1, layout->is_known, needed);
     lay_out(layout, &chains, needed, true);
     lay_out(layout, &chains, needed, false);
     if (world->text)
         mark_needed(world, &world->text, 1, layout->is_known, needed);
-    if (world->has_colour)
-        mark_needed(world, world->colour, 3, layout->is_known, needed);
+    karst_expr shading[KARST_NUM_ROOTS];
+    mark_needed(world, shading, karst_program_roots(world->root, KARST_PROGRAM_SHADING, shading), layout->is_known,
+                needed);
     if (world->has_gradient)
         mark_needed(world, world->gradient, 3, layout->is_known, needed);
     lay_out(layout, &chains, needed, true);
@@ -321,13 +322,13 @@ bool karst_resolved_world_check(const karst_resolved_world *world, const char **
     const karst_expr_node *nodes = world->graph->nodes;
     if (!karst_graph_check(world->graph, fault))
         return false;
-    if (nodes[world->density].type != KARST_TYPE_FLOAT)
-        *fault = "a density that is no float";
-    for (int i = 0; i < 3; i++) {
-        if (world->has_colour && nodes[world->colour[i]].type != KARST_TYPE_FLOAT)
-            *fault = "a colour that is no float";
+    for (int i = 0; i < KARST_NUM_ROOTS; i++)
+        if (world->root[i] != KARST_NO_EXPR && nodes[world->root[i]].type != KARST_TYPE_FLOAT)
+            *fault = i == KARST_ROOT_DENSITY ? "a density that is no float" : "a value of a surface that is no float";
+    if (world->root[KARST_ROOT_DENSITY] == KARST_NO_EXPR)
+        *fault = "there is no density";
+    for (int i = 0; i < 3; i++)
         if (world->has_gradient && nodes[world->gradient[i]].type != KARST_TYPE_FLOAT)
             *fault = "a gradient that is no float";
-    }
     return !*fault;
 }

@@ -6,16 +6,15 @@
 #ifndef KARST_LANGUAGE_DATA_H
 #define KARST_LANGUAGE_DATA_H
 
-#include "producers/language/graph/graph.h"
+#include "producers/language/graph/entries.h"
 
 /* What a world file compiles to. */
 typedef struct {
-    const karst_graph *graph; /* resolved: no POSITION is left, kinds are set */
-    karst_expr density;
+    const karst_graph *graph;         /* resolved: no POSITION is left, kinds are set */
+    karst_expr root[KARST_NUM_ROOTS]; /* what its entries give; KARST_NO_EXPR where they do not: see entries.h */
     karst_expr text; /* the density that the text states, where that is another one (deepen.h); else KARST_NO_EXPR */
-    karst_expr colour[3];   /* if has_colour */
     karst_expr gradient[3]; /* of the density, per metre, if has_gradient: see derive.h */
-    bool has_colour, has_gradient;
+    bool has_gradient;
 } karst_resolved_world;
 
 /* karst_graph_check, and whether the roots are floats. */
@@ -41,7 +40,7 @@ typedef struct {
      * - NOISE: its octaves, karst_octave each.
      * Of what is known but no constant, word is its number among the values, 32 bits each: a float, an int, a mask.
      * What the float leaves of the value follows num_values floats later.
-     * What the density needs stands where it stands whatever colours need, unless these have very many values. */
+     * What the density needs stands where it stands whatever shading needs, unless that have very many values. */
     uint8_t *is_known;
     uint32_t *word;
     uint32_t values_word; /* where the values begin */

@@ -562,7 +562,7 @@ static void derive(karst_gradient_world *to, const karst_resolved_world *world, 
     karst_graph_init(&to->graph, &to->arena, MAX_NODES, graph_full, out);
     karst_graph built;
     karst_graph_init(&built, &to->arena, MAX_NODES, graph_full, out);
-    karst_expr roots[4] = {world->density};
+    karst_expr roots[4] = {world->root[KARST_ROOT_DENSITY]};
     karst_graph_extract(world->graph, &built, roots, 1);
 
     derivation d = {.graph = &built};
@@ -584,7 +584,7 @@ static void derive(karst_gradient_world *to, const karst_resolved_world *world, 
     karst_kinds_set(&built, count);
 
     karst_graph_extract(&built, &to->graph, roots, 4);
-    to->world = (karst_resolved_world){.graph = &to->graph, .density = roots[0], .has_gradient = true};
+    to->world = (karst_resolved_world){.graph = &to->graph, .root = {roots[0]}, .has_gradient = true};
     for (int axis = 0; axis < 3; axis++)
         to->world.gradient[axis] = roots[axis + 1];
 }

@@ -395,9 +395,9 @@ void karst_kinds_resolve(const karst_graph *graph, const karst_kinds_settings *s
     }
     for (size_t i = 0; i < num_roots; i++)
         roots[i] = r.value[roots[i]];
-    size_t num_densities = settings->num_densities ? settings->num_densities : 1;
-    if (num_roots > num_densities) /* colours */
-        karst_soften(&built, settings->voxel_log2_m, roots + num_densities, num_roots - num_densities);
+    size_t num_sharp = settings->num_sharp_roots ? settings->num_sharp_roots : 1;
+    if (num_roots > num_sharp)
+        karst_soften(&built, settings->voxel_log2_m, roots + num_sharp, num_roots - num_sharp);
     karst_graph_extract(&built, resolved, roots, num_roots);
     karst_kinds_set(resolved, 1);
     karst_range *ranges = karst_arena_alloc(arena, resolved->num_nodes * sizeof *ranges);

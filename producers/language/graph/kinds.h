@@ -13,7 +13,7 @@ typedef struct {
     int voxel_log2_m;
     double extent_m;                             /* how far out the world means something; 0: not said */
     const double *parameter_min, *parameter_max; /* ranges of the parameters: kinds hold for all their values */
-    size_t num_densities;                        /* roots that come first and are no colours; 0 means 1 */
+    size_t num_sharp_roots;                      /* those that come first and are not softened; 0 means 1 */
 } karst_kinds_settings;
 
 /* Interval of a float node's values over all space; lo > hi never; infinite where unbounded or unknown. */

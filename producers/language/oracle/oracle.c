@@ -52,11 +52,13 @@ static bool make_plans(karst_oracle *o)
 {
     const karst_resolved_world *world = &o->layout.world;
     const uint8_t both = KARST_ORACLE_DEVICE | KARST_ORACLE_PRECISE;
-    const karst_expr *g = world->gradient, all[4] = {g[0], g[1], g[2], world->density};
-    const karst_expr densities[2] = {world->density, world->text};
+    const karst_expr *g = world->gradient, all[4] = {g[0], g[1], g[2], world->root[KARST_ROOT_DENSITY]};
+    karst_expr shading[KARST_NUM_ROOTS];
+    const size_t num_shading = karst_program_roots(world->root, KARST_PROGRAM_SHADING, shading);
+    const karst_expr densities[2] = {world->root[KARST_ROOT_DENSITY], world->text};
     return make_plan(o, densities, world->text ? 2 : 1, both, &o->density) &&
-           make_plan(o, &world->density, 1, KARST_ORACLE_PRECISE, &o->precise_density) &&
-           (!world->has_colour || make_plan(o, world->colour, 3, both, &o->colour)) &&
+           make_plan(o, &world->root[KARST_ROOT_DENSITY], 1, KARST_ORACLE_PRECISE, &o->precise_density) &&
+           (!num_shading || make_plan(o, shading, num_shading, both, &o->shading)) &&
            (!world->has_gradient || make_plan(o, all, 4, both, &o->gradient));
 }
 
@@ -137,7 +139,7 @@ void karst_oracle_destroy(karst_oracle *oracle)
         free(oracle->words);
         drop_plan(&oracle->density);
         drop_plan(&oracle->precise_density);
-        drop_plan(&oracle->colour);
+        drop_plan(&oracle->shading);
         drop_plan(&oracle->gradient);
     }
     free(oracle->slots);
@@ -182,30 +184,45 @@ karst_oracle_value karst_oracle_node(const karst_oracle *o, karst_expr e)
 karst_oracle_value karst_oracle_density(karst_oracle *oracle, const karst_position *at, int level)
 {
     evaluate(oracle, &oracle->density, at, level);
-    return karst_oracle_node(oracle, oracle->layout.world.density);
+    return karst_oracle_node(oracle, oracle->layout.world.root[KARST_ROOT_DENSITY]);
 }
 
 double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *at, int level)
 {
     evaluate(oracle, &oracle->precise_density, at, level);
-    return oracle->slots[oracle->layout.world.density].d;
+    return oracle->slots[oracle->layout.world.root[KARST_ROOT_DENSITY]].d;
 }
 
 karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_position *at, int level)
 {
     const karst_resolved_world *world = &oracle->layout.world;
     evaluate(oracle, &oracle->density, at, level);
-    return karst_oracle_node(oracle, world->text ? world->text : world->density);
+    return karst_oracle_node(oracle, world->text ? world->text : world->root[KARST_ROOT_DENSITY]);
+}
+
+void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
+                          karst_oracle_value values[KARST_NUM_ROOTS])
+{
+    for (int i = 0; i < 3; i++)
+        oracle->normal[i] = normal[i];
+    evaluate(oracle, &oracle->shading, at, level);
+    for (int o = 0; o < KARST_NUM_OUTPUTS; o++) {
+        const karst_output_info *output = &karst_outputs[o];
+        const bool is_there = karst_entries[karst_entry_of((karst_output)o)].program == KARST_PROGRAM_SHADING &&
+                              karst_has_output(oracle->layout.world.root, (karst_output)o);
+        for (uint32_t i = output->root; i < output->root + output->num_floats; i++)
+            values[i] = is_there ? karst_oracle_node(oracle, oracle->layout.world.root[i])
+                                 : (karst_oracle_value){(float)output->usual, output->usual};
+    }
 }
 
 void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
                          karst_oracle_value rgb[3])
 {
+    karst_oracle_value values[KARST_NUM_ROOTS];
+    karst_oracle_shading(oracle, at, normal, level, values);
     for (int i = 0; i < 3; i++)
-        oracle->normal[i] = normal[i];
-    evaluate(oracle, &oracle->colour, at, level);
-    for (int i = 0; i < 3; i++)
-        rgb[i] = karst_oracle_node(oracle, oracle->layout.world.colour[i]);
+        rgb[i] = values[KARST_ROOT_COLOUR + i];
 }
 
 karst_oracle_value karst_oracle_gradient(karst_oracle *oracle, const karst_position *at, int level,
@@ -214,5 +231,5 @@ karst_oracle_value karst_oracle_gradient(karst_oracle *oracle, const karst_posit
     evaluate(oracle, &oracle->gradient, at, level);
     for (int i = 0; i < 3; i++)
         gradient[i] = karst_oracle_node(oracle, oracle->layout.world.gradient[i]);
-    return karst_oracle_node(oracle, oracle->layout.world.density);
+    return karst_oracle_node(oracle, oracle->layout.world.root[KARST_ROOT_DENSITY]);
 }

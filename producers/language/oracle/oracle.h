@@ -43,7 +43,11 @@ karst_oracle_value karst_oracle_density(karst_oracle *oracle, const karst_positi
 karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_position *at, int level);
 /* The density as a double alone, in less time. */
 double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *at, int level);
-/* Linear RGB; the world must have a colour. `normal` is of length 1. */
+/* What shading runs, by number of the root; what the world does not give, and its densities, as they usually are. The
+ * world must have a colour. `normal` is of length 1. */
+void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
+                          karst_oracle_value values[KARST_NUM_ROOTS]);
+/* The colour alone of that: linear RGB. */
 void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
                          karst_oracle_value rgb[3]);
 /* The density, and its gradient per metre; the world must have one (derive.h). */

@@ -31,7 +31,7 @@ struct karst_oracle {
     karst_number *values; /* of uniform nodes */
     uint8_t *known;
     uint64_t *words; /* the world's data, as devices read it */
-    karst_oracle_plan density, precise_density, colour, gradient;
+    karst_oracle_plan density, precise_density, shading, gradient;
     const karst_oracle *original; /* whose all of the above is, if this is a clone */
     karst_oracle_slot *slots;
     affine_position at;

@@ -17,8 +17,9 @@ typedef struct {
     uint colour_code;
     uint colour_constants;
     uint colour_output[3];
-    uint raises_thin; /* 1: thin matter is to be shown (producers/steps/raise.clh) */
-    uint unused[3];
+    uint raises_thin;  /* 1: thin matter is to be shown (producers/steps/raise.clh) */
+    uint more_outputs; /* operands of what the shading's tape gives besides; 0: nothing */
+    uint unused[2];
 } karst_data_header;
 K_ASSERT_SIZE(karst_data_header, 64);
 
