@@ -61,7 +61,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
     cli/mesh.sh cli/accuracy.sh cli/environment.sh cli/command.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
@@ -185,10 +185,10 @@ $(FUZZER): $(FUZZER).o $(LIBRARY)
 demo: $(COMMAND)
 	$(Q)$(COMMAND) render hills -o $(BUILD)/demo.png
 
-# ONLY=text runs those whose path holds the text.
+# ONLY=text runs those whose path holds the text, JOBS=1 one after the other. What takes longest comes first.
 check: all $(TEST_PROGRAMS)
-	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests $(TEST_PROGRAMS) \
-	    $(if $(PARTIAL),,$(TEST_SCRIPTS))
+	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests \
+	    $(if $(PARTIAL),,$(TEST_SCRIPTS)) $(TEST_PROGRAMS)
 
 # ONLY=text runs the programs that measure parts, whose path holds the text; PARTS="settled start" parts of the standard.
 bench: all $(BENCH_PROGRAMS)

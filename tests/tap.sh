@@ -24,6 +24,18 @@ skip()
     echo "ok $num_tests # SKIP $1: $2"
 }
 
+# until_caught PID: waits until the process has its own way to end by SIGTERM, a minute at most. Before that it would end
+# without a word, and on a busy machine that takes as long as it takes.
+until_caught()
+{
+    tries=0
+    while [ $tries -lt 600 ]; do
+        case $(sed -n 's/^SigCgt:[[:space:]]*//p' "/proc/$1/status" 2> /dev/null) in *[4567cdef]???) return ;; esac
+        tries=$((tries + 1))
+        sleep 0.1
+    done
+}
+
 finish()
 {
     echo "1..$num_tests"

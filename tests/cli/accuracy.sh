@@ -55,7 +55,11 @@ detail="$(cat report.csv)"
 holds "$(value 1 ssim) > 0.5 && $(value 1 ssim) <= 1"
 result "the picture is like the supersampled one"
 
-# Times are noisy on a busy machine: the best of three.
+# Times are noisy on a busy machine, so the best of three; and what a sanitizer makes of them says nothing.
+if [ -n "${KARST_TEST_QUICK:-}" ]; then
+    skip "the default settings are on both fronts" "times under a sanitizer are no measure"
+    finish
+fi
 on_front=false
 for attempt in 1 2 3; do
     "$karst" accuracy asteroid --size 96x72 --frames 25 --csv report.csv > /dev/null 2> stderr || break

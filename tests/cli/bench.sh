@@ -241,7 +241,8 @@ detail="exit $status: $(cat stderr stdout)"
     grep -E '^(ratios|ceilings|settled|production|start)\.' stdout | awk '$4 != "1.000" || NF > 7 { exit 1 }'
 result "a report compared with itself: every ratio is 1, nothing better or worse"
 "$karst" bench hills --runs 50 --json stopped.json > stdout 2> stderr &
-sleep 1.5
+until_caught $!
+sleep 1
 kill -TERM $!
 wait $!
 status=$?
