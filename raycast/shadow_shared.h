@@ -27,7 +27,8 @@ typedef struct {
     /* The sun's disc, as seen at distance 1: two vectors across the direction; zeros: a point. [3] unused. */
     float across[4], along[4];
     uint sample; /* of the pixels: which of raycast/cast/jitter.clh; 0: all rays go to the sun's centre */
-    uint pad[3];
+    int x0_px, y0_px; /* where the picture begins in the whole that it is a window of */
+    uint pad;
 } karst_shadow_sun;
 K_ASSERT_SIZE(karst_shadow_sun, 80);
 

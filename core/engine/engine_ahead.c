@@ -140,7 +140,7 @@ static bool compile_cast(ahead *a, karst_error *error)
 static bool compile_radiance(ahead *a, karst_error *error)
 {
     const size_t num_px = (size_t)a->pinhole.width_px * (size_t)a->pinhole.height_px;
-    const karst_radiance_look look = {KARST_TONE_FILMIC, 0};
+    const karst_radiance_look look = {.tone = KARST_TONE_FILMIC};
     if (!(karst_engine_shade_ways(a->config) & KARST_SHADE_RADIANCE))
         return true;
     karst_radiance *radiance = karst_radiance_create(a->context, !a->config->no_shadows, error);

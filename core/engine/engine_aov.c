@@ -104,6 +104,9 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
 static bool read_position(karst_engine *engine, float *xyz, karst_error *error)
 {
     const int width = engine->width_px, height = engine->height_px;
+    const karst_engine_window *window = &engine->window;
+    const int whole_width = window->whole_width_px ? window->whole_width_px : width;
+    const int whole_height = window->whole_height_px ? window->whole_height_px : height;
     const size_t num = (size_t)width * (size_t)height;
     double right[3], up[3], forward[3], eye_m[3];
     const double voxel_m = exp2(engine->world->voxel_log2_m), tangent = tan(engine->drawn.fov_deg * (M_PI / 360));
@@ -115,11 +118,12 @@ static bool read_position(karst_engine *engine, float *xyz, karst_error *error)
         eye_m[axis] = ((double)engine->drawn.position.voxel[axis] +
                        ldexp((double)engine->drawn.position.fraction[axis], -32)) * voxel_m;
     for (size_t i = 0; done && i < num; i++) {
-        const double across = ((double)(i % (size_t)width) + 0.5) * 2 / width - 1;
-        const double along = 1 - ((double)(i / (size_t)width) + 0.5) * 2 / height;
+        const double across = (window->x0_px + (double)(i % (size_t)width) + 0.5) * 2 / whole_width - 1;
+        const double along = 1 - (window->y0_px + (double)(i / (size_t)width) + 0.5) * 2 / whole_height;
         double d[3], square = 0;
         for (int axis = 0; axis < 3; axis++) {
-            d[axis] = forward[axis] + across * tangent * width / height * right[axis] + along * tangent * up[axis];
+            d[axis] = forward[axis] + across * tangent * whole_width / whole_height * right[axis] +
+                      along * tangent * up[axis];
             square += d[axis] * d[axis];
         }
         for (int axis = 0; axis < 3; axis++)

@@ -140,6 +140,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     }
     engine->log = config->log;
     karst_engine_picture_size(config, &engine->width_px, &engine->height_px);
+    engine->window = config->window;
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
@@ -165,6 +166,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->refine = config->refine;
     if (!karst_engine_world_open(&engine->shown, &world, config->thin, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
+        !karst_engine_check_window(&config->window, engine->width_px, engine->height_px, error) ||
         !karst_engine_size_pools(config, &num_tiles, &num_bricks, error))
         goto failed;
     if (config->brick_bits != 0 && config->brick_bits != 8 && config->brick_bits != 16 && config->brick_bits != 32) {

@@ -42,6 +42,17 @@ bool karst_engine_aim_skies(karst_engine *engine, karst_error *error)
     return karst_skies_aim(engine->shown.skies, &view, error);
 }
 
+void karst_engine_pinhole(const karst_engine *engine, const karst_camera *camera, karst_pinhole *pinhole)
+{
+    const karst_engine_window *window = &engine->window;
+    if (!window->whole_width_px) {
+        karst_pinhole_init(pinhole, camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+        return;
+    }
+    karst_pinhole_init(pinhole, camera, window->whole_width_px, window->whole_height_px, engine->view_distance_voxels);
+    karst_pinhole_cut(pinhole, window->x0_px, window->y0_px, engine->width_px, engine->height_px);
+}
+
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole)
 {
     karst_cast_view_init(view, &engine->camera.position, engine->root_corner, engine->top_level);
@@ -49,7 +60,7 @@ void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view
     view->detail = (float)karst_engine_detail_px(engine);
     view->own_detail = (float)engine->detail_px;
     view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
-    karst_pinhole_init(pinhole, &engine->camera, engine->width_px, engine->height_px, engine->view_distance_voxels);
+    karst_engine_pinhole(engine, &engine->camera, pinhole);
     pinhole->sample = engine->sample;
 }
 

@@ -96,6 +96,7 @@ struct karst_engine {
     bool drawing;                                /* a picture was begun that is not ended */
 
     int width_px, height_px;
+    karst_engine_window window;
     int whole_width_px, whole_height_px; /* what the picture's buffers are for: drawn pictures may be smaller */
     size_t room_px;                      /* of both */
     unsigned shade; /* KARST_SHADE_* */
@@ -212,6 +213,9 @@ void karst_engine_world_close_refiner(karst_engine_world *world);
 
 /* engine_picture.c. What follows the picture's size. */
 bool karst_engine_check_size(int width_px, int height_px, karst_error *error);
+bool karst_engine_check_window(const karst_engine_window *window, int width_px, int height_px, karst_error *error);
+/* What changes a picture's size is not for windows. */
+bool karst_engine_check_whole(const karst_engine *engine, karst_error *error);
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
 void karst_engine_free_picture(karst_engine *engine);
 /* Fills stats.num_changed_pixels; only with count_changed_pixels. */
@@ -282,6 +286,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
                          karst_error *error);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
+/* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */
+void karst_engine_pinhole(const karst_engine *engine, const karst_camera *camera, karst_pinhole *pinhole);
 void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view, karst_pinhole *pinhole);
 bool karst_engine_draw(karst_engine *engine, karst_error *error);
 bool karst_engine_end_picture(karst_engine *engine, karst_error *error);

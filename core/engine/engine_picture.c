@@ -16,6 +16,26 @@ bool karst_engine_check_size(int width_px, int height_px, karst_error *error)
     return true;
 }
 
+bool karst_engine_check_window(const karst_engine_window *window, int width_px, int height_px, karst_error *error)
+{
+    if (!window->whole_width_px && !window->whole_height_px && !window->x0_px && !window->y0_px)
+        return true;
+    if (!karst_engine_check_size(window->whole_width_px, window->whole_height_px, error))
+        return false;
+    if (window->x0_px < 0 || window->y0_px < 0 || width_px > window->whole_width_px - window->x0_px ||
+        height_px > window->whole_height_px - window->y0_px)
+        return karst_fail(error, KARST_USAGE, "a window of %dx%d pixels from (%d, %d) is not within %dx%d", width_px,
+                          height_px, window->x0_px, window->y0_px, window->whole_width_px, window->whole_height_px);
+    return true;
+}
+
+bool karst_engine_check_whole(const karst_engine *engine, karst_error *error)
+{
+    return !engine->window.whole_width_px ||
+           karst_fail(error, KARST_USAGE, "the engine draws a window of %dx%d, whose size is fixed",
+                      engine->window.whole_width_px, engine->window.whole_height_px);
+}
+
 static double gib(double bytes) { return bytes / (1024.0 * 1024.0 * 1024.0); }
 
 /* Before any of it is allocated: what a picture takes beside what is there, against what the device has. */
@@ -114,7 +134,7 @@ void karst_engine_free_picture(karst_engine *engine)
 
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error)
 {
-    if (!karst_engine_check_size(width_px, height_px, error))
+    if (!karst_engine_check_size(width_px, height_px, error) || !karst_engine_check_whole(engine, error))
         return false;
     if (width_px == engine->width_px && height_px == engine->height_px && engine->surface &&
         engine->room_px == (size_t)width_px * (size_t)height_px)

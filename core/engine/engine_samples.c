@@ -41,7 +41,10 @@ static float exposure_factor(const karst_engine *engine)
 
 bool karst_engine_show_radiance(karst_engine *engine, cl_mem pixels, karst_error *error)
 {
-    const karst_radiance_look look = {(uint32_t)engine->tone, exposure_factor(engine)};
+    const karst_radiance_look look = {.tone = (uint32_t)engine->tone,
+                                      .exposure = exposure_factor(engine),
+                                      .x0_px = engine->window.x0_px,
+                                      .y0_px = engine->window.y0_px};
     return karst_radiance_show(engine->radiance, engine->width_px, engine->height_px, engine->num_summed,
                                engine->num_summed < engine->samples, &look, pixels, error);
 }

@@ -31,6 +31,15 @@ static void shift_rays(karst_pinhole *pinhole, float right, float up)
         pinhole->forward[axis] += right * pinhole->right[axis] + up * pinhole->up[axis];
 }
 
+/* As if the window were the whole: a picture whose middle the camera does not look at. */
+static void aim_at_window(const karst_engine_window *window, karst_pinhole *pinhole, int width_px, int height_px)
+{
+    shift_rays(pinhole, (float)(window->x0_px + 0.5 * (width_px - window->whole_width_px)),
+               (float)(0.5 * (window->whole_height_px - height_px) - window->y0_px));
+    pinhole->half_width *= (float)width_px / (float)window->whole_width_px;
+    pinhole->half_height *= (float)height_px / (float)window->whole_height_px;
+}
+
 bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool whole, int apart_px, karst_error *error)
 {
     karst_cast_view view;
@@ -42,7 +51,13 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool w
     view.detail = (float)karst_engine_detail_px(engine);
     view.stands_for = (uint32_t)(apart_px * apart_px);
     /* The picture's rays, but for most of them: each asks for as much detail as those it stands for. */
-    karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
+    if (engine->window.whole_width_px) {
+        karst_pinhole_init(&pinhole, camera, engine->window.whole_width_px, engine->window.whole_height_px,
+                           engine->view_distance_voxels);
+        aim_at_window(&engine->window, &pinhole, width_px, height_px);
+    } else {
+        karst_pinhole_init(&pinhole, camera, width_px, height_px, engine->view_distance_voxels);
+    }
     pinhole.width_px = scout_side(engine->width_px, apart_px);
     pinhole.height_px = scout_side(engine->height_px, apart_px);
     if (whole) {

@@ -9,7 +9,7 @@
 
 bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_px, karst_error *error)
 {
-    if (!karst_engine_check_size(width_px, height_px, error))
+    if (!karst_engine_check_size(width_px, height_px, error) || !karst_engine_check_whole(engine, error))
         return false;
     if ((size_t)width_px * (size_t)height_px > engine->room_px)
         return karst_fail(error, KARST_USAGE, "pictures of %dx%d: there is room for %zu pixels only", width_px,
@@ -138,7 +138,7 @@ bool karst_engine_read_normals(karst_engine *engine, float *normals, size_t num_
                           engine->height_px, 3 * num_pixels, num_values);
     karst_buffer *buffer = karst_buffer_create_blank(engine->context, "normals", num_values * sizeof *normals, error);
     karst_pinhole pinhole;
-    karst_pinhole_init(&pinhole, &engine->drawn, engine->width_px, engine->height_px, engine->view_distance_voxels);
+    karst_engine_pinhole(engine, &engine->drawn, &pinhole);
     bool done = buffer && need_views(engine, error) &&
                 karst_views_normals(engine->views, &pinhole, engine->hits, buffer, error) &&
                 karst_buffer_read(buffer, 0, normals, num_values * sizeof *normals, error);

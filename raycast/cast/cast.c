@@ -314,7 +314,9 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
     karst_shadow_sun sun = {.t_max = light->shadow_distance,
                             .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
                             .width_px = pinhole->width_px,
-                            .height_px = pinhole->height_px};
+                            .height_px = pinhole->height_px,
+                            .x0_px = pinhole->x0_px,
+                            .y0_px = pinhole->y0_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
     if (caster->sun_disc)
         spread_sun(&sun, pinhole->sample);

@@ -458,7 +458,7 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 #define ONE_SUN 0
 RAY_INLINE vector3 towards_disc(const karst_shadow_sun *sun, vint x, vint y)
 {
-    const jitter at = jitter_on_disc(jitter_of(x, y, sun->sample, JITTER_SUN));
+    const jitter at = jitter_on_disc(jitter_of(x + sun->x0_px, y + sun->y0_px, sun->sample, JITTER_SUN));
     vector3 d;
     d.x = k_fma(at.u, (vfloat)(sun->across[0]), k_fma(at.v, (vfloat)(sun->along[0]), (vfloat)(sun->direction[0])));
     d.y = k_fma(at.u, (vfloat)(sun->across[1]), k_fma(at.v, (vfloat)(sun->along[1]), (vfloat)(sun->direction[1])));

@@ -4,16 +4,19 @@
 
 #include "core/device/dialect.h"
 
-/* A pinhole camera as a compact stream: ray (x, y) of width x height, unit directions. */
+/* A pinhole camera as a compact stream: ray (x, y) of width x height, unit directions. They may be a window of a whole
+ * picture, whose pixels (x0 + x, y0 + y) they are in every bit. */
 typedef struct {
     float right[4], up[4], forward[4]; /* orthonormal; [3] unused */
     float half_width, half_height;     /* tangent of half the field of view, horizontally and vertically */
     float t_min, t_max;                /* level-0 voxels */
-    float cone;                        /* footprint per unit of t: 2 * half_height / height_px */
+    float cone;                        /* footprint per unit of t: 2 * half_height / the whole's height */
     int width_px, height_px;
     uint sample; /* 0: rays through the pixels' centres; else this one of raycast/cast/jitter.clh, from 1 */
+    int x0_px, y0_px;                  /* where the window begins in the whole */
+    int more_width_px, more_height_px; /* by which the whole is larger than the window; 0: it is the window */
 } karst_pinhole;
-K_ASSERT_SIZE(karst_pinhole, 80);
+K_ASSERT_SIZE(karst_pinhole, 96);
 
 /* Pictures are worked on in packets of KARST_PACKET_SIDE^2 pixels, and those in groups of as many packets, so that what
  * a group reads stays near. A work-group is one group of packets, but see raycast/light/shade.cl. */

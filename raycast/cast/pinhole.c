@@ -24,3 +24,13 @@ void karst_pinhole_init(karst_pinhole *pinhole, const karst_camera *camera, int 
     pinhole->t_max = (float)view_distance_voxels;
     pinhole->cone = (float)(2 * half_height / height_px);
 }
+
+void karst_pinhole_cut(karst_pinhole *pinhole, int x0_px, int y0_px, int width_px, int height_px)
+{
+    pinhole->x0_px = x0_px;
+    pinhole->y0_px = y0_px;
+    pinhole->more_width_px = pinhole->width_px - width_px;
+    pinhole->more_height_px = pinhole->height_px - height_px;
+    pinhole->width_px = width_px;
+    pinhole->height_px = height_px;
+}

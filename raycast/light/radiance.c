@@ -124,6 +124,8 @@ bool karst_radiance_show(karst_radiance *radiance, int width_px, int height_px, 
     karst_radiance_task task = make_task(radiance, width_px, height_px, num_summed, has_current);
     task.tone = look->tone;
     task.exposure = look->exposure;
+    task.x0_px = look->x0_px;
+    task.y0_px = look->y0_px;
     if (!num_summed && !has_current)
         return karst_fail(error, KARST_FAILED, "a picture of no samples cannot be shown");
     return check_room(radiance, width_px, height_px, error) &&

@@ -147,7 +147,7 @@ __kernel K_WIDE void radiance_tone(RADIANCE_PARAMETERS, K_GLOBAL const float *me
     colour c = load_mean(&task, sums, parts, marks, x, y, order, valid);
     const float exposure = task.exposure > 0.0f ? task.exposure : *metered;
     c.r *= exposure, c.g *= exposure, c.b *= exposure;
-    const vfloat dither = tone_dither(x, y);
+    const vfloat dither = tone_dither(x + task.x0_px, y + task.y0_px);
     vint bytes;
     if (task.tone == KARST_TONE_FILMIC) {
         c = film_tone(c);

@@ -12,6 +12,7 @@ typedef struct karst_radiance karst_radiance;
 typedef struct {
     uint32_t tone;  /* KARST_TONE_* */
     float exposure; /* a factor; 0: by the picture's median luminance */
+    int x0_px, y0_px; /* where the picture begins in the whole that it is a window of: bytes are dithered as there */
 } karst_radiance_look;
 
 /* `sun`: samples come with what the sun adds, and with marks of where it is hidden. Errors: KARST_FAILED. */

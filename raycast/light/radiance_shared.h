@@ -26,7 +26,8 @@ typedef struct {
     uint tone;        /* KARST_TONE_* */
     uint num_items;   /* work-items that share the picture */
     float exposure;   /* a factor; 0: the metered one */
+    int x0_px, y0_px; /* where the picture begins in the whole that it is a window of */
 } karst_radiance_task;
-K_ASSERT_SIZE(karst_radiance_task, 32);
+K_ASSERT_SIZE(karst_radiance_task, 40);
 
 #endif

@@ -181,7 +181,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         if (v_any(valid & ~hit))
             c = SKY_OF(&direction, to_sun);
 #ifndef SHADE_RADIANCE
-        vfloat dither = tone_dither(x, y);
+        vfloat dither = tone_dither(x + pinhole->x0_px, y + pinhole->y0_px);
 #endif
         vint sunny = (vint)(0), dark = (vint)(1);
         colour sun = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};

@@ -150,7 +150,8 @@ static void light_becomes_bytes(void **state)
                 scene_check(karst_radiance_add(r, WIDTH, HEIGHT, sample, &error), &error);
         }
         /* Two summed, the third at hand. */
-        const karst_radiance_look metered = {KARST_TONE_FILMIC, 0}, fixed = {KARST_TONE_FILMIC, 0.7f};
+        const karst_radiance_look metered = {.tone = KARST_TONE_FILMIC},
+                                  fixed = {.tone = KARST_TONE_FILMIC, .exposure = 0.7f};
         float exposure;
         scene_check(karst_radiance_show(r, WIDTH, HEIGHT, num_samples - 1, true, &metered, pixels->mem, &error) &&
                         karst_radiance_read_exposure(r, &exposure, &error) &&

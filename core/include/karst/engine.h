@@ -39,6 +39,16 @@ typedef enum {
 /* "plain", "filmic". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error);
 
+/* Which part of a picture is drawn: pixels of a whole picture of whole_width_px x whole_height_px (each 1 to 16384),
+ * from its pixel (x0_px, y0_px), counted from its upper left corner. The camera is the whole's. A settled window has
+ * the bits of that part of the settled whole (colours, radiance, every karst_aov) where both have all the detail that
+ * is asked for (karst_stats: detail_given_px is detail_asked_px), and the exposure does not follow the picture, whose
+ * median the window has not. All zeros: what is drawn is the whole. */
+typedef struct {
+    int whole_width_px, whole_height_px;
+    int x0_px, y0_px;
+} karst_engine_window;
+
 /* How to make an engine. Zero-initialised fields mean the default that stands beside them. */
 typedef struct {
     const char *world; /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
@@ -50,6 +60,7 @@ typedef struct {
     karst_display
         *in_display; /* an existing display to draw in (borrowed; outlives the engine); NULL: make one of `display` */
     int width_px, height_px;        /* 1280 x 720; each 1 to 16384 */
+    karst_engine_window window;     /* of a larger picture; zeros: width_px x height_px are the whole */
     uint64_t pool_bytes;            /* both pools together; 512 MiB */
     uint32_t num_tiles, num_bricks; /* instead of pool_bytes, slots counted by hand (tests); 0: from pool_bytes */
     size_t
@@ -108,6 +119,8 @@ karst_camera karst_engine_default_camera(const karst_engine *engine);
 karst_camera karst_engine_camera(const karst_engine *engine);
 /* Takes effect with the next frame. Errors: KARST_USAGE (not finite, or beyond 2^61 voxels). */
 bool karst_engine_set_camera(karst_engine *engine, const karst_camera *camera, karst_error *error);
+/* Takes effect with the next frame. Errors: KARST_USAGE (a side out of range, or the engine draws a window),
+ * KARST_FAILED (no memory for it). */
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
 
 /* One frame: cast, shade, display; collect, produce within the budget, publish. Errors: KARST_FAILED. */
