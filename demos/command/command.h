@@ -13,6 +13,7 @@
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
  *   command_pictures.c   many pictures: numbered PNGs or EXRs, or a video through ffmpeg
+ *   command_parts.c, command_manifest.c, command_verify.c  jobs in parts: see command_farm.h
  *   command_accuracy*.c  karst accuracy; see command_accuracy.h
  *   command_bench*.c   karst bench; see command_bench.h
  *   command_check.c    karst check
@@ -230,6 +231,10 @@ void command_have_all_saved(void);
 /* Ends the program by the signal that interrupted it, so that a shell's loop ends too. A command that is done all the
  * same (a window that was asked to close) does so only by SIGINT. */
 void command_end_if_interrupted(bool done);
+/* From then on SIGTERM ends the program with exit code COMMAND_AGAIN, as what is being done is part of a job: whoever
+ * started it is to start it again. */
+#define COMMAND_AGAIN 75
+void command_be_part_of_job(void);
 /* Files to be removed if the program has to end in the middle of something; a few at a time. */
 void command_add_temporary(const char *path);
 void command_drop_temporary(const char *path);
@@ -300,6 +305,8 @@ void command_record_free(command_record *record);
 typedef struct command_pictures command_pictures;
 
 bool command_pictures_is_video(const char *output); /* by its suffix */
+/* The file of picture `index` of a pattern; malloc'ed; NULL: out of memory. */
+char *command_picture_name(const char *pattern, size_t index);
 /* Whether `output` will do, before long work is done for it: a pattern with one %05d (without, if there is only one
  * picture) in a folder that can be written, or a video, with ffmpeg installed. Errors: KARST_USAGE, KARST_FAILED naming
  * what to install. */
@@ -326,7 +333,12 @@ typedef struct {
     bool has_start, has_end;
     bool live;           /* one frame for each picture, whatever it lacks, after having settled at the start */
     uint32_t max_frames; /* to settle a picture */
+    size_t first, end;   /* only the pictures from `first` to before `end`; end 0: all */
+    struct command_manifest *manifest; /* notes each settled picture, and says which are done; NULL: none */
 } command_flight;
+
+/* How many pictures a flight has. Errors: KARST_USAGE (beyond the path), KARST_BAD_DATA (the path). */
+bool command_flight_count(const command_flight *flight, size_t *num, karst_error *error);
 
 /* Flies along the path and writes the pictures; fills all of `record` that a run fills. Errors: also KARST_BAD_DATA
  * (the path). */
@@ -346,6 +358,7 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
 bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_verify(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);

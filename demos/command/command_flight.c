@@ -1,5 +1,5 @@
 /* karst render --path: a flight along a path, picture by picture. */
-#include "command.h"
+#include "command_farm.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -37,6 +37,16 @@ static bool make_schedule(const command_flight *flight, const karst_path *path, 
     return true;
 }
 
+bool command_flight_count(const command_flight *flight, size_t *num, karst_error *error)
+{
+    schedule plan = {0};
+    karst_path *path = karst_path_load(flight->file, KARST_VOXEL_LOG2_MAX, error); /* takes any coordinate */
+    const bool made = path && make_schedule(flight, path, &plan, error);
+    karst_path_destroy(path);
+    *num = plan.num;
+    return made;
+}
+
 typedef struct {
     karst_engine *engine;
     const command_flight *flight;
@@ -45,6 +55,8 @@ typedef struct {
     const schedule *plan;
     karst_error *error;
     size_t index; /* of the picture at hand */
+    size_t first, end, num_drawn;
+    bool is_settled; /* the picture at hand */
     uint64_t start_ns;
 } flight_state;
 
@@ -62,11 +74,12 @@ static void show_progress(const flight_state *state, const karst_stats *stats)
 {
     double passed_s = (double)(command_clock_ns() - state->start_ns) / 1e9;
     char left[32] = "some time";
-    if (state->index > 0)
-        format_left(passed_s / (double)state->index * (double)(state->plan->num - state->index), left, sizeof left);
+    if (state->num_drawn > 0)
+        format_left(passed_s / (double)state->num_drawn * (double)(state->end - state->index), left, sizeof left);
     command_progress(state->talk, "picture %zu of %zu   %llu bricks   %llu requests   %.1f s   %s left",
-                     state->index + 1, state->plan->num, (unsigned long long)stats->num_resident_bricks,
-                     (unsigned long long)stats->num_requests, passed_s, left);
+                     state->index - state->first + 1, state->end - state->first,
+                     (unsigned long long)stats->num_resident_bricks, (unsigned long long)stats->num_requests, passed_s,
+                     left);
 }
 
 static bool note_frame(void *user, const karst_stats *stats)
@@ -105,15 +118,29 @@ static bool draw(flight_state *state, karst_error *error)
             return karst_fail(error, noted.status, "%s", noted.message);
         karst_engine_stats(state->engine, &stats);
     }
+    state->is_settled = settled;
     return command_interrupted() ||
            command_record_picture(state->record, &stats, state->record->num_frames - frames_before, settled, error);
+}
+
+static bool note_picture(const flight_state *state, karst_error *error)
+{
+    if (!state->flight->manifest || !state->is_settled)
+        return true;
+    char *name = command_picture_name(state->flight->output, state->index);
+    const bool noted = name ? command_manifest_add(state->flight->manifest, state->index, name, error)
+                            : karst_fail(error, KARST_FAILED, "out of memory");
+    free(name);
+    return noted;
 }
 
 static bool fly(flight_state *state, const karst_path *path, command_pictures *pictures, uint8_t *rgba,
                 size_t size_bytes, karst_error *error)
 {
     const schedule *plan = state->plan;
-    for (; state->index < plan->num; state->index++) {
+    for (; state->index < state->end; state->index++) {
+        if (command_manifest_has(state->flight->manifest, state->index))
+            continue;
         double time_s = plan->start_s + (double)state->index * plan->step_s;
         karst_camera camera = karst_path_sample(path, time_s);
         if (!karst_engine_set_camera(state->engine, &camera, error))
@@ -131,10 +158,12 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
         if (!command_interrupted() && !draw(state, error))
             return false;
         if (command_interrupted())
-            return command_fail_interrupted(error, "interrupted after %zu of %zu pictures", state->index, plan->num);
+            return command_fail_interrupted(error, "interrupted after %zu of %zu pictures", state->index - state->first,
+                                            state->end - state->first);
         if (!karst_engine_read_pixels(state->engine, rgba, size_bytes, error) ||
-            !command_pictures_add(pictures, state->index, state->engine, rgba, error))
+            !command_pictures_add(pictures, state->index, state->engine, rgba, error) || !note_picture(state, error))
             return false;
+        state->num_drawn++;
     }
     return true;
 }
@@ -163,10 +192,14 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
                           .record = record,
                           .plan = &plan,
                           .error = error,
+                          .index = flight->first,
+                          .first = flight->first,
+                          .end = flight->end ? flight->end : plan.num,
                           .start_ns = command_clock_ns()};
     if (karst_path_world(path) && strcmp(karst_path_world(path), record->world) != 0)
         command_say(talk, "note: %s was made for the world '%s'", flight->file, karst_path_world(path));
     bool flown = fly(&state, path, pictures, rgba, size_bytes, error);
+    flown = command_manifest_write(flight->manifest, error) && flown;
     record->elapsed_ns = command_clock_ns() - state.start_ns;
     command_end_progress(talk);
     karst_camera camera = karst_engine_camera(engine);

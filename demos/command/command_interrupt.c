@@ -23,7 +23,7 @@
 #define MAX_TEMPORARIES 4
 
 static volatile sig_atomic_t interrupted; /* by which signal; 0: by none */
-static volatile sig_atomic_t is_held, has_much_to_lose, is_all_saved;
+static volatile sig_atomic_t is_held, has_much_to_lose, is_all_saved, is_part_of_job;
 static volatile uint64_t asked_ns; /* written before `interrupted` */
 
 /* Files that are to go with the process. A name is written before its flag. */
@@ -51,6 +51,8 @@ static void end_by(int signal_number)
 {
     sigset_t set;
     remove_temporaries();
+    if (is_part_of_job && signal_number == SIGTERM)
+        _Exit(COMMAND_AGAIN);
     signal(signal_number, SIG_DFL);
     sigemptyset(&set);
     sigaddset(&set, signal_number);
@@ -109,6 +111,7 @@ bool command_interrupted(void)
     return interrupted;
 }
 
+void command_be_part_of_job(void) { is_part_of_job = true; }
 void command_hold_interrupts(bool held) { is_held = held; }
 void command_have_much_to_lose(bool much) { has_much_to_lose = much; }
 

@@ -73,8 +73,7 @@ static size_t find_number(const char *pattern, const char **at, int *digits)
     return (size_t)(end + 1 - *at);
 }
 
-/* malloc'ed; NULL: out of memory. */
-static char *name_of(const char *pattern, size_t index)
+char *command_picture_name(const char *pattern, size_t index)
 {
     const char *at;
     int digits;
@@ -131,7 +130,7 @@ bool command_pictures_check(const char *output, bool only_one, int width_px, int
                           "-o %s: needs one number such as %%05d for many pictures, as in frames/%%05d.png; or name a "
                           "video, as in out.mp4, out.webm or out.gif",
                           output);
-    char *first = name_of(output, 0);
+    char *first = command_picture_name(output, 0);
     bool writable =
         first ? command_check_output(first, "-o", true, error) : karst_fail(error, KARST_FAILED, "out of memory");
     free(first);
@@ -271,7 +270,7 @@ bool command_pictures_add(command_pictures *pictures, size_t index, karst_engine
 {
     if (pictures->rgb)
         return add_to_video(pictures, rgba, error);
-    char *name = name_of(pictures->output, index);
+    char *name = command_picture_name(pictures->output, index);
     bool written = name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, 0, error)
                         : karst_fail(error, KARST_FAILED, "out of memory");
     free(name);

@@ -1,5 +1,5 @@
 /* karst render: one picture, settled before it is written, or a flight's. */
-#include "command.h"
+#include "command_farm.h"
 
 #include <limits.h>
 #include <stdlib.h>
@@ -22,6 +22,13 @@ typedef struct {
     command_flight flight;
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
     const char *edits;
+    const char *part_text, *window_text, *manifest_file;
+    uint64_t num_jobs; /* 0: draw; else only print the commands of so many parts */
+    bool resume;
+    command_part part;
+    int window_px[4];   /* x, y, width, height: what is drawn of a picture of size_px */
+    char *part_output;  /* the file of a tile; NULL: o->output */
+    command_manifest *manifest;
 } render_options;
 
 typedef struct {
@@ -49,8 +56,10 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render mine.karst --param relief=250 --seed 3\n"
          "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
+         "  karst render hills --path low-flight -o frames/%05d.exr --jobs 8 | parallel -j 4\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
-         "5 a path or a file of edits that cannot be read.");
+         "5 a path, a file of edits or a manifest that cannot be read, 75 ended by SIGTERM with --manifest: run it\n"
+         "again.");
 }
 
 static bool parse_options(int argc, char **argv, command_talk *talk, render_options *o, karst_error *error)
@@ -71,6 +80,16 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          &o->flight.has_start},
         {"end", 0, COMMAND_NUMBER, "S", "seconds of the path at which to stop", &o->flight.end_s, -1e9, 1e9,
          &o->flight.has_end},
+        {"jobs", 0, COMMAND_INTEGER, "N",
+         "draw nothing: print N commands, one a line, that together do it (docs/FARM.md)",
+         &o->num_jobs, 1, COMMAND_MAX_PARTS, NULL},
+        {"part", 0, COMMAND_TEXT, "K/N", "only part K of N, as --jobs prints it", &o->part_text, 0, 0, NULL},
+        {"window", 0, COMMAND_TEXT, "X,Y,W,H", "only these pixels of the picture, counted from its upper left corner",
+         &o->window_text, 0, 0, NULL},
+        {"manifest", 0, COMMAND_TEXT, "FILE", "note what is done, with checksums: karst verify looks at them",
+         &o->manifest_file, 0, 0, NULL},
+        {"resume", 0, COMMAND_FLAG, NULL, "leave out what the manifest says is done, if it is there and right",
+         &o->resume, 0, 0, NULL},
         {"live", 0, COMMAND_FLAG, NULL, "draw each picture once, as it then is, for measuring", &o->flight.live, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &o->detail_px, 0.25, 64,
@@ -159,10 +178,9 @@ static bool check_flight(render_options *o, karst_error *error)
     flight->max_frames = (uint32_t)o->max_frames;
     return command_find_path(o->path, o->path_file, sizeof o->path_file, error) &&
            karst_path_check(o->path_file, error) &&
-           command_pictures_check(o->output, o->num_pictures == 1, o->size_px[0], o->size_px[1], error);
+           command_pictures_check(o->output, o->num_pictures == 1, o->window_px[2], o->window_px[3], error);
 }
 
-/* All that can be wrong and is found without opening a device. */
 static bool parse_thin(const char *text, karst_thin *thin, karst_error *error)
 {
     static const char *const names[] = {"auto", "always", "never"};
@@ -175,8 +193,48 @@ static bool parse_thin(const char *text, karst_thin *thin, karst_error *error)
     return !text || karst_fail(error, KARST_USAGE, "--thin %s: must be auto, always or never", text);
 }
 
+/* Tiles of bytes must agree on how bright they are; those of light do. */
+static bool check_tile(const render_options *o, karst_error *error)
+{
+    const bool is_fixed = o->look.has_exposure ? !o->look.auto_exposure : o->look.parsed_tone == KARST_TONE_OF_PLAIN;
+    return is_fixed || command_is_exr(o->output) ||
+           karst_fail(error, KARST_USAGE,
+                      "parts of a .png: each would choose an exposure of its own; give --exposure STOPS, such as "
+                      "--exposure 0, or write an .exr");
+}
+
+/* Which part is drawn of what, and its manifest's place among the job's. */
+static bool check_part(render_options *o, karst_error *error)
+{
+    const bool has_job = o->num_jobs || o->part_text || o->manifest_file;
+    if (o->resume && !o->manifest_file && !o->num_jobs)
+        return karst_fail(error, KARST_USAGE, "--resume: of which job? Name its manifest with --manifest");
+    if (o->num_jobs && (o->part_text || o->stats))
+        return karst_fail(error, KARST_USAGE, "--jobs prints commands: --%s is for one of them",
+                          o->part_text ? "part" : "stats");
+    if (has_job && (o->flight.live || (o->output && strcmp(o->output, "-") == 0) ||
+                    (o->output && command_pictures_is_video(o->output))))
+        return karst_fail(error, KARST_USAGE,
+                          "a job draws settled pictures to files, such as -o frames/%%05d.png, not %s",
+                          o->flight.live ? "--live" : o->output);
+    if (has_job && strcmp(o->world, "-") == 0)
+        return karst_fail(error, KARST_USAGE, "a job needs a world that all of its parts can read, not stdin");
+    if (o->part_text && !command_parse_part(o->part_text, &o->part, error))
+        return false;
+    if (o->num_jobs)
+        o->part = (command_part){1, (uint32_t)o->num_jobs};
+    if (o->window_text && !o->path && o->part.num)
+        return karst_fail(error, KARST_USAGE, "--window and parts of one picture: a part is a window itself");
+    if (o->window_text)
+        return command_parse_window(o->window_text, o->size_px, o->window_px, error);
+    return o->path || !o->part.num ||
+           (command_part_tile(o->part, o->size_px, o->window_px, error) && check_tile(o, error));
+}
+
+/* All that can be wrong and is found without opening a device. */
 static bool check_options(render_options *o, karst_display_kind *display, command_talk *talk, karst_error *error)
 {
+    memcpy(o->window_px + 2, o->size_px, sizeof o->size_px);
     /* A path says where the camera is. */
     const command_scene scene = {o->world_file,  sizeof o->world_file, o->path ? NULL : &o->camera, &o->edits,
                                  &o->parameters, &o->has_seed,         &o->seed};
@@ -194,9 +252,11 @@ static bool check_options(render_options *o, karst_display_kind *display, comman
         return false;
     if (!parse_thin(o->thin, &o->thin_kind, error))
         return false;
+    if (!command_check_look(&o->look, error) || !check_part(o, error))
+        return false;
     if (o->aov && (o->path || !command_is_exr(o->output)))
         return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
-    return (!o->aov || command_parse_aovs(o->aov, &o->aovs, error)) && command_check_look(&o->look, error) &&
+    return (!o->aov || command_parse_aovs(o->aov, &o->aovs, error)) &&
            karst_display_kind_parse(o->display, display, error) &&
            command_find_scene(o->world, &scene, talk, error) && check_flight(o, error) &&
            (o->path ||
@@ -225,6 +285,8 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
     command_end_progress(talk);
     if (command_interrupted())
         return command_fail_interrupted(error, "interrupted after %zu frames; nothing was written", record->num_frames);
+    const int width_px = o->window_px[2], height_px = o->window_px[3];
+    const char *output = o->part_output ? o->part_output : o->output;
     if (!ran)
         return false;
     karst_stats stats;
@@ -232,13 +294,16 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
     if (frame_error.status != KARST_OK)
         return karst_fail(error, frame_error.status, "%s", frame_error.message);
 
-    size_t size_bytes = (size_t)o->size_px[0] * (size_t)o->size_px[1] * 4;
+    size_t size_bytes = (size_t)width_px * (size_t)height_px * 4;
     uint8_t *rgba = malloc(size_bytes);
     if (!rgba)
-        return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", o->size_px[0], o->size_px[1]);
+        return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
     bool written = command_record_picture(record, &stats, record->num_frames, record->settled, error) &&
                    karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
-                   command_write_picture(o->output, engine, rgba, o->size_px[0], o->size_px[1], o->aovs, error);
+                   command_write_picture(output, engine, rgba, width_px, height_px, o->aovs, error) &&
+                   (!o->manifest || !record->settled ||
+                    (command_manifest_add(o->manifest, o->part.num ? o->part.number - 1 : 0, output, error) &&
+                     command_manifest_write(o->manifest, error)));
     free(rgba);
     return written;
 }
@@ -257,11 +322,12 @@ static void say_result(command_talk *talk, const render_options *o, const comman
     const karst_stats *last = &record->last;
     if (o->path)
         command_say(talk, "%s: %zu pictures of %dx%d, %zu settled, %zu frames in %.2f s, %llu bricks, on %s", o->output,
-                    record->num_pictures, o->size_px[0], o->size_px[1], record->num_settled, record->num_frames,
+                    record->num_pictures, o->window_px[2], o->window_px[3], record->num_settled, record->num_frames,
                     (double)record->elapsed_ns / 1e9, (unsigned long long)last->num_resident_bricks, last->device);
     else
         command_say(talk, "%s: %dx%d, %s after %zu frames in %.2f s, %llu bricks, on %s",
-                    strcmp(o->output, "-") == 0 ? "stdout" : o->output, o->size_px[0], o->size_px[1],
+                    strcmp(o->output, "-") == 0 ? "stdout" : o->part_output ? o->part_output : o->output,
+                    o->window_px[2], o->window_px[3],
                     record->settled ? "settled" : "not settled", record->num_frames, (double)record->elapsed_ns / 1e9,
                     (unsigned long long)last->num_resident_bricks, last->device);
     if (last->detail_given_px > last->detail_asked_px * 1.001)
@@ -278,8 +344,10 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
         .world = o->world_file, .device = o->device, .display = display, .helper = helper, .log = log};
     config.parameters = o->parameters.values;
     config.num_parameters = o->parameters.num_values;
-    config.width_px = o->size_px[0];
-    config.height_px = o->size_px[1];
+    config.width_px = o->window_px[2];
+    config.height_px = o->window_px[3];
+    if (config.width_px != o->size_px[0] || config.height_px != o->size_px[1])
+        config.window = (karst_engine_window){o->size_px[0], o->size_px[1], o->window_px[0], o->window_px[1]};
     /* 0 bytes would mean the default: with 1 the library says how much is needed. */
     config.pool_bytes = o->pool_mib > 0 ? (uint64_t)(o->pool_mib * 1048576) : 1;
     config.detail_px = o->detail_px;
@@ -302,6 +370,81 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     return config;
 }
 
+/* ---- jobs ---- */
+
+/* How many pictures or tiles there are, and which of them are this part's. */
+static bool find_share(render_options *o, size_t *num, karst_error *error)
+{
+    *num = o->path || !o->part.num ? 1 : o->part.num;
+    if (!o->path)
+        return true;
+    if (!command_flight_count(&o->flight, num, error))
+        return false;
+    command_part_pictures(o->part, *num, &o->flight.first, &o->flight.end);
+    return true;
+}
+
+static bool print_jobs(const render_options *o, size_t num, int argc, char **argv, karst_error *error)
+{
+    char *manifest = NULL;
+    const char *slash = strrchr(o->output, '/'), *name = slash ? slash + 1 : o->output, *dot = strrchr(name, '.');
+    const int folder_length = (int)(name - o->output);
+    const int stem_length = dot && dot != name ? (int)(dot - o->output) : (int)strlen(o->output);
+    const int made = o->manifest_file ? asprintf(&manifest, "%s", o->manifest_file)
+                     : o->path        ? asprintf(&manifest, "%.*smanifest.json", folder_length, o->output)
+                                      : asprintf(&manifest, "%.*s.manifest.json", stem_length, o->output);
+    if (made < 0)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    const bool printed =
+        command_print_jobs(argc, argv, num < o->num_jobs ? (uint32_t)num : (uint32_t)o->num_jobs, manifest, error);
+    free(manifest);
+    return printed;
+}
+
+/* Opens the manifest; *is_done if nothing is left to draw. */
+static bool begin_part(render_options *o, size_t num, int argc, char **argv, command_talk *talk, bool *is_done,
+                       karst_error *error)
+{
+    const size_t first = o->path ? o->flight.first : o->part.num ? o->part.number - 1 : 0;
+    const size_t end = o->path ? o->flight.end : first + 1;
+    *is_done = first == end;
+    if (*is_done)
+        command_say(talk, "--part %s: has none of the %zu pictures", o->part_text, num);
+    if (!o->path && o->part.num && !(o->part_output = command_part_name(o->output, o->part)))
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    if (*is_done || !o->manifest_file)
+        return true;
+    command_be_part_of_job();
+    command_job job = {.manifest = o->manifest_file,
+                       .part = o->part,
+                       .output = o->output,
+                       .num = num,
+                       .tiles = !o->path && o->part.num,
+                       .inputs = {o->world_file},
+                       .argc = argc,
+                       .argv = argv};
+    size_t num_inputs = 1;
+    if (o->path)
+        job.inputs[num_inputs++] = o->path_file;
+    if (o->edits)
+        job.inputs[num_inputs++] = o->edits;
+    o->flight.manifest = o->manifest = command_manifest_open(&job, o->resume, talk, error);
+    if (command_interrupted())
+        return command_fail_interrupted(error, "interrupted");
+    if (!o->manifest)
+        return false;
+    *is_done = true;
+    for (size_t i = first; i < end; i++)
+        *is_done = *is_done && command_manifest_has(o->manifest, i);
+    if (*is_done)
+        command_say(talk, "%s: %zu of %zu are there and right: nothing is left to draw", o->manifest_file, end - first,
+                    end - first);
+    else if (command_manifest_count(o->manifest))
+        command_say(talk, "%s: %zu of %zu are there and right", o->manifest_file, command_manifest_count(o->manifest),
+                    end - first);
+    return true;
+}
+
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error)
 {
     render_options o = {.display = "auto",
@@ -316,21 +459,29 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
         return false;
     if (o.help)
         return true;
-    if (!check_options(&o, &display_kind, talk, error))
+    size_t num_all;
+    bool done = false;
+    if (!check_options(&o, &display_kind, talk, error) || !find_share(&o, &num_all, error))
         return false;
-
+    if (o.num_jobs)
+        return print_jobs(&o, num_all, argc, argv, error);
     if (!command_check_memory(talk, o.pool_mib, display_kind != KARST_DISPLAY_NONE, error))
         return false;
     command_catch_interrupts();
+    const bool has_begun = begin_part(&o, num_all, argc, argv, talk, &done, error);
+    if (!has_begun || done) {
+        command_manifest_close(o.manifest);
+        free(o.part_output);
+        return has_begun;
+    }
     command_open_driver(talk);
     const karst_log log = command_log(talk);
     command_record record = {
-        .world = o.world, .width_px = o.size_px[0], .height_px = o.size_px[1], .live = o.flight.live};
+        .world = o.world, .width_px = o.window_px[2], .height_px = o.window_px[3], .live = o.flight.live};
     record.path = o.flight.file;
     record.start_ns = o.flight.live ? 0 : start_ns; /* whose first view is not counted */
     karst_engine *engine = NULL;
     karst_helper *helper = NULL;
-    bool done = false;
 
     command_progress(talk, "opening the device; new kernels take some seconds to build");
     helper = karst_helper_create(NULL); /* without one it only takes longer */
@@ -349,7 +500,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
-    if (!(o.path ? command_flight_run(engine, &o.flight, o.size_px[0], o.size_px[1], talk, &record, error)
+    if (!(o.path ? command_flight_run(engine, &o.flight, o.window_px[2], o.window_px[3], talk, &record, error)
                  : render(engine, &o, talk, &record, error)) ||
         (o.stats && !write_stats(o.stats, &record, error)))
         goto out;
@@ -359,9 +510,10 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
                                       .num_parameters = o.parameters.num_values,
                                       .has_seed = o.has_seed,
                                       .seed = (uint32_t)o.seed};
-    if (!o.path && record.last.num_hits == record.last.num_pixels)
+    const bool is_whole = !o.path && memcmp(o.window_px + 2, o.size_px, sizeof o.size_px) == 0;
+    if (is_whole && record.last.num_hits == record.last.num_pixels)
         command_say_if_inside(talk, &world, &camera, karst_engine_voxel_log2_m(engine));
-    else if (!o.path && record.settled && record.last.num_hits == 0)
+    else if (is_whole && record.settled && record.last.num_hits == 0)
         command_say_no_surface(talk, &world, &camera, karst_engine_voxel_log2_m(engine), o.size_px, o.view_distance_m);
     done =
         record.settled || record.live ||
@@ -372,5 +524,7 @@ out:
     karst_engine_destroy(engine);
     karst_helper_destroy(helper);
     command_record_free(&record);
+    command_manifest_close(o.manifest);
+    free(o.part_output);
     return done;
 }

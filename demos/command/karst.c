@@ -15,6 +15,7 @@ static const command commands[] = {
     {"new", "a saved world: one file with a world, its edits, a camera", command_new},
     {"edit", "edits of a saved world: add, undo, redo, log, check, backup", command_edit},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},
+    {"verify", "whether the pictures of a job are all there and right", command_verify},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
 };
 #define NUM_COMMANDS (sizeof commands / sizeof *commands)
@@ -31,7 +32,8 @@ static void print_help(FILE *file)
           "  karst check mine.karst                     what there is to say of a world file\n"
           "  karst sample hills --at 0,120,0            its density there\n"
           "\nData goes to stdout, talk to stderr. Exit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device,\n"
-          "4 world that does not compile or does not exist, 5 other data that cannot be read.\n",
+          "4 world that does not compile or does not exist, 5 other data that cannot be read, 75 part of a job that\n"
+          "is to be run again.\n",
           file);
 }
 

@@ -34,7 +34,7 @@ echo ".SH KEYS OF THE WINDOW"
 cat << 'END'
 .SH EXIT STATUS
 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device or display, 4 a world that does not compile or does
-not exist, 5 other data that cannot be read.
+not exist, 5 other data that cannot be read, 75 a part of a job that SIGTERM ended and that is to be run again.
 .SH ENVIRONMENT
 .TP
 .B KARST_DATA_DIR

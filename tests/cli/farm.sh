@@ -1,0 +1,229 @@
+#!/bin/sh
+# Jobs from outside: commands that --jobs prints, workers that are killed and started again, manifests, karst verify, and
+# tiles; and the scripts of docs/FARM.md. $KARST is the program.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
+page="$PWD/docs/FARM.md"
+export KARST_DATA_DIR="$PWD/demos"
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+cd "$scratch" || exit 1
+export POCL_CACHE_DIR="$PWD/store"
+
+run()
+{
+    "$karst" "$@" > stdout 2> stderr < /dev/null
+    status=$?
+    detail="karst $*: exit $status; stdout: $(head -c 600 stdout); stderr: $(head -c 600 stderr)"
+}
+# complains CODE PATTERN NAME ARGUMENT...: fails so, prints nothing.
+complains()
+{
+    code=$1 pattern=$2 name=$3
+    shift 3
+    run "$@"
+    [ $status -eq "$code" ] && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
+    result "$name"
+}
+
+echo '{"keyframes": [{"time": 0, "position": ["0", "320", "0"], "yaw": 0, "pitch": -10},
+    {"time": 1, "position": ["30", "320", "0"], "yaw": 20, "pitch": -10}]}' > 'turn it.json'
+frames=24 parts=6
+[ -n "${KARST_TEST_QUICK:-}" ] && frames=8 parts=3
+quick="--size 64x48 --pool 64 --detail 2 --view-distance 2000 --samples 2 --display none -q"
+fly() { run render hills --path 'turn it.json' --frames $frames $quick "$@"; }
+
+# ---- commands ----
+mkdir whole frames
+fly -o whole/%05d.exr
+[ $status -eq 0 ] && [ "$(ls whole | wc -l)" -eq $frames ]
+result "one process draws all pictures"
+fly -o frames/%05d.exr --jobs $parts
+cp stdout jobs
+[ $status -eq 0 ] && [ "$(wc -l < jobs)" -eq $parts ] && [ -z "$(ls -A frames)" ] && [ ! -s stderr ] &&
+    [ "$(grep -c -- "--manifest frames/manifest.json --resume .*'turn it.json'" jobs)" -eq $parts ]
+result "--jobs prints as many commands, and draws nothing"
+[ "$(sed -n 's/.* --part \([0-9]*\)\/.*/\1/p' jobs | tr '\n' ' ')" = "$(seq -s ' ' $parts) " ]
+result "they are the parts, in their order"
+fly -o frames/%05d.exr --jobs 1000
+[ $status -eq 0 ] && [ "$(wc -l < stdout)" -eq $frames ]
+result "no more commands than pictures"
+fly -o "a'b %d.exr" --jobs 2 --manifest '$(x) m.json'
+(set -f; eval "set -- $(head -n 1 stdout)"; for word; do echo "$word"; done) > words
+grep -qx "a'b %d.exr" words && grep -qx '$(x) m.json' words
+result "a shell reads the words as they were"
+
+# ---- four workers; some are killed ----
+# Which, and when, follows from a number that is told. Those have stores of their own: a store in which a run died is set
+# aside, and all others would compile anew (tests/cli/environment.sh).
+seed=${FARM_SEED:-$(date +%N)}
+awk -v seed="$seed" -v parts=$parts 'BEGIN { srand(seed); sure = 1 + int(parts * rand()) }
+    { killed = NR == sure || rand() < 0.2
+      if (killed) printf "cp -R store store%d; POCL_CACHE_DIR=$PWD/store%d timeout -s %s %.2f ", NR, NR, rand() < 0.7 ? "KILL" : "TERM", 0.1 + 0.8 * rand()
+      print }' jobs > some_killed
+by="GNU parallel"
+parallel --version 2> /dev/null | grep -q '^GNU' || by=xargs
+work()
+{
+    if [ "$by" = xargs ]; then
+        xargs -P 4 -d '\n' -n 1 sh -c < "$1" > talk 2>&1
+    else
+        parallel --will-cite -j 4 :::: "$1" > talk 2>&1 < /dev/null
+    fi
+}
+work some_killed
+run verify frames/manifest.json
+after_kill=$status
+num_killed=$(grep -c ' timeout ' some_killed)
+work jobs
+left=$?
+run verify frames/manifest.json
+detail="$detail; seed $seed, $num_killed killed, then: $(cat talk)"
+[ $left -eq 0 ] && [ $status -eq 0 ] && [ ! -s stdout ] && grep -q "$frames of $frames pictures right" stderr
+result "workers of $by that were killed are started again: all is there (seed $seed, $num_killed killed, exit $after_kill)"
+rm -rf store?*
+differs=
+for file in whole/*.exr; do cmp -s "$file" "frames/${file#whole/}" || differs="$differs ${file#whole/}"; done
+detail="seed $seed:$differs"
+[ -z "$differs" ] && [ "$(ls frames/*.exr | wc -l)" -eq $frames ]
+result "each picture has the bytes of those that one process drew"
+before=$(ls -l --time-style=full-iso frames/*.exr)
+work jobs
+[ "$before" = "$(ls -l --time-style=full-iso frames/*.exr)" ]
+result "what is there is not drawn again"
+[ "$by" = xargs ] && skip "under GNU parallel" "it is not installed (package parallel)"
+
+# ---- asked to end ----
+rm -rf slow && mkdir slow
+"$karst" render hills --path 'turn it.json' --frames 400 $quick -o slow/%d.png --manifest slow/m.json > stdout 2> stderr &
+worker=$!
+tries=0
+until [ -e slow/0.png ] || [ $tries -eq 600 ]; do sleep 0.1 && tries=$((tries + 1)); done
+kill -TERM $worker
+wait $worker
+status=$?
+detail="exit $status: $(cat stderr)"
+num_noted=$(grep -c '"index"' slow/m.json)
+[ $status -eq 75 ] && grep -q 'interrupted after [0-9]* of 400' stderr && [ "$num_noted" -ge 1 ] &&
+    [ "$num_noted" -eq "$(ls slow/*.png | wc -l)" ] && [ -z "$(ls -A slow | grep karst-)" ]
+result "SIGTERM: exit 75, and all that is drawn is noted"
+run verify slow/m.json
+[ $status -eq 1 ] && [ "$(grep -c '^missing slow/' stdout)" -eq $((400 - num_noted)) ]
+result "verify lists what is missing"
+
+# ---- what is wrong ----
+rm frames/00002.exr
+printf x >> frames/00001.exr
+printf x | dd of=frames/00003.exr bs=1 seek=400 conv=notrunc 2> /dev/null
+run verify frames/manifest.json
+[ $status -eq 1 ] && [ "$(cut -d ' ' -f 1,2 stdout | tr '\n' ' ')" = \
+    "wrong frames/00001.exr: missing frames/00002.exr wrong frames/00003.exr: " ]
+result "verify tells of a picture that is missing, one that is longer, and one whose bytes changed"
+work jobs
+differs=
+for file in whole/*.exr; do cmp -s "$file" "frames/${file#whole/}" || differs="$differs ${file#whole/}"; done
+detail="$(cat talk)$differs"
+[ -z "$differs" ] && "$karst" verify -q frames/manifest.json
+result "the same commands mend that"
+one="render hills --path turn.json --frames $frames --part 1/$parts"
+cp 'turn it.json' turn.json
+run $one $quick -o frames/%05d.exr --manifest frames/other.json
+run $one $quick -o frames/%05d.exr --manifest frames/other.json --resume --seed 5
+[ $status -eq 5 ] && grep -q "another job ('nothing' there, '--seed' here)" stderr
+result "a manifest of other settings is not gone on with"
+sed 's/320/321/' turn.json > changed.json && mv changed.json turn.json
+complains 5 "the path or the edits have changed" "nor one of another path" $one $quick -o frames/%05d.exr \
+    --manifest frames/other.json --resume
+run $one $quick -o frames/%05d.exr --manifest frames/other.json
+[ $status -eq 0 ] && ! cmp -s whole/00000.exr frames/00000.exr
+result "without --resume all is drawn anew"
+echo '{ "karst_manifest": 1, ' > frames/other.part-1-of-$parts.json
+complains 5 "other.part-1-of-$parts.json:[0-9]" "a manifest that breaks off" $one $quick -o frames/%05d.exr \
+    --manifest frames/other.json --resume
+complains 5 "other.part-1-of-$parts.json:[0-9]" "verify of one that breaks off" verify frames/other.json
+rm frames/other*
+complains 5 "is not there, nor a part" "verify of none" verify frames/other.json
+complains 2 "which manifest" "verify of what" verify
+manifest() { printf '{"karst_manifest": 1, "version": "0", "output": "%s", "settings": [], "inputs": [], "total": %s, "pictures": [%s]}' "$@" > m.json; }
+manifest %d.png 99999999999 ''
+complains 5 "is no manifest" "a manifest of more pictures than there can be" verify m.json
+manifest %d.png 2 '{"index": 2, "bytes": 1, "crc32": "00000000"}'
+complains 5 "is no manifest" "one with a picture beyond the last" verify m.json
+manifest %d.png 2 '{"index": 0, "bytes": -1, "crc32": "00000000"}'
+complains 5 "is no manifest" "one with a size below 0" verify m.json
+mkfifo pipe
+manifest pipe 1 '{"index": 0, "bytes": 1, "crc32": "00000000"}'
+run verify m.json
+[ $status -eq 1 ] && [ "$(cat stdout)" = "missing pipe" ]
+result "one that names a pipe: nothing waits for it"
+
+# ---- tiles ----
+tile="--size 512x384 --pool 64 --detail 2 --view-distance 2000 --samples 2 --display none -q --exposure 0"
+[ -n "${KARST_TEST_QUICK:-}" ] && tile="$tile --size 128x96"
+run render hills $tile -o whole.png
+run render hills $tile -o tiles.png --jobs 4
+cp stdout jobs
+work jobs
+num_tiles=$(ls tiles.part-*-of-4.png | wc -l)
+convert whole.png -depth 8 rgb:whole.rgb
+convert \( tiles.part-1-of-4.png tiles.part-2-of-4.png +append \) \( tiles.part-3-of-4.png tiles.part-4-of-4.png +append \) \
+    -append -depth 8 rgb:tiles.rgb
+run verify tiles.manifest.json
+detail="$detail; $(cat talk; ls)"
+[ $status -eq 0 ] && [ "$num_tiles" -eq 4 ] && [ -s whole.rgb ] && cmp whole.rgb tiles.rgb
+result "tiles of a picture have the bytes of one process's"
+rm tiles.part-3-of-4.png
+run verify tiles.manifest.json
+[ $status -eq 1 ] && [ "$(cat stdout)" = "missing tiles.part-3-of-4.png" ]
+result "verify tells of a tile that is missing"
+run render hills $tile -o window.png --window 37,21,50,40
+convert whole.png -crop 50x40+37+21 +repage -depth 8 rgb:crop.rgb
+convert window.png -depth 8 rgb:window.rgb
+[ $status -eq 0 ] && [ "$(wc -c < crop.rgb)" -eq 6000 ] && cmp crop.rgb window.rgb
+result "--window has the bytes of that part of the picture"
+complains 2 "exposure of its own" "parts of a picture whose exposure follows it" render hills -o t.png --jobs 4
+complains 2 "no tiles of 16 pixels" "more parts than tiles" render hills -o t.exr --jobs 97 --size 64x48
+complains 2 "X,Y,W,H" "a window of three numbers" render hills --window 1,2,3
+complains 2 "not within" "a window beyond the picture" render hills --size 64x48 --window 60,0,5,5
+complains 2 "a part is a window" "a window of a part" render hills -o t.exr --part 1/4 --window 0,0,16,16
+
+# ---- wrong usage ----
+complains 2 "K/N" "a part beyond the last" render hills -o t.exr --part 5/4
+complains 2 "which job" "--resume of nothing" render hills --resume
+complains 2 "not stdin" "a world from stdin for many" render - -o t.exr --jobs 4
+complains 2 "settled pictures to files" "a video in parts" render hills --path turn.json -o t.mp4 --jobs 4
+complains 2 "settled pictures to files" "live pictures in parts" render hills --path turn.json -o %d.png --live --part 1/2
+complains 2 "for one of them" "statistics of many" render hills -o t.exr --jobs 4 --stats s.json
+complains 2 "line break" "a name with a line break" render hills -o "t
+.exr" --jobs 4
+complains 1 "no-such-folder" "a manifest in a folder that is not there" render hills $quick -o t.png --manifest no-such-folder/m.json
+
+# ---- the page's script for Slurm ----
+# Under a Slurm that only says what it is asked: each task of the array, one of which is asked to end and comes again.
+sed -n '/^```bash/,/^```$/p' "$page" | sed '/^```/d' > farm.sbatch
+rm -rf frames && mkdir frames bin
+run render hills --path 'turn it.json' --frames $frames $quick -o frames/%05d.exr --jobs 2
+cp stdout jobs.txt
+printf '#!/bin/sh\necho "$@" >> requeued\n' > bin/scontrol && chmod +x bin/scontrol
+: > requeued
+task() { SLURM_ARRAY_TASK_ID=$1 SLURM_JOB_ID=7$1 SLURM_CPUS_PER_TASK=1 PATH="$PWD/bin:$PATH" bash farm.sbatch > talk 2>&1; }
+sed "1s/--frames $frames/--frames 4000/" jobs.txt > long && mv jobs.txt short && mv long jobs.txt
+task 1 &
+tries=0
+until [ -e frames/00000.exr ] || [ $tries -eq 600 ]; do sleep 0.1 && tries=$((tries + 1)); done
+kill -TERM $(sed 's/ .*//' /proc/$!/task/*/children)
+wait $!
+detail="exit $?: $(cat talk); asked: $(cat requeued)"
+[ "$(cat requeued)" = "requeue 71" ]
+result "the page's script: a task that is asked to end is put back into the queue"
+mv short jobs.txt
+rm frames/*
+for number in 1 2; do task $number || detail="$detail; task $number: $(cat talk)"; done
+run verify frames/manifest.json
+differs=
+for file in whole/*.exr; do cmp -s "$file" "frames/${file#whole/}" || differs="$differs ${file#whole/}"; done
+[ $status -eq 0 ] && [ -z "$differs" ]
+result "and all tasks together draw the flight"
+finish
