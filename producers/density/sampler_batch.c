@@ -35,7 +35,7 @@ void karst_sampler_densities(karst_sampler *sampler, const karst_position *at, s
                              float *density)
 {
     const karst_resolved_world *world = &sampler->world->file->program->world;
-    const karst_expr root = world->text ? world->text : world->density;
+    const karst_expr root = world->text ? world->text : world->root[KARST_ROOT_DENSITY];
     const bool is_float = world->graph->nodes[root].type == KARST_TYPE_FLOAT;
     const int level = karst_world_level(sampler->world, footprint_m);
     const karst_tape *tape =
@@ -88,7 +88,8 @@ bool karst_sampler_gradients(karst_sampler *sampler, const karst_position *at, s
     if (!sampler->gradient_oracle)
         return false;
     const karst_resolved_world *world = &sampler->world->derived->world;
-    const karst_expr roots[4] = {world->gradient[0], world->gradient[1], world->gradient[2], world->density};
+    const karst_expr roots[4] = {world->gradient[0], world->gradient[1], world->gradient[2],
+                                 world->root[KARST_ROOT_DENSITY]};
     const karst_tape *tape =
         find_tape(&sampler->gradient_tape, &sampler->has_tried_gradient, sampler->gradient_oracle, roots, 4);
     for (size_t i = 0; !tape && i < num; i++)
