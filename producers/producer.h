@@ -52,6 +52,7 @@ typedef struct {
     double haze_height_m;   /* in which it thins to 1/e, going up from y = 0; 0: it does not */
     bool has_exposure;
     double exposure_stops; /* of pictures, where it is said */
+    double mirror;         /* the share of light that land mirrors */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
     bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
     double dust;            /* as there */

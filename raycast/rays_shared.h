@@ -13,18 +13,28 @@
 
 #define KARST_MAX_LEVELS 60
 
+/* What a ray is to find. Rays that start on a surface say which side of matter they are on, since rounding does not:
+ * such a ray hits nothing before it has been on that side. In the cell that it starts in it has been once it passed a
+ * part that falls (or, of KARST_SIDE_BACK, rises) to there; from the next cell on, wherever it is there. If it comes to
+ * a cell all of which lies on the other side first, it ends. So starts are told by cell and sign, not by a distance. */
+#define KARST_SIDE_ANY 0u   /* matter: a ray that starts in it ends at once */
+#define KARST_SIDE_FRONT 1u /* from air into matter */
+#define KARST_SIDE_BACK 2u  /* from matter into air */
+
 /* One ray; arrays of it are streams. A ray with t_max <= t_min is idle and reports a miss. */
 typedef struct {
     float origin[3];    /* from the stream's anchor, level-0 voxels */
-    float t_min;        /* along the unit direction, level-0 voxels */
+    float t_min;        /* along the unit direction, level-0 voxels; 0 of rays with a side */
     float direction[3]; /* unit length */
     float t_max;
     float width; /* footprint at t = 0, level-0 voxels */
     float cone;  /* growth of the footprint per unit of t */
     uint pixel;  /* whatever the stream's maker wants back */
+    uint side;   /* KARST_SIDE_* */
+    float throughput[3]; /* the share of its light that reaches the pixel, of red, green and blue */
     uint pad;
 } karst_ray;
-K_ASSERT_SIZE(karst_ray, 48);
+K_ASSERT_SIZE(karst_ray, 64);
 
 #define KARST_HIT_MISS 0u
 #define KARST_HIT_SURFACE 1u     /* at the level the footprint asks for */

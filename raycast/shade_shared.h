@@ -22,7 +22,9 @@ typedef struct {
     float haze_thinning;   /* 1 over the height in which haze thins to 1/e; 0: it is as thick everywhere */
     float eye_height;      /* of the eye above where haze is thickest, times haze_thinning; at least 0 */
     float up[4];           /* away from the ground, at the eye; [3]: 1 over the distance to a globe's centre, 0: flat */
+    float mirror;          /* the share of light that land mirrors, 0 to 1; only for shaders that make mirrored rays */
+    float pad[3];
 } karst_light;
-K_ASSERT_SIZE(karst_light, 128);
+K_ASSERT_SIZE(karst_light, 144);
 
 #endif

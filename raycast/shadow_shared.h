@@ -4,6 +4,9 @@
  * field f + 1. So the lanes of a packet are stored and loaded whole. Fields are floats: origin x, y, z (level-0 voxels
  * from the stream's anchor); the footprint that the ray begins with (0: the pixel has no ray, and its other fields are
  * not written); and, as bits, what the pixel's word becomes in shadow: RGBA8, or a mark.
+ *
+ * Those of a stream are laid out as of a picture 32 pixels wide, so that as many neighbours of the stream are a beam's;
+ * their marks are y << 16 | x | KARST_SHADOW_OF_PIXEL of their own pixel.
  */
 #ifndef KARST_RAYCAST_SHADOW_SHARED_H
 #define KARST_RAYCAST_SHADOW_SHARED_H
@@ -14,6 +17,7 @@
 #define KARST_SHADOW_WIDTH 3
 #define KARST_SHADOW_DARK 4
 #define KARST_SHADOW_FIELDS 5
+#define KARST_SHADOW_OF_PIXEL 0x80000000u
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
 #define KARST_SUN_CONE 0.0093f
@@ -27,8 +31,8 @@ typedef struct {
     /* The sun's disc, as seen at distance 1: two vectors across the direction; zeros: a point. [3] unused. */
     float across[4], along[4];
     uint sample; /* of the pixels: which of raycast/cast/jitter.clh; 0: all rays go to the sun's centre */
+    uint of_stream;
     int x0_px, y0_px; /* where the picture begins in the whole that it is a window of */
-    uint pad;
 } karst_shadow_sun;
 K_ASSERT_SIZE(karst_shadow_sun, 80);
 

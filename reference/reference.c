@@ -193,8 +193,10 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
     colour ground = ground_colour(&p->light, &n, albedo, lane_max(dot3(&n, p->light.sun_direction), 0.0f));
     ground = add_colour(ground, own, 1.0f);
     const float t = (float)(hit.t_m / p->voxel_m);
-    return p->skies ? air_hazy(karst_skies_sky(p->skies), karst_skies_table(p->skies), ground, &direction, to_sun, t)
-                    : hazy_colour(&p->light, ground, &direction, to_sun, t);
+    if (!p->skies)
+        return hazy_colour(&p->light, ground, &direction, to_sun, t);
+    const air_way way = air_way_of(karst_skies_sky(p->skies), karst_skies_table(p->skies), &direction, to_sun, t);
+    return air_through(&way, ground);
 }
 
 static void shade_pixel(const worker *w, int x, int y, uint8_t *rgba, karst_reference_stats *stats)

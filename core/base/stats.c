@@ -25,3 +25,18 @@ const char *karst_stage_name(karst_stage stage)
     }
     return "unknown";
 }
+
+const char *karst_stream_name(karst_stream stream)
+{
+    switch (stream) {
+    case KARST_STREAM_PRIMARY:
+        return "primary";
+    case KARST_STREAM_SHADOW:
+        return "shadow";
+    case KARST_STREAM_MIRROR:
+        return "mirror";
+    case KARST_NUM_STREAMS:
+        break;
+    }
+    return "unknown";
+}

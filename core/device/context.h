@@ -198,6 +198,10 @@ const char *karst_cl_error_name(cl_int code);
 /* ---- profile (profile.c): device time by stage, from event timestamps ---- */
 /* Waits for all launches since the last call and adds their device time to ns[stage]. */
 bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES], karst_error *error);
+/* What is launched from now on casts rays of that stream; KARST_NUM_STREAMS: of none. The device time of each since it
+ * was taken last, as of the last karst_profile_collect. */
+void karst_profile_set_stream(karst_context *context, karst_stream stream);
+void karst_profile_take_streams(karst_context *context, uint64_t ns[KARST_NUM_STREAMS]);
 /* Also count host time spent in a stage (display, host parts of collect). */
 void karst_profile_add_host(karst_context *context, karst_stage stage, uint64_t ns);
 uint64_t karst_clock_ns(void); /* monotonic */

@@ -14,6 +14,7 @@
 typedef struct {
     cl_event event;
     karst_stage stage;
+    karst_stream stream; /* KARST_NUM_STREAMS: none */
     char name[48]; /* of the kernel; only while tracing */
 } timed_event;
 
@@ -21,6 +22,8 @@ struct karst_profile {
     timed_event *events; /* in order of enqueueing */
     size_t num_events, capacity;
     uint64_t ns[KARST_NUM_STAGES]; /* folded events and host time since the last collect */
+    karst_stream stream;           /* of the launches to come */
+    uint64_t stream_ns[KARST_NUM_STREAMS + 1];
     karst_span *spans;             /* NULL: no tracing */
     size_t num_spans;
     bool collected;     /* the spans are those of a collection that is over: the next one begins anew */
@@ -38,7 +41,9 @@ uint64_t karst_clock_ns(void)
 struct karst_profile *karst_profile_create(karst_error *error)
 {
     struct karst_profile *profile = calloc(1, sizeof(*profile));
-    if (!profile)
+    if (profile)
+        profile->stream = KARST_NUM_STREAMS;
+    else
         karst_fail(error, KARST_FAILED, "out of memory");
     return profile;
 }
@@ -133,8 +138,10 @@ static bool fold_event(struct karst_profile *profile, const timed_event timed, k
     if (code != CL_SUCCESS)
         return karst_fail(error, KARST_FAILED, "cannot time %s: %s", karst_stage_name(timed.stage),
                           karst_cl_error_name(code));
-    if (end > start)
+    if (end > start) {
         profile->ns[timed.stage] += end - start;
+        profile->stream_ns[timed.stream] += end - start;
+    }
     add_span(profile, KARST_TRACK_QUEUE, timed.stage, timed.name, start, end > start ? end : start);
     return true;
 }
@@ -177,6 +184,7 @@ bool karst_profile_add_event(karst_context *context, karst_stage stage, cl_kerne
     timed_event *timed = &profile->events[profile->num_events++];
     timed->event = event;
     timed->stage = stage;
+    timed->stream = profile->stream;
     timed->name[0] = 0;
     if (profile->spans &&
         clGetKernelInfo(kernel, CL_KERNEL_FUNCTION_NAME, sizeof timed->name, timed->name, NULL) != CL_SUCCESS)
@@ -207,4 +215,12 @@ bool karst_profile_collect(karst_context *context, uint64_t ns[KARST_NUM_STAGES]
         profile->collected = true;
     }
     return ok;
+}
+
+void karst_profile_set_stream(karst_context *context, karst_stream stream) { context->profile->stream = stream; }
+
+void karst_profile_take_streams(karst_context *context, uint64_t ns[KARST_NUM_STREAMS])
+{
+    memcpy(ns, context->profile->stream_ns, KARST_NUM_STREAMS * sizeof *ns);
+    memset(context->profile->stream_ns, 0, sizeof context->profile->stream_ns);
 }

@@ -225,6 +225,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;
+    karst_profile_take_streams(engine->context, stats->stream_ns);
     karst_engine_learn_cost(engine);
     stats->time_ns_frame = karst_clock_ns() - start_ns;
     stats->time_ns_cpu = karst_engine_cpu_ns(engine) - start_cpu_ns;

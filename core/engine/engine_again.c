@@ -16,6 +16,9 @@ bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     const karst_light light = karst_engine_light(engine);
-    return karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
-                                    engine->shadows_asked, error);
+    /* Mirrored rays start where those to the sun do. */
+    return (!engine->shadows || karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
+                                                         engine->shadows_asked, error)) &&
+           (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, error) &&
+                                karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error)));
 }

@@ -78,8 +78,8 @@ static bool make_picture(ahead *a, karst_error *error)
     int width_px, height_px;
     karst_engine_picture_size(a->config, &width_px, &height_px);
     size_t num_px = (size_t)width_px * (size_t)height_px;
-    const bool radiance = karst_engine_shade_ways(a->config) & KARST_SHADE_RADIANCE;
-    const size_t depth_floats = radiance ? 2 * KARST_RADIANCE_PLANES : 1;
+    const bool radiance = karst_engine_shade_ways(a->config, &a->world.file->info) & KARST_SHADE_RADIANCE;
+    const size_t depth_floats = radiance ? KARST_RADIANCE_MIRROR_PLANE + 1 : 1;
     karst_cast_view_init(&a->view, &origin, corner, 8);
     a->view.serial = 1;
     karst_pinhole_init(&a->pinhole, &camera, width_px, height_px, 16);
@@ -101,7 +101,7 @@ static bool compile_production(ahead *a, karst_error *error)
 static bool compile_shading(ahead *a, karst_error *error)
 {
     const bool shadows = !a->config->no_shadows;
-    const unsigned ways = karst_engine_shade_ways(a->config);
+    const unsigned ways = karst_engine_shade_ways(a->config, &a->world.file->info);
     const karst_position origin = {{0}, {0}};
     void *data = karst_world_file_data(a->world.file, a->world.seed, error);
     size_t data_bytes = a->world.file->data_bytes;
@@ -124,7 +124,7 @@ static bool compile_cast(ahead *a, karst_error *error)
 {
     char options[160];
     const bool one_sun = !a->config->no_shadows && !karst_engine_has_wide_sun(a->config);
-    karst_engine_cast_options(a->config, options, sizeof options);
+    karst_engine_cast_options(a->config, &a->world.file->info, options, sizeof options);
     karst_caster *caster = karst_caster_create_with(a->context, &a->cache, options, error);
     karst_sunward *sunward = caster && one_sun ? karst_sunward_create(a->context, &a->cache, error) : NULL;
     bool done = caster && (!one_sun || sunward) &&
@@ -141,9 +141,9 @@ static bool compile_radiance(ahead *a, karst_error *error)
 {
     const size_t num_px = (size_t)a->pinhole.width_px * (size_t)a->pinhole.height_px;
     const karst_radiance_look look = {.tone = KARST_TONE_FILMIC};
-    if (!(karst_engine_shade_ways(a->config) & KARST_SHADE_RADIANCE))
+    if (!(karst_engine_shade_ways(a->config, &a->world.file->info) & KARST_SHADE_RADIANCE))
         return true;
-    karst_radiance *radiance = karst_radiance_create(a->context, !a->config->no_shadows, error);
+    karst_radiance *radiance = karst_radiance_create(a->context, !a->config->no_shadows, false, error);
     bool done = radiance && karst_radiance_set_room(radiance, num_px, error) &&
                 karst_radiance_show(radiance, a->pinhole.width_px, a->pinhole.height_px, 0, true, &look,
                                     a->pixels->mem, error) &&

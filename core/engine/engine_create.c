@@ -47,11 +47,13 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_ti
     return true;
 }
 
-void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes)
+void karst_engine_cast_options(const karst_engine_config *config, const karst_world_info *world, char *text,
+                               size_t size_bytes)
 {
+    const bool has_streams = karst_engine_shade_ways(config, world) & KARST_SHADE_MIRROR;
     int length =
-        snprintf(text, size_bytes, KARST_CAST_NO_STREAMS "%s%s%s", config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "",
-                 config->no_beam ? " " KARST_CAST_NO_BEAM : "",
+        snprintf(text, size_bytes, "%s%s%s%s", has_streams ? "" : KARST_CAST_NO_STREAMS,
+                 config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "", config->no_beam ? " " KARST_CAST_NO_BEAM : "",
                  karst_engine_has_wide_sun(config) ? " " KARST_CAST_SUN_DISC : "");
     if (config->safe_steps != 0 && config->safe_steps != 1)
         snprintf(text + length, size_bytes - (size_t)length, " " KARST_CAST_SAFE_STEPS,
@@ -71,10 +73,17 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
     return config->samples > 1 && !config->no_shadows && config->budget_ms <= 0;
 }
 
-unsigned karst_engine_shade_ways(const karst_engine_config *config)
+double karst_engine_mirror_share(double configured, const karst_world_info *world)
 {
-    const bool radiance = config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
-    return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u);
+    return configured > 0 ? configured : configured < 0 ? 0 : world->mirror;
+}
+
+unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
+{
+    const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0;
+    const bool radiance = mirror || config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
+    return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
+           (mirror ? KARST_SHADE_MIRROR : 0u);
 }
 
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
@@ -91,6 +100,8 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
                           KARST_ENGINE_MAX_SAMPLES);
     if ((unsigned)config->tone >= KARST_NUM_TONES)
         return karst_fail(error, KARST_USAGE, "there is no tone number %d", (int)config->tone);
+    if (!(config->mirror <= 1))
+        return karst_fail(error, KARST_USAGE, "land that mirrors %g of its light: it may be 0 to 1", config->mirror);
     if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
         return karst_fail(error, KARST_USAGE, "there is no exposure number %d", (int)config->exposure);
     return config->exposure != KARST_EXPOSURE_GIVEN || fabs(config->exposure_stops) <= KARST_ENGINE_MAX_EXPOSURE ||
@@ -144,7 +155,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->detail_px = config->detail_px != 0 ? config->detail_px : 1.0;
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
-    engine->shade = karst_engine_shade_ways(config);
+    engine->mirror = config->mirror;
     engine->samples = config->samples ? config->samples : 1;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
@@ -189,6 +200,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if (!karst_engine_check_budget_ms(config->budget_ms, error) || !check_look(config, error))
         goto failed;
     engine->world = &engine->shown.file->info;
+    engine->shade = karst_engine_shade_ways(config, engine->world);
     if (!karst_engine_set_view_distance(engine, engine->world, error))
         goto failed;
     engine->camera.fov_deg = 60;
@@ -209,7 +221,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
-    karst_engine_cast_options(config, cast_options, sizeof cast_options);
+    karst_engine_cast_options(config, engine->world, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
     if (engine->shadows && !karst_engine_has_wide_sun(config) &&
@@ -217,7 +229,11 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
               karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
         goto failed;
     if ((engine->shade & KARST_SHADE_RADIANCE) &&
-        !(engine->radiance = karst_radiance_create(engine->context, engine->shadows, error)))
+        !(engine->radiance =
+              karst_radiance_create(engine->context, engine->shadows, engine->shade & KARST_SHADE_MIRROR, error)))
+        goto failed;
+    if ((engine->shade & KARST_SHADE_MIRROR) &&
+        !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
@@ -253,6 +269,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
     karst_radiance_destroy(engine->radiance);
+    karst_bounce_destroy(engine->bounce);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

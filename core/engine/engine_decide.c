@@ -22,29 +22,41 @@ void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, 
     *num_bricks = bricks - (share < 1 ? 1 : share < MOST_SPARE ? share : MOST_SPARE);
 }
 
-/* The picture's rays, or once they want nothing those to the sun from where they end; `again`: only those that wanted
- * anything. */
-static bool cast_sure(karst_engine *engine, bool sunwards, bool again, karst_error *error)
+/* Bounces of the picture's rays: they themselves; once they want nothing those that start where they end, to the sun
+ * and mirrored; and once these do not either those to the sun from where mirrored ones end. */
+typedef enum { PICTURE, FROM_HITS, FROM_MIRRORED } sure_rays;
+
+static sure_rays last_rays(const karst_engine *engine)
+{
+    return !engine->shadows ? (engine->bounce ? FROM_HITS : PICTURE) : engine->bounce ? FROM_MIRRORED : FROM_HITS;
+}
+
+/* `again`: only those that wanted anything, as far as that is known. */
+static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_error *error)
 {
     karst_cast_view view;
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     view.ends_at_missing = 1;
-    if (!sunwards)
+    if (rays == FROM_MIRRORED)
+        return karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error);
+    if (rays == PICTURE)
         return again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
                      : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error);
     const karst_light light = karst_engine_light(engine);
-    return again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
-                                            engine->shadows_asked, error)
-                 : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays, NULL,
-                                              engine->shadows_asked, NULL, error);
+    const bool cast = !engine->shadows ||
+                      (again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
+                                                        engine->shadows_asked, error)
+                             : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
+                                                          NULL, engine->shadows_asked, NULL, error));
+    return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, error));
 }
 
-static bool round_of_sure_rays(karst_engine *engine, bool sunwards, bool again, karst_allowance *left,
+static bool round_of_sure_rays(karst_engine *engine, sure_rays rays, bool again, karst_allowance *left,
                                karst_work *work, karst_error *error)
 {
     uint64_t start_ns = karst_engine_cpu_ns(engine);
-    if (!cast_sure(engine, sunwards, again, error) || !karst_finish(engine->context, error))
+    if (!cast_sure(engine, rays, again, error) || !karst_finish(engine->context, error))
         return false;
     uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
     engine->made.again_cpu_ns += taken_ns;
@@ -71,12 +83,13 @@ static bool draw_anew(karst_engine *engine, karst_error *error)
 
 bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
-    bool sunwards = false, again = false, made = false;
+    sure_rays rays = PICTURE;
+    bool again = false, made = false;
     uint32_t num_tiles, num_bricks;
     karst_engine_usable_slots(engine, &num_tiles, &num_bricks);
     karst_engine_next_serial(engine); /* the picture's stamps are not sure */
     for (int i = 0; i < MAX_ROUNDS && (i == 0 || may_go_on(engine, left)); i++) {
-        if (!round_of_sure_rays(engine, sunwards, again, left, work, error))
+        if (!round_of_sure_rays(engine, rays, again, left, work, error))
             return false;
         const uint32_t num_starved = work->num_starved_bricks + work->num_starved_tiles;
         const uint32_t num_granted = work->num_loads + work->num_subdivides;
@@ -90,16 +103,16 @@ bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work
             engine->stats.num_requests += num_granted;
             continue;
         }
-        if (sunwards || !engine->shadows) {
+        if (rays == last_rays(engine)) {
             engine->verdict = KARST_LADDER_FITS;
             break;
         }
-        /* If anything was made the picture's rays end elsewhere, and those to the sun start there. */
+        /* If anything was made rays end elsewhere, and those after them start there. */
         if (made && !(engine->settles && engine->budget_ns == 0))
             break;
         if (made && !draw_anew(engine, error))
             return false;
-        sunwards = !made;
+        rays = made ? PICTURE : (sure_rays)(rays + 1);
         again = made = false;
     }
     return true;

@@ -20,6 +20,7 @@ karst_light karst_engine_light(const karst_engine *engine)
         eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;
     karst_light_set_haze(&light, &haze, eye_m, voxel_m);
     light.shadow_distance = (float)engine->view_distance_voxels;
+    light.mirror = engine->bounce ? (float)karst_engine_mirror_share(engine->mirror, world) : 0;
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
     memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);
@@ -74,9 +75,13 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
     if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, shaded, parts,
                             engine->counters, error))
         return false;
-    if (engine->shadows && ((engine->sunward && !karst_sunward_aim(engine->sunward, light.sun_direction, error)) ||
-                            !karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
-                                                        shaded, engine->shadows_asked, engine->shadow_hints, error)))
+    karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
+    const bool shadowed =
+        !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light.sun_direction, error)) &&
+                             karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
+                                                        shaded, engine->shadows_asked, engine->shadow_hints, error));
+    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
+    if (!shadowed || (engine->bounce && !karst_engine_draw_mirrored(engine, view, pinhole, &light, error)))
         return false;
     if (engine->radiance && !karst_engine_show_radiance(engine, pixels, error))
         return false;
@@ -122,10 +127,11 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
         return false;
 
     bool counting = engine->view == KARST_PAINT_STEPS;
-    if (!karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits, engine->asked,
-                            engine->hints, error))
-        return false;
-    if (!karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
+    karst_profile_set_stream(engine->context, KARST_STREAM_PRIMARY);
+    const bool cast = karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits,
+                                         engine->asked, engine->hints, error);
+    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
+    if (!cast || !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)
@@ -134,6 +140,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     return paint(engine, &view, &pinhole, pixels, error) && karst_surface_hand_over(engine->surface, error) &&
            fetch_counters(engine, error);
 }
+
+static uint64_t at_most(uint64_t num, uint64_t limit) { return num < limit ? num : limit; }
 
 bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
 {
@@ -148,8 +156,12 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     karst_stats *stats = &engine->stats;
     stats->num_pixels = (uint64_t)engine->width_px * (uint64_t)engine->height_px;
     stats->num_hits = engine->counted[0];
-    stats->num_provisional = engine->counted[1];
-    stats->num_incomplete = engine->counted[2];
-    stats->num_coarser = engine->counted[3];
+    /* Of mirrored rays, too: shares of the hits in pixels at most. */
+    stats->num_provisional = at_most(engine->counted[1] + (uint64_t)engine->counted[6], stats->num_hits);
+    stats->num_incomplete = engine->counted[2] + (uint64_t)engine->counted[7];
+    stats->num_coarser = at_most(engine->counted[3] + (uint64_t)engine->counted[8], stats->num_hits);
+    stats->num_rays[KARST_STREAM_PRIMARY] = stats->num_pixels;
+    stats->num_rays[KARST_STREAM_SHADOW] = engine->counted[4];
+    stats->num_rays[KARST_STREAM_MIRROR] = engine->counted[5];
     return true;
 }

@@ -22,11 +22,12 @@
 #include "raycast/cast/cast.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
+#include "raycast/light/bounce.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
 
-#define KARST_ENGINE_NUM_COUNTERS 4
+#define KARST_ENGINE_NUM_COUNTERS KARST_SHADE_COUNTERS
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
 
 /* A world as an engine shows it. */
@@ -91,6 +92,7 @@ struct karst_engine {
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
+    karst_bounce *bounce;     /* NULL: no land mirrors */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -116,6 +118,7 @@ struct karst_engine {
     karst_tone tone;
     karst_exposure exposure;
     double exposure_stops;
+    double mirror; /* as configured */
     karst_cost cost;
     karst_engine_made made;
 
@@ -152,9 +155,13 @@ struct karst_engine {
  * picture's size. */
 bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
                              karst_error *error);
-void karst_engine_cast_options(const karst_engine_config *config, char *text, size_t size_bytes);
+void karst_engine_cast_options(const karst_engine_config *config, const karst_world_info *world, char *text,
+                               size_t size_bytes);
 void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
-unsigned karst_engine_shade_ways(const karst_engine_config *config); /* KARST_SHADE_* */
+/* KARST_SHADE_* for a world. */
+unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world);
+/* The share of light that land mirrors: as configured, or as the world says. */
+double karst_engine_mirror_share(double configured, const karst_world_info *world);
 /* Whether shadow rays go to different places on the sun. */
 bool karst_engine_has_wide_sun(const karst_engine_config *config);
 
@@ -263,6 +270,15 @@ bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_c
  * now; and likewise its shadow rays, as the picture had them. Standing views on CPU devices only. */
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);
+
+/* engine_bounce.c. What land mirrors, once its picture is shaded and its shadows are cast. */
+bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                const karst_light *light, karst_error *error);
+/* Casts the mirrored rays that the picture had once more, for what they ask for; or those from their hits to the sun.
+ */
+bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
+bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
+                                           const karst_pinhole *pinhole, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

@@ -141,9 +141,11 @@ bool command_write_all(int fd, const void *data, size_t size_bytes);
 
 /* ---- command_look.c ---- */
 
-/* How a picture looks: samples, tone, exposure. Texts and numbers as options give them. */
+/* How a picture looks: samples, mirrors, tone, exposure. Texts and numbers as options give them. */
 typedef struct {
     uint64_t samples;
+    double mirror;
+    bool has_mirror;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     karst_tone parsed_tone;
@@ -152,9 +154,15 @@ typedef struct {
 } command_look;
 
 /* Lines of an option table. */
+#define COMMAND_MIRROR_OPTION(share, given)                                                                          \
+    {                                                                                                                \
+        "mirror", 0, COMMAND_NUMBER, "SHARE", "of its light that land mirrors, 0 to 1 (default: the world's, or 0)", \
+            share, 0, 1, given                                                                                       \
+    }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
-    {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, 0, 0, \
-     NULL},                                                                                                          \
+    COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
+        {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
+         0,      0, NULL},                                                                                           \
     {                                                                                                                \
         "exposure", 0, COMMAND_TEXT, "STOPS",                                                                        \
             "each twice as bright, or auto: by the picture's median (default: the world's, or auto)",                \
@@ -164,6 +172,8 @@ typedef struct {
 /* Errors: KARST_USAGE. */
 bool command_check_look(command_look *look, karst_error *error);
 void command_set_look(const command_look *look, karst_engine_config *config);
+/* What karst_engine_config has for --mirror. */
+double command_mirror(double share, bool given);
 
 /* ---- command_find.c ---- */
 

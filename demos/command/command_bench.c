@@ -28,8 +28,8 @@ static void print_help(const command_option *options, size_t num_options)
          "copied.\n"
          "floor: for each ray 8 dependent reads of a node table and 8 trilinear samples of a brick, nothing else.\n"
          "jank: the share of frames that take more than twice the median.\n"
-         "beside: a second engine takes the pools once more, and has no display. no-shadows: the same view without\n"
-         "them, after each settled frame; standing: where the path begins, before every 15th frame of the flight.\n"
+         "beside: a second engine takes the pools once more, and has no display. no-shadows, no-mirror: the same view\n"
+         "without, after each settled frame; standing: where the path begins, before every 15th frame of the flight.\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
          "5 a path or a report that cannot be read.");
 }
@@ -54,8 +54,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"csv", 0, COMMAND_TEXT, "FILE", "a line for each frame; - is stdout, likewise", &out->csv, 0, 0, NULL},
         {"plot", 0, COMMAND_TEXT, "FILE", "an SVG: time by stage, requests and churn", &out->plot, 0, 0, NULL},
         {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
-        {"beside", 0, COMMAND_TEXT, "VIEW", "frames of a second engine, in turns: no-shadows or standing, see below",
-         &out->beside, 0, 0, NULL},
+        {"beside", 0, COMMAND_TEXT, "VIEW",
+         "frames of a second engine, in turns: no-shadows, no-mirror or standing, see below", &out->beside, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
@@ -70,6 +70,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
          &b->brick_bits, 8, 32, NULL},
@@ -108,9 +109,11 @@ static bool parse_beside(bench *b, const char *word, karst_error *error)
         if (strcmp(word, bench_beside_names[i]) == 0)
             b->beside = (bench_beside)i;
     if (b->beside == BENCH_BESIDE_NOTHING)
-        return karst_fail(error, KARST_USAGE, "--beside %s: must be no-shadows or standing", word);
+        return karst_fail(error, KARST_USAGE, "--beside %s: must be no-shadows, no-mirror or standing", word);
     if (b->beside == BENCH_BESIDE_STANDING && !b->path)
         return karst_fail(error, KARST_USAGE, "--beside standing needs a flight to stand beside: give a --path");
+    if (b->beside == BENCH_BESIDE_NO_MIRROR && b->has_mirror && !(b->mirror > 0))
+        return karst_fail(error, KARST_USAGE, "--beside no-mirror and --mirror 0: both views would be the same");
     return !(b->beside == BENCH_BESIDE_NO_SHADOWS && b->no_shadows) ||
            karst_fail(error, KARST_USAGE,
                       "--beside no-shadows and --no-shadows: both views would be the same; leave one of them out");
@@ -201,6 +204,20 @@ static void print_phase(FILE *file, const json_t *report, const char *phase)
                 100 * number(own, "median", NULL, NULL));
 }
 
+static void print_streams(FILE *file, const json_t *report)
+{
+    json_t *streams = json_object_get(json_object_get(report, "settled"), "streams"), *stream;
+    const char *name, *before = "  ns a ray:";
+    json_object_foreach(streams, name, stream)
+    {
+        if (number(stream, "rays", NULL, NULL) > 0)
+            fprintf(file, "%s %s %.1f of %.0f", before, name, number(stream, "ns_per_ray", "median", NULL),
+                    number(stream, "rays", NULL, NULL));
+        before = ",";
+    }
+    fputs("\n", file);
+}
+
 static void print_ratio(FILE *file, const json_t *report, const char *name, const char *text)
 {
     if (json_object_get(json_object_get(report, "ratios"), name))
@@ -220,10 +237,12 @@ static void print_table(FILE *file, const bench *b, const json_t *report)
     print_ratio(file, report, "flight_frame_per_settled_frame", "flight, median / settled frame");
     print_ratio(file, report, "flight_p99_per_settled_frame", "flight, p99 / settled frame");
     print_ratio(file, report, "settled_frame_per_frame_without_shadows", "settled frame / the same without shadows");
+    print_ratio(file, report, "settled_frame_per_frame_without_mirror", "settled frame / the same without mirrors");
     print_ratio(file, report, "flight_frame_per_standing_frame", "flight, median / standing frame, in turns");
     print_ratio(file, report, "flight_p99_per_standing_frame", "flight, p99 / standing frame, in turns");
     print_ratio(file, report, "used_bricks_per_hit_brick", "bricks used / bricks hit");
     print_phase(file, report, "settled");
+    print_streams(file, report);
     print_phase(file, report, "flight");
     print_phase(file, report, "beside");
     fprintf(file,

@@ -29,6 +29,7 @@ extern const char *const bench_phase_names[BENCH_NUM_PHASES];
 typedef enum {
     BENCH_BESIDE_NOTHING,
     BENCH_BESIDE_NO_SHADOWS, /* the same view without shadows, beside settled frames */
+    BENCH_BESIDE_NO_MIRROR,  /* the same without mirrors, in the bytes of a picture's short way */
     BENCH_BESIDE_STANDING,   /* the view where the flight begins, beside the flight's frames */
     BENCH_NUM_BESIDE
 } bench_beside;
@@ -45,6 +46,7 @@ typedef struct {
     double time_s;     /* of the flight; of settling: since its start */
     uint64_t ended_ns; /* on karst_clock */
     uint64_t frame_ns, production_ns, cpu_ns, stage_ns[KARST_NUM_STAGES];
+    uint64_t num_rays[KARST_NUM_STREAMS], stream_ns[KARST_NUM_STREAMS];
     uint64_t num_requests, num_produced, num_evicted, num_reproduced, num_deferred;
     uint64_t num_tiles, num_bricks, num_constant; /* produced */
     uint64_t num_pixels, num_hits, num_provisional, num_incomplete;
@@ -74,7 +76,8 @@ typedef struct {
     int size_px[2];
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
-    bool has_seed, no_shadows, no_blend, no_beam, refine;
+    double mirror;
+    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;

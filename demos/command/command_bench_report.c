@@ -10,7 +10,7 @@
 #define JANK 2.0
 
 const char *const bench_phase_names[BENCH_NUM_PHASES] = {"settling", "settled", "cold", "flight", "beside"};
-const char *const bench_beside_names[BENCH_NUM_BESIDE] = {NULL, "no-shadows", "standing"};
+const char *const bench_beside_names[BENCH_NUM_BESIDE] = {NULL, "no-shadows", "no-mirror", "standing"};
 
 static int compare_doubles(const void *a, const void *b)
 {
@@ -132,6 +132,30 @@ static json_t *describe_given_px(const bench *b, bench_phase phase, double *scra
                      "max", num ? scratch[num - 1] : 0);
 }
 
+/* Rays of a frame's picture, and what casting one takes of all cores. */
+static json_t *describe_streams(const bench *b, bench_phase phase, double *scratch)
+{
+    json_t *streams = json_object();
+    for (int stream = 0; stream < KARST_NUM_STREAMS; stream++) {
+        size_t num = 0;
+        uint64_t rays = 0;
+        for (size_t i = 0; i < b->num_frames; i++) {
+            const bench_frame *f = &b->frames[i];
+            if (f->phase != phase)
+                continue;
+            rays = f->num_rays[stream];
+            if (rays)
+                scratch[num++] = (double)f->stream_ns[stream] / (double)rays;
+        }
+        qsort(scratch, num, sizeof *scratch, compare_doubles);
+        json_object_set_new(streams, karst_stream_name((karst_stream)stream),
+                            json_pack("{s:I, s:{s:f, s:f, s:f}}", "rays", (json_int_t)rays, "ns_per_ray", "median",
+                                      quantile(scratch, num, 0.5), "p99", quantile(scratch, num, 0.99), "max",
+                                      num ? scratch[num - 1] : 0));
+    }
+    return streams;
+}
+
 static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch)
 {
     size_t num = take_times(b, phase, -1, WHOLE_FRAME, scratch);
@@ -144,6 +168,7 @@ static json_t *describe_phase(const bench *b, bench_phase phase, double *scratch
     json_object_set_new(times, "production", describe_stage(b, phase, PRODUCTION, scratch));
     json_object_set_new(times, "cpu", describe_stage(b, phase, CPU, scratch));
     json_object_set_new(phase_json, "time_ms", times);
+    json_object_set_new(phase_json, "streams", describe_streams(b, phase, scratch));
     json_object_set_new(phase_json, "churn_per_frame", describe_churn(b, phase));
     json_object_set_new(phase_json, "at_level", describe_at_level(b, phase, false, scratch));
     json_object_set_new(phase_json, "at_own_level", describe_at_level(b, phase, true, scratch));
@@ -240,7 +265,9 @@ static bool add_ratios_beside(const bench *b, json_t *ratios, double *scratch)
     }
     if (of_run)
         json_object_set_new(ratios,
-                            standing ? "flight_frame_per_standing_frame" : "settled_frame_per_frame_without_shadows",
+                            standing                              ? "flight_frame_per_standing_frame"
+                            : b->beside == BENCH_BESIDE_NO_MIRROR ? "settled_frame_per_frame_without_mirror"
+                                                                  : "settled_frame_per_frame_without_shadows",
                             describe_spread(medians, b->runs_done));
     if (of_run && standing)
         json_object_set_new(ratios, "flight_p99_per_standing_frame", describe_spread(p99, b->runs_done));
@@ -387,6 +414,8 @@ json_t *bench_report(const bench *b)
                                   "beam", !b->no_beam, "refine", b->refine, "brick_bits",
                                   (json_int_t)(b->brick_bits ? b->brick_bits : 16), "lanes", (json_int_t)b->lanes));
     json_t *settings = json_object_get(root, "settings");
+    if (b->has_mirror)
+        json_object_set_new(settings, "mirror", json_real(b->mirror));
     json_object_set_new(settings, "seed", b->has_seed ? json_integer((json_int_t)b->seed) : json_null());
     json_object_set_new(settings, "view_distance_m",
                         b->view_distance_m > 0 ? json_real(b->view_distance_m) : json_null());

@@ -60,6 +60,8 @@ static bool add_frame(run_state *state, const karst_stats *stats, karst_error *e
     frame->production_ns = stats->time_ns_production;
     frame->cpu_ns = stats->time_ns_cpu;
     memcpy(frame->stage_ns, stats->time_ns, sizeof frame->stage_ns);
+    memcpy(frame->num_rays, stats->num_rays, sizeof frame->num_rays);
+    memcpy(frame->stream_ns, stats->stream_ns, sizeof frame->stream_ns);
     frame->num_requests = stats->num_requests;
     frame->num_produced = stats->num_produced;
     frame->num_evicted = stats->num_evicted;
@@ -149,6 +151,7 @@ static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log,
     config.has_seed = b->has_seed;
     config.seed = (uint32_t)b->seed;
     config.no_shadows = b->no_shadows || (is_beside && b->beside == BENCH_BESIDE_NO_SHADOWS);
+    config.mirror = is_beside && b->beside == BENCH_BESIDE_NO_MIRROR ? -1 : command_mirror(b->mirror, b->has_mirror);
     config.no_blend = b->no_blend;
     config.refine = b->refine;
     config.edits = b->edits;
@@ -231,7 +234,8 @@ static bool do_rounds(run_state *state, karst_measure *measure, karst_error *err
         state->phase = BENCH_SETTLED;
         if (!draw(state, state->engine, error) || !karst_measure_floor(measure, now, error))
             return false;
-        if (b->beside == BENCH_BESIDE_NO_SHADOWS && !draw_beside(state, index, round >= 0, error))
+        if ((b->beside == BENCH_BESIDE_NO_SHADOWS || b->beside == BENCH_BESIDE_NO_MIRROR) &&
+            !draw_beside(state, index, round >= 0, error))
             return false;
     }
     return true;

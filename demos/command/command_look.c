@@ -25,9 +25,13 @@ bool command_check_look(command_look *look, karst_error *error)
 void command_set_look(const command_look *look, karst_engine_config *config)
 {
     config->samples = (uint32_t)look->samples;
+    config->mirror = command_mirror(look->mirror, look->has_mirror);
     config->tone = look->parsed_tone;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN
                                             : KARST_EXPOSURE_OF_WORLD;
     config->exposure_stops = look->exposure_stops;
 }
+
+/* Of 0 that was given: none, whatever the world says. */
+double command_mirror(double share, bool given) { return !given ? 0 : share > 0 ? share : -1; }

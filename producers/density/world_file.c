@@ -225,6 +225,7 @@ static void set_info(karst_world_file *file)
         .haze_distance_m = 0.6 * view_distance_m,
         .has_exposure = header->has_exposure,
         .exposure_stops = header->exposure_stops,
+        .mirror = header->mirror,
     };
     if (header->has_sky) {
         set_colours(file->info.sky_zenith, header->sky_zenith);

@@ -246,28 +246,41 @@ size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int he
     return (1 + num_groups(width_px, height_px, 1, 1) * (RAYS_PER_GROUP / (size_t)context->lanes)) * sizeof(uint32_t);
 }
 
-bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
-                     bool any_hit, karst_buffer *hits, karst_error *error)
+static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
+                      cl_mem count, bool any_hit, const karst_buffer *hits, karst_error *error)
 {
     if (!caster->rays)
         return karst_fail(error, KARST_FAILED, "the caster was made without streams");
-    if (!check_hits(hits, num_rays, error))
+    if (hits && !check_hits(hits, num_rays, error))
         return false;
     if (rays->size_bytes / sizeof(karst_ray) < num_rays)
         return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes,
                           num_rays);
     if (!upload_view(caster, view, error))
         return false;
-    cl_int any = any_hit;
+    const cl_int any = any_hit;
+    const cl_mem written = hits ? hits->mem : NULL;
     if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
                          KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
-                         KARST_VALUE_ARG(any), KARST_BUFFER_ARG(hits)))
+                         KARST_VALUE_ARG(any), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)))
         return false;
     const size_t rays_per_item =
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
     return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
                         (num_rays + rays_per_item - 1) / rays_per_item,
                         caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
+}
+
+bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
+                     bool any_hit, karst_buffer *hits, karst_error *error)
+{
+    return cast_rays(caster, view, rays, num_rays, NULL, any_hit, hits, error);
+}
+
+bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
+                       const karst_buffer *count, karst_buffer *hits, karst_error *error)
+{
+    return cast_rays(caster, view, rays, num_rays, count->mem, false, hits, error);
 }
 
 size_t karst_cast_shadow_bytes(int width_px, int height_px)
@@ -306,8 +319,8 @@ static void spread_sun(karst_shadow_sun *sun, uint32_t sample)
 }
 
 static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                         const karst_light *light, const karst_buffer *rays, cl_mem pixels,
-                         const karst_buffer *asked, const karst_buffer *hints, cl_uint notes, karst_error *error)
+                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, const karst_buffer *asked,
+                         const karst_buffer *hints, cl_uint notes, bool of_stream, karst_error *error)
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
@@ -315,6 +328,7 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                             .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
                             .width_px = pinhole->width_px,
                             .height_px = pinhole->height_px,
+                            .of_stream = of_stream,
                             .x0_px = pinhole->x0_px,
                             .y0_px = pinhole->y0_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
@@ -338,6 +352,13 @@ bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
 {
     return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, NULL, KARST_CAST_NOTES_NOTHING,
+                        false, error);
+}
+
+bool karst_cast_stream_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                               const karst_light *light, const karst_buffer *rays, cl_mem marks, karst_error *error)
+{
+    return cast_shadows(caster, view, pinhole, light, rays, marks, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, true,
                         error);
 }
 
@@ -345,14 +366,14 @@ bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *vie
                                 const karst_light *light, const karst_buffer *rays, cl_mem pixels,
                                 karst_buffer *asked, karst_buffer *hints, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, error);
+    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, false, error);
 }
 
 bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
                               karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, error);
+    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, false, error);
 }
 
 bool karst_caster_survey_slopes(karst_caster *caster, uint32_t first, uint32_t end, karst_error *error)

@@ -33,6 +33,8 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
 {
     const vfloat zero = (vfloat)(0.0f);
     b->states.done[p] = b->states.fresh[p] = b->states.incomplete[p] = 0;
+    if (HAS_SIDES(from_anchor, to_sun))
+        b->states.pending[p] = b->states.back[p] = 0;
 #ifdef CAST_COUNT_STEPS
     v_store_int((vint)(0), b->states.steps + p * LANES);
 #endif
@@ -420,18 +422,25 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
         start_packet(&b, &start[p], p, view, 0, 0, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8),
                      RAY_WORD(9), m);
+        const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
+        b.states.pending[p] = b.states.fresh[p] = mask_bits(m & v_ne(side, (vint)((int)KARST_SIDE_ANY)));
+        b.states.back[p] = mask_bits(m & v_eq(side, (vint)((int)KARST_SIDE_BACK)));
     }
     begin_without_hints(&b.hints);
-    b.found.only_whether = 0;
+    b.found.only_whether = !hits;
     cast_beam(&own, view, 0, 0, &b, start);
-    store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
+    if (hits)
+        store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
 }
 
+/* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. */
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits)
+                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count)
 {
     const pools pool = POOL_FIELDS;
     const uint beam_number = (uint)get_global_id(0);
+    if (count && *count < num_rays)
+        num_rays = *count;
     if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
         cast_rays_beam(&pool, view, rays, num_rays, any_hit, beam_number, hits);
 }
@@ -499,6 +508,11 @@ BEAM_FUNCTION
             casts = 1;
         }
 #ifdef CAST_SUN_DISC
+        if (sun->of_stream) {
+            const vint pixel = v_as_int(load_ordered(rays + KARST_SHADOW_DARK * plane, order, valid));
+            x = pixel & 0xffff;
+            y = pixel >> 16 & 0x7fff;
+        }
         const vector3 direction = sun->sample ? towards_disc(sun, x, y) : centre;
 #else
         const vector3 direction = centre;

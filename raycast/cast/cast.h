@@ -71,6 +71,10 @@ size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buf
  * surface's cell. Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
+/* The same of as many rays as the device knows: the word `count` holds, num_rays at most. hits NULL: the stamps alone.
+ */
+bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
+                       const karst_buffer *count, karst_buffer *hits, karst_error *error);
 
 /* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
 size_t karst_cast_shadow_bytes(int width_px, int height_px);
@@ -84,6 +88,10 @@ void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error);
+/* The same of a stream's: the pinhole is as high as there may be rays of it, and KARST_STREAM_WIDTH_PX wide. */
+#define KARST_STREAM_WIDTH_PX (KARST_GROUP_SIDE * KARST_BEAM_ACROSS)
+bool karst_cast_stream_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
+                               const karst_light *light, const karst_buffer *rays, cl_mem marks, karst_error *error);
 /* The same, noting in an `asked` and `hints` of its own as karst_cast_picture does; and once more those that asked for
  * anything, as karst_cast_again, which leaves pixels alone, as NULL does in both. */
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,

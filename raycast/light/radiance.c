@@ -9,11 +9,11 @@ struct karst_radiance {
     karst_context *context;
     karst_program *program;
     cl_kernel add, meter, expose, tone;
-    bool sun;
+    bool sun, mirror;
     karst_buffer *sums, *parts, *marks, *bins, *exposure;
 };
 
-karst_radiance *karst_radiance_create(karst_context *context, bool sun, karst_error *error)
+karst_radiance *karst_radiance_create(karst_context *context, bool sun, bool mirror, karst_error *error)
 {
     karst_radiance *radiance = calloc(1, sizeof(*radiance));
     if (!radiance) {
@@ -22,6 +22,7 @@ karst_radiance *karst_radiance_create(karst_context *context, bool sun, karst_er
     }
     radiance->context = context;
     radiance->sun = sun;
+    radiance->mirror = mirror;
     radiance->bins = karst_buffer_create(context, "radiance", KARST_METER_BINS * sizeof(uint32_t), NULL, error);
     radiance->exposure = karst_buffer_create(context, "radiance", sizeof(float), NULL, error);
     if (radiance->bins && radiance->exposure)
@@ -65,11 +66,12 @@ void karst_radiance_destroy(karst_radiance *radiance)
 bool karst_radiance_set_room(karst_radiance *radiance, size_t num_pixels, karst_error *error)
 {
     const size_t plane_bytes = num_pixels * sizeof(float);
+    const size_t part_planes =
+        radiance->mirror ? KARST_RADIANCE_MIRROR_PLANE + 1 : (radiance->sun ? 2 : 1) * KARST_RADIANCE_PLANES;
     free_room(radiance);
     radiance->sums =
         karst_buffer_create_blank(radiance->context, "radiance", KARST_RADIANCE_PLANES * plane_bytes, error);
-    radiance->parts = karst_buffer_create_blank(radiance->context, "radiance",
-                                                (radiance->sun ? 2 : 1) * KARST_RADIANCE_PLANES * plane_bytes, error);
+    radiance->parts = karst_buffer_create_blank(radiance->context, "radiance", part_planes * plane_bytes, error);
     radiance->marks =
         karst_buffer_create_blank(radiance->context, "radiance", radiance->sun ? plane_bytes : sizeof(float), error);
     return radiance->sums && radiance->parts && radiance->marks;

@@ -16,7 +16,8 @@ struct karst_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel pixels;
-    bool shadows, radiance, atmosphere;
+    cl_kernel rays; /* NULL: surfaces do not mirror */
+    bool shadows, radiance, mirror, atmosphere;
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
@@ -50,9 +51,11 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     char options[512];
     shader->shadows = ways & KARST_SHADE_SHADOWS;
     shader->radiance = ways & KARST_SHADE_RADIANCE;
+    shader->mirror = ways & KARST_SHADE_MIRROR;
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
-    snprintf(options, sizeof(options), "%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
-             shader->radiance ? " -DSHADE_RADIANCE" : "", shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "",
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+             shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
+             shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
@@ -64,7 +67,9 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
         shader->program = karst_program_build(context, "raycast/light/shade.cl", options, &world, 1, error);
     if (shader->program)
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
-    if (!shader->pixels) {
+    if (shader->pixels && shader->mirror)
+        shader->rays = karst_program_kernel(shader->program, "shade_rays", error);
+    if (!shader->pixels || (shader->mirror && !shader->rays)) {
         karst_shader_destroy(shader);
         return NULL;
     }
@@ -77,6 +82,8 @@ void karst_shader_destroy(karst_shader *shader)
         return;
     if (shader->pixels)
         clReleaseKernel(shader->pixels);
+    if (shader->rays)
+        clReleaseKernel(shader->rays);
     karst_program_destroy(shader->program);
     karst_buffer_destroy(shader->taken);
     karst_buffer_destroy(shader->black);
@@ -102,13 +109,27 @@ static uint32_t part_size(const karst_context *context, uint32_t num_packets)
     return size;
 }
 
+static const karst_sky *sky_of(const karst_shader *shader)
+{
+    static const karst_sky night;
+    return shader->skies ? karst_skies_sky(shader->skies) : &night;
+}
+
+static cl_mem sky_table(const karst_shader *shader)
+{
+    const karst_buffer *table = shader->skies ? karst_skies_buffer(shader->skies) : shader->black;
+    return table ? table->mem : NULL;
+}
+
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error)
 {
     if (shader->shadows != (shadow_rays != NULL))
         return karst_fail(error, KARST_FAILED, "the shader was made with%s shadows", shader->shadows ? "" : "out");
-    const size_t depth_floats = !shader->radiance ? 1 : KARST_RADIANCE_PLANES * (shader->shadows ? 2 : 1);
+    const size_t depth_floats = !shader->radiance ? 1
+                                : shader->mirror  ? KARST_RADIANCE_MIRROR_PLANE + 1
+                                                  : KARST_RADIANCE_PLANES * (shader->shadows ? 2 : 1);
     if (shader->radiance && !depth)
         return karst_fail(error, KARST_FAILED, "the shader was made for radiance, which needs room");
     if (shadow_rays && !karst_cast_check_shadow_rays(shadow_rays, pinhole, error))
@@ -123,10 +144,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
     const size_t global_size =
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
-    static const karst_sky night;
-    const karst_sky *sky = shader->skies ? karst_skies_sky(shader->skies) : &night;
-    const karst_buffer *sky_table = shader->skies ? karst_skies_buffer(shader->skies) : shader->black;
-    const cl_mem sky_mem = sky_table ? sky_table->mem : NULL;
+    const cl_mem sky_mem = sky_table(shader);
     const karst_argument arguments[] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
@@ -134,10 +152,44 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(num_packets),
         KARST_VALUE_ARG(part_packets),
         /* of an atmosphere alone */
-        KARST_VALUE_ARG(*sky), KARST_VALUE_ARG(sky_mem)};
+        KARST_VALUE_ARG(*sky_of(shader)), KARST_VALUE_ARG(sky_mem)};
     const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
            (!depth || check_size(depth, depth_floats * sizeof(float), pinhole, error)) &&
            karst_arguments(shader->pixels, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, global_size, local_size, error);
+}
+
+bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
+                      const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
+                      karst_buffer *parts, karst_buffer *counters, karst_error *error)
+{
+    if (!shader->rays)
+        return karst_fail(error, KARST_FAILED, "the shader was made without mirrors");
+    if (shader->shadows && (!shadow_rays || !suns || room < max_rays ||
+                            shadow_rays->size_bytes / (KARST_SHADOW_FIELDS * sizeof(float)) < room ||
+                            suns->size_bytes / (KARST_RADIANCE_PLANES * sizeof(float)) < room))
+        return karst_fail(error, KARST_FAILED, "there is no room for the shadow rays of %u rays", max_rays);
+    if (rays->size_bytes / sizeof(karst_ray) < max_rays || hits->size_bytes / sizeof(karst_hit) < max_rays)
+        return karst_fail(error, KARST_FAILED, "there is no room for %u rays", max_rays);
+    const uint32_t num_packets = (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
+    const uint32_t part_packets = part_size(shader->context, num_packets);
+    const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
+    const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : max_rays;
+    const cl_mem shadow_mem = shadow_rays ? shadow_rays->mem : NULL, suns_mem = suns ? suns->mem : NULL;
+    const cl_mem sky_mem = sky_table(shader);
+    const karst_argument arguments[] = {
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
+        KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(shadow_mem),
+        KARST_VALUE_ARG(suns_mem), KARST_VALUE_ARG(room), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
+        KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
+        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets),
+        /* of an atmosphere alone */
+        KARST_VALUE_ARG(*sky_of(shader)), KARST_VALUE_ARG(sky_mem)};
+    const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
+    return check_size(parts, (KARST_RADIANCE_MIRROR_PLANE + 1) * sizeof(float), pinhole, error) &&
+           karst_arguments(shader->rays, arguments, num_arguments, error) &&
+           karst_launch(shader->context, shader->rays, KARST_STAGE_SHADE, global_size, local_size, error);
 }

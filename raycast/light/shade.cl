@@ -2,6 +2,10 @@
 #include "raycast/shade_shared.h"
 #include "raycast/light/light.clh"
 #include "raycast/shadow_shared.h"
+#ifdef SHADE_MIRROR
+#include "raycast/cast/packing.clh"
+#include "raycast/light/radiance_shared.h"
+#endif
 #include "raycast/light/surface.clh"
 #ifdef SHADE_ATMOSPHERE
 #include "raycast/light/atmosphere.clh"
@@ -9,13 +13,23 @@
 #define SHADE_SKY_TAKES , const karst_sky *sky, K_GLOBAL const float *sky_table
 #define SHADE_SKY , &sky, sky_table
 #define SKY_OF(direction, to_sun) air_sky_with_sun(sky, sky_table, light, direction, to_sun)
-#define HAZY(ground, direction, to_sun, t) air_hazy(sky, sky_table, ground, direction, to_sun, t)
+/* What lies between the eye and a surface, or two surfaces, is found once, and used for all that light makes of it. */
+#define FIND_WAY(direction, to_sun, t) const air_way way = air_way_of(sky, sky_table, direction, to_sun, t)
+#define HAZY(ground, direction, to_sun, t) air_through(&way, ground)
+#define CLEAR(direction, t) way.kept.g
+#define FIND_WAY_BETWEEN(from, to, direction, to_sun, t) \
+    const air_way way = air_way_between(sky, sky_table, from, to, direction, to_sun, t)
+#define THROUGH(ground, to_sun) air_through(&way, ground)
 #else
 #define SHADE_SKY_PARAMETERS
 #define SHADE_SKY_TAKES
 #define SHADE_SKY
 #define SKY_OF(direction, to_sun) sky_colour(light, direction, to_sun)
+#define FIND_WAY(direction, to_sun, t)
 #define HAZY(ground, direction, to_sun, t) hazy_colour(light, ground, direction, to_sun, t)
+#define CLEAR(direction, t) haze_clear(light, direction, t)
+#define FIND_WAY_BETWEEN(from, to, direction, to_sun, t) const vfloat clear = haze_clear_between(light, from, to, t)
+#define THROUGH(ground, to_sun) colour_through_haze(light, ground, to_sun, clear)
 #endif
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
@@ -154,6 +168,21 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 }
 #endif
 
+#ifdef SHADE_MIRROR
+#define NUM_COUNTS 9 /* as KARST_SHADE_COUNTERS */
+#define MIRRORED 5   /* those of a stream: the same numbers from here on */
+#define NO_COUNTS                 \
+    {                             \
+        0, 0, 0, 0, 0, 0, 0, 0, 0 \
+    }
+#else
+#define NUM_COUNTS 5
+#define NO_COUNTS     \
+    {                 \
+        0, 0, 0, 0, 0 \
+    }
+#endif
+
 /* Entries are thin: PoCL compiles an entry, and whatever it takes in, three times. */
 #if LANES == 16
 #define SHADE_CALL static K_WIDE __attribute__((noinline))
@@ -162,12 +191,12 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 #endif
 
 /* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to
- * counts: hits, provisional, incomplete, coarser than own_detail. */
+ * counts: hits, provisional, incomplete, coarser than own_detail, shadow rays. */
 SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
                              K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
                              const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
                              __local const near_octave *octaves, float detail, float own_detail, float blend,
-                             uint packet, uint counts[4] SHADE_SKY_TAKES)
+                             uint packet, uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
 {
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
@@ -185,6 +214,9 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #endif
         vint sunny = (vint)(0), dark = (vint)(1);
         colour sun = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+#ifdef SHADE_MIRROR
+        vfloat mirrored = (vfloat)(0.0f);
+#endif
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
             colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
@@ -192,6 +224,12 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow);
 #else
             colour albedo = plain_albedo(light, &s.normal);
+#endif
+            FIND_WAY(&direction, to_sun, s.t);
+#ifdef SHADE_MIRROR
+            const vfloat mirror = (vfloat)(light->mirror), rest = 1.0f - mirror;
+            albedo.r *= rest, albedo.g *= rest, albedo.b *= rest;
+            mirrored = v_select(hit, mirror * CLEAR(&direction, s.t), mirrored);
 #endif
             colour ground = glowing_colour(light, &s.normal, albedo, &glow, lit);
             ground = HAZY(ground, &direction, to_sun, s.t);
@@ -223,6 +261,10 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         const vint index = y * pinhole->width_px + x;
 #ifdef SHADE_RADIANCE
         store_radiance(depth, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid, &c, &sun);
+#ifdef SHADE_MIRROR
+        store_ordered(depth + KARST_RADIANCE_MIRROR_PLANE * (size_t)pinhole->width_px * (size_t)pinhole->height_px,
+                      place, valid, mirrored);
+#endif
 #ifdef SHADE_SHADOWS
         store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, (vint)(0));
 #endif
@@ -242,8 +284,36 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
                                v_mask(v_gt(s.level, (vint)(0)))));
         if (own_detail > 0.0f)
             counts[3] += (uint)count_lanes(coarser);
+#ifdef SHADE_SHADOWS
+        counts[4] += (uint)count_lanes(sunny);
+#endif
     }
 }
+
+#if LANES == 16
+RAY_INLINE void add_counts(K_GLOBAL uint *counters, const uint counts[NUM_COUNTS])
+{
+    for (int i = 0; i < NUM_COUNTS; i++)
+        if (counts[i])
+            atomic_add(&counters[i], counts[i]);
+}
+#else
+RAY_INLINE void add_group_counts(K_GLOBAL uint *counters, const uint counts[NUM_COUNTS],
+                                 __local uint sums[][NUM_COUNTS])
+{
+    for (int i = 0; i < NUM_COUNTS; i++)
+        sums[get_local_id(0)][i] = counts[i];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (get_local_id(0) == 0)
+        for (int i = 0; i < NUM_COUNTS; i++) {
+            uint sum = 0;
+            for (uint item = 0; item < get_local_size(0); item++)
+                sum += sums[item][i];
+            if (sum)
+                atomic_add(&counters[i], sum);
+        }
+}
+#endif
 
 /* With packets as lanes, work-items take parts of part_packets from a counter until none are left, whatever their
  * number: `taken` is 0 before a launch and after it, and the size of work-groups is 1. Rays as work-items are a whole
@@ -258,7 +328,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
      * what its optimisers have put in functions that it calls. */
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
-    uint counts[4] = {0, 0, 0, 0};
+    uint counts[NUM_COUNTS] = NO_COUNTS;
 #if LANES == 16
     const uint num_parts = (num_packets + part_packets - 1) / part_packets;
     uint part = atomic_inc(taken);
@@ -275,9 +345,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     /* Each item is refused once, and the last of them leaves the word as it was. */
     if (part == num_parts + (uint)get_num_groups(0) - 1)
         atomic_xchg(taken, 0u);
-    for (int i = 0; i < 4; i++)
-        if (counts[i])
-            atomic_add(&counters[i], counts[i]);
+    add_counts(counters, counts);
 #else
     (void)taken;
     (void)num_packets;
@@ -290,17 +358,172 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
                  (uint)get_global_id(0), counts SHADE_SKY);
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
-    __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][4];
-    for (int i = 0; i < 4; i++)
-        sums[get_local_id(0)][i] = counts[i];
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (get_local_id(0) == 0)
-        for (int i = 0; i < 4; i++) {
-            uint sum = 0;
-            for (uint item = 0; item < get_local_size(0); item++)
-                sum += sums[item][i];
-            if (sum)
-                atomic_add(&counters[i], sum);
-        }
+    __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][NUM_COUNTS];
+    add_group_counts(counters, counts, sums);
 #endif
 }
+
+#ifdef SHADE_MIRROR
+/* One number for each ray of a stream's packet, to where its pixel has it. */
+RAY_INLINE void scatter_float(K_GLOBAL float *plane, vint place, uint lanes, vfloat v)
+{
+    int at[LANES];
+    float value[LANES];
+    v_store_int(place, at);
+    v_store_float(v, value);
+    for (int lane = 0; lane < LANES; lane++)
+        if (lanes >> lane & 1u)
+            plane[at[lane]] = value[lane];
+}
+
+RAY_INLINE void add_at_pixels(K_GLOBAL float *plane, vint place, uint lanes, vfloat v)
+{
+    scatter_float(plane, place, lanes, v_gather_float(plane, place) + v);
+}
+
+/* Field `word` of the stream's rays in the lanes, as floats. */
+#define STREAM_WORD(word) v_gather_float(words, first + (word))
+
+/* Adds to the pixels of a packet of a stream what its rays see without the sun; what that adds, and the shadow rays
+ * that ask for it, are in the stream's own order: planes of `room` rays. */
+SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_ray *rays,
+                                 uint num_rays, K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays,
+                                 K_GLOBAL float *suns, uint room, K_GLOBAL float *parts,
+                                 const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
+                                 __local const near_octave *octaves, float detail, float own_detail, float blend,
+                                 uint packet, uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
+{
+    const size_t plane = (size_t)pinhole->width_px * (size_t)pinhole->height_px;
+    const uint lowest = packet * LANES;
+    if (lowest >= num_rays)
+        return;
+    const vint index = V_LANE + (int)lowest, valid = v_mask(v_lt(index, (vint)((int)num_rays)));
+    const uint lanes = mask_bits(valid);
+    K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + lowest);
+    const vint first = v_select(valid, index - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
+    const vector3 origin = {STREAM_WORD(0), STREAM_WORD(1), STREAM_WORD(2)},
+                  direction = {STREAM_WORD(4), STREAM_WORD(5), STREAM_WORD(6)};
+    const vfloat width = STREAM_WORD(8), cone = STREAM_WORD(9);
+    const vint pixel = v_as_int(STREAM_WORD(10));
+    const vint place = packet_order(pixel & 0xffff, pixel >> 16, pinhole->width_px, pinhole->height_px);
+    const colour throughput = {STREAM_WORD(12), STREAM_WORD(13), STREAM_WORD(14)};
+    surface_hits s = load_surface(hits, index, valid, &direction, 0.0f, 0.0f);
+    const vfloat footprint = k_fma(s.t, cone, width);
+    if (blend > 0.0f)
+        s.weight = v_select(v_eq(s.word & (int)(0xffu | KARST_HIT_UNBLENDED), (vint)((int)KARST_HIT_SURFACE)),
+                            level_weight(blend, footprint * detail, s.level), s.weight);
+    const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
+    const vfloat to_sun = dot3(&direction, light->sun_direction);
+    colour c = SKY_OF(&direction, to_sun), sun = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+    vint sunny = (vint)(0);
+    vector3 to = {k_fma(direction.x, s.t, origin.x), k_fma(direction.y, s.t, origin.y),
+                  k_fma(direction.z, s.t, origin.z)};
+    if (v_any(hit)) {
+        const vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+        colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+#ifdef SHADE_WORLD_COLOUR
+        /* as seen from the anchor */
+        surface_hits seen = s;
+        seen.t = lane_max(k_sqrt(k_fma(to.x, to.x, k_fma(to.y, to.y, to.z * to.z))), (vfloat)(1.0e-6f));
+        const vfloat per = 1.0f / seen.t;
+        const vector3 way = {to.x * per, to.y * per, to.z * per};
+        const colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow);
+#else
+        const colour albedo = plain_albedo(light, &s.normal);
+#endif
+        FIND_WAY_BETWEEN(&origin, &to, &direction, to_sun, s.t);
+        colour ground = THROUGH(glowing_colour(light, &s.normal, albedo, &glow, lit), to_sun);
+        c.r = v_select(hit, ground.r, c.r), c.g = v_select(hit, ground.g, c.g), c.b = v_select(hit, ground.b, c.b);
+#ifdef SHADE_SHADOWS
+        sunny = hit & v_gt(lit, (vfloat)(0.0f));
+        ground = THROUGH(glowing_colour(light, &s.normal, albedo, &glow, (vfloat)(0.0f)), to_sun);
+        sun.r = v_select(sunny, c.r - ground.r, sun.r), sun.g = v_select(sunny, c.g - ground.g, sun.g);
+        sun.b = v_select(sunny, c.b - ground.b, sun.b);
+        c.r = v_select(sunny, ground.r, c.r), c.g = v_select(sunny, ground.g, c.g);
+        c.b = v_select(sunny, ground.b, c.b);
+#endif
+    }
+    add_at_pixels(parts, place, lanes, c.r * throughput.r);
+    add_at_pixels(parts + plane, place, lanes, c.g * throughput.g);
+    add_at_pixels(parts + 2 * plane, place, lanes, c.b * throughput.b);
+#ifdef SHADE_SHADOWS
+    if (v_any(sunny)) {
+        const vfloat voxel = v_as_float((s.level + 127) << 23);
+        const vfloat offset = voxel * k_fma(s.weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
+        store_ordered(suns, index, valid, sun.r * throughput.r);
+        store_ordered(suns + room, index, valid, sun.g * throughput.g);
+        store_ordered(suns + 2 * (size_t)room, index, valid, sun.b * throughput.b);
+        store_ordered(shadow_rays + KARST_SHADOW_WIDTH * (size_t)room, index, valid,
+                      v_select(sunny, lane_max(footprint, voxel * (1.0001f / detail)), (vfloat)(0.0f)));
+        store_ordered(shadow_rays + KARST_SHADOW_ORIGIN * (size_t)room, index, valid, k_fma(s.normal.x, offset, to.x));
+        store_ordered(shadow_rays + (KARST_SHADOW_ORIGIN + 1) * (size_t)room, index, valid,
+                      k_fma(s.normal.y, offset, to.y));
+        store_ordered(shadow_rays + (KARST_SHADOW_ORIGIN + 2) * (size_t)room, index, valid,
+                      k_fma(s.normal.z, offset, to.z));
+        store_ordered(shadow_rays + KARST_SHADOW_DARK * (size_t)room, index, valid,
+                      v_as_float(pixel | (int)KARST_SHADOW_OF_PIXEL));
+        counts[4] += (uint)count_lanes(sunny);
+    } else {
+        store_ordered(suns, index, valid, (vfloat)(0.0f));
+        store_ordered(suns + room, index, valid, (vfloat)(0.0f));
+        store_ordered(suns + 2 * (size_t)room, index, valid, (vfloat)(0.0f));
+    }
+#else
+    (void)shadow_rays;
+    (void)suns;
+    (void)room;
+    (void)sun;
+#endif
+    const vint provisional = hit & v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+    counts[MIRRORED + 1] += (uint)count_lanes(provisional);
+    counts[MIRRORED + 2] += (uint)count_lanes(valid & v_mask(v_ne(s.word & (int)KARST_HIT_INCOMPLETE, (vint)(0))));
+    if (own_detail > 0.0f)
+        counts[MIRRORED + 3] += (uint)count_lanes(
+            provisional |
+            (hit & v_mask(v_eq(s.kind, (vint)((int)KARST_HIT_SURFACE))) & v_mask(v_gt(s.level, (vint)(0))) &
+             v_mask(v_lt(footprint * (own_detail * 1.0001f), v_as_float((s.level + 127) << 23)))));
+}
+
+/* As shade_pixels, of the `count` rays of a stream. */
+__kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole, karst_light light,
+                                K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
+                                K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL float *suns,
+                                uint room, K_GLOBAL float *parts, K_GLOBAL uint *counters, karst_shade_anchor anchor,
+                                K_GLOBAL const ulong *data, float own_detail, K_GLOBAL uint *taken,
+                                uint part_packets SHADE_SKY_PARAMETERS)
+{
+    __local near_octave known[WORLD_NEAR_OCTAVES + 1];
+    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as in shade_pixels */
+    uint counts[NUM_COUNTS] = NO_COUNTS;
+    const uint num_rays = *count;
+#if LANES == 16
+    const uint num_packets = (num_rays + LANES - 1) / LANES;
+    const uint num_parts = (num_packets + part_packets - 1) / part_packets;
+    uint part = atomic_inc(taken);
+#ifdef SHADE_WORLD_COLOUR
+    if (part < num_parts)
+        world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, 0, 1);
+#endif
+    for (; part < num_parts; part = atomic_inc(taken)) {
+        const uint first = part * part_packets, left = num_packets - first;
+        for (uint i = 0; i < part_packets && i < left; i++)
+            shade_ray_packet(&pinhole, &light, rays, num_rays, hits, shadow_rays, suns, room, parts, &anchor, data,
+                             octaves, detail, own_detail, blend, first + i, counts SHADE_SKY);
+    }
+    if (part == num_parts + (uint)get_num_groups(0) - 1)
+        atomic_xchg(taken, 0u);
+    add_counts(counters, counts);
+#else
+    (void)taken;
+    (void)part_packets;
+#ifdef SHADE_WORLD_COLOUR
+    world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    barrier(CLK_LOCAL_MEM_FENCE);
+#endif
+    shade_ray_packet(&pinhole, &light, rays, num_rays, hits, shadow_rays, suns, room, parts, &anchor, data, octaves,
+                     detail, own_detail, blend, (uint)get_global_id(0), counts SHADE_SKY);
+    __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][NUM_COUNTS];
+    add_group_counts(counters, counts, sums);
+#endif
+}
+#endif

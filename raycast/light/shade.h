@@ -29,11 +29,12 @@ typedef struct {
     const karst_buffer *data; /* borrowed for the shader's life */
 } karst_shade_colour;
 
-/* What a shading kernel is built for: to make shadow rays, too; and to write linear light (karst_radiance_parts), not
- * bytes. */
+/* What a shading kernel is built for: to make shadow rays, too; to write linear light (karst_radiance_parts), not
+ * bytes; and for land that mirrors, which takes the latter. */
 #define KARST_SHADE_SHADOWS 1u
 #define KARST_SHADE_RADIANCE 2u
-#define KARST_SHADE_ATMOSPHERE 4u /* the sky and what is before land are those of karst_shader_set_skies */
+#define KARST_SHADE_MIRROR 4u
+#define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -46,16 +47,30 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
+/* Beside those of karst_shade_pixels: mirrored rays, by karst_bounce_mirror, and by karst_shade_rays what of their hits
+ * is provisional, incomplete, coarser. */
+#define KARST_SHADE_COUNTERS 9
+
 /* Pixels: RGBA8, top row first, width * height, into `pixels` (any cl_mem: a mapped pixel buffer or plain memory);
- * depth in level-0 voxels along the ray, INFINITY for none; NULL: it is not wanted. counters (4 uints, zeroed by the
- * caller's engine beforehand): hits, provisional, incomplete, coarser than view->own_detail. shadow_rays
- * (karst_cast_shadow_bytes): NULL exactly if the shader was made without shadows. Else pixels are as they are in the
- * sun, and each hit that faces it gets a ray, which starts at the hit's level and grows coarser with the sun's own
- * width; karst_cast_shadows then darkens the pixels that lie in shadow.
- * A shader for radiance writes no bytes: `depth` gets the parts of a sample instead, and `pixels`, with shadows, marks
- * that are 0 (raycast/light/radiance_shared.h), where karst_cast_shadows notes which rays end. */
+ * depth in level-0 voxels along the ray, INFINITY for none; NULL: it is not wanted. counters (KARST_SHADE_COUNTERS
+ * uints, zeroed by the caller's engine beforehand): hits, provisional, incomplete, coarser than view->own_detail,
+ * shadow rays. shadow_rays (karst_cast_shadow_bytes): NULL exactly if the shader was made without shadows. Else pixels
+ * are as they are in the sun, and each hit that faces it gets a ray, which starts at the hit's level and grows coarser
+ * with the sun's own width; karst_cast_shadows then darkens the pixels that lie in shadow. A shader for radiance writes
+ * no bytes: `depth` gets the parts of a sample instead, and `pixels`, with shadows, marks that are 0
+ * (raycast/light/radiance_shared.h), where karst_cast_shadows notes which rays end. */
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);
+
+/* Adds to parts what the rays of a stream see, of as many as the word `count` holds (max_rays at most), each times its
+ * throughput, at its `pixel` (y << 16 | x). What the sun adds goes to `suns`, and the shadow rays that ask for it to
+ * shadow_rays, whose widths must be 0: three planes, and those of raycast/shadow_shared.h, of `room` rays in the
+ * stream's order; both NULL without shadows. Adds to counters 4 and 6 to 8. For shaders that mirror. Asynchronous.
+ * Errors: KARST_FAILED. */
+bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
+                      const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
+                      karst_buffer *parts, karst_buffer *counters, karst_error *error);
 
 #endif

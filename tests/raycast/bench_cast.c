@@ -125,7 +125,7 @@ int main(int argc, char **argv)
     size_t num_pixels = (size_t)width * height;
     karst_buffer *pixels = scene_buffer(context, "pixels", num_pixels * 4),
                  *depth = scene_buffer(context, "depth", num_pixels * 4);
-    karst_buffer *counters = scene_buffer(context, "counters", 16);
+    karst_buffer *counters = scene_buffer(context, "counters", KARST_SHADE_COUNTERS * 4);
     karst_buffer *rays = scene_buffer(context, "rays", karst_cast_shadow_bytes(width, height));
     karst_light light = {.sun_direction = {0.766f, 0.35f, 0.539f},
                          .sun_colour = {3.2f, 2.6f, 2.0f},

@@ -293,9 +293,9 @@ static double measure(double height_km, double elevation, double distance_km)
             if (distance_km < INFINITY && radius_of(along(eye, ray, distance_km)) > GLOBE + 12)
                 continue;
             radiance(eye, ray, to_sun, NULL, again, distance_km, 64, 32, true, rgb, through);
-            const colour c = distance_km < INFINITY
-                                 ? air_hazy(&the.sky, the.table, black, &direction, to, (float)(distance_km * 1000))
-                                 : air_sky(&the.sky, the.table, &direction, to);
+            const air_way air = air_way_of(&the.sky, the.table, &direction, to, (float)(distance_km * 1000));
+            const colour c = distance_km < INFINITY ? air_through(&air, black)
+                                                    : air_sky(&the.sky, the.table, &direction, to);
             const double got[3] = {(double)c.r, (double)c.g, (double)c.b};
             for (int k = 0; k < 3; k++, next++)
                 (*next)[0] = got[k], (*next)[1] = rgb[k];

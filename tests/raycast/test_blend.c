@@ -95,7 +95,7 @@ static changes fly(float blend)
     karst_buffer *hits = scene_buffer(contexts[0], "hits", NUM_PIXELS * sizeof(karst_hit)),
                  *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),
                  *depth = scene_buffer(contexts[0], "depth", NUM_PIXELS * 4),
-                 *counters = scene_buffer(contexts[0], "counters", 16);
+                 *counters = scene_buffer(contexts[0], "counters", KARST_SHADE_COUNTERS * 4);
     const karst_light light = {.sun_direction = {0.36f, 0.48f, 0.8f},
                                .sun_colour = {1.6f, 1.5f, 1.4f},
                                .sky_zenith = {0.1f, 0.24f, 0.55f},

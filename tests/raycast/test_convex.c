@@ -56,7 +56,7 @@ static double run(karst_context *context, int shape, double distance, float deta
     karst_buffer *rays = scene_buffer(s.context, "rays", karst_cast_shadow_bytes(SIDE, SIDE));
     karst_buffer *pixels = scene_buffer(s.context, "pixels", NUM * 4);
     karst_buffer *depth = scene_buffer(s.context, "depth", NUM * 4);
-    karst_buffer *counters = scene_buffer(s.context, "counters", 16);
+    karst_buffer *counters = scene_buffer(s.context, "counters", KARST_SHADE_COUNTERS * 4);
     static karst_hit hit[NUM];
     static uint32_t sunny[NUM], dark[NUM];
     uint64_t random = 99;

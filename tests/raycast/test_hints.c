@@ -150,7 +150,7 @@ static void test_hints_of_shadow_rays_leave_no_trace(void **state)
     scene_check(shader, &error);
     karst_buffer *pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),
                  *depth = scene_buffer(contexts[0], "depth", NUM_PIXELS * 4),
-                 *counters = scene_buffer(contexts[0], "counters", 16),
+                 *counters = scene_buffer(contexts[0], "counters", KARST_SHADE_COUNTERS * 4),
                  *rays = scene_buffer(contexts[0], "rays", karst_cast_shadow_bytes(WIDTH, HEIGHT));
     karst_light light = {.sun_direction = {0.77f, 0.3f, 0.563f},
                          .sun_colour = {1.6f, 1.5f, 1.4f},

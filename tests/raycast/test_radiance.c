@@ -123,7 +123,7 @@ static void light_becomes_bytes(void **state)
     const uint32_t num_samples = 3;
     for (int k = 0; k < 2; k++) {
         karst_error error = {0};
-        karst_radiance *r = karst_radiance_create(contexts[k], true, &error);
+        karst_radiance *r = karst_radiance_create(contexts[k], true, false, &error);
         scene_check(r && karst_radiance_set_room(r, NUM, &error), &error);
         karst_buffer *pixels = scene_buffer(contexts[k], "pixels", NUM * 4);
         memset(mean, 0, sizeof mean);

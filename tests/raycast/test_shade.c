@@ -79,7 +79,7 @@ static picture take_picture(const scene *s, const karst_cast_view *view, const k
         scene_buffer(s->context, "rays", karst_cast_shadow_bytes(pinhole->width_px, pinhole->height_px));
     karst_buffer *pixels = scene_buffer(s->context, "pixels", p.num_pixels * 4);
     karst_buffer *depth = scene_buffer(s->context, "depth", p.num_pixels * 4);
-    karst_buffer *counters = scene_buffer(s->context, "counters", 16);
+    karst_buffer *counters = scene_buffer(s->context, "counters", KARST_SHADE_COUNTERS * 4);
     scene_check(karst_cast_pinhole(caster, view, pinhole, hits, &error) &&
                     karst_shade_pixels(shader, view, pinhole, light, hits, shadows ? rays : NULL, pixels->mem, depth,
                                        counters, &error),
@@ -255,7 +255,7 @@ static void a_shader_draws_again(void **state)
             size_t num_pixels = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
             karst_buffer *hits = scene_buffer(s.context, "hits", num_pixels * sizeof(karst_hit)),
                          *pixels = scene_buffer(s.context, "pixels", num_pixels * 4),
-                         *counters = scene_buffer(s.context, "counters", 16);
+                         *counters = scene_buffer(s.context, "counters", KARST_SHADE_COUNTERS * 4);
             uint32_t counted[4];
             scene_check(karst_cast_pinhole(caster, &view, &pinhole, hits, &error) &&
                             karst_shade_pixels(shader, &view, &pinhole, &light, hits, NULL, pixels->mem, NULL, counters,
@@ -371,7 +371,7 @@ static void without_shadows_there_is_no_kernel(void **state)
                  *hits = scene_buffer(s.context, "hits", 256 * sizeof(karst_hit)),
                  *pixels = scene_buffer(s.context, "pixels", 256 * 4),
                  *depth = scene_buffer(s.context, "depth", 256 * 4),
-                 *counters = scene_buffer(s.context, "counters", 16);
+                 *counters = scene_buffer(s.context, "counters", KARST_SHADE_COUNTERS * 4);
     assert_false(karst_cast_shadows(caster, &view, &pinhole, &light, rays, pixels->mem, &error));
     assert_non_null(strstr(error.message, "without shadows"));
     error = (karst_error){0};

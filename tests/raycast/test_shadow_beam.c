@@ -55,7 +55,7 @@ static size_t compare_casters(const char *options, const char *other_options)
     picture p = {.hits = scene_buffer(contexts[0], "hits", NUM_PIXELS * sizeof(karst_hit)),
                  .pixels = scene_buffer(contexts[0], "pixels", NUM_PIXELS * 4),
                  .depth = scene_buffer(contexts[0], "depth", NUM_PIXELS * 4),
-                 .counters = scene_buffer(contexts[0], "counters", 16),
+                 .counters = scene_buffer(contexts[0], "counters", KARST_SHADE_COUNTERS * 4),
                  .rays = scene_buffer(contexts[0], "rays", karst_cast_shadow_bytes(WIDTH, HEIGHT)),
                  .shader = karst_shader_create(contexts[0], true, &error)};
     scene_check(p.shader, &error);

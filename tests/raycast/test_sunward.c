@@ -230,7 +230,7 @@ static void shadows_are_the_same(void **state)
         karst_buffer *hits = scene_buffer(s.context, "hits", NUM * sizeof(karst_hit)),
                      *rays = scene_buffer(s.context, "rays", karst_cast_shadow_bytes(WIDTH, HEIGHT)),
                      *depth = scene_buffer(s.context, "depth", NUM * 4),
-                     *counters = scene_buffer(s.context, "counters", 16);
+                     *counters = scene_buffer(s.context, "counters", KARST_SHADE_COUNTERS * 4);
         static uint32_t sunny[NUM], pixels[2][NUM];
         for (int with = 0; with < 2; with++) {
             karst_caster_set_sunward(caster, with ? sunward : NULL);

@@ -92,6 +92,10 @@ typedef struct {
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
+    /* The share of light that land mirrors, 0 to 1: it goes to one mirrored ray for each pixel, and the rest is land as
+     * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
+     */
+    double mirror;
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
                         * world is shown with; NULL: none */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;

@@ -24,6 +24,16 @@ typedef enum {
 } karst_stage;
 const char *karst_stage_name(karst_stage stage);
 
+/* The streams of rays that make a picture. Names: karst_stream_name(). */
+typedef enum {
+    KARST_STREAM_PRIMARY, /* from the camera */
+    KARST_STREAM_SHADOW,  /* to the sun, from what the others hit */
+    KARST_STREAM_MIRROR,  /* mirrored by land; only with karst_engine_config.mirror */
+    KARST_NUM_STREAMS
+} karst_stream;
+/* "primary", "shadow", "mirror"; "unknown" of other numbers. Static. Thread-safe. */
+const char *karst_stream_name(karst_stream stream);
+
 typedef struct {
     char name[32];
     uint64_t size_bytes;
@@ -57,9 +67,12 @@ typedef struct {
      * be but was not found, so that it may be missing from the picture. */
     uint64_t num_thin_raised, num_thin_given_up;
     /* picture of this frame */
-    uint64_t num_pixels, num_hits, num_provisional;
+    uint64_t num_pixels, num_hits;
+    uint64_t num_provisional; /* hits on stand-ins for what is missing; of mirrored rays, too, but num_hits at most */
     uint64_t num_incomplete;                 /* rays that met a region without data */
     uint64_t num_changed_pixels;             /* against the frame before; counted only if the engine was asked to */
+    uint64_t num_rays[KARST_NUM_STREAMS];    /* of the picture */
+    uint64_t stream_ns[KARST_NUM_STREAMS];   /* device time for casting them, part of time_ns[KARST_STAGE_CAST] */
     uint64_t num_coarser; /* hits on coarser levels than detail_asked_px stands for, for whatever reason */
     /* Pixels per voxel: as set, and as this frame's rays asked for. More than set where the pools do not hold the view,
      * or production is behind a budget in ms. */

@@ -253,7 +253,8 @@ static void read_root(reader *r)
     karst_world_header *h = r->header;
     json_t *v;
     warn_unknown(r, r->root, "the header",
-                 "name author description seed voxel extent params camera sun sky lipschitz view exposure");
+                 "name author description seed voxel extent params camera sun sky lipschitz view exposure "
+                 "mirror");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -279,6 +280,8 @@ static void read_root(reader *r)
         h->has_exposure = true;
         h->exposure_stops = number_of(r, v, "exposure", -20, 20);
     }
+    if ((v = json_object_get(r->root, "mirror")))
+        h->mirror = number_of(r, v, "mirror", 0, 1);
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))

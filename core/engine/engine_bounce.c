@@ -1,0 +1,34 @@
+/* What land mirrors: the second stream of a picture's rays, and its shadows. */
+#include "core/engine/engine_parts.h"
+
+bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                const karst_light *light, karst_error *error)
+{
+    karst_bounce *bounce = engine->bounce;
+    karst_buffer *parts = karst_radiance_parts(engine->radiance);
+    if (!karst_bounce_mirror(bounce, view, pinhole, engine->hits, parts, engine->counters, error))
+        return false;
+    karst_profile_set_stream(engine->context, KARST_STREAM_MIRROR);
+    bool done = karst_bounce_cast(bounce, engine->caster, view, false, error);
+    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
+    done = done && karst_bounce_shade(bounce, engine->shader, view, pinhole, light, parts, engine->counters, error);
+    if (!done || !engine->shadows)
+        return done;
+    karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
+    done = karst_bounce_cast_shadows(bounce, engine->caster, view, pinhole, light, false, error);
+    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
+    return done && karst_bounce_add_sun(bounce, pinhole, parts, error);
+}
+
+bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error)
+{
+    return karst_bounce_cast(engine->bounce, engine->caster, view, true, error);
+}
+
+bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
+                                           const karst_pinhole *pinhole, karst_error *error)
+{
+    const karst_light light = karst_engine_light(engine);
+    return !engine->shadows ||
+           karst_bounce_cast_shadows(engine->bounce, engine->caster, view, pinhole, &light, true, error);
+}

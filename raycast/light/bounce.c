@@ -1,0 +1,175 @@
+/* Launching the kernels of bounces. */
+#include "raycast/light/bounce.h"
+
+#include <stdlib.h>
+
+#include "raycast/light/radiance_shared.h"
+
+#define GPU_LOCAL_SIZE 64
+
+struct karst_bounce {
+    karst_context *context;
+    karst_program *program;
+    cl_kernel count, scan, mirror, add_sun;
+    bool sun;
+    uint32_t num_blocks, room; /* of pictures of the size that there is room for; rays */
+    karst_buffer *rays, *hits, *counts, *total;
+    karst_buffer *shadow_rays, *suns, *marks; /* NULL without a sun */
+};
+
+#define BLOCK_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
+
+karst_bounce *karst_bounce_create(karst_context *context, bool sun, karst_error *error)
+{
+    karst_bounce *bounce = calloc(1, sizeof *bounce);
+    if (!bounce) {
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return NULL;
+    }
+    bounce->context = context;
+    bounce->sun = sun;
+    bounce->total = karst_buffer_create(context, "stream", sizeof(uint32_t), NULL, error);
+    if (bounce->total)
+        bounce->program = karst_program_build(context, "raycast/light/bounce.cl", "", NULL, 0, error);
+    if (bounce->program) {
+        bounce->count = karst_program_kernel(bounce->program, "bounce_count", error);
+        bounce->scan = karst_program_kernel(bounce->program, "bounce_scan", error);
+        bounce->mirror = karst_program_kernel(bounce->program, "bounce_mirror", error);
+        bounce->add_sun = karst_program_kernel(bounce->program, "bounce_add_sun", error);
+    }
+    if (!bounce->count || !bounce->scan || !bounce->mirror || !bounce->add_sun) {
+        karst_bounce_destroy(bounce);
+        return NULL;
+    }
+    return bounce;
+}
+
+static void free_room(karst_bounce *bounce)
+{
+    karst_buffer **buffers[] = {&bounce->rays,        &bounce->hits, &bounce->counts,
+                                &bounce->shadow_rays, &bounce->suns, &bounce->marks};
+    for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
+        karst_buffer_destroy(*buffers[i]);
+        *buffers[i] = NULL;
+    }
+}
+
+void karst_bounce_destroy(karst_bounce *bounce)
+{
+    if (!bounce)
+        return;
+    cl_kernel kernels[] = {bounce->count, bounce->scan, bounce->mirror, bounce->add_sun};
+    for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
+        if (kernels[i])
+            clReleaseKernel(kernels[i]);
+    karst_program_destroy(bounce->program);
+    free_room(bounce);
+    karst_buffer_destroy(bounce->total);
+    free(bounce);
+}
+
+static size_t num_blocks(int width_px, int height_px)
+{
+    const size_t side_x = KARST_GROUP_SIDE * KARST_BEAM_ACROSS, side_y = KARST_GROUP_SIDE * KARST_BEAM_DOWN;
+    return ((size_t)width_px + side_x - 1) / side_x * (((size_t)height_px + side_y - 1) / side_y);
+}
+
+double karst_bounce_bytes(int width_px, int height_px, bool sun)
+{
+    const size_t of_sun = (KARST_SHADOW_FIELDS + KARST_RADIANCE_PLANES + 1) * sizeof(float);
+    return (double)num_blocks(width_px, height_px) * BLOCK_RAYS *
+           (double)(sizeof(karst_ray) + sizeof(karst_hit) + (sun ? of_sun : 0));
+}
+
+static karst_buffer *make(karst_bounce *bounce, size_t bytes_per_ray, karst_error *error)
+{
+    return karst_buffer_create_blank(bounce->context, "stream", bounce->room * bytes_per_ray, error);
+}
+
+bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, karst_error *error)
+{
+    free_room(bounce);
+    bounce->num_blocks = (uint32_t)num_blocks(width_px, height_px);
+    bounce->room = bounce->num_blocks * BLOCK_RAYS;
+    bounce->rays = make(bounce, sizeof(karst_ray), error);
+    bounce->hits = make(bounce, sizeof(karst_hit), error);
+    bounce->counts = karst_buffer_create_blank(bounce->context, "stream", bounce->num_blocks * sizeof(uint32_t), error);
+    if (bounce->sun) {
+        bounce->shadow_rays = make(bounce, KARST_SHADOW_FIELDS * sizeof(float), error);
+        bounce->suns = make(bounce, KARST_RADIANCE_PLANES * sizeof(float), error);
+        bounce->marks = make(bounce, sizeof(uint32_t), error);
+    }
+    return bounce->rays && bounce->hits && bounce->counts &&
+           (!bounce->sun || (bounce->shadow_rays && bounce->suns && bounce->marks));
+}
+
+/* The picture that shadow rays of the stream are laid out as. */
+static karst_pinhole stream_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
+{
+    karst_pinhole of_stream = *pinhole;
+    of_stream.width_px = KARST_STREAM_WIDTH_PX;
+    of_stream.height_px = (int)(bounce->room / KARST_STREAM_WIDTH_PX);
+    return of_stream;
+}
+
+bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         const karst_buffer *hits, const karst_buffer *parts, karst_buffer *counters,
+                         karst_error *error)
+{
+    const int width_px = pinhole->width_px, height_px = pinhole->height_px;
+    const size_t num_pixels = (size_t)width_px * (size_t)height_px;
+    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px);
+    karst_context *context = bounce->context;
+    const size_t local_size = context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
+    if (!bounce->rays || bounce->num_blocks < blocks || hits->size_bytes / sizeof(karst_hit) < num_pixels ||
+        parts->size_bytes / sizeof(float) < (KARST_RADIANCE_MIRROR_PLANE + 1) * num_pixels)
+        return karst_fail(error, KARST_FAILED, "there is no room for the mirrored rays of a picture of %dx%d", width_px,
+                          height_px);
+    const cl_mem shadows = bounce->shadow_rays ? bounce->shadow_rays->mem : NULL;
+    return KARST_ARGUMENTS(bounce->count, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
+                           KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(bounce->counts), KARST_VALUE_ARG(blocks)) &&
+           karst_launch(context, bounce->count, KARST_STAGE_SHADE, blocks, local_size, error) &&
+           KARST_ARGUMENTS(bounce->scan, error, KARST_BUFFER_ARG(bounce->counts), KARST_VALUE_ARG(blocks),
+                           KARST_BUFFER_ARG(bounce->total), KARST_BUFFER_ARG(counters)) &&
+           karst_launch(context, bounce->scan, KARST_STAGE_SHADE, 1, 1, error) &&
+           KARST_ARGUMENTS(bounce->mirror, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(view->detail),
+                           KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(bounce->counts),
+                           KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(bounce->rays), KARST_VALUE_ARG(shadows),
+                           KARST_VALUE_ARG(bounce->room)) &&
+           karst_launch(context, bounce->mirror, KARST_STAGE_SHADE, blocks, local_size, error);
+}
+
+bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view, bool again,
+                       karst_error *error)
+{
+    return karst_cast_stream(caster, view, bounce->rays, bounce->room, bounce->total, again ? NULL : bounce->hits,
+                             error);
+}
+
+bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
+                        const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
+                        karst_buffer *counters, karst_error *error)
+{
+    return karst_shade_rays(shader, view, pinhole, light, bounce->rays, bounce->total, bounce->room, bounce->hits,
+                            bounce->shadow_rays, bounce->suns, bounce->room, parts, counters, error);
+}
+
+bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
+                               const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error)
+{
+    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    return (again || karst_buffer_fill(bounce->marks, 0, 0, bounce->marks->size_bytes, error)) &&
+           karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
+                                     again ? NULL : bounce->marks->mem, error);
+}
+
+bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error)
+{
+    const int width_px = pinhole->width_px, height_px = pinhole->height_px;
+    const size_t lanes = (size_t)bounce->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 16;
+    return KARST_ARGUMENTS(bounce->add_sun, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
+                           KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total),
+                           KARST_VALUE_ARG(bounce->room), KARST_BUFFER_ARG(bounce->suns),
+                           KARST_BUFFER_ARG(bounce->marks), KARST_BUFFER_ARG(parts)) &&
+           karst_launch(bounce->context, bounce->add_sun, KARST_STAGE_SHADE, bounce->room / lanes, local_size, error);
+}

@@ -1,0 +1,252 @@
+/* Entry points of bounces: from surfaces to the next stream of rays, packed by prefix sums. See raycast/light/bounce.h.
+ *
+ * A block is the pixels of a beam, 32x32, group by group; its rays are neighbours in the stream, in order of where they
+ * go, and then of their pixels: so that packets of them go one way. */
+#include "raycast/cast/packing.clh"
+#include "raycast/light/radiance_shared.h"
+#include "raycast/shadow_shared.h"
+#include "raycast/light/surface.clh"
+
+#define GROUPS(size_px) (((uint)(size_px) + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE)
+#define GROUP_ITEMS (KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES)
+#define BLOCK_GROUPS (KARST_BEAM_ACROSS * KARST_BEAM_DOWN)
+#define BLOCK_ITEMS (GROUP_ITEMS * BLOCK_GROUPS)
+#define BLOCK_RAYS (BLOCK_ITEMS * LANES)
+
+/* The pixels of item i of a block, and which of them lie in the picture. */
+RAY_INLINE vint block_pixels(uint block, uint i, int width_px, int height_px, vint *x, vint *y)
+{
+    const uint across = GROUPS(width_px), blocks = (across + KARST_BEAM_ACROSS - 1) / KARST_BEAM_ACROSS;
+    const uint group = i / GROUP_ITEMS;
+    const uint column = block % blocks * KARST_BEAM_ACROSS + group % KARST_BEAM_ACROSS,
+               row = block / blocks * KARST_BEAM_DOWN + group / KARST_BEAM_ACROSS;
+    if (column >= across || row >= GROUPS(height_px))
+        return (vint)(0);
+    return packet_pixels((row * across + column) * GROUP_ITEMS + i % GROUP_ITEMS, width_px, height_px, x, y);
+}
+
+/* The lanes that mirror anything. */
+RAY_INLINE vint mirrors(K_GLOBAL const float *shares, vint order, vint valid, vfloat *share)
+{
+    *share = load_ordered(shares, order, valid);
+    return valid & v_gt(*share, (vfloat)(0.0f));
+}
+
+/* How many rays each block has: one work-item for each. */
+__kernel K_WIDE void bounce_count(int width_px, int height_px, K_GLOBAL const float *parts, K_GLOBAL uint *counts,
+                                  uint num_blocks)
+{
+    const uint block = (uint)get_global_id(0);
+    if (block >= num_blocks)
+        return;
+    K_GLOBAL const float *shares = parts + KARST_RADIANCE_MIRROR_PLANE * ((size_t)width_px * (size_t)height_px);
+    uint num = 0;
+    for (uint i = 0; i < BLOCK_ITEMS; i++) {
+        vint x, y;
+        vfloat share;
+        const vint valid = block_pixels(block, i, width_px, height_px, &x, &y);
+        if (v_any(valid))
+            num += (uint)count_lanes(mirrors(shares, packet_order(x, y, width_px, height_px), valid, &share));
+    }
+    counts[block] = num;
+}
+
+/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
+__kernel void bounce_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total, K_GLOBAL uint *counters)
+{
+    uint sum = 0;
+    for (uint i = 0; i < num_blocks; i++) {
+        const uint here = counts[i];
+        counts[i] = sum;
+        sum += here;
+    }
+    *total = sum;
+    counters[5] += sum;
+}
+
+/* The square of how far the normals of two pixels are apart; of pixels outside the picture and misses: MOST_APART. */
+#define MOST_APART 4.0f
+RAY_INLINE vfloat normals_apart(K_GLOBAL const karst_hit *hits, const karst_pinhole *pinhole, vint x, vint y,
+                                const vector3 *normal)
+{
+    const vint inside = v_mask(v_ge(x, (vint)(0))) & v_mask(v_ge(y, (vint)(0))) &
+                        v_mask(v_lt(x, (vint)(pinhole->width_px))) & v_mask(v_lt(y, (vint)(pinhole->height_px)));
+    const vint order = packet_order(v_select(inside, x, (vint)(0)), v_select(inside, y, (vint)(0)), pinhole->width_px,
+                                    pinhole->height_px);
+    K_GLOBAL const float *words = (K_GLOBAL const float *)hits;
+    const vint record = order * (int)(sizeof(karst_hit) / sizeof(float)) + 4;
+    const vfloat nx = v_gather_float(words, record), ny = v_gather_float(words, record + 1),
+                 nz = v_gather_float(words, record + 2);
+    const vint known = inside & v_mask(v_gt(k_fma(nx, nx, k_fma(ny, ny, nz * nz)), (vfloat)(0.0f)));
+    const vfloat dx = nx - normal->x, dy = ny - normal->y, dz = nz - normal->z;
+    return v_select(known, k_fma(dx, dx, k_fma(dy, dy, dz * dz)), (vfloat)(MOST_APART));
+}
+
+/* How fast footprints grow along rays that a surface mirrors: as the camera's do, and by how much the surface turns
+ * them from pixel to pixel. Of two neighbours across, and of two up and down, the one whose normal is nearer counts, as
+ * the other may belong to another surface. */
+#define MOST_CONE 1.0f
+RAY_INLINE vfloat mirrored_cone(K_GLOBAL const karst_hit *hits, const karst_pinhole *pinhole, vint x, vint y,
+                                const vector3 *normal)
+{
+    const vfloat across =
+        lane_min(normals_apart(hits, pinhole, x - 1, y, normal), normals_apart(hits, pinhole, x + 1, y, normal));
+    const vfloat along =
+        lane_min(normals_apart(hits, pinhole, x, y - 1, normal), normals_apart(hits, pinhole, x, y + 1, normal));
+    return lane_min(k_fma(k_sqrt(lane_max(across, along)), (vfloat)(2.0f), (vfloat)(pinhole->cone)),
+                    (vfloat)(MOST_CONE));
+}
+
+/* Where a packet's rays start and go, and which there are. */
+typedef struct {
+    vint m, x, y, order;
+    vfloat share;
+    surface_hits hits;
+    vector3 origin, direction;
+} mirrored_rays;
+
+RAY_INLINE mirrored_rays mirrored_packet(const karst_pinhole *pinhole, K_GLOBAL const karst_hit *hits,
+                                         K_GLOBAL const float *shares, uint block, uint item)
+{
+    mirrored_rays rays;
+    const vint valid = block_pixels(block, item, pinhole->width_px, pinhole->height_px, &rays.x, &rays.y);
+    rays.m = valid;
+    if (!v_any(valid))
+        return rays;
+    rays.order = packet_order(rays.x, rays.y, pinhole->width_px, pinhole->height_px);
+    rays.m = mirrors(shares, rays.order, valid, &rays.share);
+    if (!v_any(rays.m))
+        return rays;
+    const vector3 d = pinhole_direction(pinhole, rays.x, rays.y);
+    const surface_hits s = load_surface(hits, rays.order, valid, &d, 0.0f, 0.0f);
+    const vector3 n = s.normal;
+    /* A normal that looks away is of a surface seen edge on: there rays go on as they came. */
+    const vfloat twice = 2.0f * lane_min(k_fma(d.x, n.x, k_fma(d.y, n.y, d.z * n.z)), (vfloat)(0.0f));
+    vector3 r = {k_fma(-twice, n.x, d.x), k_fma(-twice, n.y, d.y), k_fma(-twice, n.z, d.z)};
+    const vfloat scale = 1.0f / k_sqrt(k_fma(r.x, r.x, k_fma(r.y, r.y, r.z * r.z)));
+    r.x *= scale, r.y *= scale, r.z *= scale;
+    const vector3 origin = {d.x * s.t, d.y * s.t, d.z * s.t};
+    rays.hits = s;
+    rays.origin = origin;
+    rays.direction = r;
+    return rays;
+}
+
+/* Directions by octant, and in it by cells of a square, along the curve of G. Morton: neighbours have near keys. */
+#define KEY_SIDE_LOG2 3
+#define NUM_KEYS (8 << 2 * KEY_SIDE_LOG2)
+RAY_INLINE vint direction_key(const vector3 *d)
+{
+    const vfloat x = k_fabs(d->x), y = k_fabs(d->y), z = k_fabs(d->z), cells = (vfloat)((float)(1 << KEY_SIDE_LOG2));
+    const vfloat scale = cells / (x + y + z);
+    const vint last = (vint)((1 << KEY_SIDE_LOG2) - 1), zero = (vint)(0);
+    const vint u = lane_min_int(lane_max_int(v_to_int(x * scale), zero), last),
+               v = lane_min_int(lane_max_int(v_to_int(y * scale), zero), last);
+    vint key = ((v_lt(d->x, (vfloat)(0.0f)) & 1) | (v_lt(d->y, (vfloat)(0.0f)) & 2) | (v_lt(d->z, (vfloat)(0.0f)) & 4))
+               << 2 * KEY_SIDE_LOG2;
+    for (int bit = 0; bit < KEY_SIDE_LOG2; bit++)
+        key |= (u >> bit & 1) << 2 * bit | (v >> bit & 1) << (2 * bit + 1);
+    return key;
+}
+
+/* Stores a packet's rays, each where its place says. */
+RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, const int place[LANES], const mirrored_rays *rays, vfloat t_max,
+                           vfloat width, vfloat cone)
+{
+    float words[10][LANES];
+    int pixel[LANES];
+    v_store_float(rays->origin.x, words[0]), v_store_float(rays->origin.y, words[1]);
+    v_store_float(rays->origin.z, words[2]), v_store_float(rays->direction.x, words[3]);
+    v_store_float(rays->direction.y, words[4]), v_store_float(rays->direction.z, words[5]);
+    v_store_float(t_max, words[6]), v_store_float(width, words[7]), v_store_float(cone, words[8]);
+    v_store_float(rays->share, words[9]), v_store_int(rays->y << 16 | rays->x, pixel);
+    for (int l = 0; l < LANES; l++)
+        if (place[l] >= 0) {
+            const karst_ray ray = {{words[0][l], words[1][l], words[2][l]},
+                                   0.0f,
+                                   {words[3][l], words[4][l], words[5][l]},
+                                   words[6][l],
+                                   words[7][l],
+                                   words[8][l],
+                                   (uint)pixel[l],
+                                   KARST_SIDE_FRONT,
+                                   {words[9][l], words[9][l], words[9][l]},
+                                   0};
+            out[place[l]] = ray;
+        }
+}
+
+/* Makes the rays: one work-item for each block. There are no shadow rays until something is hit; shadow_rays 0: nor
+ * then. */
+__kernel K_WIDE void bounce_mirror(karst_pinhole pinhole, float detail, K_GLOBAL const karst_hit *hits,
+                                   K_GLOBAL const float *parts, K_GLOBAL const uint *begins, uint num_blocks,
+                                   K_GLOBAL karst_ray *rays, K_GLOBAL float *shadow_rays, uint room)
+{
+    const uint block = (uint)get_global_id(0);
+    K_GLOBAL const float *shares =
+        parts + KARST_RADIANCE_MIRROR_PLANE * ((size_t)pinhole.width_px * (size_t)pinhole.height_px);
+    if (block >= num_blocks)
+        return;
+    for (uint i = 0; shadow_rays && i < BLOCK_RAYS; i++)
+        shadow_rays[KARST_SHADOW_WIDTH * (size_t)room + block * BLOCK_RAYS + i] = 0.0f;
+    ushort places[NUM_KEYS];
+    short keys[BLOCK_RAYS];
+    for (int key = 0; key < NUM_KEYS; key++)
+        places[key] = 0;
+    for (uint i = 0; i < BLOCK_ITEMS; i++) {
+        const mirrored_rays now = mirrored_packet(&pinhole, hits, shares, block, i);
+        int key[LANES];
+        v_store_int(v_any(now.m) ? v_select(now.m, direction_key(&now.direction), (vint)(-1)) : (vint)(-1), key);
+        for (int l = 0; l < LANES; l++) {
+            keys[i * LANES + (uint)l] = (short)key[l];
+            if (key[l] >= 0)
+                places[key[l]]++;
+        }
+    }
+    uint sum = 0;
+    for (int key = 0; key < NUM_KEYS; key++) {
+        const uint here = places[key];
+        places[key] = (ushort)sum;
+        sum += here;
+    }
+    for (uint i = 0; i < BLOCK_ITEMS; i++) {
+        const mirrored_rays now = mirrored_packet(&pinhole, hits, shares, block, i);
+        if (!v_any(now.m))
+            continue;
+        int place[LANES];
+        for (int l = 0; l < LANES; l++) {
+            const short key = keys[i * LANES + (uint)l];
+            place[l] = key >= 0 ? (int)places[key]++ : -1;
+        }
+        const surface_hits *s = &now.hits;
+        /* To the sphere around the eye in which its view lies: farther on, what there is of the tree depends on where
+         * the eye came from. */
+        const vector3 *o = &now.origin, *r = &now.direction;
+        const vfloat along = k_fma(o->x, r->x, k_fma(o->y, r->y, o->z * r->z));
+        const vfloat rest = lane_max((pinhole.t_max - s->t) * (pinhole.t_max + s->t), (vfloat)(0.0f));
+        const vfloat t_max = k_sqrt(k_fma(along, along, rest)) - along;
+        const vfloat width =
+            lane_max(s->t * pinhole.cone, v_as_float((s->level + 127) << 23) * (vfloat)(1.0001f / detail));
+        store_rays(rays + begins[block], place, &now, t_max, width,
+                   mirrored_cone(hits, &pinhole, now.x, now.y, &s->normal));
+    }
+}
+
+/* Adds what the sun does to pixels, of the rays of a stream whose hits it sees: LANES of them for each work-item. */
+__kernel K_WIDE void bounce_add_sun(int width_px, int height_px, K_GLOBAL const karst_ray *rays,
+                                    K_GLOBAL const uint *count, uint room, K_GLOBAL const float *suns,
+                                    K_GLOBAL const uint *marks, K_GLOBAL float *parts)
+{
+    const size_t plane = (size_t)width_px * (size_t)height_px;
+    const uint first = (uint)get_global_id(0) * LANES;
+    for (uint i = first; i < first + LANES && i < *count; i++) {
+        /* as a picture 32 pixels wide has them */
+        const uint row = i / 128 * 4 + i % 16 / 4, column = i % 128 / 16 * 4 + i % 4;
+        if (marks[row * 32 + column])
+            continue;
+        const uint x = rays[i].pixel & 0xffffu, y = rays[i].pixel >> 16;
+        const uint place = karst_packet_order(x, y, (uint)width_px, (uint)height_px);
+        for (int c = 0; c < KARST_RADIANCE_PLANES; c++)
+            parts[(size_t)c * plane + place] += suns[(size_t)c * room + i];
+    }
+}

@@ -1,0 +1,272 @@
+/* Land that mirrors: where its rays go, what their light depends on, and what it costs those who do without. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "karst/karst.h"
+
+enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT, SAMPLES = 4 };
+
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
+
+static karst_engine_config base_config(const char *world)
+{
+    return (karst_engine_config){.world = world,
+                                 .display = KARST_DISPLAY_NONE,
+                                 .width_px = WIDTH,
+                                 .height_px = HEIGHT,
+                                 .exposure = KARST_EXPOSURE_GIVEN,
+                                 .pool_bytes = (uint64_t)64 << 20};
+}
+
+static karst_engine *create(const karst_engine_config *config)
+{
+    karst_error error = {0};
+    karst_engine *engine = karst_engine_create(config, &error);
+    if (!engine)
+        fail_msg("%s", error.message);
+    return engine;
+}
+
+typedef struct {
+    uint8_t bytes[4 * NUM];
+    float light[3 * NUM];
+    karst_stats stats;
+} picture;
+
+static void settle(karst_engine *engine, picture *p)
+{
+    bool settled = false;
+    assert_ok(karst_engine_settle(engine, 400, NULL, NULL, &settled, &error));
+    karst_engine_stats(engine, &p->stats);
+    assert_true(settled && p->stats.settled);
+    assert_int_equal(p->stats.num_provisional, 0);
+    assert_ok(karst_engine_read_pixels(engine, p->bytes, sizeof p->bytes, &error));
+    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * NUM, &error));
+}
+
+static void take_from(const karst_engine_config *config, const char *position, picture *p)
+{
+    karst_engine *engine = create(config);
+    if (position) {
+        karst_camera camera = karst_engine_default_camera(engine);
+        assert_ok(karst_camera_parse(position, karst_engine_voxel_log2_m(engine), &camera, &error));
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+    }
+    settle(engine, p);
+    karst_engine_destroy(engine);
+}
+
+static picture whole, other, third;
+
+/* A world's text in a file that goes again. */
+static void write_world(const char *text, char path[64])
+{
+    snprintf(path, 64, "/tmp/karst-mirror-XXXXXX.karst");
+    int fd = mkstemps(path, 6);
+    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
+    close(fd);
+}
+
+#define HEAD                                                                                               \
+    "/*{ \"voxel\": 0.015625, \"view\": 400, \"sun\": { \"azimuth\": 60, \"elevation\": 40 },\n"           \
+    "\"sky\": { \"haze\": 1e12 }, \"camera\": { \"position\": [\"0\", \"1\", \"-6\"], \"fov\": 70 } }*/\n" \
+    "vec3 colour(vec3 p, vec3 n) { return vec3(0.6, 0.15, 0.1); }\n"
+static const char over_plane[] =
+    HEAD "float density(vec3 p) { return max(-p.y, 1.2 - length(p - vec3(0.0, 2.5, 0.0))); }\n";
+static const char alone[] = HEAD "float density(vec3 p) { return 1.2 - length(p - vec3(0.0, 2.5, 0.0)); }\n";
+
+/* What a plane mirrors is what is seen from below it without it, upside down. */
+static void a_plane_mirrors_what_is_over_it(void **state)
+{
+    (void)state;
+    for (int lanes = 16; lanes; lanes = lanes == 16 ? 1 : 0) {
+        char path[64];
+        write_world(over_plane, path);
+        karst_engine_config config = base_config(path);
+        config.lanes = lanes;
+        config.mirror = 1;
+        take_from(&config, NULL, &whole);
+        unlink(path);
+        write_world(alone, path);
+        config.mirror = 0;
+        take_from(&config, "0,-1,-6,0,0,70", &other);
+        unlink(path);
+        int num_off = 0, num_ball = 0;
+        for (int y = HEIGHT / 2; y < HEIGHT; y++)
+            for (int x = 0; x < WIDTH; x++) {
+                int most = 0;
+                for (int c = 0; c < 3; c++)
+                    most = (int)fmax(most, abs(whole.bytes[4 * (y * WIDTH + x) + c] -
+                                               other.bytes[4 * ((HEIGHT - 1 - y) * WIDTH + x) + c]));
+                num_off += most > 2;
+                num_ball += other.bytes[4 * ((HEIGHT - 1 - y) * WIDTH + x)] >
+                            other.bytes[4 * ((HEIGHT - 1 - y) * WIDTH + x) + 2];
+            }
+        print_message("%d lanes: %d of %d pixels are not as from below, %d show the ball\n", lanes, num_off, NUM / 2,
+                      num_ball);
+        assert_true(num_ball > 40);
+        assert_true(num_off <= NUM / 2 / 1000);
+    }
+}
+
+/* Half a mirror is the mean of none and a whole one: what is not mirrored stays, and nothing is added. */
+static void light_is_shared_out(void **state)
+{
+    (void)state;
+    for (int no_shadows = 0; no_shadows < 2; no_shadows++) {
+        karst_engine_config config = base_config("hills");
+        config.view_distance_m = 1000;
+        config.no_shadows = no_shadows;
+        take_from(&config, NULL, &whole);
+        assert_int_equal(whole.stats.num_rays[KARST_STREAM_MIRROR], 0);
+        config.mirror = 1;
+        take_from(&config, NULL, &other);
+        assert_int_equal(other.stats.num_rays[KARST_STREAM_MIRROR], other.stats.num_hits);
+        config.mirror = 0.5;
+        take_from(&config, NULL, &third);
+        int num_other = 0;
+        for (int i = 0; i < 3 * NUM; i++) {
+            const double mean = 0.5 * ((double)whole.light[i] + (double)other.light[i]);
+            assert_true(fabs((double)third.light[i] - mean) < 1e-5 * (1 + mean));
+            num_other += whole.light[i] != other.light[i];
+        }
+        print_message("%d of %d values are others, of %d hits\n", num_other, 3 * NUM, (int)whole.stats.num_hits);
+        assert_true(num_other > (int)whole.stats.num_hits);
+    }
+}
+
+static void lanes_history_and_goes_leave_no_trace(void **state)
+{
+    (void)state;
+    karst_engine_config config = base_config("hills");
+    config.samples = SAMPLES;
+    config.mirror = 0.6;
+    config.view_distance_m = 1000;
+    take_from(&config, NULL, &whole);
+    config.lanes = 1;
+    take_from(&config, NULL, &other);
+    assert_memory_equal(whole.light, other.light, sizeof whole.light);
+    assert_memory_equal(whole.bytes, other.bytes, sizeof whole.bytes);
+    config.lanes = 0;
+    config.no_beam = true;
+    take_from(&config, NULL, &other);
+    assert_memory_equal(whole.light, other.light, sizeof whole.light);
+    config.no_beam = false;
+
+    /* Elsewhere first, in less memory, and in two goes. */
+    config.pool_bytes = (uint64_t)48 << 20;
+    karst_engine *engine = create(&config);
+    const karst_camera there = karst_engine_default_camera(engine);
+    karst_camera away = there;
+    away.yaw_deg += 40;
+    away.pitch_deg -= 20;
+    bool settled;
+    assert_ok(karst_engine_set_camera(engine, &away, &error));
+    settle(engine, &other);
+    assert_memory_not_equal(whole.light, other.light, sizeof whole.light);
+    assert_ok(karst_engine_set_camera(engine, &there, &error));
+    do {
+        assert_ok(karst_engine_settle(engine, 1, NULL, NULL, &settled, &error));
+        karst_engine_stats(engine, &other.stats);
+    } while (other.stats.num_samples < SAMPLES / 2);
+    assert_false(settled);
+    settle(engine, &other);
+    assert_memory_equal(whole.light, other.light, sizeof whole.light);
+    assert_memory_equal(whole.bytes, other.bytes, sizeof whole.bytes);
+    karst_engine_destroy(engine);
+}
+
+/* A view that the pools cannot hold settles all the same, whatever was seen before. */
+static void little_memory_settles(void **state)
+{
+    (void)state;
+    karst_engine_config config = base_config("hills");
+    config.mirror = 1;
+    config.view_distance_m = 1000;
+    config.num_bricks = 48;
+    config.num_tiles = 144;
+    take_from(&config, NULL, &whole);
+    assert_true(whole.stats.detail_given_px > 1);
+    karst_engine *engine = create(&config);
+    const karst_camera there = karst_engine_default_camera(engine);
+    karst_camera away = there;
+    away.yaw_deg += 90;
+    assert_ok(karst_engine_set_camera(engine, &away, &error));
+    settle(engine, &other);
+    assert_ok(karst_engine_set_camera(engine, &there, &error));
+    settle(engine, &other);
+    assert_memory_equal(whole.bytes, other.bytes, sizeof whole.bytes);
+    karst_engine_destroy(engine);
+}
+
+static const char repeats[] =
+    "/*{ \"voxel\": 0.015625, \"view\": 40, \"mirror\": 0.8,\n"
+    "\"camera\": { \"position\": [\"1\", \"2.5\", \"-3\"], \"pitch\": -25, \"fov\": 60 } }*/\n"
+    "float density(vec3 p) { vec3 q = vec3(mod(p.x, 8.0) - 4.0, p.y - 1.2, mod(p.z, 8.0) - 4.0);\n"
+    "return max(-p.y, 1.5 - length(q)); }\n"
+    "vec3 colour(vec3 p, vec3 n) { return vec3(0.2) + 0.4 * step(0.5, fract(p)); }\n";
+
+static void far_out_light_is_the_same(void **state)
+{
+    (void)state;
+    char path[64];
+    write_world(repeats, path);
+    karst_engine_config config = base_config(path);
+    take_from(&config, NULL, &whole);
+    assert_true(whole.stats.num_rays[KARST_STREAM_MIRROR] > NUM / 2);
+    take_from(&config, "1000000000001,2.5,-3,0,-25,60", &other);
+    assert_memory_equal(whole.light, other.light, sizeof whole.light);
+    /* What a world says may be overruled. */
+    config.mirror = -1;
+    take_from(&config, NULL, &other);
+    assert_int_equal(other.stats.num_rays[KARST_STREAM_MIRROR], 0);
+    assert_memory_not_equal(whole.light, other.light, sizeof whole.light);
+    config.exposure = KARST_EXPOSURE_OF_WORLD;
+    karst_engine *engine = create(&config); /* without mirrors a picture is bytes from the start */
+    assert_false(karst_engine_keeps_radiance(engine));
+    karst_engine_destroy(engine);
+    unlink(path);
+}
+
+static void what_is_out_of_range_is_said(void **state)
+{
+    (void)state;
+    const double shares[] = {1.01, NAN, INFINITY};
+    for (int i = 0; i < 3; i++) {
+        karst_error error = {0};
+        karst_engine_config config = base_config("hills");
+        config.mirror = shares[i];
+        assert_null(karst_engine_create(&config, &error));
+        assert_int_equal(error.status, KARST_USAGE);
+        assert_non_null(strstr(error.message, "mirror"));
+    }
+    assert_string_equal(karst_stream_name(KARST_STREAM_SHADOW), "shadow");
+    assert_string_equal(karst_stream_name(KARST_NUM_STREAMS), "unknown");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_plane_mirrors_what_is_over_it),
+        cmocka_unit_test(light_is_shared_out),
+        cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
+        cmocka_unit_test(little_memory_settles),
+        cmocka_unit_test(far_out_light_is_the_same),
+        cmocka_unit_test(what_is_out_of_range_is_said),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
