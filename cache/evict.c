@@ -9,7 +9,7 @@ bool karst_evict_init(karst_evict *evict, karst_context *context, const karst_ca
                       karst_lru *bricks, const karst_mapped *mapped, karst_error *error)
 {
     *evict = (karst_evict){.context = context,
-                           .shape = karst_shape_of(context),
+                           .shape = karst_pass_shape_of(context),
                            .pools = pools,
                            .tiles = tiles,
                            .bricks = bricks,

@@ -10,7 +10,7 @@
 
 typedef struct {
     karst_context *context;
-    karst_shape shape;
+    karst_pass_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     karst_lru *tiles, *bricks;        /* borrowed */
     const karst_mapped *mapped;       /* borrowed: where pools are mapped, the host recycles */

@@ -13,7 +13,7 @@ bool karst_lru_init(karst_lru *lru, karst_context *context, uint32_t kind, const
 {
     bool tiles = kind == KARST_SURVEY_TILES;
     *lru = (karst_lru){.context = context,
-                       .shape = karst_shape_of(context),
+                       .shape = karst_pass_shape_of(context),
                        .kind = kind,
                        .pools = pools,
                        .survey = survey,

@@ -12,7 +12,7 @@
 
 typedef struct {
     karst_context *context;
-    karst_shape shape;
+    karst_pass_shape shape;
     uint32_t kind;                    /* KARST_SURVEY_TILES or _BRICKS */
     const karst_cache_buffers *pools; /* borrowed */
     karst_survey *survey;             /* borrowed: finds what is old */

@@ -112,7 +112,7 @@ static bool create_rooms(karst_cache *cache, karst_error *error)
 bool karst_cache_take_kernels(karst_cache *cache, karst_error *error)
 {
     karst_context *context = cache->context;
-    const karst_shape shape = karst_shape_of(context);
+    const karst_pass_shape shape = karst_pass_shape_of(context);
     char options[96];
     if (cache->collect_program)
         return true;

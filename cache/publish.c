@@ -8,7 +8,7 @@
 bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
                         const karst_cache_buffers *pools, karst_error *error)
 {
-    *publish = (karst_publish){.context = context, .shape = karst_shape_of(context), .pools = pools};
+    *publish = (karst_publish){.context = context, .shape = karst_pass_shape_of(context), .pools = pools};
     publish->used = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
     if (!publish->used)
         return false;

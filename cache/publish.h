@@ -7,7 +7,7 @@
 
 typedef struct {
     karst_context *context;
-    karst_shape shape;
+    karst_pass_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     cl_kernel loads, subdivides;
     karst_buffer *used;   /* uint[KARST_CACHE_MAX_WORK]: the tile was linked */

@@ -12,16 +12,16 @@ typedef struct {
     uint32_t item_local;  /* work-group size of passes over single items */
     uint32_t scan_width;  /* work-items that scan the chunks' counts together, in one work-group */
     uint32_t sharers;     /* work-items that share a list of unknown length, in groups of chunk_local */
-} karst_shape;
+} karst_pass_shape;
 
-static inline karst_shape karst_shape_of(const karst_context *context)
+static inline karst_pass_shape karst_pass_shape_of(const karst_context *context)
 {
     if (context->is_cpu)
-        return (karst_shape){2048, 1, 64, 1, 8 * (uint32_t)context->compute_units};
-    return (karst_shape){64, 64, 64, 256, 2048};
+        return (karst_pass_shape){2048, 1, 64, 1, 8 * (uint32_t)context->compute_units};
+    return (karst_pass_shape){64, 64, 64, 256, 2048};
 }
 
-static inline uint32_t karst_shape_chunks(const karst_shape *shape, uint32_t num_entries)
+static inline uint32_t karst_pass_chunks(const karst_pass_shape *shape, uint32_t num_entries)
 {
     return (uint32_t)(((uint64_t)num_entries + shape->chunk - 1) / shape->chunk);
 }

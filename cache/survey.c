@@ -13,13 +13,13 @@ static uint32_t num_slots(const karst_survey *survey, uint32_t kind)
 bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools,
                        karst_error *error)
 {
-    *survey = (karst_survey){.context = context, .shape = karst_shape_of(context), .pools = pools};
+    *survey = (karst_survey){.context = context, .shape = karst_pass_shape_of(context), .pools = pools};
     survey->num_request_chunks = (uint32_t)(pools->want_chunk->size_bytes / sizeof(uint32_t));
-    size_t num_chunks = karst_shape_chunks(&survey->shape, survey->num_request_chunks);
+    size_t num_chunks = karst_pass_chunks(&survey->shape, survey->num_request_chunks);
     for (uint32_t kind = 0; kind < 2; kind++) {
         uint32_t num = num_slots(survey, kind);
         size_t size_bytes = num * sizeof(karst_survey_slot);
-        num_chunks += karst_shape_chunks(&survey->shape, num);
+        num_chunks += karst_pass_chunks(&survey->shape, num);
         survey->found[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
         survey->pieces[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
         if (!survey->found[kind] || !survey->pieces[kind])
@@ -71,7 +71,7 @@ static bool launch(karst_survey *survey, karst_error *error)
     const karst_survey_ask *ask = &survey->ask;
     uint32_t num_items = 0;
     for (uint32_t kind = 0; kind < KARST_SURVEY_KINDS; kind++)
-        num_items += karst_shape_chunks(&survey->shape, ask->num[kind]);
+        num_items += karst_pass_chunks(&survey->shape, ask->num[kind]);
     return KARST_ARGUMENTS(
                survey->look, error, KARST_BUFFER_ARG(pools->tile_stamp), KARST_BUFFER_ARG(pools->brick_stamp),
                KARST_BUFFER_ARG(pools->brick_fallback), KARST_BUFFER_ARG(pools->want_chunk), KARST_VALUE_ARG(*ask),

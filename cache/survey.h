@@ -24,7 +24,7 @@ typedef struct {
 
 typedef struct {
     karst_context *context;
-    karst_shape shape;
+    karst_pass_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     uint32_t num_request_chunks;
     cl_kernel look, pack;

@@ -11,7 +11,7 @@ bool karst_wants_init(karst_wants *wants, karst_context *context, const karst_ca
                       karst_survey *survey, karst_mapped *mapped, karst_error *error)
 {
     *wants = (karst_wants){
-        .context = context, .shape = karst_shape_of(context), .pools = pools, .survey = survey, .mapped = mapped};
+        .context = context, .shape = karst_pass_shape_of(context), .pools = pools, .survey = survey, .mapped = mapped};
     size_t num_chunks = survey->num_request_chunks;
     wants->marks = karst_buffer_create(context, "requests", num_chunks * (KARST_REQUEST_CHUNK / 32) * sizeof(cl_uint2),
                                        NULL, error);
@@ -95,7 +95,7 @@ void karst_wants_merge(karst_wants_choice **choice, karst_wants_choice **spare, 
 static bool launch_mark(karst_wants *wants, karst_error *error)
 {
     const karst_cache_buffers *pools = wants->pools;
-    const karst_shape *shape = &wants->shape;
+    const karst_pass_shape *shape = &wants->shape;
     return KARST_ARGUMENTS(wants->mark, error, KARST_BUFFER_ARG(wants->survey->active),
                            KARST_BUFFER_ARG(wants->survey->result), KARST_BUFFER_ARG(pools->want_brick),
                            KARST_BUFFER_ARG(pools->want_children), KARST_BUFFER_ARG(pools->nodes),

@@ -22,7 +22,7 @@ typedef struct {
 
 typedef struct {
     karst_context *context;
-    karst_shape shape;
+    karst_pass_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
     karst_survey *survey;             /* borrowed: names the request chunks to look at */
     karst_mapped *mapped;             /* borrowed */
