@@ -5,10 +5,26 @@
 #include "cache/layout_shared.h"
 #include "core/device/context.h"
 
-/* The buffers as kernels of other modules take them; owned by the cache. See layout_shared.h for what they hold. */
+typedef struct karst_cache karst_cache;
+typedef struct karst_store karst_store;
+
+#define KARST_STORE_LAND "land" /* the store that every cache has */
+#define KARST_STORE_NAME_BYTES 16u
+
+/* What a store is made of. Every sample of its bricks is one number, of brick_bits bits as in sample_shared.h; who has
+ * more to say of a sample keeps that by slot in buffers of its own. */
 typedef struct {
-    karst_buffer *nodes;     /* karst_node[num_tiles * 8] */
-    karst_buffer *tile_info; /* karst_tile_info[num_tiles] */
+    const char *name;    /* 1 to 15 of a to z, 0 to 9 and _: its memory is accounted for as "NAME bricks" and so on */
+    uint32_t num_bricks; /* usable slots and slot 0; at least 9 */
+    size_t max_segment_bytes; /* 0: the device's largest allocation */
+    int brick_bits;           /* 8, 16 or 32; 0: 16 */
+} karst_store_config;
+
+/* A store's buffers, and the tree's, as kernels of other modules take them; owned by the cache. See layout_shared.h for
+ * what they hold. */
+typedef struct {
+    karst_buffer *nodes;     /* karst_node[num_tiles * 8]: the store's verdicts and bricks, and the tree's links */
+    karst_buffer *tile_info; /* karst_tile_info[num_tiles], of the tree, which all stores share, as tile_stamp is */
     karst_buffer *bricks[KARST_MAX_BRICK_SEGMENTS]; /* karst_brick_sample[bricks_per_segment * KARST_BRICK_STRIDE] each;
                                                      * unused repeat [0] */
     uint32_t num_segments, bricks_per_segment;
@@ -25,6 +41,13 @@ typedef struct {
 #define KARST_CACHE_TILE_BYTES 248
 #define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_BYTES(bits) + 64))
 #define KARST_CACHE_BRICK_BYTES KARST_CACHE_BRICK_BYTES_OF(16)
+
+/* What kernels that read or write bricks are built with: "" for 16 bits. */
+const char *karst_cache_brick_option(const karst_cache_buffers *buffers);
+
+/* Allocations that a brick pool is cut into: kernels are compiled for that number. 0: one would not hold a brick. */
+size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
+                                int brick_bits);
 
 /* The most loads, and the most subdivides, in one round: its lists have fixed memory. */
 #define KARST_CACHE_MAX_WORK 8192u

@@ -3,17 +3,14 @@
  * One round: rays are cast (they store stamps) -> karst_cache_collect (turns wants into work, frees what is recycled)
  * -> the producers fill the work's slots, which no ray can reach -> karst_cache_publish links them. Everything is
  * deterministic: the same stamps give the same work in the same order. Not thread-safe.
+ *
+ * What is said here of a cache is said of its land. Further stores are added below.
  */
 #ifndef KARST_CACHE_CACHE_H
 #define KARST_CACHE_CACHE_H
 
 #include "cache/buffers.h"
 #include "karst/position.h"
-
-typedef struct karst_cache karst_cache;
-
-/* What kernels that read or write bricks are built with: "" for 16 bits. */
-const char *karst_cache_brick_option(const karst_cache_buffers *buffers);
 
 /* num_tiles and num_bricks count usable slots and slot 0; at least 2 tiles and 9 bricks. max_segment_bytes 0: the
  * device's largest allocation. Errors: KARST_FAILED, KARST_USAGE (more than KARST_MAX_BRICK_SEGMENTS segments or
@@ -24,6 +21,7 @@ karst_cache *karst_cache_create(karst_context *context, uint32_t num_tiles, uint
 karst_cache *karst_cache_create_of(karst_context *context, uint32_t num_tiles, uint32_t num_bricks,
                                    size_t max_segment_bytes, int brick_bits, karst_error *error);
 void karst_cache_destroy(karst_cache *cache);
+/* The land's. */
 const karst_cache_buffers *karst_cache_get_buffers(const karst_cache *cache);
 
 /* Places the root tile: its child 0 is node `corner` of `level`. Nodes that the old and the new window share (same
@@ -62,14 +60,52 @@ typedef struct {
     uint64_t num_nodes, num_bricks; /* nodes that forgot what they were, and bricks of theirs */
 } karst_dropped;
 
-/* Forgets what is known of every node that one of the boxes meets: verdicts, and bricks, whose slots are free again;
- * children stay. Only between publish and the next cast. Their bricks that the cast of `serial` used are worked on anew
- * by karst_cache_drop_work. Adds to *dropped. Waits for the device. Errors: KARST_FAILED. */
+/* Forgets, in every store, what is known of every node that one of the boxes meets: verdicts, and bricks, whose slots
+ * are free again; children stay. Only between publish and the next cast. Their bricks that the cast of `serial` used
+ * are worked on anew by karst_cache_drop_work, and karst_store_drop_work. Adds to *dropped. Waits for the device.
+ * Errors: KARST_FAILED. */
 bool karst_cache_drop(karst_cache *cache, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
                       karst_dropped *dropped, karst_error *error);
 /* The work of loading those bricks, coarse ones first, as karst_cache_root_work: to be asked until num_loads is 0. What
  * was dropped is on the next picture at the level that it had. */
 bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error);
+
+/* ---- further stores ----
+ *
+ * A store is one kind of content of the world (land; clear matter; air) on the cache's tree: bricks, their info and
+ * owners, stamps, wants, slots and usage lists of its own. Tiles are shared, and so is what is known of their places.
+ *
+ * Each store has an array of nodes beside the tree, by the same numbers: nodes[n].link is its verdict of node n with
+ * the tree's link, nodes[n].brick its brick. So "this store holds nothing here" (its verdict is air or solid) and
+ * "there is nothing to subdivide" (no link) are two facts: where the land is air, clear matter may own bricks, many
+ * levels down. A ray of a store walks its nodes exactly as a ray of the land walks the land's: a caster that is made
+ * with a store's buffers (raycast/cast/cast.h) casts into that store, and its stamps and wants are that store's.
+ *
+ * A store's rounds are like the land's, one after another, with any serial: karst_store_collect, producers,
+ * karst_cache_publish. Its loads are answered by its own producer with its own buffers. The work's subdivides make
+ * tiles of the tree, so every store's producer bounds them in that store's buffers (producers/stores.h sees to that): a
+ * store that does not knows nothing of its nodes there, and shows what is above until they are loaded.
+ *
+ * A cache without further stores has no memory and no kernels for them. */
+#define KARST_CACHE_MAX_STORES 4u /* the land included */
+
+/* Adds an empty store, which lives as long as the cache. Between publish and the next cast; an open round is
+ * abandoned. Waits for the device. Errors (NULL): KARST_FAILED; KARST_USAGE (its configuration, a name that there is,
+ * too many). */
+karst_store *karst_cache_add_store(karst_cache *cache, const karst_store_config *config, karst_error *error);
+karst_store *karst_cache_find_store(karst_cache *cache, const char *name); /* KARST_STORE_LAND, too. NULL: none */
+const char *karst_store_name(const karst_store *store);
+/* As long as the store. */
+const karst_cache_buffers *karst_store_get_buffers(const karst_store *store);
+/* Device memory that a tile takes of each further store; bricks take KARST_CACHE_BRICK_BYTES_OF(bits), as ever. */
+#define KARST_STORE_TILE_BYTES 176
+/* As karst_cache_collect, karst_cache_root_work and karst_cache_drop_work, which are the land's. Of what is recycled,
+ * tiles are the tree's, with the bricks that any store has there. num_used_tiles counts in the land's rounds alone. */
+bool karst_store_collect(karst_store *store, const karst_collect_params *params, karst_work *work, karst_error *error);
+bool karst_store_root_work(karst_store *store, uint32_t serial, karst_work *work, karst_error *error);
+bool karst_store_drop_work(karst_store *store, uint32_t serial, karst_work *work, karst_error *error);
+/* Brick slots that hold something, the root bricks' own left out. */
+uint32_t karst_store_count_resident(const karst_store *store);
 
 /* Turns the stamps of params->serial into work: compaction of wants, order by priority, choice of slots (never-used
  * ones first, then the least recently used that are unstamped and, for tiles, childless), eviction of what held them
@@ -78,11 +114,11 @@ bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work
  * KARST_STAGE_COLLECT. */
 bool karst_cache_collect(karst_cache *cache, const karst_collect_params *params, karst_work *work, karst_error *error);
 
-/* Links what the producers wrote: a load that came out KARST_STATE_BRICK gets its node's brick, a constant one makes
- * the node constant (its slot stays free; children it had are orphaned), a clear one leaves the children and needs no
- * slot either, unless it was kept, and is wanted no longer; a subdivided node gets its tile. Slots that were not used
- * are the next to be handed out. *num_bricks_constant counts air and solid only; either count may be NULL. Only call it
- * between casts. */
+/* Links what the producers wrote for the store whose round it is: a load that came out KARST_STATE_BRICK gets its
+ * node's brick, a constant one makes the node constant (its slot stays free; children it had are orphaned, but stay if
+ * there are further stores), a clear one leaves the children and needs no slot either, unless it was kept, and is
+ * wanted no longer; a subdivided node gets its tile. Slots that were not used are the next to be handed out.
+ * *num_bricks_constant counts air and solid only; either count may be NULL. Only call it between casts. */
 bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *num_bricks_linked,
                          uint32_t *num_bricks_constant, karst_error *error);
 
@@ -90,10 +126,6 @@ bool karst_cache_publish(karst_cache *cache, const karst_work *work, uint32_t *n
  * all that there is of slots beside bricks, by a thread beside: pages are found when they are first touched, which is
  * no time to be spent while a budget runs. */
 void karst_cache_commit_ahead(karst_cache *cache, uint32_t num_bricks);
-
-/* Allocations that a brick pool is cut into: kernels are compiled for that number. 0: one would not hold a brick. */
-size_t karst_cache_num_segments(const karst_context *context, uint32_t num_bricks, size_t max_segment_bytes,
-                                int brick_bits);
 
 /* Runs the kernels of a round once each, the last first, and waits for them: for drivers that compile a kernel when it
  * first runs. Those that recycle are left out: a first picture does not need them; where the host collects, all that it

@@ -11,6 +11,7 @@ enum { SLOT_HELD, SLOT_FREE, SLOT_GRANTED };
 /* A copy of all that is looked at. */
 typedef struct {
     const karst_cache *cache;
+    const karst_store *store; /* whose nodes, bricks and slots these are */
     karst_error *error;
     uint32_t num_tiles, num_bricks;
     karst_node *nodes;
@@ -27,7 +28,9 @@ static bool fault(const snapshot *s, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof(text), format, arguments);
     va_end(arguments);
-    return karst_fail(s->error, KARST_FAILED, "cache check: %s", text);
+    if (s->store == &s->cache->land)
+        return karst_fail(s->error, KARST_FAILED, "cache check: %s", text);
+    return karst_fail(s->error, KARST_FAILED, "cache check: store %s: %s", s->store->name, text);
 }
 
 static void *copy_of(karst_buffer *buffer, karst_error *error)
@@ -43,8 +46,7 @@ static void *copy_of(karst_buffer *buffer, karst_error *error)
 
 static bool take_snapshot(snapshot *s)
 {
-    const karst_cache *cache = s->cache;
-    const karst_cache_buffers *b = &cache->buffers;
+    const karst_cache_buffers *b = &s->store->buffers;
     s->num_tiles = b->num_tiles;
     s->num_bricks = b->num_bricks + KARST_CACHE_ROOT_BRICKS;
     s->tile_slots = calloc(s->num_tiles, 1);
@@ -106,7 +108,8 @@ static bool check_node(const snapshot *s, uint32_t node)
     bool clear = state == KARST_STATE_CLEAR_AIR || state == KARST_STATE_CLEAR_SOLID;
     if (!(clear || (state == KARST_STATE_BRICK) == (brick != KARST_NONE)))
         return fault(s, "node %u (tile %u) has state %u, but brick %u", node, tile, state, brick);
-    if ((state == KARST_STATE_AIR || state == KARST_STATE_SOLID) && child != KARST_NONE)
+    /* Another store may hold something in the children of what is constant in this one. */
+    if (s->cache->num_others == 0 && (state == KARST_STATE_AIR || state == KARST_STATE_SOLID) && child != KARST_NONE)
         return fault(s, "node %u (tile %u) is constant (state %u), but has children in tile %u", node, tile, state,
                      child);
     if (brick != KARST_NONE) {
@@ -204,22 +207,29 @@ static bool check_brick(const snapshot *s, uint32_t brick)
     uint32_t tile = owner / KARST_TILE_NODES;
     if (tile == 0 || tile >= s->num_tiles || !s->tiles[tile].in_use)
         return fault(s, "brick %u belongs to node %u, whose tile is not in use", brick, owner);
-    if (brick >= s->cache->buffers.num_bricks && tile != KARST_ROOT_TILE)
+    if (brick >= s->store->buffers.num_bricks && tile != KARST_ROOT_TILE)
         return fault(s, "brick %u, one of the root's, belongs to node %u (tile %u)", brick, owner, tile);
     if (s->nodes[owner].brick != brick)
         return fault(s, "brick %u belongs to node %u, which names brick %u", brick, owner, s->nodes[owner].brick);
     return true; /* generations: check_node */
 }
 
-static bool check_all(const snapshot *s)
+static bool mark_all_slots(const snapshot *s)
 {
     const karst_cache *cache = s->cache;
-    if (!mark_free(s, "tile", s->tile_slots, &cache->tile_slots) ||
-        !mark_granted(s, "tile", s->tile_slots, KARST_ROOT_TILE + 1, s->num_tiles, cache->granted_tiles,
-                      cache->num_granted_tiles) ||
-        !mark_free(s, "brick", s->brick_slots, &cache->brick_slots) ||
-        !mark_free(s, "brick", s->brick_slots, &cache->root_slots) ||
-        !mark_granted(s, "brick", s->brick_slots, 1, s->num_bricks, cache->granted_bricks, cache->num_granted_bricks))
+    const karst_store *store = s->store;
+    uint32_t num_granted_bricks = cache->asking == store ? cache->num_granted_bricks : 0;
+    return mark_free(s, "tile", s->tile_slots, &cache->tile_slots) &&
+           mark_granted(s, "tile", s->tile_slots, KARST_ROOT_TILE + 1, s->num_tiles, cache->granted_tiles,
+                        cache->num_granted_tiles) &&
+           mark_free(s, "brick", s->brick_slots, &store->brick_slots) &&
+           mark_free(s, "brick", s->brick_slots, &store->root_slots) &&
+           mark_granted(s, "brick", s->brick_slots, 1, s->num_bricks, cache->granted_bricks, num_granted_bricks);
+}
+
+static bool check_store(const snapshot *s)
+{
+    if (!mark_all_slots(s))
         return false;
     for (uint32_t tile = KARST_ROOT_TILE; tile < s->num_tiles; tile++)
         if (!check_tile_slot(s, tile))
@@ -238,8 +248,12 @@ static bool check_all(const snapshot *s)
 
 bool karst_cache_check(karst_cache *cache, karst_error *error)
 {
-    snapshot s = {.cache = cache, .error = error};
-    bool ok = take_snapshot(&s) && check_all(&s);
-    release_snapshot(&s);
+    bool ok = true;
+    /* Each store's nodes against the tree, so all have the same links. */
+    for (uint32_t i = 0; ok && i < karst_cache_num_stores(cache); i++) {
+        snapshot s = {.cache = cache, .store = karst_cache_store(cache, i), .error = error};
+        ok = take_snapshot(&s) && check_store(&s);
+        release_snapshot(&s);
+    }
     return ok;
 }

@@ -6,7 +6,7 @@
 
 /* The pools' parts that are looked at, in the host's memory. */
 typedef struct {
-    karst_cache *cache;
+    karst_store *store;
     karst_node *nodes;
     karst_tile_info *tile_info;
     karst_brick_owner *brick_owner;
@@ -18,7 +18,7 @@ typedef struct {
 
 static bool map_all(walk *w, bool maps)
 {
-    const karst_cache_buffers *b = &w->cache->buffers;
+    const karst_cache_buffers *b = &w->store->buffers;
     karst_buffer *const buffers[] = {b->nodes, b->tile_info, b->brick_owner, b->brick_stamp, b->brick_fallback};
     void **const places[] = {(void **)&w->nodes, (void **)&w->tile_info, (void **)&w->brick_owner,
                              (void **)&w->brick_stamp, (void **)&w->brick_fallback};
@@ -49,17 +49,17 @@ static bool node_meets(const karst_tile_info *info, uint32_t child, const karst_
     return true;
 }
 
-static void remember(karst_cache *cache, uint32_t node)
+static void remember(karst_store *store, uint32_t node)
 {
-    if (cache->num_dropped == cache->max_dropped) {
-        uint32_t most = cache->max_dropped ? 2 * cache->max_dropped : 256;
-        uint32_t *dropped = realloc(cache->dropped_nodes, most * sizeof *dropped);
+    if (store->num_dropped == store->max_dropped) {
+        uint32_t most = store->max_dropped ? 2 * store->max_dropped : 256;
+        uint32_t *dropped = realloc(store->dropped_nodes, most * sizeof *dropped);
         if (!dropped)
             return; /* it is asked for again, as any other */
-        cache->dropped_nodes = dropped;
-        cache->max_dropped = most;
+        store->dropped_nodes = dropped;
+        store->max_dropped = most;
     }
-    cache->dropped_nodes[cache->num_dropped++] = node;
+    store->dropped_nodes[store->num_dropped++] = node;
 }
 
 static void drop_node(walk *w, uint32_t node)
@@ -73,15 +73,15 @@ static void drop_node(walk *w, uint32_t node)
         bool is_used = w->brick_stamp[brick] == w->serial || w->brick_fallback[brick] == w->serial;
         w->dropped->num_bricks++;
         karst_detach_brick(brick, w->nodes, w->tile_info, w->brick_owner);
-        karst_cache_give_bricks(w->cache, &brick, 1);
+        karst_store_give(w->store, &brick, 1);
         at->brick = KARST_NONE;
         if (is_used && !is_root)
-            remember(w->cache, node);
+            remember(w->store, node);
     }
     if (state != KARST_STATE_UNKNOWN)
         at->link = KARST_NODE_LINK(KARST_STATE_LOST, KARST_NODE_CHILDREN(at->link));
     if (is_root)
-        w->cache->roots_loaded = false;
+        w->store->roots_loaded = false;
 }
 
 static void drop_in_tile(walk *w, uint32_t tile, const karst_drop_box *box)
@@ -107,38 +107,53 @@ static int compare_levels(const void *a, const void *b, void *user)
     return of_p != of_q ? of_q - of_p : p < q ? -1 : p > q;
 }
 
+static bool drop_in_store(karst_store *store, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
+                          karst_dropped *dropped, karst_error *error)
+{
+    walk w = {.store = store, .serial = serial, .dropped = dropped, .error = error};
+    bool done = map_all(&w, true);
+    for (size_t i = 0; done && i < num_boxes; i++)
+        drop_in_tile(&w, KARST_ROOT_TILE, &boxes[i]);
+    if (done && store->num_dropped > 1)
+        qsort_r(store->dropped_nodes, store->num_dropped, sizeof(uint32_t), compare_levels, w.tile_info);
+    store->next_dropped = 0;
+    return map_all(&w, false) && done;
+}
+
 bool karst_cache_drop(karst_cache *cache, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
                       karst_dropped *dropped, karst_error *error)
 {
-    walk w = {.cache = cache, .serial = serial, .dropped = dropped, .error = error};
     if (!cache->has_root || num_boxes == 0)
         return true;
     karst_cache_abandon(cache);
-    bool done = karst_finish(cache->context, error) && map_all(&w, true);
-    for (size_t i = 0; done && i < num_boxes; i++)
-        drop_in_tile(&w, KARST_ROOT_TILE, &boxes[i]);
-    if (done && cache->num_dropped > 1)
-        qsort_r(cache->dropped_nodes, cache->num_dropped, sizeof(uint32_t), compare_levels, w.tile_info);
-    cache->next_dropped = 0;
-    return map_all(&w, false) && done;
+    bool done = karst_finish(cache->context, error);
+    for (uint32_t i = 0; done && i < karst_cache_num_stores(cache); i++)
+        done = drop_in_store(karst_cache_store(cache, i), boxes, num_boxes, serial, dropped, error);
+    return done;
+}
+
+bool karst_store_drop_work(karst_store *store, uint32_t serial, karst_work *work, karst_error *error)
+{
+    karst_cache *cache = store->cache;
+    *work = karst_cache_empty_work(cache);
+    uint32_t left = store->num_dropped - store->next_dropped;
+    if (left == 0) {
+        store->num_dropped = store->next_dropped = 0;
+        return true;
+    }
+    karst_cache_open_round(cache, store, serial);
+    uint32_t most = left < KARST_CACHE_MAX_WORK ? left : KARST_CACHE_MAX_WORK;
+    work->num_loads = karst_slots_take(&store->brick_slots, cache->granted_bricks, most);
+    cache->num_granted_bricks = work->num_loads;
+    const uint32_t *nodes = store->dropped_nodes + store->next_dropped;
+    store->next_dropped = work->num_loads ? store->next_dropped + work->num_loads : store->num_dropped;
+    size_t size_bytes = work->num_loads * sizeof(uint32_t);
+    return karst_buffer_send(cache->load_nodes, 0, nodes, size_bytes, error) &&
+           karst_buffer_send(cache->load_slots, 0, cache->granted_bricks, size_bytes, error) &&
+           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, size_bytes, error);
 }
 
 bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error)
 {
-    *work = karst_cache_empty_work(cache);
-    uint32_t left = cache->num_dropped - cache->next_dropped;
-    if (left == 0) {
-        cache->num_dropped = cache->next_dropped = 0;
-        return true;
-    }
-    karst_cache_abandon(cache);
-    cache->serial = serial;
-    uint32_t most = left < KARST_CACHE_MAX_WORK ? left : KARST_CACHE_MAX_WORK;
-    work->num_loads = karst_slots_take(&cache->brick_slots, cache->granted_bricks, most);
-    cache->num_granted_bricks = work->num_loads;
-    const uint32_t *nodes = cache->dropped_nodes + cache->next_dropped;
-    cache->next_dropped = work->num_loads ? cache->next_dropped + work->num_loads : cache->num_dropped;
-    return karst_buffer_send(cache->load_nodes, 0, nodes, work->num_loads * sizeof(uint32_t), error) &&
-           karst_buffer_send(cache->load_slots, 0, cache->granted_bricks, work->num_loads * sizeof(uint32_t), error) &&
-           karst_buffer_fill(cache->load_results, KARST_STATE_UNKNOWN, 0, work->num_loads * sizeof(uint32_t), error);
+    return karst_store_drop_work(&cache->land, serial, work, error);
 }

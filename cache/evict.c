@@ -6,14 +6,17 @@
 #define STAGE KARST_STAGE_COLLECT
 
 bool karst_evict_init(karst_evict *evict, karst_context *context, const karst_cache_buffers *pools, karst_lru *tiles,
-                      karst_lru *bricks, const karst_mapped *mapped, karst_error *error)
+                      karst_lru *bricks, const karst_mapped *mapped, karst_churn *churn, karst_slots *brick_slots,
+                      karst_error *error)
 {
     *evict = (karst_evict){.context = context,
                            .shape = karst_pass_shape_of(context),
                            .pools = pools,
                            .tiles = tiles,
                            .bricks = bricks,
-                           .mapped = mapped};
+                           .mapped = mapped,
+                           .churn = churn,
+                           .brick_slots = brick_slots};
     size_t num = KARST_CACHE_MAX_WORK;
     evict->evicted_tiles = karst_buffer_create(context, "work_lists", num * sizeof(karst_evicted_tile), NULL, error);
     evict->evicted_bricks = karst_buffer_create(context, "work_lists", num * sizeof(karst_evicted_brick), NULL, error);
@@ -65,6 +68,9 @@ static void unlink_mapped_tiles(karst_evict *evict, uint32_t num)
     for (uint32_t i = 0; i < num; i++) {
         if (i + KARST_MAPPED_AHEAD < num)
             ask_for_tile(m, victims[i + KARST_MAPPED_AHEAD]);
+        for (const karst_evict *e = evict->next; e; e = e->next)
+            karst_evict_tile_beside(victims[i], e->mapped->nodes, m->tile_info, e->mapped->brick_owner,
+                                    &e->host_tiles[i]);
         karst_evict_tile(victims[i], m->nodes, m->tile_info, m->brick_owner, &evict->host_tiles[i]);
     }
     karst_profile_add_host(evict->context, STAGE, karst_clock_ns() - start_ns);
@@ -86,6 +92,12 @@ static void unlink_mapped_bricks(karst_evict *evict, uint32_t num)
     karst_profile_add_host(evict->context, STAGE, karst_clock_ns() - start_ns);
 }
 
+static bool unlink_beside(const karst_evict *evict, const karst_lru *lru, uint32_t num, karst_error *error)
+{
+    return karst_beside_unlink(evict->beside, lru->victims, lru->result, num, evict->evicted_tiles, error) &&
+           karst_buffer_fetch(evict->evicted_tiles, 0, evict->host_tiles, num * sizeof(*evict->host_tiles), error);
+}
+
 static bool unlink_tiles(void *user, uint32_t num, karst_error *error)
 {
     karst_evict *evict = user;
@@ -95,6 +107,9 @@ static bool unlink_tiles(void *user, uint32_t num, karst_error *error)
     }
     const karst_cache_buffers *pools = evict->pools;
     const karst_lru *lru = evict->tiles;
+    for (const karst_evict *e = evict->next; e; e = e->next)
+        if (!unlink_beside(e, lru, num, error))
+            return false;
     return KARST_ARGUMENTS(evict->unlink_tiles, error, KARST_BUFFER_ARG(lru->victims), KARST_BUFFER_ARG(lru->result),
                            KARST_BUFFER_ARG(pools->nodes), KARST_BUFFER_ARG(pools->tile_info),
                            KARST_BUFFER_ARG(pools->brick_owner), KARST_BUFFER_ARG(evict->evicted_tiles),
@@ -131,30 +146,46 @@ bool karst_evict_start(karst_evict *evict, uint32_t serial, uint32_t need_tiles,
                                                need_tiles ? evict->tiles : NULL, unlink_bricks, evict, error);
 }
 
-/* Bricks go back from last to first, so that they are handed out in order. */
-static void note_tiles(const karst_evicted_tile *tiles, uint32_t num, uint32_t frame, karst_churn *churn,
-                       karst_slots *brick_slots, uint32_t *slots, uint32_t *num_bricks_freed)
+static void note_names(const karst_evict *evict, const karst_evicted_tile *tile, uint32_t frame)
 {
-    for (uint32_t i = 0; i < num; i++)
-        karst_churn_expect(churn, tiles[i].name);
-    for (uint32_t i = 0; i < num; i++) {
-        slots[i] = tiles[i].slot;
-        karst_churn_evicted(churn, tiles[i].name, frame);
-        for (uint32_t j = 0; j < KARST_TILE_NODES; j++)
-            if (tiles[i].bricks[j] != KARST_NONE)
-                karst_churn_evicted(churn, tiles[i].brick_names[j], frame);
-    }
+    for (uint32_t i = 0; i < KARST_TILE_NODES; i++)
+        if (tile->bricks[i] != KARST_NONE)
+            karst_churn_evicted(evict->churn, tile->brick_names[i], frame);
+}
+
+/* Bricks go back from last to first, so that they are handed out in order. Returns how many there were. */
+static uint32_t give_bricks(const karst_evict *evict, uint32_t num)
+{
+    const karst_evicted_tile *tiles = evict->host_tiles;
+    uint32_t num_freed = 0;
     for (uint32_t i = num; i-- > 0;)
         for (uint32_t j = KARST_TILE_NODES; j-- > 0;)
             if (tiles[i].bricks[j] != KARST_NONE) {
-                karst_slots_give(brick_slots, &tiles[i].bricks[j], 1);
-                (*num_bricks_freed)++;
+                karst_slots_give(evict->brick_slots, &tiles[i].bricks[j], 1);
+                num_freed++;
             }
+    return num_freed;
 }
 
-bool karst_evict_tiles(karst_evict *evict, uint32_t serial, uint32_t frame, uint32_t need, karst_churn *churn,
-                       karst_slots *brick_slots, uint32_t *slots, uint32_t *num_evicted, uint32_t *num_bricks_freed,
-                       karst_error *error)
+/* Tiles and what went with them, in all stores. */
+static void note_tiles(const karst_evict *evict, uint32_t num, uint32_t frame, uint32_t *slots,
+                       uint32_t *num_bricks_freed)
+{
+    const karst_evicted_tile *tiles = evict->host_tiles;
+    for (uint32_t i = 0; i < num; i++)
+        karst_churn_expect(evict->churn, tiles[i].name);
+    for (uint32_t i = 0; i < num; i++) {
+        slots[i] = tiles[i].slot;
+        karst_churn_evicted(evict->churn, tiles[i].name, frame);
+        for (const karst_evict *e = evict; e; e = e->next)
+            note_names(e, &e->host_tiles[i], frame);
+    }
+    for (const karst_evict *e = evict; e; e = e->next)
+        *num_bricks_freed += give_bricks(e, num);
+}
+
+bool karst_evict_tiles(karst_evict *evict, uint32_t serial, uint32_t frame, uint32_t need, uint32_t *slots,
+                       uint32_t *num_evicted, uint32_t *num_bricks_freed, karst_error *error)
 {
     const karst_lru_result *result = &evict->tiles->host_result;
     uint32_t num = 0;
@@ -165,7 +196,7 @@ bool karst_evict_tiles(karst_evict *evict, uint32_t serial, uint32_t frame, uint
         bool is_started = evict->tiles->started;
         if (!karst_lru_recycle(evict->tiles, serial, false, need - num, unlink_tiles, evict, error))
             return false;
-        note_tiles(evict->host_tiles, result->num_taken, frame, churn, brick_slots, slots + num, num_bricks_freed);
+        note_tiles(evict, result->num_taken, frame, slots + num, num_bricks_freed);
         num += result->num_taken;
         /* What was started for bricks did nothing if not all of these were taken then. */
         evict->bricks->arrived = is_started;
@@ -178,7 +209,7 @@ bool karst_evict_tiles(karst_evict *evict, uint32_t serial, uint32_t frame, uint
 }
 
 bool karst_evict_bricks(karst_evict *evict, uint32_t serial, uint32_t frame, uint32_t need, bool may_drop_fallback,
-                        karst_churn *churn, uint32_t *slots, uint32_t *num_evicted, karst_error *error)
+                        uint32_t *slots, uint32_t *num_evicted, karst_error *error)
 {
     const karst_lru_result *result = &evict->bricks->host_result;
     uint32_t num = 0;
@@ -186,7 +217,7 @@ bool karst_evict_bricks(karst_evict *evict, uint32_t serial, uint32_t frame, uin
         if (!karst_lru_recycle(evict->bricks, serial, stand_ins, need - num, unlink_bricks, evict, error))
             return false;
         for (uint32_t i = 0; i < result->num_taken; i++) {
-            karst_churn_evicted(churn, evict->host_bricks[i].name, frame);
+            karst_churn_evicted(evict->churn, evict->host_bricks[i].name, frame);
             slots[num++] = evict->host_bricks[i].slot;
         }
     }

@@ -22,8 +22,8 @@ typedef struct {
 } karst_evicted_brick;
 K_ASSERT_SIZE(karst_evicted_brick, 16);
 
-/* Detaches a tile from its parent, if both say that they belong together. */
-K_INLINE void karst_detach_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL karst_tile_info *tile_info)
+/* Takes a tile off its parent in a store's nodes, if both say that they belong together. */
+K_INLINE void karst_unlink_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL const karst_tile_info *tile_info)
 {
     uint parent = tile_info[tile].parent;
     if (parent == KARST_NO_NODE)
@@ -33,7 +33,6 @@ K_INLINE void karst_detach_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL 
         tile_info[parent / KARST_TILE_NODES].generation == tile_info[tile].parent_generation &&
         KARST_NODE_CHILDREN(link) == tile)
         nodes[parent].link = KARST_NODE_LINK(KARST_NODE_STATE(link), KARST_NONE);
-    tile_info[tile].parent = KARST_NO_NODE;
 }
 
 /* Detaches a brick from its node, which has lost it (or stays clear), if both say that they belong together. */
@@ -53,9 +52,9 @@ K_INLINE void karst_detach_brick(uint brick, K_GLOBAL karst_node *nodes, K_GLOBA
     brick_owner[brick].owner = KARST_NO_NODE;
 }
 
-/* Empties a tile's slot. Returns how many bricks went with it. */
-K_INLINE uint karst_evict_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL karst_tile_info *tile_info,
-                               K_GLOBAL karst_brick_owner *brick_owner, K_GLOBAL karst_evicted_tile *evicted)
+/* Empties a tile's nodes in a store. Returns how many bricks went with them. */
+K_INLINE uint karst_empty_nodes(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL const karst_tile_info *tile_info,
+                                K_GLOBAL karst_brick_owner *brick_owner, K_GLOBAL karst_evicted_tile *evicted)
 {
     int level = tile_info[tile].level;
     long x = tile_info[tile].corner[0], y = tile_info[tile].corner[1], z = tile_info[tile].corner[2];
@@ -76,9 +75,26 @@ K_INLINE uint karst_evict_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL k
         nodes[node].link = KARST_NODE_LINK(KARST_STATE_UNKNOWN, KARST_NONE);
         nodes[node].brick = KARST_NONE;
     }
-    karst_detach_tile(tile, nodes, tile_info);
+    return num_freed;
+}
+
+/* Empties a tile's slot. Returns how many of land's bricks went with it. */
+K_INLINE uint karst_evict_tile(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL karst_tile_info *tile_info,
+                               K_GLOBAL karst_brick_owner *brick_owner, K_GLOBAL karst_evicted_tile *evicted)
+{
+    uint num_freed = karst_empty_nodes(tile, nodes, tile_info, brick_owner, evicted);
+    karst_unlink_tile(tile, nodes, tile_info);
+    tile_info[tile].parent = KARST_NO_NODE;
     tile_info[tile].in_use = 0;
     return num_freed;
+}
+
+/* What that is to another store, before the tile's slot is emptied. */
+K_INLINE void karst_evict_tile_beside(uint tile, K_GLOBAL karst_node *nodes, K_GLOBAL const karst_tile_info *tile_info,
+                                      K_GLOBAL karst_brick_owner *brick_owner, K_GLOBAL karst_evicted_tile *evicted)
+{
+    karst_empty_nodes(tile, nodes, tile_info, brick_owner, evicted);
+    karst_unlink_tile(tile, nodes, tile_info);
 }
 
 /* Empties a brick's slot. */

@@ -64,6 +64,12 @@ static uint32_t with_some_more(const karst_lru *lru, uint32_t need)
 /* Twice as many as that: so what is found lasts for a while, and when it gets less there is still enough. */
 static uint32_t enough(const karst_lru *lru, uint32_t need) { return 2 * with_some_more(lru, need) + 1; }
 
+void karst_lru_forget(karst_lru *lru)
+{
+    lru->survey->lists[lru->kind].valid = false;
+    lru->sorted = lru->started = false;
+}
+
 static void ask_for(karst_lru *lru, uint32_t age, uint32_t most, karst_survey_ask *ask)
 {
     ask->ages[lru->kind] = age;

@@ -46,6 +46,9 @@ bool karst_lru_init(karst_lru *lru, karst_context *context, uint32_t kind, const
 bool karst_lru_take_kernels(karst_lru *lru, karst_program *program, karst_error *error);
 void karst_lru_finish(karst_lru *lru);
 
+/* What was found counts no longer: the next karst_lru_recycle looks anew. */
+void karst_lru_forget(karst_lru *lru);
+
 /* What a survey should find for this pool, if as much is asked for as in the last round and num_free slots are free. */
 void karst_lru_expect(karst_lru *lru, uint32_t num_free, karst_survey_ask *ask);
 

@@ -5,8 +5,8 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
-                        const karst_cache_buffers *pools, karst_error *error)
+bool karst_publish_init(karst_publish *publish, karst_context *context, const karst_cache_buffers *pools,
+                        karst_error *error)
 {
     *publish = (karst_publish){.context = context, .shape = karst_pass_shape_of(context), .pools = pools};
     publish->used = karst_buffer_create(context, "work_lists", KARST_CACHE_MAX_WORK * sizeof(uint32_t), NULL, error);
@@ -15,16 +15,28 @@ bool karst_publish_init(karst_publish *publish, karst_context *context, karst_pr
     publish->host_flags = malloc(KARST_CACHE_MAX_WORK * sizeof(*publish->host_flags));
     if (!publish->host_flags)
         return karst_fail(error, KARST_FAILED, "out of memory for lists of work");
+    return true;
+}
+
+static void release_kernels(karst_publish *publish)
+{
+    if (publish->loads)
+        clReleaseKernel(publish->loads);
+    if (publish->subdivides)
+        clReleaseKernel(publish->subdivides);
+    publish->loads = publish->subdivides = NULL;
+}
+
+bool karst_publish_take_kernels(karst_publish *publish, karst_program *program, karst_error *error)
+{
+    release_kernels(publish);
     return (publish->loads = karst_program_kernel(program, "karst_publish_loads", error)) &&
            (publish->subdivides = karst_program_kernel(program, "karst_publish_subdivides", error));
 }
 
 void karst_publish_finish(karst_publish *publish)
 {
-    if (publish->loads)
-        clReleaseKernel(publish->loads);
-    if (publish->subdivides)
-        clReleaseKernel(publish->subdivides);
+    release_kernels(publish);
     karst_buffer_destroy(publish->used);
     free(publish->host_flags);
     *publish = (karst_publish){0};

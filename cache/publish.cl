@@ -1,5 +1,6 @@
 /* Publish: links what the producers wrote, so that rays can reach it from the next cast on. One work-item for each
- * piece of work; no node is in a list twice. */
+ * piece of work; no node is in a list twice. KARST_STORES: there are stores beside the land, and a constant node's
+ * children stay, since another store may hold something in them. */
 #include "cache/layout_shared.h"
 
 __kernel void karst_publish_loads(__global const uint *load_nodes, __global const uint *load_slots,
@@ -19,9 +20,13 @@ __kernel void karst_publish_loads(__global const uint *load_nodes, __global cons
         brick_owner[slot].owner_generation = tile_info[node / KARST_TILE_NODES].generation;
         brick_stamp[slot] = serial; /* used by the cast that wanted it, or it would be the next to go */
     } else if (result == KARST_STATE_AIR || result == KARST_STATE_SOLID) {
+#ifdef KARST_STORES
+        nodes[node].link = KARST_NODE_LINK(result, children);
+#else
         if (children != KARST_NONE && tile_info[children].parent == node)
             tile_info[children].parent = KARST_NO_NODE; /* an orphan: no ray reaches it, so it ages */
         nodes[node].link = KARST_NODE_LINK(result, KARST_NONE);
+#endif
     } else if (result == KARST_STATE_CLEAR_AIR || result == KARST_STATE_CLEAR_SOLID) {
         nodes[node].link = KARST_NODE_LINK(result, children);
         want_brick[node] = 0; /* answered: who wants a brick of it all the same has to say so once more */

@@ -15,8 +15,10 @@ typedef struct {
 } karst_publish;
 
 /* Errors: KARST_FAILED. karst_publish_finish takes what a failed init left, or zeros. */
-bool karst_publish_init(karst_publish *publish, karst_context *context, karst_program *program,
-                        const karst_cache_buffers *pools, karst_error *error);
+bool karst_publish_init(karst_publish *publish, karst_context *context, const karst_cache_buffers *pools,
+                        karst_error *error);
+/* Of cache/publish.cl; in place of those that there were. Errors: KARST_FAILED. */
+bool karst_publish_take_kernels(karst_publish *publish, karst_program *program, karst_error *error);
 void karst_publish_finish(karst_publish *publish);
 
 /* Links the first num_loads and num_subdivides of the work; publish->used says of each subdivide whether its tile was

@@ -7,8 +7,8 @@ bool karst_cache_rehearse_look(karst_cache *cache, uint32_t serial, karst_error 
     const karst_survey_ask ask = {.serial = serial};
     if (cache->on_host)
         return true;
-    return karst_survey_begin(&cache->survey, &ask, error) &&
-           karst_wants_begin(&cache->wants, serial, 0, origin, error) &&
+    return karst_survey_begin(&cache->land.survey, &ask, error) &&
+           karst_wants_begin(&cache->land.wants, serial, 0, origin, error) &&
            karst_finish(cache->context, error);
 }
 
@@ -30,7 +30,8 @@ bool karst_cache_rehearse(karst_cache *cache, karst_error *error)
         return false;
     if (cache->on_host)
         return true;
-    return karst_wants_accept(&cache->wants, work.load_nodes, 1, work.subdivide_nodes, 1, 1, error) &&
-           karst_wants_begin(&cache->wants, 1, 0, origin, error) && karst_survey_begin(&cache->survey, &ask, error) &&
+    return karst_wants_accept(&cache->land.wants, work.load_nodes, 1, work.subdivide_nodes, 1, 1, error) &&
+           karst_wants_begin(&cache->land.wants, 1, 0, origin, error) &&
+           karst_survey_begin(&cache->land.survey, &ask, error) &&
            karst_finish(cache->context, error);
 }

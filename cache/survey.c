@@ -5,20 +5,17 @@
 
 #define STAGE KARST_STAGE_COLLECT
 
-static uint32_t num_slots(const karst_survey *survey, uint32_t kind)
-{
-    return kind == KARST_SURVEY_TILES ? survey->pools->num_tiles : survey->pools->num_bricks;
-}
-
-bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools,
+bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools, bool has_tiles,
                        karst_error *error)
 {
     *survey = (karst_survey){.context = context, .shape = karst_pass_shape_of(context), .pools = pools};
+    survey->num_slots[KARST_SURVEY_TILES] = has_tiles ? pools->num_tiles : 0;
+    survey->num_slots[KARST_SURVEY_BRICKS] = pools->num_bricks;
     survey->num_request_chunks = (uint32_t)(pools->want_chunk->size_bytes / sizeof(uint32_t));
     size_t num_chunks = karst_pass_chunks(&survey->shape, survey->num_request_chunks);
     for (uint32_t kind = 0; kind < 2; kind++) {
-        uint32_t num = num_slots(survey, kind);
-        size_t size_bytes = num * sizeof(karst_survey_slot);
+        uint32_t num = survey->num_slots[kind];
+        size_t size_bytes = (num ? num : 1) * sizeof(karst_survey_slot); /* no buffer is empty */
         num_chunks += karst_pass_chunks(&survey->shape, num);
         survey->found[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
         survey->pieces[kind] = karst_buffer_create(context, "usage_lists", size_bytes, NULL, error);
@@ -92,8 +89,8 @@ static void take_ask(karst_survey *survey, const karst_survey_ask *asked)
 {
     karst_survey_ask *ask = &survey->ask;
     *ask = *asked;
-    ask->num[KARST_SURVEY_TILES] = survey->pools->num_tiles;
-    ask->num[KARST_SURVEY_BRICKS] = survey->pools->num_bricks;
+    ask->num[KARST_SURVEY_TILES] = survey->num_slots[KARST_SURVEY_TILES];
+    ask->num[KARST_SURVEY_BRICKS] = survey->num_slots[KARST_SURVEY_BRICKS];
     ask->num[KARST_SURVEY_REQUESTS] = survey->num_request_chunks;
 }
 
@@ -108,7 +105,7 @@ bool karst_survey_begin(karst_survey *survey, const karst_survey_ask *asked, kar
         karst_survey_list *list = &survey->lists[kind];
         if (!ask->ages[kind])
             continue;
-        uint32_t ahead = list->num + list->num / 4 + 256, num = num_slots(survey, kind);
+        uint32_t ahead = list->num + list->num / 4 + 256, num = survey->num_slots[kind];
         list->num_read = ahead < num ? ahead : num;
         if (!karst_buffer_fetch(survey->found[kind], 0, list->slots, list->num_read * sizeof(*list->slots), error))
             return false;

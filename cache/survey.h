@@ -26,6 +26,7 @@ typedef struct {
     karst_context *context;
     karst_pass_shape shape;
     const karst_cache_buffers *pools; /* borrowed */
+    uint32_t num_slots[2]; /* that are looked at: of tiles none, where another store's survey does that */
     uint32_t num_request_chunks;
     cl_kernel look, pack;
     karst_buffer *counts;                    /* uint4 for each chunk */
@@ -42,7 +43,7 @@ typedef struct {
 } karst_survey;
 
 /* Errors: KARST_FAILED. karst_survey_finish takes what a failed init left, or zeros. */
-bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools,
+bool karst_survey_init(karst_survey *survey, karst_context *context, const karst_cache_buffers *pools, bool has_tiles,
                        karst_error *error);
 /* Of cache/collect.cl, before karst_survey_begin; a survey by the host does without. Errors: KARST_FAILED. */
 bool karst_survey_take_kernels(karst_survey *survey, karst_program *program, karst_error *error);

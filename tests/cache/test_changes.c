@@ -321,7 +321,7 @@ static void test_root_bricks_are_never_recycled(void **state)
             assert_int_equal(rig.nodes[ROOT_NODE(i)].brick, brick[i & 6]);
         else
             assert_int_equal(rig_state(&rig, ROOT_NODE(i)), KARST_STATE_CLEAR_AIR);
-    assert_int_equal(rig.cache->root_slots.num, 4);
+    assert_int_equal(rig.cache->land.root_slots.num, 4);
     /* Another level: all eight anew. So after all was forgotten. */
     rig_place_root(&rig, (const int64_t[3]){-1, -1, -1}, 7);
     rig_cast(&rig);

@@ -72,7 +72,7 @@ static int open_rig(void **state)
     rig_want_children(&rig, 9);
     rig_round(&rig);
     rig.content = rig_all_bricks;
-    rig_expect(rig.cache->brick_slots.num > 1 && rig.cache->tile_slots.num == 1, "free slots", NULL);
+    rig_expect(rig.cache->land.brick_slots.num > 1 && rig.cache->tile_slots.num == 1, "free slots", NULL);
     rig_expect(rig.tiles[lower].in_use && rig.tiles[other].in_use && rig.owners[brick].owner == lower * 8 + 2,
                "a tree still", NULL);
     return 0;
@@ -122,7 +122,7 @@ static void spoil_owner(uint32_t slot, uint32_t owner, uint32_t generation, cons
     spoil(rig.pools->brick_owner, slot * sizeof(value), &value, sizeof(value), expected);
 }
 
-static uint32_t free_brick(void) { return karst_slots_at(&rig.cache->brick_slots, 0); }
+static uint32_t free_brick(void) { return karst_slots_at(&rig.cache->land.brick_slots, 0); }
 
 static uint32_t a_held_brick(uint32_t not_this)
 {
@@ -192,7 +192,7 @@ static void test_bricks(void **state)
     spoil_owner(free_brick(), lower * 8 + 3, 1, "but its slot is free");
     /* A held slot whose node does not know of it, in a tile in use and in one that is not. */
     uint32_t slot = free_brick(), taken;
-    karst_slots_take(&rig.cache->brick_slots, &taken, 1);
+    karst_slots_take(&rig.cache->land.brick_slots, &taken, 1);
     assert_int_equal(taken, slot);
     karst_brick_owner owner = {lower * 8 + 3, rig.tiles[lower].generation}, nobody = {KARST_NO_NODE, 0};
     karst_error error = {0};
@@ -208,7 +208,7 @@ static void test_bricks(void **state)
     assert_false(karst_cache_check(rig.cache, &error));
     assert_non_null(strstr(error.message, "whose tile is not in use"));
     assert_true(karst_buffer_write(rig.pools->brick_owner, slot * sizeof(nobody), &nobody, sizeof(nobody), NULL));
-    karst_slots_give(&rig.cache->brick_slots, &slot, 1);
+    karst_slots_give(&rig.cache->land.brick_slots, &slot, 1);
     assert_true(karst_cache_check(rig.cache, NULL));
 }
 
@@ -228,7 +228,7 @@ static void spoil_uint32(uint32_t *place, uint32_t value, const char *expected)
 static void test_free_slots(void **state)
 {
     (void)state;
-    karst_slots *slots = &rig.cache->brick_slots;
+    karst_slots *slots = &rig.cache->land.brick_slots;
     uint32_t *first = &slots->ring[slots->first], second = karst_slots_at(slots, 1);
     spoil_uint32(first, second, "is listed twice");
     spoil_uint32(first, brick, "but its slot is"); /* one is free and held, the other neither */

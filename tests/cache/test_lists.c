@@ -77,7 +77,7 @@ static uint32_t age_of(uint32_t stamp, uint32_t serial) { return stamp ? serial 
 static void surveys_like_a_loop(cache_rig *rig, const karst_scan *scan, uint32_t serial, uint32_t span,
                                 pattern in_use, bool stand_ins)
 {
-    karst_survey *survey = &rig->cache->survey;
+    karst_survey *survey = &rig->cache->land.survey;
     const uint32_t num[2] = {rig->pools->num_tiles, rig->pools->num_bricks};
     const uint32_t *stamps[2] = {rig->tile_stamp, rig->brick_stamp},
                    *fallback[2] = {rig->tile_stamp, rig->brick_fallback};
@@ -100,7 +100,7 @@ static void surveys_like_a_loop(cache_rig *rig, const karst_scan *scan, uint32_t
     ask.most[1] = random_below(2) ? UINT32_MAX : random_below(60);
     survey->lists[0].valid = survey->lists[1].valid = false;
     if (scan) {
-        karst_mapped *mapped = &rig->cache->mapped;
+        karst_mapped *mapped = &rig->cache->land.mapped;
         survey->scan = scan;
         assert_true(karst_mapped_begin(mapped, NULL));
         karst_survey_by_host(survey, &ask, mapped);
@@ -191,7 +191,7 @@ static void expect_anything(karst_lru *lru, uint32_t span)
 static void recycles_like_the_host(karst_cache *cache, pattern takable, pattern with_children, uint32_t span)
 {
     karst_lru *lru = &cache->tiles;
-    const karst_cache_buffers *b = &cache->buffers;
+    const karst_cache_buffers *b = &cache->land.buffers;
     uint32_t num = b->num_tiles, serial = 3, num_left = 0, at = 0;
     karst_tile_info *infos = calloc(num, sizeof(*infos));
     karst_node *nodes = calloc(num * 8, sizeof(*nodes));
@@ -324,14 +324,14 @@ static void chooses_like_a_loop(karst_context *context, bool by_host, uint32_t n
     rig_write_stamps(&rig);
     assert_true(karst_buffer_write(rig.pools->tile_info, 0, rig.tiles, rig.pools->tile_info->size_bytes, NULL));
     assert_true(karst_buffer_write(rig.pools->nodes, 0, rig.nodes, rig.pools->nodes->size_bytes, NULL));
-    karst_wants *wants = &rig.cache->wants;
-    karst_survey *survey = &rig.cache->survey;
+    karst_wants *wants = &rig.cache->land.wants;
+    karst_survey *survey = &rig.cache->land.survey;
     karst_survey_ask ask = {.serial = rig.serial};
     if (by_host) {
-        assert_true(karst_mapped_begin(&rig.cache->mapped, NULL));
-        karst_survey_by_host(survey, &ask, &rig.cache->mapped);
+        assert_true(karst_mapped_begin(&rig.cache->land.mapped, NULL));
+        karst_survey_by_host(survey, &ask, &rig.cache->land.mapped);
         karst_wants_choose_by_host(wants, rig.serial, rig.serial, rig.camera.voxel, limit, limit);
-        karst_mapped_end(&rig.cache->mapped);
+        karst_mapped_end(&rig.cache->land.mapped);
     } else {
         assert_true(karst_cache_take_kernels(rig.cache, NULL));
         assert_true(karst_survey_begin(survey, &ask, NULL));

@@ -47,15 +47,10 @@ static void *copy_for(karst_buffer *buffer)
     return copy;
 }
 
-void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes,
-              int level)
+static void open_copies(cache_rig *rig)
 {
-    karst_error error = {0};
-    *rig = (cache_rig){.context = context, .content = rig_all_bricks};
-    rig->cache = karst_cache_create(context, num_tiles, num_bricks, max_segment_bytes, &error);
-    rig_expect(rig->cache, "karst_cache_create", &error);
-    rig->pools = karst_cache_get_buffers(rig->cache);
-    rig->num_nodes = num_tiles * KARST_TILE_NODES;
+    rig->pools = karst_store_get_buffers(rig->store);
+    rig->num_nodes = rig->pools->num_tiles * KARST_TILE_NODES;
     rig->nodes = copy_for(rig->pools->nodes);
     rig->tiles = copy_for(rig->pools->tile_info);
     rig->owners = copy_for(rig->pools->brick_owner);
@@ -66,12 +61,35 @@ void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32
     rig->want_children = copy_for(rig->pools->want_children);
     rig->want_chunk = copy_for(rig->pools->want_chunk);
     rig->want_rays = copy_for(rig->pools->want_rays);
+}
+
+void rig_open_store(cache_rig *rig, const cache_rig *land, const char *name, uint32_t num_bricks)
+{
+    karst_error error = {0};
+    const karst_store_config config = {.name = name, .num_bricks = num_bricks};
+    *rig = (cache_rig){.context = land->context, .cache = land->cache, .content = rig_all_bricks};
+    rig->store = karst_cache_add_store(land->cache, &config, &error);
+    rig_expect(rig->store, "karst_cache_add_store", &error);
+    open_copies(rig);
+    rig_read(rig);
+}
+
+void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes,
+              int level)
+{
+    karst_error error = {0};
+    *rig = (cache_rig){.context = context, .content = rig_all_bricks};
+    rig->cache = karst_cache_create(context, num_tiles, num_bricks, max_segment_bytes, &error);
+    rig_expect(rig->cache, "karst_cache_create", &error);
+    rig->store = karst_cache_find_store(rig->cache, KARST_STORE_LAND);
+    open_copies(rig);
     rig_place_root(rig, (const int64_t[3]){-1, -1, -1}, level);
 }
 
 void rig_close(cache_rig *rig)
 {
-    karst_cache_destroy(rig->cache);
+    if (rig->store == karst_cache_find_store(rig->cache, KARST_STORE_LAND))
+        karst_cache_destroy(rig->cache);
     void *copies[] = {rig->nodes,       rig->tiles,          rig->owners,     rig->tile_stamp,
                       rig->brick_stamp, rig->brick_fallback, rig->want_brick, rig->want_children,
                       rig->want_chunk,  rig->want_rays};
@@ -195,8 +213,8 @@ void rig_collect(cache_rig *rig, uint32_t max_tiles, uint32_t max_bricks, bool m
     rig_write_stamps(rig);
     rig_expect(karst_finish(rig->context, &error), "karst_finish", &error);
     uint64_t start_ns = karst_clock_ns();
-    rig_expect(karst_cache_collect(rig->cache, &params, &rig->work, &error) && karst_finish(rig->context, &error),
-               "karst_cache_collect", &error);
+    rig_expect(karst_store_collect(rig->store, &params, &rig->work, &error) && karst_finish(rig->context, &error),
+               "karst_store_collect", &error);
     rig->collect_ns = karst_clock_ns() - start_ns;
     read_some(rig->work.load_nodes, 0, rig->load_nodes, rig->work.num_loads * sizeof(uint32_t));
     read_some(rig->work.load_slots, 0, rig->load_slots, rig->work.num_loads * sizeof(uint32_t));

@@ -13,6 +13,7 @@ typedef uint32_t (*rig_content)(int level, const int64_t node[3], bool load);
 typedef struct {
     karst_context *context;
     karst_cache *cache;
+    karst_store *store; /* the land, or one that rig_open_store added to another rig's cache */
     const karst_cache_buffers *pools;
     rig_content content; /* rig_all_bricks at first */
     karst_position camera;
@@ -40,6 +41,9 @@ uint32_t rig_all_bricks(int level, const int64_t node[3], bool load);
 /* A rig on a root tile at (-1, -1, -1) of `level`, camera at the origin. */
 void rig_open(cache_rig *rig, karst_context *context, uint32_t num_tiles, uint32_t num_bricks, size_t max_segment_bytes,
               int level);
+/* A rig on a further store of a rig's cache, which is closed after it. Casts of both may have one serial; what they
+ * have in common of the tree is brought up to date by rig_read. */
+void rig_open_store(cache_rig *rig, const cache_rig *land, const char *name, uint32_t num_bricks);
 void rig_close(cache_rig *rig);
 void rig_place_root(cache_rig *rig, const int64_t corner[3], int level);
 
