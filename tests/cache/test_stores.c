@@ -246,6 +246,38 @@ static void test_device_as_gpu(void **state)
     random_steps(true, true, num_steps());
 }
 
+/* A store's round recycles the tile that was least recently used by then, whatever one of the land's found before. */
+static void test_order(void **state)
+{
+    (void)state;
+    for (int by_device = 0; by_device < 2; by_device++) {
+        cache_rig rig, more;
+        uint32_t tiles[4];
+        rig_open(&rig, context, 6, 20, 0, TOP_LEVEL);
+        if (by_device) {
+            rig_expect(karst_cache_take_kernels(rig.cache, NULL), "kernels", NULL);
+            rig.cache->on_host = false;
+        }
+        rig_open_store(&more, &rig, "clear", 20);
+        for (int i = 0; i < 4; i++)
+            tiles[i] = rig_grow(&rig, ROOT_NODE(i));
+        /* The land recycles the first and knows the order of the others. */
+        assert_int_equal(rig_grow(&rig, ROOT_NODE(4)), tiles[0]);
+        rig_cast(&rig);
+        rig_walk(&rig, tiles[1] * KARST_TILE_NODES);
+        rig_write_stamps(&rig);
+        more.serial = rig.serial;
+        rig_read(&more);
+        assert_int_equal(rig_grow(&more, ROOT_NODE(5)), tiles[2]);
+        assert_int_equal(rig_children(&more, ROOT_NODE(1)), tiles[1]);
+        rig_read(&rig);
+        assert_int_equal(rig_children(&rig, ROOT_NODE(2)), KARST_NONE);
+        assert_int_equal(rig_children(&rig, ROOT_NODE(5)), tiles[2]);
+        rig_close(&more);
+        rig_close(&rig);
+    }
+}
+
 static size_t total_bytes(void)
 {
     karst_stats stats = {0};
@@ -339,7 +371,8 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_host), cmocka_unit_test(test_device),
-                                       cmocka_unit_test(test_device_as_gpu), cmocka_unit_test(test_cost),
+                                       cmocka_unit_test(test_device_as_gpu), cmocka_unit_test(test_order),
+                                       cmocka_unit_test(test_cost),
                                        cmocka_unit_test(test_refused)};
     context = rig_open_context();
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
