@@ -97,8 +97,10 @@ karst_store *karst_cache_find_store(karst_cache *cache, const char *name); /* KA
 const char *karst_store_name(const karst_store *store);
 /* As long as the store. */
 const karst_cache_buffers *karst_store_get_buffers(const karst_store *store);
-/* Device memory that a tile takes of each further store; bricks take KARST_CACHE_BRICK_BYTES_OF(bits), as ever. */
-#define KARST_STORE_TILE_BYTES 176
+/* Device memory that a further store takes at most: for each tile of the tree, and once, for lists of work. Its bricks
+ * take KARST_CACHE_BRICK_BYTES_OF(bits) each, as the land's. */
+#define KARST_STORE_TILE_BYTES 168
+#define KARST_STORE_FIXED_BYTES 2200000
 /* As karst_cache_collect, karst_cache_root_work and karst_cache_drop_work, which are the land's. Of what is recycled,
  * tiles are the tree's, with the bricks that any store has there. num_used_tiles counts in the land's rounds alone. */
 bool karst_store_collect(karst_store *store, const karst_collect_params *params, karst_work *work, karst_error *error);
