@@ -80,6 +80,42 @@ static void test_bookmarks_are_the_worlds(void **state)
     close_viewer();
 }
 
+static int run_karst(const char *arguments)
+{
+    char command[2 * PATH_MAX + 300];
+    snprintf(command, sizeof command, "cd '%s' && '%s' %s", s.folder, s.karst, arguments);
+    return system(command);
+}
+
+static void test_a_saved_world_keeps_where_one_was(void **state)
+{
+    (void)state;
+    assert_int_equal(run_karst("new -q kept.karstdb --from plain.karst --param height=2 --embed"), 0);
+    assert_int_equal(run_karst("edit -q kept.karstdb --add box,30,10,30,5,20,5"), 0);
+    open_viewer("kept.karstdb" SIZED " --view-distance 600 --camera 30,25,7,10,-20");
+    assert_true(parameter("height") == 2);
+    key("ctrl+4");
+    UNTIL(strstr(text("message"), "bookmark 4"));
+    close_viewer();
+    assert_null(strstr(read_file("said"), "not kept"));
+    open_viewer("kept.karstdb" SIZED " --view-distance 600"); /* where it ended */
+    assert_true(fabs(where().x - 30) < 1e-6 && fabs(where().y - 25) < 1e-6 && fabs(where().pitch + 20) < 1e-6);
+    key("Home");
+    UNTIL(fabs(where().y - 20) < 1e-6);
+    key("4");
+    UNTIL(fabs(where().x - 30) < 1e-6 && fabs(where().y - 25) < 1e-6);
+    key("Home");
+    UNTIL(fabs(where().y - 20) < 1e-6);
+    close_viewer();
+    open_viewer("plain.karst" SIZED " --view-distance 600"); /* and its world's own memory has nothing of it */
+    key("5");
+    UNTIL(strstr(text("message"), "there is no bookmark 5"));
+    close_viewer();
+    assert_int_equal(run_karst("edit -q kept.karstdb --check > /dev/null"), 0);
+    assert_int_equal(run_karst("info kept.karstdb > info"), 0);
+    assert_non_null(strstr(read_file("info"), "camera 0,20,0,0,-30,60\n  bookmark 4 30,25,7,10,-20,60\n  1 edits"));
+}
+
 static void test_a_file_that_goes(void **state)
 {
     (void)state;
@@ -111,6 +147,7 @@ int main(void)
         cmocka_unit_test(test_orbiting_from_the_start),
         cmocka_unit_test(test_the_command_has_all_that_the_picture_has),
         cmocka_unit_test(test_bookmarks_are_the_worlds),
+        cmocka_unit_test(test_a_saved_world_keeps_where_one_was),
         cmocka_unit_test(test_a_file_that_goes),
         cmocka_unit_test(test_the_depth_view_has_a_scale),
     };
