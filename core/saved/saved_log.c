@@ -110,6 +110,7 @@ bool saved_count(karst_saved *saved, bool has_num, karst_error *error)
     uint64_t last;
     if (!find_last(saved, &last, error))
         return false;
+    saved->has_num = has_num;
     if (!has_num) {
         saved_note_damage(saved, "how many of its edits are in force is lost: all %llu are taken",
                           (unsigned long long)last);

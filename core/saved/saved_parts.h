@@ -5,7 +5,8 @@
  *   saved_facts.c   what the file says beside its edits
  *   saved_log.c     the log of edits: append, undo, redo, commit, read
  *   saved_create.c  new files
- *   saved_care.c    check, compact, backup, recover
+ *   saved_care.c    check, compact, backup
+ *   saved_recover.c  a new file of a damaged one
  */
 #ifndef KARST_SAVED_PARTS_H
 #define KARST_SAVED_PARTS_H
@@ -44,8 +45,8 @@ struct karst_saved {
     const karst_log *log; /* during open only */
     char why_not[256];    /* not writable; "": it is */
     bool in_transaction, is_changed, are_facts_changed;
-    bool has_voxel;       /* the fact is there */
-    int64_t data_version; /* SQLite's: another one after another connection's commit */
+    bool has_voxel, has_num; /* the facts are there */
+    int64_t data_version;    /* SQLite's: another one after another connection's commit */
     uint64_t num_in_force, num_made, num_committed_in_force, num_committed_made;
     karst_saved_about about;
     saved_fact *facts;
