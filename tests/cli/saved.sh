@@ -126,6 +126,24 @@ detail=$(cat stderr) result "meanwhile others read and copy"
 printf '{ "edits": [ ] }' > pipe
 wait $holder
 
+# ---- damaged ----
+# The last row of the log stands first in its page: a byte of it is another one.
+cp world.karstdb damaged.karstdb && size=$(wc -c < damaged.karstdb) && at=$((size - 20)) &&
+    printf '\377' | dd of=damaged.karstdb bs=1 seek=$at conv=notrunc 2> /dev/null
+"$karst" edit damaged.karstdb --check > stdout 2> stderr
+exits 5 "check: a damaged edit"
+grep -q 'edit 1 is lost' stdout
+detail=$(cat stdout) result "and which it is"
+# shellcheck disable=SC2086
+"$karst" render damaged.karstdb $options -o damaged.png 2> stderr && grep -q 'warning: damaged.karstdb: edit 1 is lost' stderr
+detail=$(cat stderr) result "render: the rest is drawn, with a warning"
+printf 'xxxx' | dd of=damaged.karstdb bs=1 seek=0 conv=notrunc 2> /dev/null
+"$karst" edit damaged.karstdb --log 2> stderr
+exits 5 "a damaged first page"
+"$karst" edit damaged.karstdb --recover rest.karstdb 2> stderr && "$karst" edit rest.karstdb --log > log 2>> stderr &&
+    [ "$(wc -l < log)" = 2 ] && grep -q 'edit 1 is lost' stderr && [ "$(density rest.karstdb --at 40,-1,40)" = 1.5 ]
+detail=$(cat stderr log) result "recover: the rest, and what is lost"
+
 # ---- refused ----
 "$karst" new world.karstdb --from flat.karst 2> stderr
 exits 1 "new: never over a file that is there"
