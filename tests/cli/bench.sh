@@ -31,9 +31,11 @@ complains 4 "did you mean 'hills'" "a misspelt world" bench hils
 complains 2 "did you mean --rounds" "a misspelt option" bench hills --ronds 3
 complains 2 "1 to 50" "no runs" bench hills --runs 0
 complains 2 "says where the camera is" "a path and a camera" bench hills --path low-flight --camera 0,0,0,0,0
-complains 2 "must be no-shadows or standing" "a second engine for nothing that there is" bench hills --beside floor
+complains 2 "must be no-shadows, no-mirror or standing" "a second engine for nothing that there is" bench hills --beside floor
 complains 2 "give a --path" "a view that stands beside no flight" bench hills --beside standing
 complains 2 "would be the same" "no shadows beside no shadows" bench hills --beside no-shadows --no-shadows
+complains 2 "would be the same" "no mirror beside no mirror" bench hills --beside no-mirror --mirror 0
+complains 2 "0 to 1" "more than a mirror" bench hills --mirror 1.5
 complains 2 "^karst: --frames is about a flight" "frames of no flight" bench hills --frames 3
 complains 2 "^karst: --budget is about a flight" "a budget for no flight" bench hills --budget 3
 complains 2 "^karst: --fps is about a flight" "frames a second of no flight" bench hills --fps 3
@@ -48,7 +50,7 @@ complains 5 "no report of karst bench" "a comparison with something else" bench 
 result "none of these left anything behind"
 run help bench
 [ $status -eq 0 ] && for option in size camera path budget fps frames runs rounds json csv plot trace compare detail \
-    seed param no-shadows beside pool device display lanes; do
+    seed param no-shadows mirror beside pool device display lanes; do
     grep -q -e "--$option" stdout || status="no --$option"
 done
 [ "$status" = 0 ]
@@ -147,6 +149,18 @@ status=$?
 detail=$(cat stdout)
 [ $status -eq 0 ]
 result "its ratio is that of the frames"
+
+# ---- mirrors ----
+run bench hills $quick --runs 1 --mirror 1 --beside no-mirror --json mirror.json
+awk -f "$flatten" mirror.json > flat
+[ $status -eq 0 ] && grep -q 'ns a ray: primary [0-9.]* of 19200, shadow .*, mirror [0-9.]* of' stdout &&
+    grep -q 'the same without mirrors' stdout && awk '{ v[$1] = $3 } END {
+    exit !(v["settled.streams.primary.rays"] == 19200 && v["settled.streams.mirror.rays"] > 1000 &&
+        v["settled.streams.mirror.rays"] < 19200 && v["beside.streams.mirror.rays"] == 0 &&
+        v["settled.streams.shadow.rays"] > v["beside.streams.shadow.rays"] &&
+        v["settled.streams.mirror.ns_per_ray.median"] > 0 && v["settings.mirror"] == 1 &&
+        v["ratios.settled_frame_per_frame_without_mirror.min"] > 0) }' flat
+result "mirrors: rays and their time by stream, beside the same without"
 
 # As reports were before there was a second engine.
 grep -v '"beside_view"' still.json > old.json

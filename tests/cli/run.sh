@@ -90,6 +90,7 @@ complains 2 "number" "a view distance that is none" render hills --view-distance
 complains 2 "none" "an unknown way to display" render hills --display x11
 complains 2 "1 to 4096|from 1 to 4096" "no samples" render hills --samples 0
 complains 2 "plain, filmic" "an unknown tone" render hills --tone vivid
+complains 2 "0 to 1" "more than a mirror" render hills --mirror 1.01
 complains 2 "auto, or stops" "an exposure that is none" render hills --exposure nan
 complains 2 "1 or 16" "an odd number of lanes" render hills --lanes 4
 complains 3 "karst info" "an unknown device" render hills --device no-such-device
