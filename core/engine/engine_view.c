@@ -16,6 +16,8 @@ bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_
                           height_px, engine->room_px);
     if (width_px == engine->width_px && height_px == engine->height_px && engine->surface)
         return true;
+    if (engine->bounce && !karst_bounce_set_room(engine->bounce, width_px, height_px, error))
+        return false;
     karst_surface *surface = karst_surface_create(engine->context, engine->display, width_px, height_px, error);
     if (!surface)
         return false;

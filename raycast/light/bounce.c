@@ -12,7 +12,7 @@ struct karst_bounce {
     karst_program *program;
     cl_kernel count, scan, mirror, add_sun;
     bool sun;
-    uint32_t num_blocks, room; /* of pictures of the size that there is room for; rays */
+    uint32_t num_blocks, room; /* of the largest pictures that there is room for; rays */
     karst_buffer *rays, *hits, *counts, *total;
     karst_buffer *shadow_rays, *suns, *marks; /* NULL without a sun */
 };
@@ -88,6 +88,8 @@ static karst_buffer *make(karst_bounce *bounce, size_t bytes_per_ray, karst_erro
 
 bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, karst_error *error)
 {
+    if (bounce->rays && num_blocks(width_px, height_px) <= bounce->num_blocks)
+        return true;
     free_room(bounce);
     bounce->num_blocks = (uint32_t)num_blocks(width_px, height_px);
     bounce->room = bounce->num_blocks * BLOCK_RAYS;
@@ -103,12 +105,18 @@ bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, ka
            (!bounce->sun || (bounce->shadow_rays && bounce->suns && bounce->marks));
 }
 
+/* Rays that a picture may have: planes of the stream have as many places. */
+static uint32_t most_rays(const karst_pinhole *pinhole)
+{
+    return (uint32_t)num_blocks(pinhole->width_px, pinhole->height_px) * BLOCK_RAYS;
+}
+
 /* The picture that shadow rays of the stream are laid out as. */
-static karst_pinhole stream_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
+static karst_pinhole stream_pinhole(const karst_pinhole *pinhole)
 {
     karst_pinhole of_stream = *pinhole;
     of_stream.width_px = KARST_STREAM_WIDTH_PX;
-    of_stream.height_px = (int)(bounce->room / KARST_STREAM_WIDTH_PX);
+    of_stream.height_px = (int)(most_rays(pinhole) / KARST_STREAM_WIDTH_PX);
     return of_stream;
 }
 
@@ -118,7 +126,7 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;
     const size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px);
+    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px), room = most_rays(pinhole);
     karst_context *context = bounce->context;
     const size_t local_size = context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
     if (!bounce->rays || bounce->num_blocks < blocks || hits->size_bytes / sizeof(karst_hit) < num_pixels ||
@@ -135,7 +143,7 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
            KARST_ARGUMENTS(bounce->mirror, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(view->detail),
                            KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(bounce->counts),
                            KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(bounce->rays), KARST_VALUE_ARG(shadows),
-                           KARST_VALUE_ARG(bounce->room)) &&
+                           KARST_VALUE_ARG(room)) &&
            karst_launch(context, bounce->mirror, KARST_STAGE_SHADE, blocks, local_size, error);
 }
 
@@ -150,14 +158,15 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error)
 {
-    return karst_shade_rays(shader, view, pinhole, light, bounce->rays, bounce->total, bounce->room, bounce->hits,
-                            bounce->shadow_rays, bounce->suns, bounce->room, parts, counters, error);
+    const uint32_t room = most_rays(pinhole);
+    return karst_shade_rays(shader, view, pinhole, light, bounce->rays, bounce->total, room, bounce->hits,
+                            bounce->shadow_rays, bounce->suns, room, parts, counters, error);
 }
 
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error)
 {
-    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    const karst_pinhole of_stream = stream_pinhole(pinhole);
     return (again || karst_buffer_fill(bounce->marks, 0, 0, bounce->marks->size_bytes, error)) &&
            karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
                                      again ? NULL : bounce->marks->mem, error);
@@ -166,10 +175,10 @@ bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error)
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;
+    const cl_uint room = most_rays(pinhole);
     const size_t lanes = (size_t)bounce->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 16;
     return KARST_ARGUMENTS(bounce->add_sun, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
-                           KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total),
-                           KARST_VALUE_ARG(bounce->room), KARST_BUFFER_ARG(bounce->suns),
-                           KARST_BUFFER_ARG(bounce->marks), KARST_BUFFER_ARG(parts)) &&
-           karst_launch(bounce->context, bounce->add_sun, KARST_STAGE_SHADE, bounce->room / lanes, local_size, error);
+                           KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
+                           KARST_BUFFER_ARG(bounce->suns), KARST_BUFFER_ARG(bounce->marks), KARST_BUFFER_ARG(parts)) &&
+           karst_launch(bounce->context, bounce->add_sun, KARST_STAGE_SHADE, room / lanes, local_size, error);
 }

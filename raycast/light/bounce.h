@@ -14,7 +14,7 @@ typedef struct karst_bounce karst_bounce;
 /* `sun`: samples come with what the sun adds. Errors: KARST_FAILED. */
 karst_bounce *karst_bounce_create(karst_context *context, bool sun, karst_error *error);
 void karst_bounce_destroy(karst_bounce *bounce); /* NULL is fine */
-/* Room for pictures of that size. Errors: KARST_FAILED. */
+/* Room for pictures of that size; nothing is done where there is. Errors: KARST_FAILED. */
 bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, karst_error *error);
 /* What that takes. Thread-safe. */
 double karst_bounce_bytes(int width_px, int height_px, bool sun);

@@ -213,6 +213,35 @@ static void little_memory_settles(void **state)
     karst_engine_destroy(engine);
 }
 
+/* What a larger picture left in the stream's memory is none of a smaller one's. */
+static void other_sizes_leave_no_trace(void **state)
+{
+    (void)state;
+    const int sizes[][2] = {{40, 30}, {33, 33}};
+    karst_engine_config config = base_config("hills");
+    config.mirror = 0.7;
+    config.view_distance_m = 1000;
+    karst_engine *engine = create(&config);
+    settle(engine, &whole);
+    for (int i = 0; i < 2; i++) {
+        bool settled = false;
+        const size_t size_bytes = (size_t)sizes[i][0] * (size_t)sizes[i][1] * 4;
+        assert_ok(karst_engine_set_drawn_size(engine, sizes[i][0], sizes[i][1], &error));
+        assert_ok(karst_engine_settle(engine, 400, NULL, NULL, &settled, &error));
+        assert_true(settled);
+        assert_ok(karst_engine_read_pixels(engine, whole.bytes, size_bytes, &error));
+        config.width_px = sizes[i][0];
+        config.height_px = sizes[i][1];
+        karst_engine *fresh = create(&config);
+        assert_ok(karst_engine_settle(fresh, 400, NULL, NULL, &settled, &error));
+        assert_true(settled);
+        assert_ok(karst_engine_read_pixels(fresh, other.bytes, size_bytes, &error));
+        assert_memory_equal(whole.bytes, other.bytes, size_bytes);
+        karst_engine_destroy(fresh);
+    }
+    karst_engine_destroy(engine);
+}
+
 static const char repeats[] =
     "/*{ \"voxel\": 0.015625, \"view\": 40, \"mirror\": 0.8,\n"
     "\"camera\": { \"position\": [\"1\", \"2.5\", \"-3\"], \"pitch\": -25, \"fov\": 60 } }*/\n"
@@ -265,6 +294,7 @@ int main(void)
         cmocka_unit_test(light_is_shared_out),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(little_memory_settles),
+        cmocka_unit_test(other_sizes_leave_no_trace),
         cmocka_unit_test(far_out_light_is_the_same),
         cmocka_unit_test(what_is_out_of_range_is_said),
     };
