@@ -64,7 +64,7 @@ run_one()
         [ -n "$store" ] && rm -rf "$store"
         # A shell's background ignores these signals, and so would the program.
         env --default-signal=INT,QUIT ${store:+"POCL_CACHE_DIR=$store"} ${options:+"ASAN_OPTIONS=$options"} \
-            timeout -k 10 "${TEST_TIMEOUT_S:-900}" $shell "$2" > "$log" 2>&1 < /dev/null &
+            timeout -k 10 "${TEST_TIMEOUT_S:-1800}" $shell "$2" > "$log" 2>&1 < /dev/null &
         program=$!
         wait $program
         status=$?

@@ -49,6 +49,7 @@ typedef struct {
     const char *output; /* a pattern of pictures, a picture, or one that is drawn in tiles */
     size_t num;         /* of pictures or tiles, of all parts together */
     bool tiles;
+    int size_px[2]; /* of the whole picture */
     const char *inputs[3]; /* files that the pictures depend on; NULL: fewer */
     int argc;
     char **argv; /* of karst render */
@@ -84,6 +85,7 @@ typedef struct {
     void *json; /* json_t *: owns what follows */
     const char *version, *output;
     bool tiles;
+    int size_px[2]; /* of the whole picture */
     size_t num;
     command_manifest_entry *entries;
     size_t num_entries;

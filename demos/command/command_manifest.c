@@ -144,10 +144,13 @@ bool command_manifest_read(const char *file, command_manifest_file *m, karst_err
     m->output = json_string_value(json_object_get(root, "output"));
     m->tiles = json_is_true(json_object_get(root, "tiles"));
     const json_int_t num = json_integer_value(json_object_get(root, "total"));
+    bool has_size = json_unpack(root, "{s:[i,i]}", "size", &m->size_px[0], &m->size_px[1]) == 0;
+    for (int axis = 0; axis < 2; axis++)
+        has_size = has_size && m->size_px[axis] >= 1 && m->size_px[axis] <= KARST_IMAGE_MAX_PX;
     m->num = num > 0 && num <= (m->tiles ? COMMAND_MAX_PARTS : COMMAND_MAX_PICTURES) ? (size_t)num : 0;
     if (json_integer_value(json_object_get(root, "karst_manifest")) == FORMAT && m->version && m->output && m->num &&
-        json_is_array(json_object_get(root, "settings")) && json_is_array(json_object_get(root, "inputs")) &&
-        read_entries(json_object_get(root, "pictures"), m))
+        has_size && json_is_array(json_object_get(root, "settings")) &&
+        json_is_array(json_object_get(root, "inputs")) && read_entries(json_object_get(root, "pictures"), m))
         return true;
     command_manifest_free(m);
     return karst_fail(error, KARST_BAD_DATA, "%s: is no manifest of karst render, or a damaged one", file);
@@ -233,9 +236,10 @@ static json_t *describe_job(const command_job *job, karst_error *error)
         karst_fail(error, KARST_USAGE, "%s: a manifest holds no name that is not UTF-8; choose another with -o",
                    output);
     if (inputs && output_text)
-        root = json_pack("{s:i, s:s, s:O, s:O, s:O, s:b, s:I, s:[]}", "karst_manifest", FORMAT, "version",
+        root = json_pack("{s:i, s:s, s:O, s:O, s:O, s:b, s:I, s:[i,i], s:[]}", "karst_manifest", FORMAT, "version",
                          karst_version(), "output", output_text, "settings", settings, "inputs", inputs, "tiles",
-                         job->tiles, "total", (json_int_t)job->num, "pictures");
+                         job->tiles, "total", (json_int_t)job->num, "size", job->size_px[0], job->size_px[1],
+                         "pictures");
     if (!root)
         karst_fail(error, KARST_FAILED, "cannot begin a manifest: %s", strerror(errno));
     json_decref(settings);

@@ -420,6 +420,7 @@ static bool begin_part(render_options *o, size_t num, int argc, char **argv, com
                        .output = o->output,
                        .num = num,
                        .tiles = !o->path && o->part.num,
+                       .size_px = {o->size_px[0], o->size_px[1]},
                        .inputs = {o->world_file},
                        .argc = argc,
                        .argv = argv};

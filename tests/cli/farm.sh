@@ -146,7 +146,7 @@ complains 5 "other.part-1-of-$parts.json:[0-9]" "verify of one that breaks off" 
 rm frames/other*
 complains 5 "is not there, nor a part" "verify of none" verify frames/other.json
 complains 2 "which manifest" "verify of what" verify
-manifest() { printf '{"karst_manifest": 1, "version": "0", "output": "%s", "settings": [], "inputs": [], "total": %s, "pictures": [%s]}' "$@" > m.json; }
+manifest() { printf '{"karst_manifest": 1, "version": "0", "output": "%s", "settings": [], "inputs": [], "size": [64, 48], "total": %s, "pictures": [%s]}' "$@" > m.json; }
 manifest %d.png 99999999999 ''
 complains 5 "is no manifest" "a manifest of more pictures than there can be" verify m.json
 manifest %d.png 2 '{"index": 2, "bytes": 1, "crc32": "00000000"}'
@@ -167,17 +167,16 @@ run render hills $tile -o tiles.png --jobs 4
 cp stdout jobs
 work jobs
 num_tiles=$(ls tiles.part-*-of-4.png | wc -l)
-convert whole.png -depth 8 rgb:whole.rgb
-convert \( tiles.part-1-of-4.png tiles.part-2-of-4.png +append \) \( tiles.part-3-of-4.png tiles.part-4-of-4.png +append \) \
-    -append -depth 8 rgb:tiles.rgb
-run verify tiles.manifest.json
+run verify tiles.manifest.json --join tiles.png
 detail="$detail; $(cat talk; ls)"
-[ $status -eq 0 ] && [ "$num_tiles" -eq 4 ] && [ -s whole.rgb ] && cmp whole.rgb tiles.rgb
-result "tiles of a picture have the bytes of one process's"
-rm tiles.part-3-of-4.png
-run verify tiles.manifest.json
-[ $status -eq 1 ] && [ "$(cat stdout)" = "missing tiles.part-3-of-4.png" ]
-result "verify tells of a tile that is missing"
+[ $status -eq 0 ] && [ "$num_tiles" -eq 4 ] && [ -s whole.png ] && cmp whole.png tiles.png
+result "tiles of a picture, joined, have the bytes of one process's"
+mv tiles.part-3-of-4.png third.png && rm tiles.png
+run verify tiles.manifest.json --join tiles.png
+[ $status -eq 1 ] && [ "$(cat stdout)" = "missing tiles.part-3-of-4.png" ] && [ ! -e tiles.png ]
+result "verify tells of a tile that is missing, and joins nothing"
+complains 2 "no such job" "pictures of a flight are not joined" verify frames/manifest.json --join tiles.png
+complains 2 "as a .png" "nor are tiles to an EXR" verify tiles.manifest.json --join tiles.exr
 run render hills $tile -o window.png --window 37,21,50,40
 convert whole.png -crop 50x40+37+21 +repage -depth 8 rgb:crop.rgb
 convert window.png -depth 8 rgb:window.rgb

@@ -157,7 +157,9 @@ static inline void hard_run(const hard_case *c)
     if (!karst_reference_trace(&reference, hard_expected, NULL, NULL, &stats, &error))
         fail_msg("%s: %s", c->name, error.message);
     float first_m[HARD_MAX_PIXELS];
-    for (int lanes = 1; lanes <= 16; lanes += 15) {
+    /* A sanitizer looks at the host, which is the same with 1 and with 16. */
+    const int first_lanes = getenv("KARST_TEST_QUICK") ? 16 : 1;
+    for (int lanes = first_lanes; lanes <= 16; lanes += 15) {
         hard_result result = {0};
         hard_draw(c, lanes, &camera, &result.stats);
         if (c->limit) {
@@ -174,7 +176,7 @@ static inline void hard_run(const hard_case *c)
                          result.num_elsewhere);
         }
         size_t bytes = (size_t)(hard_width(c) * hard_height(c)) * sizeof *first_m;
-        if (lanes == 1)
+        if (lanes == first_lanes)
             memcpy(first_m, hard_depth_m, bytes);
         else if (memcmp(first_m, hard_depth_m, bytes) != 0)
             fail_msg("%s: 1 and 16 lanes differ", c->name);

@@ -191,6 +191,9 @@ static void test_closed(void **state)
     (void)state;
     for (size_t which = 0; which < NUM_CLOSED; which++) {
         for (size_t i = 0; i < NUM_SHARES; i++) {
+            /* Each thickness of one surface, and each surface at one thickness; all of all in full. */
+            if (which && i != which && !getenv("KARST_TEST_FULL"))
+                continue;
             karst_world_file *file = open_closed(which, share[i], true), *plain = open_closed(which, share[i], false);
             float *samples = evaluate(file, rows, 3, "", &sum);
             int num_torn = join(samples, grid);

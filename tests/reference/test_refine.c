@@ -182,9 +182,11 @@ static void test_brick_bits(void **state)
     double bytes[3], median[3], normal_deg[3];
     trace(world, 1);
     for (int i = 0; i < 3; i++) {
-        for (int lanes = 1; lanes <= 16; lanes += 15) {
+        /* A sanitizer looks at the host, which is the same with 1 and with 16. */
+        const int first_lanes = getenv("KARST_TEST_QUICK") ? 16 : 1;
+        for (int lanes = first_lanes; lanes <= 16; lanes += 15) {
             bytes[i] = draw(world, 1, false, lanes, bits[i]);
-            if (lanes == 1)
+            if (lanes == first_lanes)
                 memcpy(first_m, depth_m, sizeof first_m);
             else
                 assert_memory_equal(first_m, depth_m, sizeof first_m);
