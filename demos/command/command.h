@@ -19,6 +19,7 @@
  *   command_check.c    karst check
  *   command_sample.c   karst sample
  *   command_mesh.c     karst mesh
+ *   command_heights.c  karst heights
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
@@ -372,6 +373,7 @@ bool command_verify(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_sample(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);

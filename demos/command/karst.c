@@ -14,6 +14,7 @@ static const command commands[] = {
     {"sample", "a world's density, gradient and bounds at points", command_sample},
     {"new", "a saved world: one file with a world, its edits, a camera", command_new},
     {"edit", "edits of a saved world: add, undo, redo, log, check, backup", command_edit},
+    {"heights", "a map of heights: the topmost surface under each pixel", command_heights},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},
     {"verify", "whether the pictures of a job are all there and right", command_verify},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},

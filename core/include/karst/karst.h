@@ -17,6 +17,7 @@
 #include "karst/mesh.h"
 #include "karst/path.h"
 #include "karst/position.h"
+#include "karst/query.h"
 #include "karst/reference.h"
 #include "karst/saved.h"
 #include "karst/stats.h"

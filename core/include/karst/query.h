@@ -1,0 +1,99 @@
+/* Questions to a world, many at once, on the host: no device is used.
+ *
+ * Answers are of the density as devices compute it, bit for bit as karst_sampler_density has it, at one footprint for
+ * all. Surfaces are found by proof: a stretch of a line is passed only if bounds show that the density keeps its sign
+ * there, so nothing is stepped over that is at least as thick as the tolerance. All functions are thread-safe, share
+ * their work among threads of their own, and give the same answers with any number of them. */
+#ifndef KARST_QUERY_H
+#define KARST_QUERY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "karst/edit.h"
+#include "karst/error.h"
+#include "karst/position.h"
+#include "karst/world.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Zero-initialised fields mean the default that stands beside them. */
+typedef struct {
+    double footprint_m; /* metres: without finer detail, as in karst/world.h; 0: all detail there is; not below 0 */
+    double within_m; /* how near to the true surface an answer is; a 128th of the world's level-0 voxel; at least 2^-24
+                      * of it */
+    const karst_edit *edits; /* borrowed during the call, in the world's voxels; NULL: none */
+    size_t num_edits;
+    int num_threads; /* 0: one for each core; to 256 */
+    /* Called now and then, from the calling thread, with the share done; false stops with KARST_FAILED. */
+    bool (*progress)(void *user, double share);
+    void *user;
+} karst_query_config;
+
+/* Densities at `num` points: above 0 inside. Errors: KARST_USAGE (a field out of range), KARST_FAILED. */
+bool karst_query_densities(const karst_world *world, const karst_query_config *config, const karst_position *at,
+                           size_t num, float *density, karst_error *error);
+
+typedef struct {
+    karst_position from;
+    double direction[3]; /* any length above 0 */
+    double length_m;     /* how far it goes; above 0, to 2^60 voxels */
+} karst_query_ray;
+
+typedef enum {
+    KARST_QUERY_MISS,
+    KARST_QUERY_SURFACE,   /* first solid */
+    KARST_QUERY_INSIDE,    /* it begins in solid */
+    KARST_QUERY_UNRESOLVED /* given up at t_m, after KARST_QUERY_MAX_STEPS: nothing solid before */
+} karst_query_kind;
+#define KARST_QUERY_MAX_STEPS 1000000
+
+typedef struct {
+    double t_m;       /* along the ray; INFINITY for a miss */
+    double normal[3]; /* of a surface: of length 1, towards the air, the exact gradient's; 0 where there is none */
+    karst_query_kind kind;
+} karst_query_hit;
+
+/* Where rays first meet solid. Errors: as above. */
+bool karst_query_rays(const karst_world *world, const karst_query_config *config, const karst_query_ray *rays,
+                      size_t num, karst_query_hit *hits, karst_error *error);
+
+/* All surfaces along verticals: from each point down for depth_m (above 0, to 2^60 voxels). Of point i at most
+ * max_surfaces go to down_m[i * max_surfaces ...], metres below the point, from the top; they alternate between
+ * entering solid and leaving it, and starts_inside[i] says whether the first one leaves. counts[i] says how many were
+ * written. Beyond those, and after KARST_QUERY_MAX_STEPS, nothing is looked for. Errors: as above. */
+bool karst_query_heights(const karst_world *world, const karst_query_config *config, const karst_position *at,
+                         size_t num, double depth_m, uint32_t max_surfaces, double *down_m, uint32_t *counts,
+                         bool *starts_inside, karst_error *error);
+
+/* A map of heights: the topmost surface along the vertical through the middle of each pixel, seen from above. */
+typedef struct {
+    /* The lowest x and z of the map, and the y where the search begins; what is solid there counts as a surface. */
+    karst_position corner;
+    double size_m[2];      /* along x and z; above 0 */
+    int size_px[2];        /* 1 to 16384 each */
+    double depth_m;        /* how far down a surface is looked for; above 0, to 2^60 voxels */
+} karst_height_map;
+
+/* Fills size_px[0] * size_px[1] values, the row with the greatest z first, x rising along a row: metres below corner.y,
+ * INFINITY where there is no surface (or none was found in KARST_QUERY_MAX_STEPS). Air above many pixels is proved for
+ * all of them at once. Errors: as above. */
+bool karst_query_height_map(const karst_world *world, const karst_query_config *config, const karst_height_map *map,
+                            double *down_m, karst_error *error);
+
+/* Writes a map of heights, whole or not at all, by its name's end: .exr has one channel Y of 32-bit floats, metres as
+ * they are; .png and .tif have 16 bits, in which 1 to 65535 stand for low_m to high_m in equal steps (what lies beyond
+ * is clamped), and 0 for columns without land. Both numbers stand in the file: PNG as texts "height_offset_m" and
+ * "height_step_m" (metres = offset + step * value), TIFF in its description. `height_m`: width_px * height_px values,
+ * top row first; NaN: no land, which is NaN in an EXR, too. Errors: KARST_USAGE (another name; a side outside 1 to
+ * 16384; not low_m < high_m), KARST_FAILED naming the path. Thread-safe. */
+bool karst_heights_write(const char *path, const double *height_m, int width_px, int height_px, double low_m,
+                         double high_m, karst_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
