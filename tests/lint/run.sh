@@ -39,14 +39,21 @@ search written '^.{241,}' | complain length "longer than 240 columns"
 search text '(^|[^A-Za-z0-9._-])/(work|home|root|Users)/' | complain path "a path of one machine"
 search code '(^|[^A-Za-z_])(TO''DO|FIX''ME|X''XX|HA''CK)([^A-Za-z_]|$)' |
     complain unfinished "finish it, or say in plain words why it is right"
-while read -r file; do
-    lines=$(wc -l < "$file")
-    [ "$lines" -lt 900 ] ||
-        echo "$file:$lines: [size] $lines lines: are there two rooms in it? 900 is the limit" >> "$complaints"
-done < "$scratch/code"
-
 # ---- floors and arrows ----
 xargs -r grep -nHE '^[[:space:]]*#[[:space:]]*include' < "$scratch/code" | awk -f "$here/arrows.awk" "$here/rooms" - >> "$complaints"
+
+# ---- limits and circles: of what calls what the texts tell enough, so nothing need be built ----
+xargs -r awk -f "$here/functions.awk" < "$scratch/code" > "$scratch/functions"
+exceeding=tests/lint/exceeding
+[ -e "$exceeding" ] || exceeding=
+{
+    grep '^function' "$scratch/functions"
+    xargs -r wc -l < "$scratch/code" | awk '$2 != "total" { print "file", $2, $1 }'
+    grep -vE '^(defines|uses) tests/' "$scratch/functions" | awk -f "$here/calls.awk" | awk -f "$here/circles.awk" |
+        sed 's/^/circle calls /'
+    xargs -r grep -nHE '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' < "$scratch/code" | awk -f "$here/includes.awk" "$scratch/code" - |
+        awk -f "$here/circles.awk" | sed 's/^/circle includes /'
+} | awk -f "$here/limits.awk" $exceeding - >> "$complaints"
 
 # ---- kernels ----
 list '\.cl$' | grep -v '^tests/' | while read -r kernel; do

@@ -43,7 +43,27 @@ bites blanks "blanks at the end" core/base/bad.c 'int x; \n'
 bites length "a line of 121 columns" core/base/bad.c "/* $(printf '%0115d' 0) */\n"
 bites path "a path of one machine" core/base/bad.c '/* see /ho''me/someone/notes */\n'
 bites unfinished "unfinished work" core/base/bad.c '/* TO''DO */\n'
-bites size "900 lines" core/base/bad.c "$(yes 'int x;\n' | head -n 900 | tr -d '\n')"
+bites size "701 lines" core/base/bad.c "$(yes 'int x;\n' | head -n 701 | tr -d '\n')"
+bites long "a function of 151 lines" core/base/bad.c "int bad(void)\n{\n$(yes '    x();\n' | head -n 148 | tr -d '\n')}\n"
+bites parameters "eleven parameters" core/base/bad.c \
+    'int bad(int a, int b, int c, int d, int e, int (*f)(int, int),\n        int g, int h, int i, int j, int k)\n{\n    return a;\n}\n'
+echo 'int karst_first(int x) { return x ? karst_last(x - 1) : 0; }' > "$tree/core/base/first.c"
+bites circle "calls that go round" core/base/bad.c 'int karst_last(int x)\n{\n    return karst_first(x);\n}\n'
+printf 'const char *karst_first(void) { return "karst_last"; }\n/* karst_last */\n' > "$tree/core/base/first.c"
+printf 'int karst_last(int x) { return karst_first() != 0; }\n' > "$tree/core/base/last.c"
+detail=$(sh "$lint" "$tree" 2>&1)
+result "names in texts and comments are no calls"
+rm "$tree/core/base/first.c" "$tree/core/base/last.c"
+echo '#include "core/base/bad.h"' > "$tree/core/base/first.h"
+bites circle "includes that go round" core/base/bad.h '#include "core/base/first.h"\n'
+mkdir -p "$tree/tests/lint"
+echo 'circle core/base/bad.h core/base/first.h' > "$tree/tests/lint/exceeding"
+printf '#ifndef BAD_H\n#define BAD_H\n#include "core/base/first.h"\n#endif\n' > "$tree/core/base/bad.h"
+detail=$(sh "$lint" "$tree" 2>&1)
+result "a circle that is listed passes"
+rm "$tree/core/base/bad.h" "$tree/core/base/first.h"
+bites list "a circle in the list that is gone" tests/lint/exceeding 'circle core/base/bad.h core/base/first.h\n'
+bites list "a long function in the list that is short" tests/lint/exceeding 'function core/base/private.h karst_private\n'
 bites arrow "core includes the cache" core/base/bad.c '#include "cache/cache.h"\n'
 bites arrow "the ground floor includes what stands on it" core/base/bad.c '#include "core/device/dialect.h"\n'
 bites arrow "casting includes light" raycast/cast/bad.c '#include "raycast/light/shade.h"\n'
