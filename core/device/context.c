@@ -428,13 +428,6 @@ karst_context *karst_context_fork(const karst_context *of, karst_error *error)
     return NULL;
 }
 
-bool karst_context_is_pocl(const karst_context *context)
-{
-    char name[256];
-    platform_text(context->platform, CL_PLATFORM_NAME, name, sizeof name);
-    return strstr(name, "Portable Computing Language") != NULL;
-}
-
 void karst_context_set_helper(karst_context *context, struct karst_helper *helper)
 {
     context->helper = karst_context_is_pocl(context) ? helper : NULL;

@@ -30,7 +30,7 @@ static inline bool has_form(const resolver *r, karst_expr e)
     return r->class[e] == FORM_AFFINE || r->class[e] == FORM_SHIFTED;
 }
 
-/* ---- kinds.c ---- */
+/* ---- form.c ---- */
 /* a op b, either of which may be missing; op: ADD or SUBTRACT. */
 karst_expr karst_form_part_sum(resolver *r, karst_op op, karst_expr a, karst_expr b);
 form karst_form_sum(resolver *r, karst_op op, form a, form b);
@@ -38,6 +38,8 @@ form karst_form_sum(resolver *r, karst_op op, form a, form b);
 form karst_form_scaled(resolver *r, karst_op op, form a, karst_expr by);
 /* The form of an argument, whatever it is. */
 form karst_form_of(resolver *r, karst_expr e);
+/* The form without its shift, as a leaf; or as a uniform value, if the position has cancelled. */
+karst_expr karst_affine_leaf(resolver *r, form f);
 /* What a node that works on exact places is given. */
 karst_expr karst_place_of(resolver *r, form f);
 karst_expr karst_apply_to_place(resolver *r, karst_op op, karst_expr place, karst_expr b);

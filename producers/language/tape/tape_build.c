@@ -14,56 +14,10 @@ _Static_assert((int)OCTAVE_SUM == KARST_NOISE_SUM && (int)OCTAVE_RIDGED == KARST
                    (int)OCTAVE_BILLOW == KARST_NOISE_BILLOW && (int)OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
                "octave.clh has graph.h's shapes");
 
-static bool is_pair(const karst_tape_builder *b, karst_expr e) { return b->graph->nodes[e].kind == KARST_KIND_WIDE; }
-
-bool karst_tape_is_wide(const karst_tape_builder *b, karst_expr e) { return karst_is_computed_wide(b->graph, e); }
-
-karst_expr karst_tape_reads(const karst_tape_builder *b, karst_expr e, int k)
-{
-    karst_expr argument = b->graph->nodes[e].arg[k];
-    if (!argument || !karst_takes_place(b->layout, e, k))
-        return argument;
-    const karst_expr_node *n = &b->graph->nodes[argument];
-    return n->op == KARST_OP_SHIFTED ? n->arg[1] : KARST_NO_EXPR;
-}
-
 /* Whether this part of a node reads its arguments as pairs, where they are or may be some. */
 static bool reads_pairs(const karst_tape_builder *b, karst_expr e, int part)
 {
     return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : karst_tape_is_wide(b, e);
-}
-
-int karst_tape_part(const karst_tape_builder *b, karst_expr argument, bool as_pair)
-{
-    uint8_t op = b->graph->nodes[argument].op;
-    return is_pair(b, argument) || (as_pair && (op == KARST_OP_AFFINE || op == KARST_OP_SHIFTED)) ? PART_PAIR
-                                                                                                  : PART_VALUE;
-}
-
-static bool is_number(const karst_tape_builder *b, karst_expr e, float value)
-{
-    const karst_expr_node *n = &b->graph->nodes[e];
-    return n->op == KARST_OP_CONSTANT && n->type == KARST_TYPE_FLOAT &&
-           karst_number_to_float(*karst_graph_constant(b->graph, e)) == value;
-}
-
-karst_expr karst_tape_fades(const karst_tape_builder *b, karst_expr e)
-{
-    const karst_expr_node *nodes = b->graph->nodes, *n = &nodes[e];
-    if (n->op != KARST_OP_MULTIPLY || n->type != KARST_TYPE_FLOAT || karst_tape_is_wide(b, e))
-        return KARST_NO_EXPR;
-    for (int k = 0; k < 2; k++) {
-        const karst_expr_node *square = &nodes[n->arg[k]], *line = &nodes[n->arg[1 - k]];
-        karst_expr t = square->arg[0];
-        if (square->op != KARST_OP_MULTIPLY || square->arg[1] != t || line->op != KARST_OP_FMA || is_pair(b, t) ||
-            karst_tape_is_wide(b, n->arg[k]) || karst_tape_is_wide(b, n->arg[1 - k]) || b->layout->is_known[t] ||
-            !is_number(b, line->arg[2], 3))
-            continue;
-        if ((line->arg[0] == t && is_number(b, line->arg[1], -2)) ||
-            (line->arg[1] == t && is_number(b, line->arg[0], -2)))
-            return t;
-    }
-    return KARST_NO_EXPR;
 }
 
 static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_roots)
@@ -92,110 +46,16 @@ static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_ro
     }
 }
 
-static uint32_t bits_of(const karst_number *number, uint8_t type)
-{
-    if (type == KARST_TYPE_FLOAT)
-        return k_as_uint(karst_number_to_float(*number));
-    if (type == KARST_TYPE_BOOL)
-        return number->numerator ? 0xffffffffu : 0;
-    return (uint32_t)number->numerator;
-}
-
-static uint32_t constant_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
-{
-    const karst_expr_node *n = &b->graph->nodes[e];
-    const karst_number *number = karst_graph_constant(b->graph, e);
-    karst_tape *tape = b->tape;
-    if (!b->constant[e][as_pair]) {
-        b->constant[e][as_pair] = tape->num_constants + 1;
-        tape->constants[tape->num_constants++] = bits_of(number, n->type);
-        if (as_pair)
-            tape->constants[tape->num_constants++] = k_as_uint(karst_number_rest(*number));
-    }
-    return TAPE_CONSTANT | (as_pair ? TAPE_PAIR : 0) | (b->constant[e][as_pair] - 1);
-}
-
-uint32_t karst_tape_operand(karst_tape_builder *b, karst_expr e, bool as_pair)
-{
-    const karst_expr_node *n = &b->graph->nodes[e];
-    if (!e)
-        return TAPE_NOTHING;
-    bool of_floats = as_pair && n->type == KARST_TYPE_FLOAT;
-    if (n->op == KARST_OP_CONSTANT)
-        return constant_operand(b, e, of_floats);
-    if (b->layout->is_known[e])
-        return TAPE_VALUE | (of_floats ? TAPE_PAIR : 0) | b->layout->word[e];
-    int part = karst_tape_part(b, e, as_pair);
-    return (part == PART_PAIR ? TAPE_PAIR : 0) | b->slot[e][part];
-}
-
-/* ---- ops ---- */
-
-static const uint8_t plain_ops[KARST_NUM_OPS] = {
-    [KARST_OP_AFFINE] = TAPE_AFFINE,
-    [KARST_OP_NORMAL] = TAPE_NORMAL,
-    [KARST_OP_FOOTPRINT] = TAPE_FOOTPRINT,
-    [KARST_OP_ADD] = TAPE_ADD,
-    [KARST_OP_SUBTRACT] = TAPE_SUBTRACT,
-    [KARST_OP_MULTIPLY] = TAPE_MULTIPLY,
-    [KARST_OP_DIVIDE] = TAPE_DIVIDE,
-    [KARST_OP_FMA] = TAPE_FMA,
-    [KARST_OP_NEGATE] = TAPE_NEGATE,
-    [KARST_OP_MIN] = TAPE_MIN,
-    [KARST_OP_MAX] = TAPE_MAX,
-    [KARST_OP_ABS] = TAPE_ABS,
-    [KARST_OP_FLOOR] = TAPE_FLOOR,
-    [KARST_OP_CEIL] = TAPE_CEIL,
-    [KARST_OP_RINT] = TAPE_RINT,
-    [KARST_OP_FRACT] = TAPE_FRACT,
-    [KARST_OP_MOD] = TAPE_MOD,
-    [KARST_OP_MIX] = TAPE_MIX,
-    [KARST_OP_SQRT] = TAPE_SQRT,
-    [KARST_OP_LENGTH] = TAPE_LENGTH,
-    [KARST_OP_SIN] = TAPE_SIN,
-    [KARST_OP_COS] = TAPE_COS,
-    [KARST_OP_SIN_TURNS] = TAPE_SIN_TURNS,
-    [KARST_OP_COS_TURNS] = TAPE_COS_TURNS,
-    [KARST_OP_EXP2] = TAPE_EXP2,
-    [KARST_OP_LOG] = TAPE_LOG,
-    [KARST_OP_ATAN] = TAPE_ATAN,
-    [KARST_OP_NOISE] = TAPE_NOISE,
-    [KARST_OP_SHIFTED] = TAPE_ADD,
-    [KARST_OP_LESS] = TAPE_LESS,
-    [KARST_OP_LESS_EQUAL] = TAPE_LESS_EQUAL,
-    [KARST_OP_EQUAL] = TAPE_EQUAL,
-    [KARST_OP_NOT_EQUAL] = TAPE_NOT_EQUAL,
-    [KARST_OP_NOT] = TAPE_NOT,
-    [KARST_OP_AND] = TAPE_AND,
-    [KARST_OP_OR] = TAPE_OR,
-    [KARST_OP_SELECT] = TAPE_SELECT,
-    [KARST_OP_INT_ADD] = TAPE_INT_ADD,
-    [KARST_OP_INT_SUBTRACT] = TAPE_INT_SUBTRACT,
-    [KARST_OP_INT_MULTIPLY] = TAPE_INT_MULTIPLY,
-    [KARST_OP_INT_DIVIDE] = TAPE_INT_DIVIDE,
-    [KARST_OP_INT_MODULO] = TAPE_INT_MODULO,
-    [KARST_OP_BIT_AND] = TAPE_BIT_AND,
-    [KARST_OP_BIT_OR] = TAPE_BIT_OR,
-    [KARST_OP_BIT_XOR] = TAPE_BIT_XOR,
-    [KARST_OP_BIT_NOT] = TAPE_BIT_NOT,
-    [KARST_OP_SHIFT_LEFT] = TAPE_SHIFT_LEFT,
-    [KARST_OP_SHIFT_RIGHT] = TAPE_SHIFT_RIGHT,
-    [KARST_OP_CONVERT] = TAPE_CONVERT,
-    [KARST_OP_BITS] = TAPE_BITS,
-};
-
-uint8_t karst_tape_plain_op(const karst_tape_builder *b, karst_expr e) { return plain_ops[b->graph->nodes[e].op]; }
-
 static uint8_t op_of(const karst_tape_builder *b, karst_expr e)
 {
     uint8_t op = b->graph->nodes[e].op;
     if (!karst_takes_place(b->layout, e, 0))
-        return plain_ops[op];
+        return karst_tape_plain_op(b, e);
     return op == KARST_OP_FLOOR   ? TAPE_PLACE_FLOOR
            : op == KARST_OP_FRACT ? TAPE_PLACE_FRACT
            : op == KARST_OP_MOD   ? TAPE_PLACE_MOD
            : op == KARST_OP_CELL  ? TAPE_PLACE_CELL
-                                  : plain_ops[op];
+                                  : karst_tape_plain_op(b, e);
 }
 
 static bool can_run(const karst_tape_builder *b, karst_expr e, karst_error *error)
@@ -228,18 +88,6 @@ static void release_arguments(karst_tape_builder *b, karst_expr e, int part)
             b->last_use[others[k]][read] = 0;
         }
     }
-}
-
-karst_instruction *karst_tape_append(karst_tape_builder *b, karst_instruction i)
-{
-    karst_tape *tape = b->tape;
-    if (i.op != TAPE_CURVE) {
-        bool is_wide_op = (i.flags & TAPE_IS_WIDE) != 0;
-        (is_wide_op ? tape->wide_ops : tape->ops)[i.op / 32] |= 1u << i.op % 32;
-    }
-    tape->has_steps |= i.op != TAPE_CURVE && (i.flags & TAPE_IS_STEPS) != 0;
-    tape->code[tape->num_instructions] = i;
-    return &tape->code[tape->num_instructions++];
 }
 
 static void add_instruction(karst_tape_builder *b, karst_expr e, int part)

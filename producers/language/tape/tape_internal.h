@@ -28,7 +28,7 @@ typedef struct {
     uint32_t curve_slot[TAPE_CURVE_MOST + 3], num_curve_slots; /* of their own, never another's */
 } karst_tape_builder;
 
-/* tape_build.c */
+/* tape_parts.c */
 bool karst_tape_is_wide(const karst_tape_builder *b, karst_expr e);
 /* What node `e` reads as its argument number k, KARST_NO_EXPR if nothing: of an exact place, the float that moves it.
  */
