@@ -318,14 +318,6 @@ static void row(karst_emit *emit)
                    karst_emit_operand(emit, emit->layout->world.root[KARST_ROOT_DENSITY]).text);
 }
 
-bool karst_emit_face_in_rows(const karst_emit *emit)
-{
-    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE && !emit->nodes[e].is_tensor)
-            return false;
-    return true;
-}
-
 /* Samples of the face (ix is KARST_BRICK_CELLS): all nodes, but noise steps along the brick, and what lies along y or z
  * is there, as tensors are. */
 static void sample(karst_emit *emit)

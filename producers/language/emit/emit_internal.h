@@ -51,6 +51,7 @@ typedef struct {
     uint32_t serial;  /* of the block */
 } karst_emit;
 
+/* ---- emit_marks.c ---- */
 /* Sets `nodes` afresh: what the roots need. Returns how many nodes that is. */
 uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots);
 /* The nodes whose values the line of a node reads. */
@@ -60,8 +61,12 @@ bool karst_emit_is_wide(const karst_emit *emit, karst_expr e);
 void karst_emit_begin_block(karst_emit *emit, karst_block block);
 /* The name of what a block of these axes keeps: "xz"; "b" for none. */
 const char *karst_emit_axes_name(uint8_t axes);
+/* F1 or F2, not a derivative. */
+bool karst_emit_is_worley(const karst_emit *emit, karst_expr e);
+/* Whether the face of a brick is best made in rows along y: where no noise is, but tensors. */
+bool karst_emit_face_in_rows(const karst_emit *emit);
 
-/* ---- emit_ops.c ---- */
+/* ---- emit_operands.c ---- */
 #define KARST_OPERAND_BYTES 160
 typedef struct {
     char text[KARST_OPERAND_BYTES];
@@ -70,8 +75,6 @@ typedef struct {
 karst_operand karst_emit_operand(const karst_emit *emit, karst_expr e);
 /* The same as a pair. */
 karst_operand karst_emit_wide_operand(const karst_emit *emit, karst_expr e);
-/* The lines that compute a node: "const vfloat v12 = ...;". */
-void karst_emit_lines(karst_emit *emit, karst_expr e);
 /* "vfloat" or "vint". */
 const char *karst_emit_type(const karst_emit *emit, karst_expr e);
 /* The axis on which the exact place of a node's argument depends (data.h); 0: it takes none, or depends on several. */
@@ -82,10 +85,11 @@ const char *karst_emit_place_type(const karst_emit *emit, karst_expr e);
 /* True the first time in a block that a place's record is asked for. */
 bool karst_emit_is_new_place(karst_emit *emit, karst_expr e);
 
-/* ---- emit_noise.c ---- */
-void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
-/* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
+/* ---- emit_octaves.c ---- */
 const char *karst_emit_shape_name(uint8_t shape); /* as octave.clh has it */
+/* The axis that an argument changes along by itself, or any, `otherwise`, if it does along none; -1: along several. */
+int karst_emit_axis_of(const karst_emit *emit, karst_expr argument, int otherwise);
+/* True if the lattice's axes are the brick's: argument i is affine in axis i alone, or 0. */
 bool karst_emit_has_bricks_axes(const karst_emit *emit, karst_expr e);
 /* True if it is bent along x and z at most, on a lattice that has the brick's axes: all lanes of a row have one y. */
 bool karst_emit_has_level_rows(const karst_emit *emit, karst_expr e);
@@ -94,14 +98,10 @@ const char *karst_emit_way_name(const karst_emit *emit, karst_expr e);
 /* Gradient noise, not a derivative. */
 bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
-/* Whether the face of a brick is best made in rows along y: where no noise is, but tensors. */
-bool karst_emit_face_in_rows(const karst_emit *emit);
 /* The beginning of a loop over octaves, up to its `weight`. */
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */
 void karst_emit_place(karst_emit *emit, karst_expr e);
-/* Numbers the octaves of what is marked whose arguments depend on one axis each, and writes world_colour_prepare. */
-void karst_emit_near_octaves(karst_emit *emit);
 
 /* ---- emit_slopes.c ---- */
 /* A noise and its derivatives from one evaluation, where the point form wants derivatives of gradient noise: all lines
@@ -109,10 +109,16 @@ void karst_emit_near_octaves(karst_emit *emit);
 bool karst_emit_slope_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_worley.c ---- */
-/* F1 or F2, not a derivative. */
-bool karst_emit_is_worley(const karst_emit *emit, karst_expr e);
-void karst_emit_mark_pairs(karst_emit *emit);
 void karst_emit_worley_lines(karst_emit *emit, karst_expr e);
+
+/* ---- emit_noise.c ---- */
+void karst_emit_noise_lines(karst_emit *emit, karst_expr e);
+/* Numbers the octaves of what is marked whose arguments depend on one axis each, and writes world_colour_prepare. */
+void karst_emit_near_octaves(karst_emit *emit);
+
+/* ---- emit_ops.c ---- */
+/* The lines that compute a node: "const vfloat v12 = ...;". */
+void karst_emit_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_point.c ---- */
 void karst_emit_points(karst_emit *emit, karst_emitted *emitted);

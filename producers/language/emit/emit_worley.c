@@ -5,41 +5,6 @@
 
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
 
-bool karst_emit_is_worley(const karst_emit *emit, karst_expr e)
-{
-    const karst_expr_node *n = &emit->graph->nodes[e];
-    if (n->op != KARST_OP_NOISE)
-        return false;
-    const karst_noise *noise = &emit->graph->noises[n->extra];
-    return (noise->base == KARST_NOISE_WORLEY_F1 || noise->base == KARST_NOISE_WORLEY_F2) && !noise->derivative;
-}
-
-/* True if one is F1 and the other F2 of the same call. */
-static bool are_pair(const karst_emit *emit, karst_expr a, karst_expr b)
-{
-    const karst_expr_node *m = &emit->graph->nodes[a], *n = &emit->graph->nodes[b];
-    const karst_noise *x = &emit->graph->noises[m->extra], *y = &emit->graph->noises[n->extra];
-    return !memcmp(m->arg, n->arg, sizeof m->arg) && x->base != y->base && x->shape == y->shape &&
-           x->num_octaves == y->num_octaves && x->seed_offset == y->seed_offset && x->gain == y->gain &&
-           x->lacunarity == y->lacunarity;
-}
-
-void karst_emit_mark_pairs(karst_emit *emit)
-{
-    uint32_t num_nodes = emit->graph->num_nodes;
-    for (karst_expr e = 1; e < num_nodes; e++) {
-        if (!emit->nodes[e].needs || !karst_emit_is_worley(emit, e) || emit->nodes[e].partner)
-            continue;
-        /* a call makes both at once, so they are not far apart */
-        for (karst_expr f = e + 1; f < num_nodes && f < e + 64 && !emit->nodes[e].partner; f++)
-            if (emit->nodes[f].needs && karst_emit_is_worley(emit, f) && !emit->nodes[f].partner &&
-                are_pair(emit, e, f)) {
-                emit->nodes[e].partner = f;
-                emit->nodes[f].partner = e;
-            }
-    }
-}
-
 void karst_emit_worley_lines(karst_emit *emit, karst_expr e)
 {
     karst_expr partner = emit->nodes[e].partner;
