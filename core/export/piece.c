@@ -46,69 +46,6 @@ void karst_mesh_worker_destroy(karst_mesh_worker *worker)
     free(worker);
 }
 
-/* An array of at least `num` elements, one more than there may be none; what was in it may be lost. */
-static bool renew(void **array, size_t num, size_t size_bytes)
-{
-    free(*array);
-    *array = malloc((num + 1) * size_bytes);
-    return *array;
-}
-
-bool karst_mesh_make_room(karst_mesh_worker *worker, size_t num_segments, karst_error *error)
-{
-    if (num_segments <= worker->max_segments)
-        return true;
-    worker->max_segments = 0;
-    if (!renew((void **)&worker->segments, num_segments, sizeof *worker->segments) ||
-        !renew((void **)&worker->positions, num_segments, sizeof *worker->positions) ||
-        !renew((void **)&worker->densities, num_segments, sizeof *worker->densities) ||
-        !renew((void **)&worker->gradients, num_segments, sizeof *worker->gradients))
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    worker->max_segments = num_segments;
-    return true;
-}
-
-/* From the density's gradient, which points into the solid. */
-static bool to_normal(const float gradient[3], double normal[3])
-{
-    double square = 0;
-    for (int axis = 0; axis < 3; axis++)
-        square += (double)gradient[axis] * (double)gradient[axis];
-    const double length = sqrt(square);
-    const bool is_known = length > 0 && isfinite(length);
-    for (int axis = 0; axis < 3; axis++)
-        normal[axis] = is_known ? -(double)gradient[axis] / length : 0;
-    return is_known;
-}
-
-void karst_mesh_find_segments(karst_mesh_worker *worker, size_t num, double (*normals)[3])
-{
-    const karst_grid *grid = &worker->grid;
-    uint64_t *num_samples = &worker->tile->num_samples;
-    *num_samples += karst_find_crossings(worker->sampler, grid, worker->segments, num, worker->positions,
-                                         worker->densities);
-    for (size_t i = 0; i < num; i++)
-        worker->positions[i] = karst_grid_at(grid, worker->segments[i].found);
-    if (!karst_sampler_gradients(worker->sampler, worker->positions, num, grid->footprint_m, worker->gradients,
-                                 worker->densities))
-        memset(worker->gradients, 0, num * sizeof *worker->gradients);
-    *num_samples += num;
-    for (size_t i = 0; i < num; i++) {
-        karst_sample slopes[3];
-        float inside[3];
-        if (to_normal(worker->gradients[i], normals[i]))
-            continue;
-        /* What is flat in air has slopes in the solid beside it. */
-        const karst_position beside = karst_grid_at(grid, worker->segments[i].found_solid);
-        if (!karst_sampler_gradient(worker->sampler, &beside, grid->footprint_m, slopes, NULL))
-            continue;
-        for (int axis = 0; axis < 3; axis++)
-            inside[axis] = slopes[axis].device;
-        to_normal(inside, normals[i]);
-        (*num_samples)++;
-    }
-}
-
 /* ---- edges ---- */
 
 static bool is_solid(const karst_mesh_worker *worker, int corner) { return worker->density[corner] > 0; }
@@ -173,7 +110,7 @@ static bool find_edges(karst_mesh_worker *worker, karst_error *error)
         return false;
     if (num > worker->max_crossings) {
         worker->max_crossings = 0;
-        if (!renew((void **)&worker->crossings, num, sizeof *worker->crossings))
+        if (!karst_mesh_renew((void **)&worker->crossings, num, sizeof *worker->crossings))
             return karst_fail(error, KARST_FAILED, "out of memory");
         worker->max_crossings = num;
     }

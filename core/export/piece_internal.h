@@ -34,6 +34,8 @@ static inline int karst_tile_corner(int x, int y, int z)
     return x + KARST_TILE_CORNERS * (y + KARST_TILE_CORNERS * z);
 }
 
+/* piece_segments.c. Room for `num` items in place of what `room` has, which is lost; false: there is none. */
+bool karst_mesh_renew(void **room, size_t num, size_t item_bytes);
 /* Room for so many segments, with positions, densities and gradients. */
 bool karst_mesh_make_room(karst_mesh_worker *worker, size_t num_segments, karst_error *error);
 /* Finds the segments, and the normals there (towards the air; 0 where there is none). Counts samples. */

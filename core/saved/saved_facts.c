@@ -8,7 +8,6 @@
 #include "core/saved/saved_parts.h"
 
 #define PARAMETER_PREFIX "param:"
-#define BOOKMARK_PREFIX "bookmark:"
 
 static uint64_t sum_fact(const char *key, const void *value, size_t size_bytes)
 {
@@ -185,7 +184,7 @@ static bool understand(karst_saved *saved, karst_error *error)
     read_parameters(saved);
     about->camera = read_camera(saved, "camera");
     for (int i = 0; i < KARST_SAVED_NUM_BOOKMARKS; i++) {
-        snprintf(key, sizeof key, BOOKMARK_PREFIX "%d", i + 1);
+        snprintf(key, sizeof key, SAVED_BOOKMARK_PREFIX "%d", i + 1);
         about->bookmarks[i] = read_camera(saved, key);
     }
     if (!find_world(saved, error))
@@ -253,36 +252,13 @@ bool saved_write_fact(karst_saved *saved, const char *key, const void *value, si
     return done;
 }
 
-static bool set_camera(karst_saved *saved, const char *key, const char *camera, karst_error *error)
+bool saved_set_camera(karst_saved *saved, const char *key, const char *camera, karst_error *error)
 {
-    karst_camera parsed = {.fov_deg = 60};
-    if (camera && strlen(camera) >= SAVED_MAX_CAMERA_BYTES)
-        return karst_fail(error, KARST_USAGE, "a camera has %d characters at most", SAVED_MAX_CAMERA_BYTES - 1);
-    if (camera && !karst_camera_parse(camera, saved->about.voxel_log2_m, &parsed, error))
+    if (!saved_write_fact(saved, key, camera, camera ? strlen(camera) : 0, error))
         return false;
-    if (!saved_begin(saved, error))
-        return false;
-    saved->is_changed = saved->are_facts_changed = true;
-    bool done = saved_write_fact(saved, key, camera, camera ? strlen(camera) : 0, error);
-    if (done && camera)
-        done = keep_fact(saved, key, camera, strlen(camera), error);
-    else if (done)
+    if (!camera)
         forget_fact(saved, key);
-    if (!done)
-        saved_roll_back(saved);
-    return understand(saved, error) && done;
-}
-
-bool karst_saved_set_camera(karst_saved *saved, const char *camera, karst_error *error)
-{
-    return set_camera(saved, "camera", camera, error);
-}
-
-bool karst_saved_set_bookmark(karst_saved *saved, int number, const char *camera, karst_error *error)
-{
-    char key[SAVED_MAX_KEY_BYTES];
-    if (number < 0 || number >= KARST_SAVED_NUM_BOOKMARKS)
-        return karst_fail(error, KARST_USAGE, "there are bookmarks 0 to %d", KARST_SAVED_NUM_BOOKMARKS - 1);
-    snprintf(key, sizeof key, BOOKMARK_PREFIX "%d", number + 1);
-    return set_camera(saved, key, camera, error);
+    else if (!keep_fact(saved, key, camera, strlen(camera), error))
+        return false;
+    return understand(saved, error);
 }

@@ -3,7 +3,9 @@
  *   saved_row.c     rows: an edit as bytes, checksums
  *   saved_open.c    opening a file that nobody trusts; closing
  *   saved_facts.c   what the file says beside its edits
- *   saved_log.c     the log of edits: append, undo, redo, commit, read
+ *   saved_log.c     the log of edits: append, undo, redo, read; cameras
+ *   saved_transaction.c  begin, commit, roll back
+ *   saved_base.c    what SQLite says
  *   saved_create.c  new files
  *   saved_care.c    check, compact, backup
  *   saved_recover.c  a new file of a damaged one
@@ -67,14 +69,21 @@ int saved_row_voxel_log2_m(const uint8_t *row);
 #define SAVED_OWN_VOXEL INT_MIN
 bool saved_row_unpack(const uint8_t *row, size_t size_bytes, uint64_t id, int voxel_log2_m, karst_edit *edit);
 
-/* ---- saved_open.c ---- */
+/* ---- saved_base.c ---- */
 
 /* Says what SQLite failed with while the file was to be `action` ("read", "written"). Returns false. */
 bool saved_fail(const karst_saved *saved, const char *action, karst_error *error);
+/* The same of a file that there is no handle of. */
+bool saved_fail_code(const char *path, int code, int system_errno, const char *action, const char *what,
+                     karst_error *error);
 bool saved_is_damage(int code); /* SQLite's: of this page or row, not of the disk */
 bool saved_run(karst_saved *saved, const char *sql, const char *action, karst_error *error);
 /* The one whole number that a statement gives. Errors: as saved_fail. */
 bool saved_get_integer(karst_saved *saved, const char *sql, int64_t *number, karst_error *error);
+void saved_note_damage(karst_saved *saved, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* ---- saved_open.c ---- */
+
 /* Limits and settings for a file that nobody trusts, of a connection that was just opened. */
 bool saved_defend(sqlite3 *db);
 /* A connection with these, whose first page can be read, or is damaged. Errors: as karst_saved_open. */
@@ -85,16 +94,21 @@ karst_saved *saved_wrap(sqlite3 *db, const char *path, karst_error *error);
 bool saved_identify(karst_saved *saved, karst_error *error);
 /* Reads facts and counts. */
 bool saved_take_stock(karst_saved *saved, karst_error *error);
-void saved_note_damage(karst_saved *saved, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* ---- saved_facts.c ---- */
 
 bool saved_read_facts(karst_saved *saved, uint64_t *num_in_force, bool *has_num, karst_error *error);
 /* Writes a fact, in a transaction; value NULL takes it away. */
 bool saved_write_fact(karst_saved *saved, const char *key, const void *value, size_t size_bytes, karst_error *error);
+/* Takes a camera for a fact, in a transaction; NULL: none. */
+bool saved_set_camera(karst_saved *saved, const char *key, const char *camera, karst_error *error);
+#define SAVED_BOOKMARK_PREFIX "bookmark:"
 void saved_free_facts(karst_saved *saved);
 
-/* ---- saved_log.c ---- */
+/* ---- saved_transaction.c ---- */
+
+/* Rows that are looked at for the last whole one, and passed over. */
+#define SAVED_MOST_BAD_AT_END 10000
 
 bool saved_begin(karst_saved *saved, karst_error *error);
 void saved_roll_back(karst_saved *saved);

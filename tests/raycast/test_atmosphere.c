@@ -150,7 +150,7 @@ static double phase_of_dust(double x)
 
 /* Radiance along a ray up to `end`. before: of the order before; NULL: of sunlight. more: a table that adds to it. */
 static void radiance(place from, place direction, place to_sun, const again_table before, const again_table more,
-                     double end, int steps, int sun_steps, bool with_ground, double rgb[3], double through[3])
+                     double end, int steps, int sun_steps, double rgb[3], double through[3])
 {
     double way[2], angle = product(direction, to_sun), light[3];
     bool is_ground;
@@ -181,7 +181,7 @@ static void radiance(place from, place direction, place to_sun, const again_tabl
             through[c] *= kept;
         }
     }
-    if (!is_ground || !with_ground)
+    if (!is_ground)
         return;
     place at = along(from, direction, way[1]);
     double add[3] = {0}, cosine = fmax(0, product(at, to_sun) / GLOBE);
@@ -214,7 +214,7 @@ static void make_orders(int side, int num_orders)
                         double up = horizon + (to - horizon) * s * s, weight = fabs(to - horizon) * s / side / side;
                         double flat = sqrt(1 - up * up), around = M_PI * (j + 0.5) / side;
                         place ray = {flat * cos(around), up, flat * sin(around)};
-                        radiance(eye, ray, to_sun, order ? orders[1 - order % 2] : NULL, NULL, INFINITY, 24, 0, true,
+                        radiance(eye, ray, to_sun, order ? orders[1 - order % 2] : NULL, NULL, INFINITY, 24, 0,
                                  rgb, through);
                         for (int c = 0; c < 3; c++)
                             sum[c] += weight * rgb[c];
@@ -292,7 +292,7 @@ static double measure(double height_km, double elevation, double distance_km)
                 continue;
             if (distance_km < INFINITY && radius_of(along(eye, ray, distance_km)) > GLOBE + 12)
                 continue;
-            radiance(eye, ray, to_sun, NULL, again, distance_km, 64, 32, true, rgb, through);
+            radiance(eye, ray, to_sun, NULL, again, distance_km, 64, 32, rgb, through);
             const air_way air = air_way_of(&the.sky, the.table, &direction, to, (float)(distance_km * 1000));
             const colour c = distance_km < INFINITY ? air_through(&air, black)
                                                     : air_sky(&the.sky, the.table, &direction, to);
