@@ -1,7 +1,7 @@
 /* Entry points of bounces: from surfaces to the next stream of rays, packed by prefix sums. See raycast/light/bounce.h.
  *
- * A block is the pixels of a beam, 32x32, group by group; its rays are neighbours in the stream, in order of where they
- * go, and then of their pixels: so that packets of them go one way. */
+ * A block is the pixels of a beam, 32x32, group by group; its rays are neighbours in the stream, in the order of their
+ * pixels. */
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #include "raycast/shadow_shared.h"
@@ -132,36 +132,19 @@ RAY_INLINE mirrored_rays mirrored_packet(const karst_pinhole *pinhole, K_GLOBAL 
     return rays;
 }
 
-/* Directions by octant, and in it by cells of a square, along the curve of G. Morton: neighbours have near keys. */
-#define KEY_SIDE_LOG2 3
-#define NUM_KEYS (8 << 2 * KEY_SIDE_LOG2)
-RAY_INLINE vint direction_key(const vector3 *d)
-{
-    const vfloat x = k_fabs(d->x), y = k_fabs(d->y), z = k_fabs(d->z), cells = (vfloat)((float)(1 << KEY_SIDE_LOG2));
-    const vfloat scale = cells / (x + y + z);
-    const vint last = (vint)((1 << KEY_SIDE_LOG2) - 1), zero = (vint)(0);
-    const vint u = lane_min_int(lane_max_int(v_to_int(x * scale), zero), last),
-               v = lane_min_int(lane_max_int(v_to_int(y * scale), zero), last);
-    vint key = ((v_lt(d->x, (vfloat)(0.0f)) & 1) | (v_lt(d->y, (vfloat)(0.0f)) & 2) | (v_lt(d->z, (vfloat)(0.0f)) & 4))
-               << 2 * KEY_SIDE_LOG2;
-    for (int bit = 0; bit < KEY_SIDE_LOG2; bit++)
-        key |= (u >> bit & 1) << 2 * bit | (v >> bit & 1) << (2 * bit + 1);
-    return key;
-}
-
-/* Stores a packet's rays, each where its place says. */
-RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, const int place[LANES], const mirrored_rays *rays, vfloat t_max,
-                           vfloat width, vfloat cone)
+/* Stores a packet's rays, one after the other. */
+RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, const mirrored_rays *rays, vfloat t_max, vfloat width, vfloat cone)
 {
     float words[10][LANES];
     int pixel[LANES];
+    const uint lanes = mask_bits(rays->m);
     v_store_float(rays->origin.x, words[0]), v_store_float(rays->origin.y, words[1]);
     v_store_float(rays->origin.z, words[2]), v_store_float(rays->direction.x, words[3]);
     v_store_float(rays->direction.y, words[4]), v_store_float(rays->direction.z, words[5]);
     v_store_float(t_max, words[6]), v_store_float(width, words[7]), v_store_float(cone, words[8]);
     v_store_float(rays->share, words[9]), v_store_int(rays->y << 16 | rays->x, pixel);
     for (int l = 0; l < LANES; l++)
-        if (place[l] >= 0) {
+        if (lanes >> l & 1u) {
             const karst_ray ray = {{words[0][l], words[1][l], words[2][l]},
                                    0.0f,
                                    {words[3][l], words[4][l], words[5][l]},
@@ -172,7 +155,7 @@ RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, const int place[LANES], cons
                                    KARST_SIDE_FRONT,
                                    {words[9][l], words[9][l], words[9][l]},
                                    0};
-            out[place[l]] = ray;
+            *out++ = ray;
         }
 }
 
@@ -189,35 +172,11 @@ __kernel K_WIDE void bounce_mirror(karst_pinhole pinhole, float detail, K_GLOBAL
         return;
     for (uint i = 0; shadow_rays && i < BLOCK_RAYS; i++)
         shadow_rays[KARST_SHADOW_WIDTH * (size_t)room + block * BLOCK_RAYS + i] = 0.0f;
-    ushort places[NUM_KEYS];
-    short keys[BLOCK_RAYS];
-    for (int key = 0; key < NUM_KEYS; key++)
-        places[key] = 0;
-    for (uint i = 0; i < BLOCK_ITEMS; i++) {
-        const mirrored_rays now = mirrored_packet(&pinhole, hits, shares, block, i);
-        int key[LANES];
-        v_store_int(v_any(now.m) ? v_select(now.m, direction_key(&now.direction), (vint)(-1)) : (vint)(-1), key);
-        for (int l = 0; l < LANES; l++) {
-            keys[i * LANES + (uint)l] = (short)key[l];
-            if (key[l] >= 0)
-                places[key[l]]++;
-        }
-    }
-    uint sum = 0;
-    for (int key = 0; key < NUM_KEYS; key++) {
-        const uint here = places[key];
-        places[key] = (ushort)sum;
-        sum += here;
-    }
+    K_GLOBAL karst_ray *out = rays + begins[block];
     for (uint i = 0; i < BLOCK_ITEMS; i++) {
         const mirrored_rays now = mirrored_packet(&pinhole, hits, shares, block, i);
         if (!v_any(now.m))
             continue;
-        int place[LANES];
-        for (int l = 0; l < LANES; l++) {
-            const short key = keys[i * LANES + (uint)l];
-            place[l] = key >= 0 ? (int)places[key]++ : -1;
-        }
         const surface_hits *s = &now.hits;
         /* To the sphere around the eye in which its view lies: farther on, what there is of the tree depends on where
          * the eye came from. */
@@ -227,8 +186,8 @@ __kernel K_WIDE void bounce_mirror(karst_pinhole pinhole, float detail, K_GLOBAL
         const vfloat t_max = k_sqrt(k_fma(along, along, rest)) - along;
         const vfloat width =
             lane_max(s->t * pinhole.cone, v_as_float((s->level + 127) << 23) * (vfloat)(1.0001f / detail));
-        store_rays(rays + begins[block], place, &now, t_max, width,
-                   mirrored_cone(hits, &pinhole, now.x, now.y, &s->normal));
+        store_rays(out, &now, t_max, width, mirrored_cone(hits, &pinhole, now.x, now.y, &s->normal));
+        out += count_lanes(now.m);
     }
 }
 

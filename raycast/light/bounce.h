@@ -1,8 +1,8 @@
 /* Next rays: from a picture's surfaces to the stream of rays that they mirror, and what that stream sees.
  *
  * The stage is the same for whatever comes of a surface: shading leaves a share of light for each pixel (of its parts,
- * raycast/light/radiance_shared.h, the mirror plane); pixels with one get a ray, without gaps and in an order that
- * depends on the rays alone; the rays are cast; and shading adds what they see, times the share. */
+ * raycast/light/radiance_shared.h, the mirror plane); pixels with one get a ray, without gaps and in the order of the
+ * picture's beams; the rays are cast; and shading adds what they see, times the share. */
 #ifndef KARST_RAYCAST_BOUNCE_H
 #define KARST_RAYCAST_BOUNCE_H
 
