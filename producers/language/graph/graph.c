@@ -207,67 +207,11 @@ const karst_number *karst_graph_constant(const karst_graph *graph, karst_expr e)
     return graph->nodes[e].op == KARST_OP_CONSTANT ? &graph->constants[graph->nodes[e].extra] : NULL;
 }
 
-/* Names, and how many arguments each op takes at least and at most. */
+#define OP_INFO(id, name, least, most, class, tape) {name, least, most, KARST_OP_CLASS_##class},
 static const struct {
     const char *name;
-    uint8_t least, most;
-} ops[KARST_NUM_OPS] = {
-    [KARST_OP_NONE] = {"none", 0, 0},
-    [KARST_OP_CONSTANT] = {"constant", 0, 0},
-    [KARST_OP_PARAMETER] = {"parameter", 0, 0},
-    [KARST_OP_POSITION] = {"position", 0, 0},
-    [KARST_OP_NORMAL] = {"normal", 0, 0},
-    [KARST_OP_FOOTPRINT] = {"footprint", 0, 0},
-    [KARST_OP_AFFINE] = {"affine", 0, 0},
-    [KARST_OP_ADD] = {"add", 2, 2},
-    [KARST_OP_SUBTRACT] = {"subtract", 2, 2},
-    [KARST_OP_MULTIPLY] = {"multiply", 2, 2},
-    [KARST_OP_DIVIDE] = {"divide", 2, 2},
-    [KARST_OP_FMA] = {"fma", 3, 3},
-    [KARST_OP_NEGATE] = {"negate", 1, 1},
-    [KARST_OP_MIN] = {"min", 2, 2},
-    [KARST_OP_MAX] = {"max", 2, 2},
-    [KARST_OP_ABS] = {"abs", 1, 1},
-    [KARST_OP_FLOOR] = {"floor", 1, 1},
-    [KARST_OP_CEIL] = {"ceil", 1, 1},
-    [KARST_OP_RINT] = {"rint", 1, 1},
-    [KARST_OP_FRACT] = {"fract", 1, 1},
-    [KARST_OP_MOD] = {"mod", 2, 2},
-    [KARST_OP_MIX] = {"mix", 3, 3},
-    [KARST_OP_SQRT] = {"sqrt", 1, 1},
-    [KARST_OP_LENGTH] = {"length", 2, 4},
-    [KARST_OP_SIN] = {"sin", 1, 1},
-    [KARST_OP_COS] = {"cos", 1, 1},
-    [KARST_OP_SIN_TURNS] = {"sin_turns", 1, 1},
-    [KARST_OP_COS_TURNS] = {"cos_turns", 1, 1},
-    [KARST_OP_EXP2] = {"exp2", 1, 1},
-    [KARST_OP_LOG] = {"log", 1, 1},
-    [KARST_OP_ATAN] = {"atan", 2, 2},
-    [KARST_OP_NOISE] = {"noise", 3, 3},
-    [KARST_OP_SHIFTED] = {"shifted", 2, 2},
-    [KARST_OP_LESS] = {"less", 2, 2},
-    [KARST_OP_LESS_EQUAL] = {"less_equal", 2, 2},
-    [KARST_OP_EQUAL] = {"equal", 2, 2},
-    [KARST_OP_NOT_EQUAL] = {"not_equal", 2, 2},
-    [KARST_OP_NOT] = {"not", 1, 1},
-    [KARST_OP_AND] = {"and", 2, 2},
-    [KARST_OP_OR] = {"or", 2, 2},
-    [KARST_OP_SELECT] = {"select", 3, 3},
-    [KARST_OP_INT_ADD] = {"int_add", 2, 2},
-    [KARST_OP_INT_SUBTRACT] = {"int_subtract", 2, 2},
-    [KARST_OP_INT_MULTIPLY] = {"int_multiply", 2, 2},
-    [KARST_OP_INT_DIVIDE] = {"int_divide", 2, 2},
-    [KARST_OP_INT_MODULO] = {"int_modulo", 2, 2},
-    [KARST_OP_BIT_AND] = {"bit_and", 2, 2},
-    [KARST_OP_BIT_OR] = {"bit_or", 2, 2},
-    [KARST_OP_BIT_XOR] = {"bit_xor", 2, 2},
-    [KARST_OP_BIT_NOT] = {"bit_not", 1, 1},
-    [KARST_OP_SHIFT_LEFT] = {"shift_left", 2, 2},
-    [KARST_OP_SHIFT_RIGHT] = {"shift_right", 2, 2},
-    [KARST_OP_CONVERT] = {"convert", 1, 1},
-    [KARST_OP_BITS] = {"bits", 1, 1},
-    [KARST_OP_CELL] = {"cell", 1, 2},
-};
+    uint8_t least, most, class;
+} ops[KARST_NUM_OPS] = {KARST_OPS(OP_INFO)};
 
 const char *karst_op_name(karst_op op) { return op < KARST_NUM_OPS ? ops[op].name : "?"; }
 
@@ -328,9 +272,6 @@ void karst_graph_extract(const karst_graph *graph, karst_graph *live, karst_expr
 
 /* ---- checking ---- */
 
-static bool is_bool_op(karst_op op) { return op >= KARST_OP_LESS && op <= KARST_OP_OR; }
-static bool is_int_op(karst_op op) { return op >= KARST_OP_INT_ADD && op <= KARST_OP_SHIFT_RIGHT; }
-
 static const char *fault_of(const karst_graph *graph, uint32_t i)
 {
     const karst_expr_node *n = &graph->nodes[i];
@@ -350,13 +291,13 @@ static const char *fault_of(const karst_graph *graph, uint32_t i)
     if (n->op == KARST_OP_SELECT)
         return a->type != KARST_TYPE_BOOL || b->type != n->type || c->type != n->type ? "a select of wrong types"
                                                                                       : NULL;
-    if (n->op >= KARST_OP_LESS && n->op <= KARST_OP_NOT_EQUAL)
+    if (ops[n->op].class == KARST_OP_CLASS_COMPARISON)
         return a->type != b->type || n->type != KARST_TYPE_BOOL ? "a comparison of wrong types" : NULL;
-    if (is_bool_op(n->op))
+    if (ops[n->op].class == KARST_OP_CLASS_BOOL)
         return n->type != KARST_TYPE_BOOL || a->type != KARST_TYPE_BOOL || (count > 1 && b->type != KARST_TYPE_BOOL)
                    ? "a bool op of wrong types"
                    : NULL;
-    if (is_int_op(n->op))
+    if (ops[n->op].class == KARST_OP_CLASS_INT)
         return (n->type != KARST_TYPE_INT && n->type != KARST_TYPE_UINT) || a->type != n->type ||
                        (count > 1 && b->type != n->type)
                    ? "an int op of wrong types"

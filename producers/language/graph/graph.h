@@ -18,6 +18,7 @@
 
 #include "producers/language/base/arena.h"
 #include "producers/language/base/number.h"
+#include "producers/language/graph/op_table.h"
 
 #define KARST_FOOTPRINT_BIAS 64
 
@@ -26,74 +27,6 @@ typedef uint32_t karst_expr;
 #define KARST_NO_EXPR 0u
 
 typedef enum { KARST_TYPE_FLOAT, KARST_TYPE_INT, KARST_TYPE_UINT, KARST_TYPE_BOOL } karst_scalar_type;
-
-/* a, b, c, d are the arguments. "float" means: rounded to nearest, as the device does it. Comments give the value. */
-typedef enum {
-    KARST_OP_NONE, /* node 0 */
-    /* leaves */
-    KARST_OP_CONSTANT,  /* constants[extra]; any type */
-    KARST_OP_PARAMETER, /* header parameter number `extra`, float, uniform */
-    KARST_OP_POSITION,  /* p along axis `extra`, metres; only before kinds.c */
-    KARST_OP_NORMAL,    /* n along axis `extra`: an input of colour */
-    KARST_OP_FOOTPRINT, /* metres: the voxel of the level asked for, 0 for all detail; an input of colour. A voxel of
-                         * level 0 is 2^(extra - KARST_FOOTPRINT_BIAS) metres wide */
-    KARST_OP_AFFINE,    /* affines[extra]; only after kinds.c */
-    /* float arithmetic */
-    KARST_OP_ADD,
-    KARST_OP_SUBTRACT,
-    KARST_OP_MULTIPLY,
-    KARST_OP_DIVIDE,
-    KARST_OP_FMA, /* a * b + c, rounded once; at least one of a, b is uniform unless the text says fma, dot, or mix */
-    KARST_OP_NEGATE,
-    KARST_OP_MIN, /* b < a ? b : a */
-    KARST_OP_MAX, /* b > a ? b : a */
-    KARST_OP_ABS,
-    KARST_OP_FLOOR,
-    KARST_OP_CEIL,
-    KARST_OP_RINT,   /* round half to even */
-    KARST_OP_FRACT,  /* min(a - floor(a), 1 - 2^-24) */
-    KARST_OP_MOD,    /* fma(-b, floor(a / b), a); 0 if b == 0 */
-    KARST_OP_MIX,    /* fma(c, b, fma(-c, a, a)); of pairs a + c (b - a) */
-    KARST_OP_SQRT,   /* 0 if a < 0 */
-    KARST_OP_LENGTH, /* sqrt(a*a, then fma(b,b,.), fma(c,c,.), fma(d,d,.)); 2 to 4 arguments */
-    KARST_OP_SIN,
-    KARST_OP_COS, /* of radians, any float */
-    KARST_OP_SIN_TURNS,
-    KARST_OP_COS_TURNS, /* sin(2 pi a); a is AFFINE or SHIFTED; only after kinds.c */
-    KARST_OP_EXP2,      /* clamped to [2^-126, 2^126] */
-    KARST_OP_LOG,       /* natural; log(2^-126) below 2^-126 */
-    KARST_OP_ATAN,      /* angle of (b, a), that is atan2(a, b); 0 for (0, 0) */
-    KARST_OP_NOISE,     /* noises[extra] at (a, b, c) */
-    KARST_OP_SHIFTED,   /* a is AFFINE, b any float: a + b, with the lattice coordinate of a kept; only after kinds.c */
-    /* comparisons: bool; the arguments are both float, int, uint or bool */
-    KARST_OP_LESS,
-    KARST_OP_LESS_EQUAL,
-    KARST_OP_EQUAL,
-    KARST_OP_NOT_EQUAL,
-    KARST_OP_NOT,
-    KARST_OP_AND,
-    KARST_OP_OR,     /* bools */
-    KARST_OP_SELECT, /* a (bool) ? b : c; any type */
-    /* integers: wrap; type INT or UINT says which division, shift and comparison */
-    KARST_OP_INT_ADD,
-    KARST_OP_INT_SUBTRACT,
-    KARST_OP_INT_MULTIPLY,
-    KARST_OP_INT_DIVIDE,
-    KARST_OP_INT_MODULO, /* 0 if b == 0; INT_MIN / -1 = INT_MIN, INT_MIN % -1 = 0 */
-    KARST_OP_BIT_AND,
-    KARST_OP_BIT_OR,
-    KARST_OP_BIT_XOR,
-    KARST_OP_BIT_NOT,
-    KARST_OP_SHIFT_LEFT,
-    KARST_OP_SHIFT_RIGHT, /* count & 31; right: arithmetic for INT */
-    KARST_OP_CONVERT, /* to `type`: float to int saturates, NaN is 0; int to uint and back keeps the bits; bool gives 0
-                         or 1 */
-    KARST_OP_BITS,    /* reinterprets float as int or uint, or back */
-    KARST_OP_CELL, /* int: the whole number below a, which is AFFINE or SHIFTED, or (extra 1) the next towards 0, of 64
-                    * bits; its rest by b, a constant above 0, or its low 32 bits where there is none; only after
-                    * kinds.c */
-    KARST_NUM_OPS
-} karst_op;
 
 /* What a node depends on. Hoisting goes by the axes; a node with neither axes nor normal is uniform. */
 #define KARST_DEPENDS_X 1u
