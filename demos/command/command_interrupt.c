@@ -100,8 +100,14 @@ void command_catch_interrupts(void)
     signal(SIGALRM, give_up);
     signal(SIGINT, interrupt);
     signal(SIGTERM, interrupt);
-    if (signal(SIGHUP, interrupt) == SIG_IGN) /* nohup */
+    if (signal(SIGHUP, interrupt) == SIG_IGN) { /* nohup */
+        /* LLVM, in a driver's compiler, handles it all the same, and takes away what it writes: it must not come. */
+        sigset_t set;
         signal(SIGHUP, SIG_IGN);
+        sigemptyset(&set);
+        sigaddset(&set, SIGHUP);
+        pthread_sigmask(SIG_BLOCK, &set, NULL);
+    }
 }
 
 bool command_interrupted(void)
