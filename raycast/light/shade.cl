@@ -14,12 +14,12 @@
 #define SHADE_SKY , &sky, sky_table
 #define SKY_OF(direction, to_sun) air_sky_with_sun(sky, sky_table, light, direction, to_sun)
 /* What lies between the eye and a surface, or two surfaces, is found once, and used for all that light makes of it. */
-#define FIND_WAY(direction, to_sun, t) const air_way way = air_way_of(sky, sky_table, direction, to_sun, t)
-#define HAZY(ground, direction, to_sun, t) air_through(&way, ground)
-#define CLEAR(direction, t) way.kept.g
+#define FIND_WAY(direction, to_sun, t) const air_way passage = air_way_of(sky, sky_table, direction, to_sun, t)
+#define HAZY(ground, direction, to_sun, t) air_through(&passage, ground)
+#define CLEAR(direction, t) passage.kept.g
 #define FIND_WAY_BETWEEN(from, to, direction, to_sun, t) \
-    const air_way way = air_way_between(sky, sky_table, from, to, direction, to_sun, t)
-#define THROUGH(ground, to_sun) air_through(&way, ground)
+    const air_way passage = air_way_between(sky, sky_table, from, to, direction, to_sun, t)
+#define THROUGH(ground, to_sun) air_through(&passage, ground)
 #else
 #define SHADE_SKY_PARAMETERS
 #define SHADE_SKY_TAKES
@@ -40,12 +40,22 @@
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
 
+#if defined(SHADE_MIRROR) && defined(WORLD_OUTPUT_MIRROR)
+#define OWN_MIRROR
+#define OWN_MIRROR_TAKEN , vfloat *mirror
+#define OWN_MIRROR_OF(mirror) , &mirror
+#else
+#define OWN_MIRROR_TAKEN
+#define OWN_MIRROR_OF(mirror)
+#endif
+
 #ifdef SHADE_WORLD_COLOUR
 /* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
- * are. `glow`: 0, to which what the surface gives off is added. */
+ * are. `glow`: 0, to which what the surface gives off is added; so is to *mirror the share of light that it mirrors, if
+ * it says. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
                                const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
-                               vint hit, colour *glow)
+                               vint hit, colour *glow OWN_MIRROR_TAKEN)
 {
     world_point_at place;
     world_near_at near;
@@ -75,6 +85,9 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
         glow->r = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION]), glow->r);
         glow->g = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION + 1]), glow->g);
         glow->b = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION + 2]), glow->b);
+#endif
+#ifdef OWN_MIRROR
+        *mirror = k_fma(share, lane_unit(values[WORLD_OUTPUT_MIRROR]), *mirror);
 #endif
         own &= ~from_own;
         next &= ~from_next;
@@ -220,14 +233,19 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
         if (v_any(hit)) {
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
             colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+#ifdef OWN_MIRROR
+            vfloat mirror = (vfloat)(0.0f);
+#elif defined(SHADE_MIRROR)
+            const vfloat mirror = (vfloat)(light->mirror);
+#endif
 #ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow);
+            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow OWN_MIRROR_OF(mirror));
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
             FIND_WAY(&direction, to_sun, s.t);
 #ifdef SHADE_MIRROR
-            const vfloat mirror = (vfloat)(light->mirror), rest = 1.0f - mirror;
+            const vfloat rest = 1.0f - mirror;
             albedo.r *= rest, albedo.g *= rest, albedo.b *= rest;
             mirrored = v_select(hit, mirror * CLEAR(&direction, s.t), mirrored);
 #endif
@@ -427,7 +445,10 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
         seen.t = lane_max(k_sqrt(k_fma(to.x, to.x, k_fma(to.y, to.y, to.z * to.z))), (vfloat)(1.0e-6f));
         const vfloat per = 1.0f / seen.t;
         const vector3 way = {to.x * per, to.y * per, to.z * per};
-        const colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow);
+#ifdef OWN_MIRROR
+        vfloat mirror = (vfloat)(0.0f); /* which nothing sees a second time */
+#endif
+        const colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
 #else
         const colour albedo = plain_albedo(light, &s.normal);
 #endif

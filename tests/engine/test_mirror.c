@@ -190,6 +190,54 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
     karst_engine_destroy(engine);
 }
 
+#define GROUND                                                                                                     \
+    "float density(vec3 p) { return max(-p.y, 1.2 - length(p - vec3(0.0, 2.5, 0.0))); }\n"                          \
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.6, 0.15, 0.1); m.mirror = "
+
+/* What surfaces say of themselves is what the world says of all, and each has its own. */
+static void surfaces_mirror_each_for_itself(void **state)
+{
+    (void)state;
+    static const char *const mirrors[] = {"0.5", "p.y > 0.5 ? 0.5 : 0.0"};
+    char path[64], text[1024];
+    write_world(over_plane, path);
+    karst_engine_config config = base_config(path);
+    config.mirror = 0.5;
+    take_from(&config, NULL, &whole);
+    config.mirror = 0;
+    take_from(&config, NULL, &third);
+    unlink(path);
+    for (int own = 0; own < 2; own++) {
+        snprintf(text, sizeof text, HEAD GROUND "%s; return m; }\n", mirrors[own]);
+        write_world(text, path);
+        take_from(&config, NULL, &other);
+        unlink(path);
+        int num_alike = 0, num_plain = 0, num_neither = 0;
+        for (int i = 0; i < NUM; i++) {
+            double off = 0, off_plain = 0;
+            for (int c = 0; c < 3; c++) {
+                off = fmax(off, fabs((double)(other.light[3 * i + c] - whole.light[3 * i + c])));
+                off_plain = fmax(off_plain, fabs((double)(other.light[3 * i + c] - third.light[3 * i + c])));
+            }
+            num_alike += off < 1e-5;
+            num_plain += off_plain < 1e-5;
+            num_neither += off >= 1e-5 && off_plain >= 1e-5;
+        }
+        print_message("mirror %s: %d as all, %d as none, %d neither\n", mirrors[own], num_alike, num_plain,
+                      num_neither);
+        /* Far out on the ground the choice is softened. */
+        assert_true(own ? num_plain > NUM * 9 / 10 && num_plain < NUM - 100 && num_neither < NUM / 30
+                        : num_alike == NUM);
+    }
+    /* Where nobody wants mirrors there are none. */
+    write_world(text, path);
+    config = base_config(path);
+    config.mirror = -1;
+    take_from(&config, NULL, &other);
+    assert_int_equal(other.stats.num_rays[KARST_STREAM_MIRROR], 0);
+    unlink(path);
+}
+
 /* A view that the pools cannot hold settles all the same, whatever was seen before. */
 static void little_memory_settles(void **state)
 {
@@ -292,6 +340,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_plane_mirrors_what_is_over_it),
         cmocka_unit_test(light_is_shared_out),
+        cmocka_unit_test(surfaces_mirror_each_for_itself),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(little_memory_settles),
         cmocka_unit_test(other_sizes_leave_no_trace),

@@ -116,8 +116,8 @@ static void test_lines(void **s)
           "}\n",
           "world.karst: a world\n"
           "  voxel 0.0625 m, seed 0, 7 operations (7 as written), longest loop 0 rounds\n"
-          "  surface gives colour, emission\n"
-          "  of what surface gives, mirror, ior have no effect on pictures yet\n"
+          "  surface gives colour, mirror, emission\n"
+          "  of what surface gives, ior has no effect on pictures yet\n"
           "  bounded: there is a proof for every box\n"
           "  proven: at most 1 steep (Lipschitz constant)\n"
           "  density from -inf to inf\n"

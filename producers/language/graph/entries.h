@@ -16,7 +16,7 @@
 #define KARST_OUTPUTS(X)                       \
     X(DENSITY, "density", 1, 0.0, true)        \
     X(COLOUR, "colour", 3, 0.5, true)          \
-    X(MIRROR, "mirror", 1, 0.0, false)         \
+    X(MIRROR, "mirror", 1, 0.0, true)          \
     X(GLOSS, "gloss", 1, 0.0, false)           \
     X(EMISSION, "emission", 3, 0.0, true)      \
     X(IOR, "ior", 1, 1.33, false)              \
