@@ -73,14 +73,10 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
     return config->samples > 1 && !config->no_shadows && config->budget_ms <= 0;
 }
 
-double karst_engine_mirror_share(double configured, const karst_world_info *world)
-{
-    return configured > 0 ? configured : configured < 0 ? 0 : world->mirror;
-}
-
 unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
 {
-    const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0;
+    const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
+                        (world->has_own_mirror && config->mirror >= 0);
     const bool radiance = mirror || config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
            (mirror ? KARST_SHADE_MIRROR : 0u);
@@ -102,6 +98,8 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
         return karst_fail(error, KARST_USAGE, "there is no tone number %d", (int)config->tone);
     if (!(config->mirror <= 1))
         return karst_fail(error, KARST_USAGE, "land that mirrors %g of its light: it may be 0 to 1", config->mirror);
+    if (config->has_sun && !karst_engine_check_sun(&config->sun, error))
+        return false;
     if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
         return karst_fail(error, KARST_USAGE, "there is no exposure number %d", (int)config->exposure);
     return config->exposure != KARST_EXPOSURE_GIVEN || fabs(config->exposure_stops) <= KARST_ENGINE_MAX_EXPOSURE ||
@@ -159,6 +157,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->samples = config->samples ? config->samples : 1;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
+    engine->has_sun = config->has_sun;
+    engine->sun = config->sun;
     engine->exposure_stops = config->exposure_stops;
     engine->blend = !config->no_blend;
     engine->count_changed_pixels = config->count_changed_pixels;

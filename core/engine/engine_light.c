@@ -6,11 +6,53 @@
 #include "raycast/cast/pinhole.h"
 #include "raycast/light/light.h"
 
+double karst_engine_mirror_share(double configured, const karst_world_info *world)
+{
+    return configured > 0 ? configured : configured < 0 ? 0 : world->mirror;
+}
+
+karst_sun karst_engine_get_sun(const karst_engine *engine)
+{
+    const karst_sun own = {engine->world->sun_azimuth_deg, engine->world->sun_elevation_deg};
+    return engine->has_sun ? engine->sun : own;
+}
+
+bool karst_engine_has_own_sun(const karst_engine *engine) { return engine->has_sun; }
+
+bool karst_engine_check_sun(const karst_sun *sun, karst_error *error)
+{
+    return (fabs(sun->azimuth_deg) <= 36000 && fabs(sun->elevation_deg) <= 90) ||
+           karst_fail(error, KARST_USAGE,
+                      "a sun at azimuth %g, elevation %g: degrees, the azimuth from -36000 to 36000, the elevation "
+                      "from -90 to 90",
+                      sun->azimuth_deg, sun->elevation_deg);
+}
+
+bool karst_engine_set_sun(karst_engine *engine, const karst_sun *sun, karst_error *error)
+{
+    if (sun && !karst_engine_check_sun(sun, error))
+        return false;
+    const karst_sun before = karst_engine_get_sun(engine);
+    engine->has_sun = sun != NULL;
+    if (sun)
+        engine->sun = *sun;
+    const karst_sun after = karst_engine_get_sun(engine);
+    if (before.azimuth_deg != after.azimuth_deg || before.elevation_deg != after.elevation_deg)
+        engine->view_changed = true;
+    return true;
+}
+
+static karst_light sunlight(const karst_engine *engine)
+{
+    const karst_sun sun = karst_engine_get_sun(engine);
+    return karst_light_of_sun(sun.azimuth_deg, sun.elevation_deg);
+}
+
 karst_light karst_engine_light(const karst_engine *engine)
 {
     const karst_world_info *world = engine->world;
     double voxel_m = exp2(world->voxel_log2_m);
-    karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
+    karst_light light = sunlight(engine);
     karst_haze haze = {world->haze_distance_m, world->haze_height_m, world->haze_globe_m};
     /* Haze that is as thick everywhere would hide what a longer view is wished for. */
     if (haze.height_m == 0)
@@ -34,7 +76,7 @@ bool karst_engine_aim_skies(karst_engine *engine, karst_error *error)
 {
     const karst_world_info *world = engine->world;
     karst_sky_view view = {.globe_m = world->haze_globe_m, .voxel_m = exp2(world->voxel_log2_m)};
-    const karst_light light = karst_light_of_sun(world->sun_azimuth_deg, world->sun_elevation_deg);
+    const karst_light light = sunlight(engine);
     if (!engine->shown.skies)
         return true;
     for (int axis = 0; axis < 3; axis++)

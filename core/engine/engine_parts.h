@@ -79,6 +79,8 @@ typedef struct {
 struct karst_engine {
     const karst_log *log;
     karst_engine_world shown;
+    bool has_sun;
+    karst_sun sun;
     const karst_world_info *world; /* shown's, as producer and shader are */
     karst_context *context;
     karst_display *display;
@@ -295,6 +297,7 @@ bool karst_engine_keep_sample(karst_engine *engine, karst_error *error);
  * enqueued; and waiting for that, showing it and filling the statistics of its hits: does nothing if that is done. Also
  * after a failure the picture must be ended. */
 karst_light karst_engine_light(const karst_engine *engine);
+bool karst_engine_check_sun(const karst_sun *sun, karst_error *error);
 /* Before a picture: its sky, if the world has an atmosphere. */
 bool karst_engine_aim_skies(karst_engine *engine, karst_error *error);
 /* Moves the hits to the true density, where that is wished for. */

@@ -149,6 +149,8 @@ typedef struct {
     bool has_mirror;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
+    const char *sun;      /* NULL: where the world says */
+    karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
     double exposure_stops;
@@ -168,6 +170,11 @@ typedef struct {
         "exposure", 0, COMMAND_TEXT, "STOPS",                                                                        \
             "each twice as bright, or auto: by the picture's median (default: the world's, or auto)",                \
             &(look)->exposure, 0, 0, NULL                                                                            \
+    },                                                                                                               \
+    {                                                                                                                \
+        "sun", 0, COMMAND_TEXT, "AZIMUTH,ELEVATION",                                                                 \
+            "where the sun stands, in degrees: a compass bearing, and how high (default: the world's)",              \
+            &(look)->sun, 0, 0, NULL                                                                                 \
     }
 
 /* Errors: KARST_USAGE. */

@@ -1,11 +1,31 @@
 /* Options about how pictures look. */
 #include "command.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+static bool parse_sun(const char *text, karst_sun *sun, karst_error *error)
+{
+    char *end;
+    sun->azimuth_deg = strtod(text, &end);
+    bool good = end != text && *end == ',';
+    if (good) {
+        const char *second = end + 1;
+        sun->elevation_deg = strtod(second, &end);
+        good = end != second && !*end;
+    }
+    return (good && fabs(sun->azimuth_deg) <= 36000 && fabs(sun->elevation_deg) <= 90) ||
+           karst_fail(error, KARST_USAGE,
+                      "--sun %.40s: must be two numbers of degrees, such as 120,35: the azimuth from -36000 to 36000, "
+                      "the elevation from -90 to 90",
+                      text);
+}
+
 bool command_check_look(command_look *look, karst_error *error)
 {
+    if (look->sun && !parse_sun(look->sun, &look->parsed_sun, error))
+        return false;
     look->parsed_tone = KARST_TONE_OF_FILM;
     if (look->tone && !karst_tone_parse(look->tone, &look->parsed_tone, error))
         return false;
@@ -31,6 +51,8 @@ void command_set_look(const command_look *look, karst_engine_config *config)
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN
                                             : KARST_EXPOSURE_OF_WORLD;
     config->exposure_stops = look->exposure_stops;
+    config->has_sun = look->sun != NULL;
+    config->sun = look->parsed_sun;
 }
 
 /* Of 0 that was given: none, whatever the world says. */

@@ -125,6 +125,11 @@ void view_copy_command(viewer *v)
         snprintf(word, sizeof word, " --seed %llu", (unsigned long long)o->seed);
         strncat(line, word, size_bytes - strlen(line) - 1);
     }
+    const karst_sun sun = karst_engine_get_sun(v->engine);
+    if (karst_engine_has_own_sun(v->engine)) {
+        snprintf(word, sizeof word, " --sun %.15g,%.15g", sun.azimuth_deg, sun.elevation_deg);
+        strncat(line, word, size_bytes - strlen(line) - 1);
+    }
     for (int i = 0; i < v->sliders.num_sliders; i++) {
         const view_slider *s = &v->sliders.sliders[i];
         if (s->value == s->original)

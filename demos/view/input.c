@@ -43,6 +43,10 @@ const view_key view_keys[] = {
     {"Seeing", "Tab", "panels: none, status, frame times, cache", {{GLFW_KEY_TAB, ANY, VIEW_DO_PAGE}}},
     {NULL, "V, Shift+V", "the picture; level, bricks, steps, age, produced, provisional, depth, normal",
      {{GLFW_KEY_V, 0, VIEW_DO_NEXT_VIEW}, {GLFW_KEY_V, SHIFT, VIEW_DO_PREVIOUS_VIEW}}},
+    {NULL, "Page Up, Down", "the sun higher, lower; with Shift: round the sky; with Ctrl: as the world says",
+     {{GLFW_KEY_PAGE_UP, 0, VIEW_DO_SUN_HIGHER}, {GLFW_KEY_PAGE_DOWN, 0, VIEW_DO_SUN_LOWER},
+      {GLFW_KEY_PAGE_UP, SHIFT, VIEW_DO_SUN_EAST}, {GLFW_KEY_PAGE_DOWN, SHIFT, VIEW_DO_SUN_WEST},
+      {GLFW_KEY_PAGE_UP, CTRL, VIEW_DO_SUN_RESET}, {GLFW_KEY_PAGE_DOWN, CTRL, VIEW_DO_SUN_RESET}}},
     {NULL, "F9", "fewer pixels while moving, or always all", {{GLFW_KEY_F9, ANY, VIEW_DO_RESOLUTION}}},
     {NULL, "F11", "full screen", {{GLFW_KEY_F11, ANY, VIEW_DO_FULLSCREEN}}},
     {"Leaving with", "F12, Shift+F12", "a picture as PNG; as EXR, with depth and normals",
@@ -148,6 +152,21 @@ static void change_fov(viewer *v, double factor)
     karst_camera camera = v->motion.camera;
     camera.fov_deg = fmin(170, fmax(0.001, camera.fov_deg * factor));
     view_set_camera(v, &camera);
+}
+
+#define SUN_STEP_DEG 1.0
+#define SUN_ROUND_STEP_DEG 3.0
+
+/* Both 0: as the world says. */
+static void move_sun(viewer *v, double round_deg, double up_deg)
+{
+    karst_sun sun = karst_engine_get_sun(v->engine);
+    sun.azimuth_deg = fmod(sun.azimuth_deg + round_deg + 360, 360);
+    sun.elevation_deg = fmin(90, fmax(-90, sun.elevation_deg + up_deg));
+    karst_engine_set_sun(v->engine, round_deg == 0 && up_deg == 0 ? NULL : &sun, NULL);
+    sun = karst_engine_get_sun(v->engine);
+    v->settled = false;
+    view_toast(v, "sun: azimuth %g, elevation %g degrees", sun.azimuth_deg, sun.elevation_deg);
 }
 
 static void go_to_bookmark(viewer *v, int number)
@@ -256,6 +275,17 @@ void view_do(viewer *v, view_action action, int number)
         break;
     case VIEW_DO_NARROWER:
         change_fov(v, 1 / 1.1);
+        break;
+    case VIEW_DO_SUN_HIGHER:
+    case VIEW_DO_SUN_LOWER:
+        move_sun(v, 0, action == VIEW_DO_SUN_HIGHER ? SUN_STEP_DEG : -SUN_STEP_DEG);
+        break;
+    case VIEW_DO_SUN_EAST:
+    case VIEW_DO_SUN_WEST:
+        move_sun(v, action == VIEW_DO_SUN_EAST ? SUN_ROUND_STEP_DEG : -SUN_ROUND_STEP_DEG, 0);
+        break;
+    case VIEW_DO_SUN_RESET:
+        move_sun(v, 0, 0);
         break;
     case VIEW_DO_HOME: {
         karst_camera home = karst_engine_default_camera(v->engine);
@@ -404,7 +434,8 @@ static bool is_arrow(int key)
 static bool repeats(view_action action)
 {
     return action == VIEW_DO_FASTER || action == VIEW_DO_SLOWER || action == VIEW_DO_WIDER ||
-           action == VIEW_DO_NARROWER || (action >= VIEW_DO_SLIDER_UP && action <= VIEW_DO_SLIDER_MORE);
+           action == VIEW_DO_NARROWER || (action >= VIEW_DO_SUN_HIGHER && action <= VIEW_DO_SUN_WEST) ||
+           (action >= VIEW_DO_SLIDER_UP && action <= VIEW_DO_SLIDER_MORE);
 }
 
 void view_key_event(viewer *v, int key, bool pressed, bool repeated, int mods)

@@ -92,6 +92,8 @@ complains 2 "1 to 4096|from 1 to 4096" "no samples" render hills --samples 0
 complains 2 "plain, filmic" "an unknown tone" render hills --tone vivid
 complains 2 "0 to 1" "more than a mirror" render hills --mirror 1.01
 complains 2 "auto, or stops" "an exposure that is none" render hills --exposure nan
+complains 2 "two numbers of degrees" "a sun in one number" render hills --sun 120
+complains 2 "two numbers of degrees" "a sun above the zenith" render hills --sun 120,91
 complains 2 "1 or 16" "an odd number of lanes" render hills --lanes 4
 complains 3 "karst info" "an unknown device" render hills --device no-such-device
 
@@ -184,6 +186,10 @@ run render hills -o second.png --quiet $quick
 result "the same command gives the same bytes; --quiet says nothing"
 awk -f "$flatten" first.json | grep -q "^samples = 8$"
 result "a picture has eight samples"
+run render hills -o evening.png -q --sun 250,4 $quick
+cp evening.png day.png && run render hills -o day.png -q $quick
+[ $status -eq 0 ] && ! cmp -s day.png evening.png
+result "another sun is another picture"
 run render hills -o bright.png -q --exposure 2 $quick
 [ $status -eq 0 ] && ! cmp -s first.png bright.png
 result "another exposure is another picture"

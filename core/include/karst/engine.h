@@ -39,6 +39,11 @@ typedef enum {
 /* "plain", "filmic". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error);
 
+/* Where the sun stands: a compass bearing, and how high, in degrees. */
+typedef struct {
+    double azimuth_deg, elevation_deg;
+} karst_sun;
+
 /* Which part of a picture is drawn: pixels of a whole picture of whole_width_px x whole_height_px (each 1 to 16384),
  * from its pixel (x0_px, y0_px), counted from its upper left corner. The camera is the whole's. A settled window has
  * the bits of that part of the settled whole (colours, radiance, every karst_aov) where both have all the detail that
@@ -96,6 +101,8 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
+    bool has_sun;
+    karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
                         * world is shown with; NULL: none */
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
@@ -123,6 +130,13 @@ karst_camera karst_engine_default_camera(const karst_engine *engine);
 karst_camera karst_engine_camera(const karst_engine *engine);
 /* Takes effect with the next frame. Errors: KARST_USAGE (not finite, or beyond 2^61 voxels). */
 bool karst_engine_set_camera(karst_engine *engine, const karst_camera *camera, karst_error *error);
+/* Where the sun stands: as it was put last, or as the world says. */
+karst_sun karst_engine_get_sun(const karst_engine *engine);
+/* Whether it was put there, by karst_engine_set_sun or the configuration. */
+bool karst_engine_has_own_sun(const karst_engine *engine);
+/* Takes effect with the next frame, and stays when another world is shown; NULL: as the world says. Errors: KARST_USAGE
+ * (azimuth not within 36000 degrees of 0, or elevation not within 90). */
+bool karst_engine_set_sun(karst_engine *engine, const karst_sun *sun, karst_error *error);
 /* Takes effect with the next frame. Errors: KARST_USAGE (a side out of range, or the engine draws a window),
  * KARST_FAILED (no memory for it). */
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
