@@ -161,6 +161,36 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
     assert_memory_not_equal(whole.light, other.light, sizeof whole.light);
 }
 
+/* Views in which beams once took what was left in their queues for rays that start on a surface. */
+static void beams_leave_no_trace(void **state)
+{
+    (void)state;
+    static const double shares[] = {13 / 23.0, 17 / 23.0, 20 / 23.0, 1};
+    karst_engine_config config = base_config("hills");
+    config.samples = 2;
+    config.detail_px = 2;
+    config.view_distance_m = 2000;
+    config.no_blend = true;
+    karst_engine *engine = create(&config);
+    config.no_beam = true;
+    karst_engine *alone = create(&config);
+    for (int i = 0; i < 4; i++) {
+        char text[64];
+        karst_camera camera = {.fov_deg = 60};
+        snprintf(text, sizeof text, "%.3f,320,0,%.3f,-10", 30 * shares[i], 20 * shares[i]);
+        assert_ok(karst_camera_parse(text, karst_engine_voxel_log2_m(engine), &camera, &error));
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        assert_ok(karst_engine_set_camera(alone, &camera, &error));
+        settle(engine, 2);
+        read_picture(engine, &whole);
+        settle(alone, 2);
+        read_picture(alone, &other);
+        assert_memory_equal(whole.light, other.light, sizeof whole.light);
+    }
+    karst_engine_destroy(engine);
+    karst_engine_destroy(alone);
+}
+
 #define PLATE_M 8.0
 static const char plate[] = "/*{ \"voxel\": 0.001953125, \"view\": 20, \"sun\": { \"elevation\": 90 },\n"
                             "\"camera\": { \"position\": [\"0\", \"1\", \"0\"], \"pitch\": -90, \"fov\": 10 } }*/\n"
@@ -232,6 +262,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(one_sample_gives_the_bytes_of_the_short_way),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
+        cmocka_unit_test(beams_leave_no_trace),
         cmocka_unit_test(shadows_are_as_soft_as_the_sun_is_wide),
         cmocka_unit_test(what_is_out_of_range_is_said),
     };
