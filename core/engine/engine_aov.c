@@ -71,6 +71,7 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
     const bool coloured = engine->shown.file->code.colour_source != NULL;
     karst_engine_picture_view(engine, &view, &pinhole);
     karst_shader_set_anchor(engine->shader, &engine->drawn.position);
+    karst_shader_set_skies(engine->shader, NULL); /* no air before the albedo either */
     float *planes = malloc(3 * num * sizeof *planes), *normals = malloc(3 * num * sizeof *normals);
     karst_hit *hits = malloc(num * sizeof *hits);
     bool done = (planes && normals && hits) || karst_fail(error, KARST_FAILED, "out of memory for albedos");
@@ -82,6 +83,7 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
            karst_buffer_read(karst_radiance_parts(engine->radiance), 0, planes, 3 * num * sizeof *planes, error) &&
            karst_buffer_read(engine->hits, 0, hits, num * sizeof *hits, error) &&
            karst_engine_read_normals(engine, normals, 3 * num, error);
+    karst_shader_set_skies(engine->shader, engine->shown.skies);
     for (uint32_t y = 0; done && y < height; y++)
         for (uint32_t x = 0; x < width; x++) {
             const uint32_t place = karst_packet_order(x, y, width, height);

@@ -245,6 +245,9 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #endif
             FIND_WAY(&direction, to_sun, s.t);
 #ifdef SHADE_MIRROR
+#ifdef OWN_MIRROR
+            mirror *= 1.0f - light->sun_direction[3];
+#endif
             const vfloat rest = 1.0f - mirror;
             albedo.r *= rest, albedo.g *= rest, albedo.b *= rest;
             mirrored = v_select(hit, mirror * CLEAR(&direction, s.t), mirrored);

@@ -15,23 +15,26 @@
 
 enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT };
 
-#define HEAD \
+#define HEAD_UNDER(sky) \
     "/*{ \"voxel\": 0.0625, \"view\": 60,\n" \
-    "\"sky\": { \"zenith\": [0.1, 0.2, 0.5], \"horizon\": [0.5, 0.6, 0.7], \"haze\": 1e6 },\n" \
+    "\"sky\": { " sky " },\n" \
     "\"camera\": { \"position\": [\"3\", \"4\", \"-5\"],\n" \
     "\"yaw\": 10, \"pitch\": -20 } }*/\n" \
     "float density(vec3 p) { return max(-p.y, 2.0 - length(p - vec3(5.0, 1.0, 5.0))); }\n" \
     "vec3 colour(vec3 p, vec3 n) { return vec3(0.6, 0.15, n.y > 0.99 ? 0.1 : 0.4); }\n"
 
-/* The second: the same, but the ball gives off so much blue light. */
+#define HEAD HEAD_UNDER("\"zenith\": [0.1, 0.2, 0.5], \"horizon\": [0.5, 0.6, 0.7], \"haze\": 1e6")
+/* The second: the same, but the ball gives off so much blue light, and all is a half mirror. The third: the first under
+ * an atmosphere. */
 #define GLOW 2.0
-static const char *const texts[2] = {HEAD, HEAD "material surface(vec3 p, vec3 n) {\n"
+static const char *const texts[3] = {HEAD, HEAD "material surface(vec3 p, vec3 n) {\n"
                                                 "    material m;\n"
                                                 "    m.colour = colour(p, n);\n"
                                                 "    m.emission.z = p.y > 0.2 ? 2.0 : -1.0;\n"
                                                 "    m.mirror = 0.5;\n"
                                                 "    return m;\n"
-                                                "}\n"};
+                                                "}\n",
+                                      HEAD_UNDER("\"model\": \"atmosphere\"")};
 
 static float *read_aov(karst_engine *engine, karst_aov aov)
 {
@@ -85,7 +88,7 @@ static void check(karst_engine *engine, unsigned samples)
 }
 
 /* Settles a picture of a text and checks it; its radiance, which is the caller's. */
-static float *check_text(const char *text, unsigned samples)
+static float *check_text(const char *text, unsigned samples, double mirror)
 {
     char path[] = "/tmp/karst-aov-XXXXXX.karst";
     int fd = mkstemps(path, 6);
@@ -99,6 +102,7 @@ static float *check_text(const char *text, unsigned samples)
                                         .height_px = HEIGHT,
                                         .pool_bytes = (uint64_t)64 << 20,
                                         .samples = samples,
+                                        .mirror = mirror,
                                         .tone = KARST_TONE_OF_FILM};
     karst_engine *engine = karst_engine_create(&config, &error);
     if (!engine || !karst_engine_settle(engine, 400, NULL, NULL, &settled, &error))
@@ -116,7 +120,7 @@ static void values_follow_from_geometry(void **state)
 {
     (void)state;
     for (unsigned samples = 1; samples <= 4; samples += 3)
-        free(check_text(texts[0], samples));
+        free(check_text(texts[0], samples, 0));
 }
 
 /* What a surface gives off is added to its light, also in the shade, and is no part of its albedo. Light that is less
@@ -124,7 +128,7 @@ static void values_follow_from_geometry(void **state)
 static void surfaces_glow(void **state)
 {
     (void)state;
-    float *dark = check_text(texts[0], 1), *bright = check_text(texts[1], 1);
+    float *dark = check_text(texts[0], 1, -1), *bright = check_text(texts[1], 1, -1);
     int num_bright = 0, num_between = 0; /* comparisons of places have edges as wide as a voxel */
     for (int i = 0; i < 3 * NUM; i++) {
         const double more = (double)bright[i] - (double)dark[i];
@@ -136,6 +140,15 @@ static void surfaces_glow(void **state)
     assert_true(num_bright > 100 && num_bright < NUM / 4 && num_between < num_bright / 4);
     free(dark);
     free(bright);
+}
+
+/* Nor is what they mirror, or the air before them. */
+static void albedos_are_the_surfaces_own(void **state)
+{
+    (void)state;
+    free(check_text(texts[1], 1, 0));
+    free(check_text(texts[2], 1, 0));
+    free(check_text(texts[2], 1, 0.5));
 }
 
 static void names_are_known(void **state)
@@ -152,6 +165,7 @@ static void names_are_known(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(values_follow_from_geometry), cmocka_unit_test(surfaces_glow),
+                                       cmocka_unit_test(albedos_are_the_surfaces_own),
                                        cmocka_unit_test(names_are_known)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
