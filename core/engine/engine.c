@@ -217,7 +217,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
                      !pace_changed && karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
     if (!karst_engine_end_sample(engine, engine->complete, rung_moved || pace_changed, error))
         return false;
-    stats->settled = engine->complete && engine->num_summed == engine->samples;
+    stats->settled = engine->complete && engine->num_summed == engine->samples &&
+                     (engine->samples == 1 || engine->sample == 0);
     stats->num_samples = engine->num_summed;
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
     karst_density_producer_thin(engine->producer, &stats->num_thin_raised, &stats->num_thin_given_up);

@@ -19,12 +19,12 @@ bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error)
     return karst_fail(error, KARST_USAGE, "no tone is called '%.40s'; there are: plain, filmic", name);
 }
 
-/* Once there are enough, the last one is drawn again. */
+/* Once there are enough, the pixels' centres are looked at: depth and normals are theirs. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves)
 {
     if (engine->samples == 1 || (moves && engine->budget_ns > 0))
         return 0;
-    return engine->num_summed < engine->samples ? engine->num_summed + 1 : engine->samples;
+    return engine->num_summed < engine->samples ? engine->num_summed + 1 : 0;
 }
 
 /* As configured, or as the world says; 0: by what the picture shows. */
