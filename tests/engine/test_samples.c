@@ -191,6 +191,38 @@ static void beams_leave_no_trace(void **state)
     karst_engine_destroy(alone);
 }
 
+/* Depth is that of the pixels' centres, which no sample looks at: what a picture of one sample has. */
+static void depth_is_settled_too(void **state)
+{
+    (void)state;
+    enum { WIDE = 240, HIGH = 135, NUM_VIEWS = 6 };
+    static float depth_m[2][NUM_VIEWS][WIDE * HIGH];
+    karst_engine_config config = base_config("hills");
+    config.width_px = WIDE;
+    config.height_px = HIGH;
+    config.pool_bytes = (uint64_t)512 << 20;
+    for (int many = 0; many < 2; many++) {
+        config.samples = many ? 8 : 1;
+        karst_engine *engine = create(&config);
+        for (int i = 0; i < NUM_VIEWS; i++) {
+            char text[64];
+            karst_camera camera = {.fov_deg = 60};
+            snprintf(text, sizeof text, "%d,320,0,%d,-10", 6 * i, 4 * i);
+            assert_ok(karst_camera_parse(text, karst_engine_voxel_log2_m(engine), &camera, &error));
+            assert_ok(karst_engine_set_camera(engine, &camera, &error));
+            settle(engine, config.samples);
+            assert_ok(karst_engine_read_depth(engine, depth_m[many][i], WIDE * HIGH, &error));
+        }
+        karst_engine_destroy(engine);
+    }
+    int num_off = 0;
+    for (int i = 0; i < NUM_VIEWS; i++)
+        for (int pixel = 0; pixel < WIDE * HIGH; pixel++)
+            num_off += depth_m[0][i][pixel] != depth_m[1][i][pixel];
+    print_message("%d depths of %d are others\n", num_off, NUM_VIEWS * WIDE * HIGH);
+    assert_int_equal(num_off, 0);
+}
+
 #define PLATE_M 8.0
 static const char plate[] = "/*{ \"voxel\": 0.001953125, \"view\": 20, \"sun\": { \"elevation\": 90 },\n"
                             "\"camera\": { \"position\": [\"0\", \"1\", \"0\"], \"pitch\": -90, \"fov\": 10 } }*/\n"
@@ -263,6 +295,7 @@ int main(void)
         cmocka_unit_test(one_sample_gives_the_bytes_of_the_short_way),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(beams_leave_no_trace),
+        cmocka_unit_test(depth_is_settled_too),
         cmocka_unit_test(shadows_are_as_soft_as_the_sun_is_wide),
         cmocka_unit_test(what_is_out_of_range_is_said),
     };
