@@ -205,7 +205,8 @@ static bool write_heights(heights_options *o, const karst_world *world, karst_er
     found_heights found = {.from_m = strtod(o->from, NULL)};
     if (!parse_box(o, voxel_log2_m, &map, error) || (o->range && !parse_range(o, found.range_m, error)))
         return false;
-    karst_edit *edits = o->edits ? karst_edits_load(o->edits, voxel_log2_m, &config.num_edits, error) : NULL;
+    karst_edit *edits =
+        o->edits ? command_load_edits(o->edits, voxel_log2_m, &config.num_edits, NULL, error) : NULL;
     if (o->edits && !edits)
         return false;
     config.edits = edits;
@@ -230,6 +231,7 @@ static bool check_name(const char *path, karst_error *error)
 static bool run(heights_options *o, const karst_log *log, karst_error *error)
 {
     char path[PATH_MAX];
+    const command_scene scene = {path, sizeof path, NULL, &o->edits, &o->parameters, &o->has_seed, &o->seed};
     if (!o->box)
         return karst_fail(error, KARST_USAGE,
                           "which box? For example: karst heights %s --box 0,0,1000,1000 --size 256x256 -o out.tif",
@@ -239,7 +241,7 @@ static bool run(heights_options *o, const karst_log *log, karst_error *error)
     if (!o->output)
         return karst_fail(error, KARST_USAGE, "which file? For example: -o out.tif, or .png, or .exr");
     if (!check_name(o->output, error) || !command_check_output(o->output, "-o", true, error) ||
-        !command_find_world(o->world, path, sizeof path, error))
+        !command_find_scene(o->world, &scene, o->talk, error))
         return false;
     const karst_world_config config = {.world = path,
                                        .parameters = o->parameters.values,

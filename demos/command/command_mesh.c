@@ -126,7 +126,7 @@ static bool write_mesh(mesh_options *o, const karst_world *world, karst_error *e
     if (!parse_box(o, about->voxel_log2_m, &config, error))
         return false;
     karst_edit *edits =
-        o->edits ? karst_edits_load(o->edits, about->voxel_log2_m, &config.num_edits, error) : NULL;
+        o->edits ? command_load_edits(o->edits, about->voxel_log2_m, &config.num_edits, NULL, error) : NULL;
     if (o->edits && !edits)
         return false;
     config.edits = edits;
@@ -143,6 +143,7 @@ static bool write_mesh(mesh_options *o, const karst_world *world, karst_error *e
 static bool run(mesh_options *o, const karst_log *log, karst_error *error)
 {
     char path[PATH_MAX];
+    const command_scene scene = {path, sizeof path, NULL, &o->edits, &o->parameters, &o->has_seed, &o->seed};
     karst_mesh_format format;
     if (!o->box)
         return karst_fail(error, KARST_USAGE, "which box? For example: karst mesh %s --box 0,-100,0,500,200,500 "
@@ -153,7 +154,7 @@ static bool run(mesh_options *o, const karst_log *log, karst_error *error)
     if (!o->output)
         return karst_fail(error, KARST_USAGE, "which file? For example: -o out.glb, or .ply, or .obj");
     if (!karst_mesh_format_of(o->output, &format, error) || !command_check_output(o->output, "-o", true, error) ||
-        !command_find_world(o->world, path, sizeof path, error))
+        !command_find_scene(o->world, &scene, o->talk, error))
         return false;
     const karst_world_config config = {.world = path,
                                        .parameters = o->parameters.values,

@@ -63,6 +63,15 @@ detail=$(cat stderr) result "render: byte for byte that of the same world, seed,
 # shellcheck disable=SC2086
 "$karst" render flat.karst $options -o plain.png 2> stderr && ! cmp -s saved.png plain.png
 detail=$(cat stderr) result "render: which is another picture than the world's alone"
+box="--box -4,-4,-4,12,8,16 --voxel 0.5 -q"
+# shellcheck disable=SC2086
+{
+    "$karst" mesh world.karstdb $box -o saved.ply 2> stderr &&
+        "$karst" mesh flat.karst --param height=0.5 --seed 7 --edits edits.json $box -o given.ply 2>> stderr &&
+        "$karst" mesh flat.karst --param height=0.5 $box -o plain.ply 2>> stderr && cmp saved.ply given.ply >> stderr &&
+        ! cmp -s saved.ply plain.ply
+}
+detail=$(cat stderr) result "mesh: byte for byte that of the same world, parameters and edits"
 density() { "$karst" sample "$@" 2> stderr | sed -n 's/^density *\([^ ]*\).*/\1/p'; }
 [ "$(density world.karstdb --at 40,-1,40)" = 1.5 ] && [ "$(density world.karstdb --param height=2 --at 40,-1,40)" = 3 ] &&
     [ "$(density world.karstdb --at 0,2,8)" = 0.5 ] && [ "$(density world.karstdb --at 1000000000000010,-1,0)" = -4 ]
