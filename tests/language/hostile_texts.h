@@ -226,7 +226,7 @@ static const hostile_text hostile_texts[] = {
      "this name has more than 256 characters"},
     {"cases and nothing else", "float density(vec3 p){switch(int(p.x)){", "default:", 20000, "}return 0.;}", "", 0, "",
      "two 'default'"},
-    {"a switch without an end", PLAIN("float density(vec3 p){switch(int(p.x)){case 0:"), "never ends"},
+    {"a switch without an end", PLAIN("float density(vec3 p){switch(int(p.x)){case 0:}"), "is never closed"},
     {"a switch in a switch", "float density(vec3 p){", "switch(int(p.x)){case 0:", 5000, "", "}", 5000, "return 0.;}",
      "nested"},
     {"a string of an argument", PLAIN("#define S(a) #a\n" BODY("return S(p);")), "macros cannot quote words"},
