@@ -38,9 +38,10 @@ static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, 
 }
 
 static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                     uint32_t stride_floats, karst_error *error)
+                     uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
 {
     points_layer *points = (points_layer *)self;
+    (void)colours;
     return KARST_ARGUMENTS(points->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
                            KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(stride_floats), KARST_BUFFER_ARG(points->data)) &&
            karst_launch(points->context, points->bricks, KARST_STAGE_EVALUATE, (size_t)count * points->group_size,

@@ -283,6 +283,7 @@ static void lies_are_told_at_their_place(void **state)
     memset(t->bytes, '7', t->num);
     expect(t, KARST_POINTS_XYZ, "1: a line of more than");
     memset(t->bytes, 0, 100);
+    t->bytes[100] = '\n';
     expect(t, KARST_POINTS_OBJ, "1: a byte of zero");
     static const struct {
         size_t at;

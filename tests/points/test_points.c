@@ -208,14 +208,14 @@ static int count_wrong_proofs(int num_lists, int *num_proofs)
 static void proofs_hold(void **state)
 {
     (void)state;
-    int num_proofs, num_lists = getenv("KARST_TEST_FULL") ? 20000 : getenv("KARST_TEST_QUICK") ? 50 : 200;
+    int num_proofs, num_lists = getenv("KARST_TEST_FULL") ? 20000 : getenv("KARST_TEST_QUICK") ? 50 : 120;
     random_state = 1;
     mutant = NONE;
     assert_int_equal(count_wrong_proofs(num_lists, &num_proofs), 0);
     print_message("# %d of %d nodes are proved to be air beside models\n", num_proofs, 150 * num_lists);
     assert_true(num_proofs > 10 * num_lists);
     /* Each rule does something: without it there are wrong proofs. */
-    for (mutant = NONE + 1; mutant < NUM_MUTANTS; mutant++) {
+    for (mutant = NONE + 1; mutant < NUM_MUTANTS && !getenv("KARST_TEST_QUICK"); mutant++) {
         random_state = 1;
         int num_wrong = count_wrong_proofs(160, &num_proofs);
         print_message("# rule %d left out: %d wrong proofs\n", mutant, num_wrong);
@@ -385,7 +385,7 @@ static void compare_bits(int lanes, karst_shape shape)
         world[i] = (float)((random_unit() - 0.5) * 20);
     karst_buffer *of_loads = buffer(context, sizeof loads, loads),
                  *staging = buffer(context, sizeof(float) * NUM_BRICKS * stride, world);
-    assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, &error));
+    assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, NULL, &error));
     assert_ok(layer->ops->bound_loads(layer, of_loads, NUM_BRICKS, &error));
     assert_ok(karst_buffer_read(staging, 0, made, sizeof(float) * NUM_BRICKS * stride, &error));
     karst_load after[NUM_BRICKS];
