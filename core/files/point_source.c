@@ -77,5 +77,6 @@ void karst_point_source_close(karst_point_source *source)
     if (!source)
         return;
     fclose(source->file);
+    free(source->normals);
     free(source);
 }

@@ -38,6 +38,8 @@ struct karst_point_source {
     char text[KARST_POINTS_MAX_LINE_BYTES];
     bool has_normals, has_colours;
     uint64_t num_withheld;
+    float (*normals)[3]; /* of an OBJ's vertices, from its faces; NULL: there are none */
+    uint64_t num_normals, next_vertex;
     union {
         struct {
             uint8_t encoding; /* 0: ASCII, 1: little-endian, 2: big-endian */

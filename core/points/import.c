@@ -293,10 +293,14 @@ static bool look_around(points_import *import, karst_point *points, uint32_t *nu
         }
         *num = kept;
     }
+    if (done && has_normals)
+        karst_points_turn_like_given(points, *num, links);
     if (done && !has_normals && config->turn == KARST_POINTS_TURN_UP)
         karst_points_turn_up(points, *num);
     else if (done && !has_normals)
         done = karst_points_turn_together(import, points, *num, links, error);
+    for (uint32_t i = 0; done && i < *num; i++)
+        points[i].is_found = 0;
     karst_points_unmap(links, links_bytes);
     return done;
 }

@@ -47,6 +47,8 @@ bool karst_points_look_around(points_import *import, karst_point *points, uint32
 /* turn.c: turns normals outwards; fills in num_parts and share_unsure. */
 bool karst_points_turn_together(points_import *import, karst_point *points, uint32_t num, const uint32_t *links,
                                 karst_error *error);
+/* The few that had none: as those of their neighbours that had one. */
+void karst_points_turn_like_given(karst_point *points, uint32_t num, const uint32_t *links);
 void karst_points_turn_up(karst_point *points, uint32_t num);
 /* levels.c: appends the coarser levels to the output. */
 bool karst_points_add_levels(points_import *import, karst_error *error);

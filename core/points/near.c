@@ -247,8 +247,10 @@ static void note(surroundings *s, uint32_t i, const candidates *c, const nearest
     uint32_t *links = s->links + (size_t)i * POINTS_LINKS;
     uint32_t last = n->num - 1 < POINTS_RADIUS_OF ? n->num - 1 : POINTS_RADIUS_OF;
     made->radius = sqrtf(n->square[last]);
-    if (!has_normal(made))
+    if (!has_normal(made)) {
         fit_plane(c, n, made->normal);
+        made->is_found = 1;
+    }
     for (uint32_t k = 0; k < POINTS_LINKS; k++)
         links[k] = k + 1 < n->num ? c->index[n->candidate[k + 1]] : UINT32_MAX;
 }

@@ -19,8 +19,8 @@ typedef struct {
     float radius;      /* units: to the ninth neighbour */
     int16_t normal[3]; /* times 32767, outwards; all 0: not known */
     uint8_t rgb[3];
-    uint8_t pad;
-    uint16_t pad2;
+    uint8_t is_found; /* while importing: the normal is from neighbours, and not turned yet; else 0 */
+    uint16_t pad;
 } karst_point;
 _Static_assert(sizeof(karst_point) == 28, "as on disk");
 

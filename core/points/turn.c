@@ -170,6 +170,31 @@ bool karst_points_turn_together(points_import *import, karst_point *points, uint
     return done;
 }
 
+void karst_points_turn_like_given(karst_point *points, uint32_t num, const uint32_t *links)
+{
+    /* Those farther from any that had one follow in later rounds, and what is never reached stays as it is. */
+    for (bool any = true; any;) {
+        any = false;
+        for (uint32_t i = 0; i < num; i++) {
+            double sum = 0;
+            bool knows = false;
+            for (int k = 0; k < POINTS_LINKS && points[i].is_found; k++) {
+                uint32_t other = links[(size_t)i * POINTS_LINKS + (size_t)k];
+                if (other == UINT32_MAX || points[other].is_found)
+                    continue;
+                knows = true;
+                sum += dot(&points[i], &points[other]);
+            }
+            if (!knows)
+                continue;
+            if (sum < 0)
+                turn_over(&points[i]);
+            points[i].is_found = 0;
+            any = true;
+        }
+    }
+}
+
 void karst_points_turn_up(karst_point *points, uint32_t num)
 {
     for (uint32_t i = 0; i < num; i++)

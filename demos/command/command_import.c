@@ -108,7 +108,7 @@ bool command_print_points(const char *name, bool json, karst_error *error)
         printf("\nfrom          %.9g %.9g %.9g\nto            %.9g %.9g %.9g\ncentre        %.9g %.9g %.9g\n",
                about.min[0], about.min[1], about.min[2], about.max[0], about.max[1], about.max[2], about.centre[0],
                about.centre[1], about.centre[2]);
-        printf("normals       %s\n", about.has_given_normals ? "as they were given" : "from neighbours");
+        printf("normals       %s\n", about.has_given_normals ? "as the file has them" : "from neighbours");
         if (about.num_parts)
             printf("parts         %llu; %.2g %% of neighbours face apart\n", (unsigned long long)about.num_parts,
                    100 * about.share_unsure);

@@ -115,7 +115,7 @@ static void write_obj(text *t)
     for (int i = 0; i < NUM_POINTS; i++)
         say(t, "v  %.17g %.17g\t%.17g %.9f %.9f %.9f\nvt 0 0\n", given[i].at[0], given[i].at[1], given[i].at[2],
             given[i].rgb[0] / 255.0, given[i].rgb[1] / 255.0, given[i].rgb[2] / 255.0);
-    say(t, "f 1 2 3\r\n");
+    say(t, "vn 0 0 1\r\n");
 }
 
 static void write_xyz(text *t)
@@ -341,6 +341,26 @@ static bool import_xyz(const char *output, karst_points_about *about, uint32_t n
     return karst_points_import(&config, about, error);
 }
 
+/* Of a ball's points. */
+static void normals_face_outwards(const char *path)
+{
+    karst_points_head head;
+    int fd = karst_points_open(path, &head, NULL);
+    karst_point *points = karst_points_load_level(fd, path, &head, 0, NULL);
+    assert_non_null(points);
+    for (uint64_t i = 0; i < head.levels[0].num; i++) {
+        double out = 0, length = 0;
+        for (int a = 0; a < 3; a++) {
+            double at = points[i].at[a] * head.unit + head.centre[a];
+            out += at * points[i].normal[a] / 32767;
+            length += at * at;
+        }
+        assert_true(out > 0.9 && fabs(length - 1) < 1e-6 && !points[i].is_found);
+    }
+    close(fd);
+    free(points);
+}
+
 static void what_is_left_out_is_counted(void **state)
 {
     (void)state;
@@ -367,21 +387,27 @@ static void what_is_left_out_is_counted(void **state)
     assert_true(fabs(about.spacing / spacing_of(&known_surfaces[0], 5000) - 1) < 0.1);
     assert_ok(karst_points_describe(in_folder("out.karstpoints"), &read, &error));
     assert_memory_equal(&about, &read, sizeof about);
-    /* Normals face outwards. */
-    karst_points_head head;
-    int fd = karst_points_open(in_folder("out.karstpoints"), &head, NULL);
-    karst_point *points = karst_points_load_level(fd, "", &head, 0, NULL);
-    for (uint64_t i = 0; i < head.levels[0].num; i++) {
-        double out = 0, length = 0;
-        for (int a = 0; a < 3; a++) {
-            double at = points[i].at[a] * head.unit + head.centre[a];
-            out += at * points[i].normal[a] / 32767;
-            length += at * at;
-        }
-        assert_true(out > 0.9 && fabs(length - 1) < 1e-6);
+    normals_face_outwards(in_folder("out.karstpoints"));
+}
+
+/* Of every tenth point the file has no normal: it is found, and turned as those around. */
+static void missing_normals_are_found(void **state)
+{
+    (void)state;
+    FILE *file = fopen(in_folder("in.xyz"), "w");
+    random_state = 3;
+    for (int i = 0; i < 5000; i++) {
+        double p[3], n[3];
+        random_on_surface(&known_surfaces[0], p, n);
+        for (int a = 0; a < 3; a++)
+            n[a] *= i % 10 != 5;
+        fprintf(file, "%.17g %.17g %.17g %.9g %.9g %.9g\n", p[0], p[1], p[2], n[0], n[1], n[2]);
     }
-    close(fd);
-    free(points);
+    fclose(file);
+    karst_points_about about;
+    assert_ok(import_xyz(in_folder("out.karstpoints"), &about, 1, &error));
+    assert_true(about.has_given_normals);
+    normals_face_outwards(in_folder("out.karstpoints"));
 }
 
 static char *bytes_of(const char *path, size_t *num)
@@ -441,6 +467,30 @@ static void an_end_leaves_nothing(void **state)
     free(before);
 }
 
+/* A cube whose faces go round outwards: what is found of its corners' normals are the means of three faces. */
+static void faces_tell_normals(void **state)
+{
+    (void)state;
+    text *t = calloc(1, sizeof *t);
+    karst_file_point points[8];
+    size_t num;
+    for (int i = 0; i < 8; i++)
+        say(t, "v %d %d %d\n", i & 1, i >> 1 & 1, i >> 2 & 1);
+    say(t,
+        "f 1 3 4 2\nf 5/1/1 6//2 8 7\nf -8 -7 -3 -4\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\nf 1 2 99\nf 1 2\nf\nf a b c\n");
+    FILE *file = fmemopen(t->bytes, t->num, "rb");
+    karst_point_source *source = karst_point_source_open(file, "bytes", KARST_POINTS_OBJ, NULL);
+    assert_non_null(source);
+    assert_true(karst_point_source_has_normals(source));
+    assert_true(karst_point_source_read(source, points, 8, &num, NULL));
+    assert_int_equal(num, 8);
+    for (int i = 0; i < 8; i++)
+        for (int a = 0; a < 3; a++) /* all outwards */
+            assert_true(points[i].normal[a] * (2 * points[i].at[a] - 1) > 0);
+    karst_point_source_close(source);
+    free(t);
+}
+
 static void too_few_points_are_refused(void **state)
 {
     (void)state;
@@ -478,8 +528,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_format_gives_the_points), cmocka_unit_test(lies_are_told_at_their_place),
         cmocka_unit_test(no_bytes_are_too_strange),     cmocka_unit_test(what_is_left_out_is_counted),
-        cmocka_unit_test(threads_leave_no_trace),       cmocka_unit_test(an_end_leaves_nothing),
-        cmocka_unit_test(too_few_points_are_refused),
+        cmocka_unit_test(missing_normals_are_found),    cmocka_unit_test(threads_leave_no_trace),
+        cmocka_unit_test(an_end_leaves_nothing),        cmocka_unit_test(too_few_points_are_refused),
+        cmocka_unit_test(faces_tell_normals),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
