@@ -205,7 +205,8 @@ void karst_prepared_world_destroy(karst_prepared_world *world)
 
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error)
 {
-    bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error);
+    bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error) &&
+                karst_engine_colour_models(engine, error);
     karst_prepared_world_destroy(world);
     return done;
 }

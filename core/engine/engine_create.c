@@ -258,7 +258,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
-    if (!karst_engine_world_set_layers(engine, &engine->shown, error)) {
+    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_models(engine, error)) {
         karst_engine_destroy(engine);
         return NULL;
     }

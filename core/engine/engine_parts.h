@@ -220,7 +220,11 @@ bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error
 /* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
  * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
 bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
-/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
+/* From now on layers have colours: room for them, and a shader that shows them. */
+bool karst_engine_make_colours(karst_engine *engine, karst_error *error);
+/* engine_models.c. The same if the shown world's models have colours. */
+bool karst_engine_colour_models(karst_engine *engine, karst_error *error);
+/* Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
  * KARST_USAGE, KARST_FAILED. */
 bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
 bool karst_engine_world_has_models(const karst_engine_world *world);

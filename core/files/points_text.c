@@ -76,7 +76,8 @@ static void add_face(face_sums *sums, const char *text)
         long long number = strtoll(text, &end, 10);
         if (end == text)
             return;
-        uint64_t index = number < 0 ? sums->num - (uint64_t)-number : (uint64_t)number - 1;
+        /* wraps where there is no such vertex, to a number far beyond the last */
+        uint64_t index = number < 0 ? sums->num + (uint64_t)number : (uint64_t)number - 1;
         if (index >= sums->num)
             return;
         corner[num < 2 ? num : 2] = index;

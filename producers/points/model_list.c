@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "core/points/points_file.h"
+#define POINTS_COLOURED
 #include "producers/points/points.clh"
 
 #define WORDS(bytes) (((bytes) + 7) / 8)
@@ -49,6 +50,17 @@ static size_t bytes_of_level(uint64_t num)
 
 static int reach_of(float radius) { return (int)fmin(fmax(ceil(2 * (double)radius), 1), 2.0 * KARST_POINTS_MAX_AT); }
 
+/* From bytes of sRGB (IEC 61966-2-1) to roots of linear parts. */
+static uint32_t colour_of(const uint8_t rgb[3])
+{
+    uint32_t colour = 0;
+    for (int part = 0; part < 3; part++) {
+        double c = rgb[part] / 255.0, linear = c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
+        colour |= (uint32_t)rint(sqrt(linear) * 1023) << (10 * part);
+    }
+    return colour;
+}
+
 static bool take_points(loaded_level *to, const karst_point *from, uint32_t num, karst_error *error)
 {
     to->level.num_points = num;
@@ -60,7 +72,7 @@ static bool take_points(loaded_level *to, const karst_point *from, uint32_t num,
     for (uint32_t i = 0; i < num; i++) {
         karst_model_point *p = &to->points[i];
         p->reach = to->cover[i] = reach_of(from[i].radius);
-        p->inverse_reach = 1.0f / (float)p->reach;
+        p->colour = colour_of(from[i].rgb);
         for (int a = 0; a < 3; a++) {
             p->at[a] = from[i].at[a];
             p->normal[a] = (float)from[i].normal[a] / 32767.0f;
@@ -259,6 +271,7 @@ static bool place(const karst_model *model, const loaded_file *file, int voxel_l
                           "%s: it is %.3g voxels wide, so nothing of it would be seen: give the "
                           "world a smaller voxel, or the model a larger scale",
                           model->path, 2 * widest);
+    record->has_colours = (file->head.flags & KARST_POINTS_HAS_COLOURS) != 0;
     record->shift = MATRIX_BITS - (int)ceil(log2(units));
     for (int row = 0; row < 3; row++) {
         double offset = 0;
@@ -385,9 +398,26 @@ karst_drop_box karst_model_list_box(const karst_model_list *list, uint32_t index
     return box;
 }
 
+bool karst_model_list_has_colours(const karst_model_list *list)
+{
+    bool any = false;
+    for (uint32_t i = 0; i < list->num_models; i++)
+        any = any || POINTS_MODELS((points_data)list->data)[i].has_colours;
+    return any;
+}
+
 float karst_model_list_density(const karst_model_list *list, const int64_t voxel[3], int level, float density)
 {
+    return karst_model_list_coloured_density(list, voxel, level, density, NULL);
+}
+
+float karst_model_list_coloured_density(const karst_model_list *list, const int64_t voxel[3], int level, float density,
+                                        float colour[4])
+{
     points_data data = (points_data)list->data;
+    float planes[3 * KARST_BRICK_PADDED + 1];
+    for (int part = 0; colour && part < 4; part++)
+        planes[part * KARST_BRICK_PADDED] = colour[part];
     for (uint32_t i = 0; i < list->num_models; i++) {
         const karst_model_record *model = &POINTS_MODELS(data)[i];
         const vlong at[3] = {voxel[0], voxel[1], voxel[2]};
@@ -401,8 +431,11 @@ float karst_model_list_density(const karst_model_list *list, const int64_t voxel
         for (int a = 0; a < 3; a++)
             in_margin = in_margin && at[a] >= model->at[a] - sides[a] && at[a] <= model->at[a] + sides[a];
         if (in_margin)
-            density = points_union(data, model, of, at, level, POINTS_HEAD(data)->voxel_m, -1, density);
+            density = points_union(data, model, of, at, level, POINTS_HEAD(data)->voxel_m, -1, density,
+                                   colour ? planes : NULL);
     }
+    for (int part = 0; colour && part < 4; part++)
+        colour[part] = planes[part * KARST_BRICK_PADDED];
     return density;
 }
 

@@ -35,6 +35,11 @@ karst_drop_box karst_model_list_box(const karst_model_list *list, uint32_t index
 /* The density at a voxel's corner with all models, from the world's own, as samples of a level have it: the bits of
  * devices. */
 float karst_model_list_density(const karst_model_list *list, const int64_t voxel[3], int level, float density);
+/* The same with the models' colours laid over `colour`: red, green and blue (linear), each times coverage, and
+ * coverage. */
+float karst_model_list_coloured_density(const karst_model_list *list, const int64_t voxel[3], int level, float density,
+                                        float colour[4]);
+bool karst_model_list_has_colours(const karst_model_list *list);
 /* The tree holds its points, and covers hold what they say. Errors: KARST_FAILED, with what is wrong. */
 bool karst_model_list_check(const karst_model_list *list, karst_error *error);
 

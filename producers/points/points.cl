@@ -34,6 +34,7 @@ __kernel void karst_points_loads(K_GLOBAL karst_load *restrict loads, uint count
     loads[item].doubt = INFINITY;
 }
 
+#ifndef POINTS_COLOURED
 /* Work-group i changes brick i; its work-items take samples in turn. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
 karst_points_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *staging, uint stride,
@@ -43,6 +44,38 @@ karst_points_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLO
     if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
         return;
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
-    points_change_samples(data, origin, loads[brick].level, staging + (ulong)brick * stride, (int)get_local_id(0),
-                          KARST_GROUP);
+    points_change_samples(data, origin, loads[brick].level, staging + (ulong)brick * stride, (K_GLOBAL float *)0,
+                          (int)get_local_id(0), KARST_GROUP);
 }
+#else
+#if KARST_GROUP > 1
+#define GROUP_BARRIER() barrier(CLK_GLOBAL_MEM_FENCE)
+#else
+#define GROUP_BARRIER()
+#endif
+
+/* The same, and the models' colours go to the i-th brick of `colours`; `coloured[i]`: whether a layer has written any
+ * there. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
+karst_points_coloured_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *staging,
+                             uint stride, K_GLOBAL float *colours, K_GLOBAL uint *coloured, points_data data)
+{
+    const uint brick = (uint)get_group_id(0);
+    const int item = (int)get_local_id(0);
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
+    const int level = loads[brick].level;
+    K_GLOBAL float *planes = (K_GLOBAL float *)0;
+    if (points_colour_node(data, origin, level)) {
+        const uint before = coloured[brick];
+        planes = colours + (ulong)brick * (4 * KARST_BRICK_PADDED);
+        for (int i = item; i < 4 * KARST_BRICK_PADDED && !before; i += KARST_GROUP)
+            planes[i] = 0.0f;
+        GROUP_BARRIER();
+        if (item == 0)
+            coloured[brick] = 1u;
+    }
+    points_change_samples(data, origin, level, staging + (ulong)brick * stride, planes, item, KARST_GROUP);
+}
+#endif

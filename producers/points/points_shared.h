@@ -13,7 +13,7 @@ typedef struct {
     int at[3];
     int reach; /* radius of the support, rounded up */
     float normal[3];
-    float inverse_reach;
+    uint colour; /* red, green and blue, the roots of linear ones: 10 bits each from the lowest on */
 } karst_model_point;
 K_ASSERT_SIZE(karst_model_point, 32);
 
@@ -50,7 +50,7 @@ typedef struct {
     int shift;
     uint first_level, num_levels; /* of karst_model_level */
     float units_per_voxel, m_per_unit;
-    uint pad;
+    uint has_colours;
 } karst_model_record;
 K_ASSERT_SIZE(karst_model_record, 168);
 

@@ -90,7 +90,7 @@ static inline double random_normal(void) { return sqrt(-2 * log(1 - random_unit(
 
 static inline double spacing_of(const known_surface *of, size_t num) { return sqrt(of->area / (double)num); }
 
-/* A binary PLY of points, with noise of so many spacings. */
+/* A binary PLY of points, with noise of so many spacings, red from left to right and green upwards. */
 static inline void write_cloud(const char *path, const known_surface *of, size_t num, double noise)
 {
     FILE *file = fopen(path, "wb");
@@ -98,7 +98,7 @@ static inline void write_cloud(const char *path, const known_surface *of, size_t
         abort();
     fprintf(file,
             "ply\nformat binary_little_endian 1.0\nelement vertex %zu\nproperty double x\nproperty double y\n"
-            "property double z\nend_header\n",
+            "property double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
             num);
     for (size_t i = 0; i < num; i++) {
         double p[3], normal[3];
@@ -106,6 +106,9 @@ static inline void write_cloud(const char *path, const known_surface *of, size_t
         for (int a = 0; a < 3; a++)
             p[a] += noise * spacing_of(of, num) * random_normal();
         fwrite(p, sizeof *p, 3, file);
+        const unsigned char rgb[3] = {(unsigned char)fmin(fmax(128 + 60 * p[0], 0), 255),
+                                      (unsigned char)fmin(fmax(128 + 60 * p[1], 0), 255), 40};
+        fwrite(rgb, 1, 3, file);
     }
     fclose(file);
 }

@@ -385,12 +385,30 @@ static void compare_bits(int lanes, karst_shape shape)
         world[i] = (float)((random_unit() - 0.5) * 20);
     karst_buffer *of_loads = buffer(context, sizeof loads, loads),
                  *staging = buffer(context, sizeof(float) * NUM_BRICKS * stride, world);
+    /* Colours of a layer before are in every second brick. */
+    float *planes = malloc(sizeof(float) * NUM_BRICKS * 4 * stride),
+          *painted = malloc(sizeof(float) * NUM_BRICKS * 4 * stride);
+    uint32_t coloured[NUM_BRICKS];
+    for (uint32_t i = 0; i < NUM_BRICKS * 4 * stride; i++)
+        planes[i] = (float)random_unit();
+    for (uint32_t b = 0; b < NUM_BRICKS; b++)
+        coloured[b] = b % 2;
+    const karst_layer_colours colours = {buffer(context, sizeof(float) * NUM_BRICKS * 4 * stride, planes),
+                                         buffer(context, sizeof coloured, coloured)};
     assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, NULL, &error));
+    assert_ok(karst_buffer_read(staging, 0, made, sizeof(float) * NUM_BRICKS * stride, &error));
+    assert_ok(karst_buffer_write(staging, 0, world, sizeof(float) * NUM_BRICKS * stride, &error));
+    assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, &colours, &error));
+    assert_ok(karst_buffer_read(colours.planes, 0, painted, sizeof(float) * NUM_BRICKS * 4 * stride, &error));
+    assert_ok(karst_buffer_read(colours.coloured, 0, coloured, sizeof coloured, &error));
+    float *without = malloc(sizeof(float) * NUM_BRICKS * stride);
+    memcpy(without, made, sizeof(float) * NUM_BRICKS * stride);
     assert_ok(layer->ops->bound_loads(layer, of_loads, NUM_BRICKS, &error));
     assert_ok(karst_buffer_read(staging, 0, made, sizeof(float) * NUM_BRICKS * stride, &error));
     karst_load after[NUM_BRICKS];
     assert_ok(karst_buffer_read(of_loads, 0, after, sizeof after, &error));
-    int num_changed = 0, num_doubtful = 0;
+    int num_changed = 0, num_doubtful = 0, num_painted = 0;
+    assert_memory_equal(without, made, sizeof(float) * NUM_BRICKS * stride); /* whether there are colours or not */
     for (int b = 0; b < NUM_BRICKS; b++) {
         for (int i = 0; i < (int)stride; i++) {
             float expected = world[b * (int)stride + i];
@@ -399,7 +417,17 @@ static void compare_bits(int lanes, karst_shape shape)
                 int64_t at[3];
                 for (int a = 0; a < 3; a++)
                     at[a] = loads[b].origin[a] + ((int64_t)steps[a] << loads[b].level);
-                expected = karst_model_list_density(list, at, loads[b].level, expected);
+                float colour[4];
+                for (int part = 0; part < 4; part++)
+                    colour[part] = b % 2 ? planes[((uint32_t)b * 4 + (uint32_t)part) * stride + (uint32_t)i] : 0;
+                expected = karst_model_list_coloured_density(list, at, loads[b].level, expected, colour);
+                for (int part = 0; part < 4 && coloured[b]; part++) {
+                    float is = painted[((uint32_t)b * 4 + (uint32_t)part) * stride + (uint32_t)i];
+                    if (memcmp(&is, &colour[part], 4) != 0)
+                        fail_msg("%d lanes: colour %d of sample %d of brick %d: %a, the host has %a", lanes, part, i, b,
+                                 (double)is, (double)colour[part]);
+                    num_painted += part == 3 && colour[3] > 0.5f && b % 2 == 0;
+                }
             }
             num_changed += expected != world[b * (int)stride + i];
             if (memcmp(&expected, &made[b * (int)stride + i], 4) != 0)
@@ -410,8 +438,14 @@ static void compare_bits(int lanes, karst_shape shape)
         assert_true(reached ? isinf(after[b].doubt) : after[b].doubt == 1);
         num_doubtful += reached;
     }
-    print_message("# %d lanes: %d samples changed, %d of %d bricks in doubt\n", lanes, num_changed, num_doubtful,
-                  NUM_BRICKS);
+    print_message("# %d lanes: %d samples changed, %d painted, %d of %d bricks in doubt\n", lanes, num_changed,
+                  num_painted, num_doubtful, NUM_BRICKS);
+    assert_true(num_painted > 1000);
+    karst_buffer_destroy(colours.planes);
+    karst_buffer_destroy(colours.coloured);
+    free(planes);
+    free(painted);
+    free(without);
     assert_true(num_changed > 10000 && num_doubtful > NUM_BRICKS / 2 && num_doubtful < NUM_BRICKS);
     karst_buffer_destroy(of_loads);
     karst_buffer_destroy(staging);
