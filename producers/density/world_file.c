@@ -234,6 +234,31 @@ static void look_around(karst_world_file *file)
 /* Where no sun reaches, so much more light from the sky shows what there is. */
 #define INDOORS_SKY 4.0f
 
+static void set_lights(karst_world_file *file)
+{
+    const karst_world_header *header = &file->program->header;
+    karst_world_info *info = &file->info;
+    info->has_sun_colour = header->has_sun_colour;
+    set_colours(info->sun_colour, header->sun_colour);
+    info->num_lights = header->num_lights;
+    for (uint32_t i = 0; i < header->num_lights; i++) {
+        const karst_header_light *from = &header->lights[i];
+        karst_world_light *to = &info->lights[i];
+        *to = (karst_world_light){.kind = (karst_world_light_kind)from->kind,
+                                  .azimuth_deg = from->azimuth_deg,
+                                  .elevation_deg = from->elevation_deg,
+                                  .size_deg = from->size_deg,
+                                  .radius_m = from->radius_m,
+                                  .angle_deg = from->angle_deg,
+                                  .soft = from->soft,
+                                  .shadow = from->shadow};
+        set_colours(to->colour, from->colour);
+        for (int axis = 0; axis < 3; axis++) /* which the header has looked at */
+            karst_coordinate_parse(from->position[axis], header->voxel_log2_m, &to->position.voxel[axis],
+                                   &to->position.fraction[axis], NULL);
+    }
+}
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -278,6 +303,7 @@ static void set_info(karst_world_file *file)
         file->info.has_atmosphere = header->has_atmosphere;
         file->info.dust = header->dust;
     }
+    set_lights(file);
     for (int i = 0; i < 3 && file->is_indoors; i++) {
         file->info.sky_zenith[i] *= INDOORS_SKY;
         file->info.sky_horizon[i] *= INDOORS_SKY;

@@ -16,6 +16,7 @@ typedef struct {
     karst_source *source;
     karst_world_header *header;
     uint32_t begin, end; /* the object's text */
+    uint32_t part;       /* where of it what is read just now begins */
     json_t *root;
 } reader;
 
@@ -31,7 +32,7 @@ static uint32_t place_of(const reader *r, const char *key, uint32_t from)
 
 static _Noreturn void fail(reader *r, const char *key, const char *hint, const char *message)
 {
-    uint32_t where = place_of(r, key, r->begin);
+    uint32_t where = place_of(r, key, r->part > r->begin ? r->part : r->begin);
     json_decref(r->root);
     karst_source_error(r->source, where, hint, "%s", message);
 }
@@ -165,11 +166,13 @@ static void read_light(reader *r)
     json_t *sun = json_object_get(r->root, "sun"), *sky = json_object_get(r->root, "sky"), *v;
     if (sun) {
         h->has_sun = true;
-        warn_unknown(r, object_of(r, sun, "sun"), "the sun", "azimuth elevation");
+        warn_unknown(r, object_of(r, sun, "sun"), "the sun", "azimuth elevation colour");
         if ((v = json_object_get(sun, "azimuth")))
             h->sun_azimuth_deg = number_of(r, v, "azimuth", -36000, 36000);
         if ((v = json_object_get(sun, "elevation")))
             h->sun_elevation_deg = number_of(r, v, "elevation", -90, 90);
+        if ((h->has_sun_colour = (v = json_object_get(sun, "colour")) != NULL))
+            read_colour(r, v, "colour", h->sun_colour);
     }
     if (sky) {
         h->has_sky = true;
@@ -185,6 +188,96 @@ static void read_light(reader *r)
         if ((v = json_object_get(sky, "haze_globe")))
             h->haze_globe_m = number_of(r, v, "haze_globe", 0, DBL_MAX);
         read_model(r, sky);
+    }
+}
+
+/* Where element i of a list of objects begins, from a place before the list. */
+static uint32_t place_of_element(const reader *r, uint32_t from, size_t i)
+{
+    const char *text = r->source->text;
+    int depth = 0;
+    uint32_t at = from;
+    while (at < r->end && text[at] != '[')
+        at++;
+    for (; at < r->end; at++) {
+        if (text[at] == '"')
+            for (at++; at < r->end && text[at] != '"'; at++)
+                at += text[at] == '\\';
+        else if (text[at] == '{' && depth++ == 0 && i-- == 0)
+            return at;
+        else if (text[at] == '}')
+            depth--;
+    }
+    return from;
+}
+
+static void read_light_of(reader *r, json_t *light, karst_header_light *l)
+{
+    static const char *const kinds[KARST_NUM_HEADER_LIGHTS] = {"sun", "point", "spot"};
+    static const char *const keys[KARST_NUM_HEADER_LIGHTS] = {
+        "kind colour shadow azimuth elevation size", "kind colour shadow position radius",
+        "kind colour shadow position radius azimuth elevation angle soft"};
+    json_t *v = json_object_get(object_of(r, light, "lights"), "kind");
+    const char *kind = v ? text_of(r, v, "kind") : "point";
+    *l = (karst_header_light){.colour = {1, 1, 1}, .position = {"0", "0", "0"}, .elevation_deg = 40, .size_deg = 0.53,
+                              .radius_m = 0.05, .angle_deg = 40, .soft = 0.25, .shadow = true};
+    while (l->kind < KARST_NUM_HEADER_LIGHTS && strcmp(kinds[l->kind], kind) != 0)
+        l->kind++;
+    if (l->kind == KARST_NUM_HEADER_LIGHTS)
+        fail(r, "kind", "write \"sun\", \"point\" or \"spot\"",
+             karst_format(r->source->arena, "no light is a \"%s\"", kind));
+    if (l->kind == KARST_HEADER_SPOT)
+        l->elevation_deg = -90;
+    warn_unknown(r, light, "this light", keys[l->kind]);
+    if ((v = json_object_get(light, "colour")))
+        read_colour(r, v, "colour", l->colour);
+    if ((v = json_object_get(light, "shadow"))) {
+        if (!json_is_boolean(v))
+            fail(r, "shadow", NULL, "\"shadow\" is true or false");
+        l->shadow = json_is_true(v);
+    }
+    if ((v = json_object_get(light, "azimuth")))
+        l->azimuth_deg = number_of(r, v, "azimuth", -36000, 36000);
+    if ((v = json_object_get(light, "elevation")))
+        l->elevation_deg = number_of(r, v, "elevation", -90, 90);
+    if ((v = json_object_get(light, "size")))
+        l->size_deg = number_of(r, v, "size", 0, 90);
+    if ((v = json_object_get(light, "radius")))
+        l->radius_m = number_of(r, v, "radius", 0, 1e12);
+    if ((v = json_object_get(light, "angle")))
+        l->angle_deg = number_of(r, v, "angle", 0.1, 180);
+    if ((v = json_object_get(light, "soft")))
+        l->soft = number_of(r, v, "soft", 0, 1);
+    if ((v = json_object_get(light, "position"))) {
+        if (!json_is_array(v) || json_array_size(v) != 3)
+            fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
+        for (size_t i = 0; i < 3; i++)
+            l->position[i] = coordinate_of(r, json_array_get(v, i));
+    } else if (l->kind != KARST_HEADER_SUN) {
+        fail(r, "kind", "write \"position\": [\"0\", \"320\", \"0\"]", "this light has no \"position\"");
+    }
+}
+
+static void read_lights(reader *r, json_t *lights)
+{
+    karst_world_header *h = r->header;
+    const uint32_t place = place_of(r, "lights", r->begin);
+    uint32_t num_shadows = 0;
+    if (!json_is_array(lights))
+        fail(r, "lights", "write [{ \"kind\": \"point\", \"position\": [0, 3, 0] }]", "\"lights\" is a list");
+    if (json_array_size(lights) > KARST_HEADER_MAX_LIGHTS)
+        fail(r, "lights", NULL,
+             karst_format(r->source->arena, "%zu lights: a world may have %u beside its sun", json_array_size(lights),
+                          KARST_HEADER_MAX_LIGHTS));
+    for (size_t i = 0; i < json_array_size(lights); i++) {
+        r->part = place_of_element(r, place, i);
+        read_light_of(r, json_array_get(lights, i), &h->lights[i]);
+        num_shadows += h->lights[i].shadow;
+        r->part = 0;
+        if (num_shadows > KARST_HEADER_MAX_SHADOWS)
+            fail(r, "lights", "write \"shadow\": false in the weaker ones",
+                 karst_format(r->source->arena, "more than %u lights cast shadows", KARST_HEADER_MAX_SHADOWS));
+        h->num_lights++;
     }
 }
 
@@ -313,7 +406,7 @@ static void read_root(reader *r)
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data");
+                 "mirror data lights");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -346,6 +439,8 @@ static void read_root(reader *r)
     if ((v = json_object_get(r->root, "camera")))
         read_camera(r, v);
     read_light(r);
+    if ((v = json_object_get(r->root, "lights")))
+        read_lights(r, v);
     if ((v = json_object_get(r->root, "params"))) {
         const char *name;
         json_t *value;
