@@ -57,7 +57,8 @@ static bool make_layer(karst_engine *engine, karst_error *error)
     return false;
 }
 
-bool karst_engine_make_colours(karst_engine *engine, karst_error *error)
+/* From now on layers have colours: room for them, and a shader that shows them. */
+static bool make_colours(karst_engine *engine, karst_error *error)
 {
     const karst_cache_buffers *bricks = karst_cache_get_buffers(engine->cache);
     if (engine->edits && !karst_edits_allow_colours(engine->edits, error))
@@ -84,12 +85,17 @@ bool karst_engine_make_colours(karst_engine *engine, karst_error *error)
     return true;
 }
 
+bool karst_engine_colour_models(karst_engine *engine, karst_error *error)
+{
+    return !karst_engine_world_has_coloured_models(&engine->shown) || make_colours(engine, error);
+}
+
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error)
 {
     bool has_colours = false;
     for (size_t i = 0; i < num_edits; i++)
         has_colours = has_colours || edits[i].has_colour;
-    return num_edits == 0 || (make_layer(engine, error) && (!has_colours || karst_engine_make_colours(engine, error)) &&
+    return num_edits == 0 || (make_layer(engine, error) && (!has_colours || make_colours(engine, error)) &&
                               karst_edits_append(engine->edits, edits, num_edits, error) && drop_dirty(engine, error));
 }
 

@@ -44,11 +44,9 @@ bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *wo
     return world->models != NULL;
 }
 
-bool karst_engine_colour_models(karst_engine *engine, karst_error *error)
+bool karst_engine_world_has_coloured_models(const karst_engine_world *world)
 {
-    const karst_layer *models = engine->shown.models;
-    return !models || !karst_model_list_has_colours(karst_points_layer_list(models)) ||
-           karst_engine_make_colours(engine, error);
+    return world->models && karst_model_list_has_colours(karst_points_layer_list(world->models));
 }
 
 bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b)

@@ -24,6 +24,7 @@
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
+#include "raycast/light/paths.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
@@ -117,6 +118,9 @@ struct karst_engine {
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors */
+    karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_integrator integrator;
+    uint32_t bounces;         /* of paths, as configured */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -220,14 +224,13 @@ bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error
 /* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
  * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
 bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
-/* From now on layers have colours: room for them, and a shader that shows them. */
-bool karst_engine_make_colours(karst_engine *engine, karst_error *error);
-/* engine_models.c. The same if the shown world's models have colours. */
+/* If the shown world's models have colours: room for them, and a shader that shows them. Errors: KARST_FAILED. */
 bool karst_engine_colour_models(karst_engine *engine, karst_error *error);
-/* Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
+/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
  * KARST_USAGE, KARST_FAILED. */
 bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
 bool karst_engine_world_has_models(const karst_engine_world *world);
+bool karst_engine_world_has_coloured_models(const karst_engine_world *world); /* of those that are loaded */
 /* Whether two worlds of one voxel have the same models in the same places. */
 bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
@@ -369,6 +372,17 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
 bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
+
+/* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
+bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
+/* In place of shading, shadows and mirrors; or after these, what a world's own lights add. */
+bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error);
+bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, karst_error *error);
+/* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
+bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

@@ -161,6 +161,9 @@ typedef struct {
     uint64_t samples;
     double mirror;
     bool has_mirror;
+    const char *light; /* NULL: direct */
+    uint64_t bounces;
+    karst_integrator parsed_light;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
@@ -178,6 +181,10 @@ typedef struct {
     }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
+        {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
+         &(look)->light, 0, 0, NULL},                                                                                \
+        {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that full light leaves at most (default: 64)",                  \
+         &(look)->bounces, 1, KARST_ENGINE_MAX_BOUNCES, NULL},                                                       \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \
     {                                                                                                                \
