@@ -173,12 +173,12 @@ static bool is_reached(const karst_model_list *list, const long origin[3], int l
     return false;
 }
 
-/* Counts nodes that are left air although a model has a value in them. */
+/* Counts nodes that are left air although a model has a value in them; one is enough of a broken rule. */
 static int count_wrong_proofs(int num_lists, int *num_proofs)
 {
     int num_wrong = 0;
     *num_proofs = 0;
-    for (int i = 0; i < num_lists; i++) {
+    for (int i = 0; i < num_lists && !(mutant && num_wrong); i++) {
         const int64_t around[3] = {far_out(), far_out(), far_out()};
         const karst_model model = random_model(around, 100);
         karst_model_list list = load(&model, 1);
@@ -490,7 +490,7 @@ static void strange_files_are_refused(void **state)
     char *bytes = read_file(cloud, &num), *changed = malloc(num);
     random_state = 6;
     /* Any byte that is other than it was, and any end. */
-    for (int i = 0; i < 300; i++) {
+    for (int i = 0; i < 100; i++) {
         memcpy(changed, bytes, num);
         changed[random_below(i % 2 ? (int64_t)num : 1536)] ^= (char)random_between(1, 255);
         write_file(strange, changed, num);
@@ -499,7 +499,7 @@ static void strange_files_are_refused(void **state)
         try_strange(true);
     }
     /* Heads and points that lie, with sums that are right. */
-    for (int i = 0; i < 300; i++) {
+    for (int i = 0; i < 100; i++) {
         memcpy(changed, bytes, num);
         karst_points_head *head = (karst_points_head *)changed;
         uint32_t level = (uint32_t)random_below(head->num_levels);
