@@ -344,7 +344,7 @@ static void instances_share_points(void **state)
 
 /* ---- devices ---- */
 
-#define NUM_BRICKS 48
+#define NUM_BRICKS 24
 
 static karst_buffer *buffer(karst_context *context, size_t size_bytes, const void *initial)
 {
