@@ -273,6 +273,10 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
+    if (!karst_engine_world_set_layers(engine, &engine->shown, error)) {
+        karst_engine_destroy(engine);
+        return NULL;
+    }
     if (!config->edits || karst_engine_load_edits(engine, config->edits, error))
         return engine;
     karst_engine_destroy(engine);

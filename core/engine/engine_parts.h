@@ -63,6 +63,7 @@ typedef struct {
     karst_world_layout gradient_layout; /* of refine_data */
     karst_buffer *refine_data;
     karst_engine_content content[KARST_NUM_CONTENTS];
+    karst_layer *models; /* NULL: it has none, or they are not loaded yet */
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -220,9 +221,15 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
 
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
-/* Makes the engine's layers part of what an open world's producer makes; does nothing without layers.
- * Errors: KARST_USAGE (voxels of another size), KARST_FAILED. */
-bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+/* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
+ * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
+bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
+/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
+ * KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
+bool karst_engine_world_has_models(const karst_engine_world *world);
+/* Whether two worlds of one voxel have the same models in the same places. */
+bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is

@@ -26,6 +26,7 @@
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
  *   command_edit.c     karst edit
+ *   command_import.c   karst import
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -236,6 +237,11 @@ bool command_print_saved(const char *name, bool json, command_talk *talk, karst_
 karst_edit *command_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
                                karst_error *error);
 
+/* ---- command_import.c ---- */
+
+/* What imported points hold, for karst info. */
+bool command_print_points(const char *name, bool json, karst_error *error);
+
 /* ---- command_world.c ---- */
 
 /* Of a picture without a surface: warns if there would be one beyond the view distance, even of who is quiet; else says
@@ -399,6 +405,7 @@ bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 
