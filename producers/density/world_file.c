@@ -313,6 +313,43 @@ static bool become_flat(karst_world_file *file)
     return !file->program->is_deepened || karst_program_deepen(file->program, false);
 }
 
+bool karst_world_file_has_air(const karst_world_file *file)
+{
+    return file->program->has_entry[KARST_ENTRY_AIR];
+}
+
+karst_world_file *karst_world_file_air(const karst_world_file *file, karst_error *error)
+{
+    const karst_program_graph *land = file->program;
+    const karst_source *source = &land->source;
+    karst_parameter_value *given = calloc(land->num_parameters + 1, sizeof *given);
+    karst_world_file *air = calloc(1, sizeof *air);
+    size_t num_given = 0;
+    bool ok = false;
+    for (uint32_t i = 0; given && i < land->num_parameters; i++)
+        if (!land->parameters[i].is_implicit)
+            given[num_given++] = (karst_parameter_value){land->parameters[i].name, land->parameters[i].value.value};
+    if (given && air)
+        air->program = karst_language_compile_content(land->name, source->text + source->user_begin,
+                                                      source->length - source->user_begin, given, num_given,
+                                                      KARST_CONTENT_AIR, &ok, error);
+    else
+        karst_fail(error, KARST_FAILED, "out of memory");
+    free(given);
+    if (ok) {
+        /* A text without a header has been looked at. */
+        snprintf(air->camera, sizeof air->camera, "%s", file->info.camera);
+        ok = (air->program->header.voxel_log2_m == land->header.voxel_log2_m ||
+              karst_program_set_voxel(air->program, land->header.voxel_log2_m) ||
+              karst_fail(error, KARST_BAD_WORLD, "%.300s: the world needs too much memory to compile", land->name)) &&
+             complete(air, error);
+    }
+    if (ok)
+        return air;
+    karst_world_file_destroy(air);
+    return NULL;
+}
+
 /* Takes the program. */
 static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diagnostics, karst_error *error)
 {

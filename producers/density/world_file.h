@@ -33,6 +33,12 @@ karst_world_file *karst_world_file_open(const char *path, const karst_parameter_
 karst_world_file *karst_world_file_compile(const char *name, const char *text, size_t length,
                                            const karst_parameter_value *given, size_t num_given, char **diagnostics,
                                            karst_error *error);
+/* Whether the text says what fills the space outside matter: it has an entry `air`. */
+bool karst_world_file_has_air(const karst_world_file *file);
+/* That as a world file of its own, with the same values of parameters: its density is the extinction, per metre, where
+ * that is positive. For producers of a store of its own (cache/cache.h), which are built with
+ * KARST_MEDIUM_OPTION (producers/steps/medium_shared.h). Errors: KARST_BAD_WORLD; KARST_FAILED. */
+karst_world_file *karst_world_file_air(const karst_world_file *file, karst_error *error);
 /* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
  * world has none. Before any is made. */
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);

@@ -21,7 +21,11 @@
     X(EMISSION, "emission", 3, 0.0, true)      \
     X(IOR, "ior", 1, 1.33, false)              \
     X(ABSORPTION, "absorption", 3, 0.0, false) \
-    X(TRANSPARENCY, "transparency", 1, 0.0, false)
+    X(TRANSPARENCY, "transparency", 1, 0.0, false) \
+    X(EXTINCTION, "extinction", 1, 0.0, true)  \
+    X(AIR_ALBEDO, "albedo", 3, 1.0, true)      \
+    X(AIR_G, "g", 1, 0.0, true)                \
+    X(AIR_EMISSION, "emission", 3, 0.0, true)
 
 /* Entries: enumerator, name, another spelling of it (or NULL), type of the result, its first and last output, its
  * inputs, the program that runs it, whether it is softened (soften.h). The result is a built-in type, or a struct that
@@ -30,14 +34,16 @@
 #define KARST_ENTRIES(X)                                                                              \
     X(DENSITY, "density", NULL, "float", DENSITY, DENSITY, KARST_INPUT_PLACE, BRICKS, false)          \
     X(COLOUR, "colour", "color", "vec3", COLOUR, COLOUR, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true) \
-    X(SURFACE, "surface", NULL, "material", COLOUR, TRANSPARENCY, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true)
+    X(SURFACE, "surface", NULL, "material", COLOUR, TRANSPARENCY, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true) \
+    X(AIR, "air", NULL, "medium", EXTINCTION, AIR_EMISSION, KARST_INPUT_PLACE, AIR, false)
 
 /* How many parameters, each a vec3: the place, and the normal towards the air. */
 enum { KARST_INPUT_PLACE = 1, KARST_INPUT_PLACE_AND_NORMAL = 2 };
 
 typedef enum {
     KARST_PROGRAM_BRICKS, /* what fills bricks, and bounds them */
-    KARST_PROGRAM_SHADING /* what runs at hits */
+    KARST_PROGRAM_SHADING, /* what runs at hits */
+    KARST_PROGRAM_AIR /* a world of its own: karst_language_compile_content */
 } karst_entry_program;
 
 #define KARST_OUTPUT_ENUMERATOR_(id, ...) KARST_OUTPUT_##id,

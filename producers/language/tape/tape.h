@@ -6,7 +6,7 @@
 #include "producers/language/graph/data.h"
 #include "producers/language/tape/tape_shared.h"
 
-#define KARST_TAPE_MAX_OUTPUTS 16
+#define KARST_TAPE_MAX_OUTPUTS 32
 _Static_assert(KARST_NUM_ROOTS <= KARST_TAPE_MAX_OUTPUTS, "a tape may have all of a world's roots");
 /* Of a world that can be shown. Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room
  * for this many. */
