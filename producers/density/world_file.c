@@ -25,6 +25,51 @@ static const char bounds_source_of_gradient_noise[] =
 const char karst_tape_colours_source[] = "#include \"producers/language/tape/tape_colour.clh\"\n";
 const char karst_tape_colours_options[] = "-DWORLD_HAS_DATA " SLOTS_OPTION(TAPE_COLOURS_SLOTS);
 
+/* ---- what a world has beside its land ---- */
+
+const char *const karst_content_names[KARST_NUM_CONTENTS] = {"clear", "air"};
+
+/* The entries that give a content's density, and its surface as the land's is given: colour, mirror and so on. */
+static const struct {
+    karst_entry density, surface;
+} content_entries[KARST_NUM_CONTENTS] = {{KARST_ENTRY_CLEAR, KARST_ENTRY_CLEAR_SURFACE},
+                                         {KARST_ENTRY_AIR, KARST_ENTRY_AIR}};
+
+/* The first root of an entry, and how many it has. */
+static uint32_t roots_of(karst_entry entry, uint32_t *num)
+{
+    const karst_output_info *first = &karst_outputs[karst_entries[entry].first],
+                            *last = &karst_outputs[karst_entries[entry].last];
+    *num = last->root + last->num_floats - first->root;
+    return first->root;
+}
+
+/* A medium's values, by what stands for them. */
+static karst_resolved_world world_of_air(const karst_resolved_world *world)
+{
+    karst_resolved_world of = {.graph = world->graph,
+                               .root[KARST_ROOT_DENSITY] = world->root[KARST_ROOT_EXTINCTION],
+                               .root[KARST_ROOT_MIRROR] = world->root[KARST_ROOT_AIR_G]};
+    for (int i = 0; i < 3; i++) {
+        of.root[KARST_ROOT_COLOUR + i] = world->root[KARST_ROOT_AIR_ALBEDO + i];
+        of.root[KARST_ROOT_EMISSION + i] = world->root[KARST_ROOT_AIR_EMISSION + i];
+    }
+    return of;
+}
+
+/* The same resolved graph with a content's values in the land's place. */
+static karst_resolved_world world_of_content(const karst_resolved_world *world, karst_content content)
+{
+    if (content == KARST_CONTENT_AIR)
+        return world_of_air(world);
+    uint32_t num;
+    const uint32_t density = roots_of(content_entries[content].density, &num),
+                   surface = roots_of(content_entries[content].surface, &num);
+    karst_resolved_world of = {.graph = world->graph, .root[KARST_ROOT_DENSITY] = world->root[density]};
+    memcpy(of.root + KARST_ROOT_COLOUR, world->root + surface, num * sizeof *of.root);
+    return of;
+}
+
 /* ---- what is said ---- */
 
 /* All diagnostics, an empty line apart. */
@@ -103,6 +148,9 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     /* Worlds that run on their tape would take seconds for it. */
     bool is_cheap = !facts.has_noise && !file->code.is_tape;
     file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        if (file->content[i] && i != KARST_CONTENT_AIR) /* which has no surface */
+            karst_world_file_raise_thin(file->content[i], thin);
 }
 
 /* ---- how to look at it ---- */
@@ -290,7 +338,7 @@ static bool make_code(karst_world_file *file, karst_error *error)
     return true;
 }
 
-static bool complete(karst_world_file *file, karst_error *error)
+static bool lay_out(karst_world_file *file, karst_error *error)
 {
     const karst_resolved_world *world = &file->program->world;
     if (!karst_world_layout_init(&file->layout, world))
@@ -300,54 +348,59 @@ static bool complete(karst_world_file *file, karst_error *error)
         return false;
     file->data_bytes = 8 * (end_word(&file->colour_tape, end_word(&file->tape, file->layout.num_words)) +
                             (num_more(&file->colour_tape) + 1) / 2);
-    set_info(file);
     return true;
+}
+
+/* A content's program is the world's, but for its roots. */
+static bool make_content(karst_world_file *file, karst_content content, karst_error *error)
+{
+    uint32_t num;
+    if (file->program->world.root[roots_of(content_entries[content].density, &num)] == KARST_NO_EXPR)
+        return true;
+    karst_world_file *made = file->content[content] = calloc(1, sizeof *made);
+    karst_program_graph *program = made ? malloc(sizeof *program) : NULL;
+    if (!program)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    *program = *file->program;
+    program->world = world_of_content(&file->program->world, content);
+    program->is_deepened = false;
+    made->program = program;
+    made->info = file->info;
+    return lay_out(made, error);
+}
+
+static bool complete(karst_world_file *file, karst_error *error)
+{
+    if (!lay_out(file, error))
+        return false;
+    set_info(file);
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        if (!make_content(file, (karst_content)i, error))
+            return false;
+    return true;
+}
+
+/* What was compiled, and not the program. */
+static void finish_code(karst_world_file *file)
+{
+    karst_emitted_finish(&file->code);
+    karst_tape_finish(&file->tape);
+    karst_tape_finish(&file->colour_tape);
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
+        if (file->content[i]) {
+            finish_code(file->content[i]);
+            free(file->content[i]->program);
+        }
+        free(file->content[i]);
+        file->content[i] = NULL;
+    }
 }
 
 /* A world whose deepened density is too large to run shows flat air as it is. Nothing is left of the first try. */
 static bool become_flat(karst_world_file *file)
 {
-    karst_emitted_finish(&file->code);
-    karst_tape_finish(&file->tape);
-    karst_tape_finish(&file->colour_tape);
+    finish_code(file);
     return !file->program->is_deepened || karst_program_deepen(file->program, false);
-}
-
-bool karst_world_file_has_air(const karst_world_file *file)
-{
-    return file->program->has_entry[KARST_ENTRY_AIR];
-}
-
-karst_world_file *karst_world_file_air(const karst_world_file *file, karst_error *error)
-{
-    const karst_program_graph *land = file->program;
-    const karst_source *source = &land->source;
-    karst_parameter_value *given = calloc(land->num_parameters + 1, sizeof *given);
-    karst_world_file *air = calloc(1, sizeof *air);
-    size_t num_given = 0;
-    bool ok = false;
-    for (uint32_t i = 0; given && i < land->num_parameters; i++)
-        if (!land->parameters[i].is_implicit)
-            given[num_given++] = (karst_parameter_value){land->parameters[i].name, land->parameters[i].value.value};
-    if (given && air)
-        air->program = karst_language_compile_content(land->name, source->text + source->user_begin,
-                                                      source->length - source->user_begin, given, num_given,
-                                                      KARST_CONTENT_AIR, &ok, error);
-    else
-        karst_fail(error, KARST_FAILED, "out of memory");
-    free(given);
-    if (ok) {
-        /* A text without a header has been looked at. */
-        snprintf(air->camera, sizeof air->camera, "%s", file->info.camera);
-        ok = (air->program->header.voxel_log2_m == land->header.voxel_log2_m ||
-              karst_program_set_voxel(air->program, land->header.voxel_log2_m) ||
-              karst_fail(error, KARST_BAD_WORLD, "%.300s: the world needs too much memory to compile", land->name)) &&
-             complete(air, error);
-    }
-    if (ok)
-        return air;
-    karst_world_file_destroy(air);
-    return NULL;
 }
 
 /* Takes the program. */
@@ -392,9 +445,7 @@ void karst_world_file_destroy(karst_world_file *file)
 {
     if (!file)
         return;
-    karst_emitted_finish(&file->code);
-    karst_tape_finish(&file->tape);
-    karst_tape_finish(&file->colour_tape);
+    finish_code(file);
     karst_program_graph_destroy(file->program);
     free(file);
 }

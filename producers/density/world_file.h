@@ -11,7 +11,17 @@
 #include "producers/producer.h"
 #include "producers/steps/shape.h"
 
-typedef struct {
+/* What a world may have beside its land, each in a store of its own (producers/stores.h). */
+typedef enum {
+    KARST_CONTENT_CLEAR, /* clear matter */
+    KARST_CONTENT_AIR,   /* a medium that fills the space outside matter: the density is its extinction, per metre; colour,
+                          * mirror and emission are its albedo, g and emission. Built with KARST_MEDIUM_OPTION */
+    KARST_NUM_CONTENTS
+} karst_content;
+extern const char *const karst_content_names[KARST_NUM_CONTENTS]; /* of their stores, too */
+
+typedef struct karst_world_file karst_world_file;
+struct karst_world_file {
     karst_program_graph *program; /* its diagnostics hold warnings */
     karst_world_layout layout;
     karst_emitted code;
@@ -23,7 +33,11 @@ typedef struct {
     char camera[640];
     bool raises_thin; /* see karst_world_file_raise_thin */
     bool is_indoors; /* of a text without a header: no sun reaches what is seen */
-} karst_world_file;
+    /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
+     * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
+     * file holds for it, but that it is compiled, told to raise what is thin, and destroyed with its world. */
+    karst_world_file *content[KARST_NUM_CONTENTS];
+};
 
 /* Compiles a file or a text. `given` are parameters to set. Errors: KARST_BAD_WORLD; if `diagnostics` is not NULL, all
  * that there is to say goes there as text for people, malloc'ed (NULL: nothing), also where the file is good. Destroy
@@ -33,12 +47,6 @@ karst_world_file *karst_world_file_open(const char *path, const karst_parameter_
 karst_world_file *karst_world_file_compile(const char *name, const char *text, size_t length,
                                            const karst_parameter_value *given, size_t num_given, char **diagnostics,
                                            karst_error *error);
-/* Whether the text says what fills the space outside matter: it has an entry `air`. */
-bool karst_world_file_has_air(const karst_world_file *file);
-/* That as a world file of its own, with the same values of parameters: its density is the extinction, per metre, where
- * that is positive. For producers of a store of its own (cache/cache.h), which are built with
- * KARST_MEDIUM_OPTION (producers/steps/medium_shared.h). Errors: KARST_BAD_WORLD; KARST_FAILED. */
-karst_world_file *karst_world_file_air(const karst_world_file *file, karst_error *error);
 /* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
  * world has none. Before any is made. */
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);

@@ -121,8 +121,6 @@ static void say_entries(const report *r)
             num_idle += !output->is_shown;
             snprintf(list + strlen(list), sizeof given - strlen(list), "%s%s", *list ? ", " : "", output->name);
         }
-        if (p->has_entry[e] && entry->program == KARST_PROGRAM_AIR)
-            say(r, "  %s says what fills the space outside matter", entry->name);
         if (*given)
             say(r, "  %s gives %s", entry->name, given);
         if (*idle)

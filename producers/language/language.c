@@ -98,39 +98,6 @@ static void parse(compilation *c)
     karst_parse_file(&c->parser, &expanded, false);
 }
 
-/* The medium's values stand where a land's do, which is left out. What it does not say is as it usually is; there is
- * always a colour. */
-static void become_air(compilation *c)
-{
-    static const karst_output from[] = {KARST_OUTPUT_EXTINCTION, KARST_OUTPUT_AIR_ALBEDO, KARST_OUTPUT_AIR_G,
-                                        KARST_OUTPUT_AIR_EMISSION},
-                              to[] = {KARST_OUTPUT_DENSITY, KARST_OUTPUT_COLOUR, KARST_OUTPUT_MIRROR,
-                                      KARST_OUTPUT_EMISSION};
-    const karst_expr *given = c->lowering.root;
-    karst_expr root[KARST_NUM_ROOTS] = {KARST_NO_EXPR};
-    if (!c->lowering.has_entry[KARST_ENTRY_AIR])
-        karst_source_error(&c->source, c->source.length, "write medium air(vec3 p)", "there is no function 'air'");
-    for (size_t i = 0; i < sizeof to / sizeof *to; i++) {
-        const karst_output_info *source = &karst_outputs[from[i]];
-        for (uint32_t k = 0; k < source->num_floats; k++)
-            root[karst_outputs[to[i]].root + k] = given[source->root + k];
-    }
-    if (!karst_has_output(root, KARST_OUTPUT_COLOUR))
-        for (uint32_t k = 0; k < 3; k++)
-            root[KARST_ROOT_COLOUR + k] = karst_graph_number(
-                &c->raw, KARST_TYPE_FLOAT, karst_number_shortest(karst_outputs[KARST_OUTPUT_AIR_ALBEDO].usual));
-    memcpy(c->lowering.root, root, sizeof root);
-}
-
-/* Leaves the roots of the content that is compiled. */
-static void choose_content(compilation *c)
-{
-    if (c->program->content == KARST_CONTENT_AIR)
-        become_air(c);
-    for (uint32_t i = KARST_ROOT_EXTINCTION; i <= KARST_ROOT_LAST_AIR_EMISSION; i++)
-        c->lowering.root[i] = KARST_NO_EXPR;
-}
-
 static void live_full(void *user, uint32_t where)
 {
     compilation *c = user;
@@ -263,7 +230,6 @@ static void compile(compilation *c, const char *name, const char *text, size_t l
     c->lowering.graph = &c->raw;
     karst_graph_init(&c->raw, &c->program->arena, KARST_MAX_RAW_NODES, NULL, NULL);
     karst_lower(&c->lowering);
-    choose_content(c);
     extract(c);
     list_parameters(c);
     resolve(c);
@@ -285,13 +251,6 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
                                             const karst_parameter_value *given, size_t num_given, bool *ok,
                                             karst_error *error)
 {
-    return karst_language_compile_content(name, text, length, given, num_given, KARST_CONTENT_LAND, ok, error);
-}
-
-karst_program_graph *karst_language_compile_content(const char *name, const char *text, size_t length,
-                                                    const karst_parameter_value *given, size_t num_given,
-                                                    karst_content content, bool *ok, karst_error *error)
-{
     *ok = false;
     karst_program_graph *program = calloc(1, sizeof *program);
     compilation *c = calloc(1, sizeof *c);
@@ -303,7 +262,6 @@ karst_program_graph *karst_language_compile_content(const char *name, const char
     }
     c->program = program;
     program->name = "";
-    program->content = content;
     karst_arena_init(&program->arena, KARST_LANGUAGE_ARENA_BYTES, arena_full, c);
     *ok = compile_guarded(c, name, text, length, given, num_given);
     program->source = c->source;

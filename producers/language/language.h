@@ -22,11 +22,6 @@ typedef struct {
     bool is_used;
 } karst_world_parameter;
 
-/* What a text is compiled as: its land, or what fills the space outside matter. The latter is a world of its own, whose
- * density is the medium's extinction, per metre; colour, mirror and emission of its surfaces are the medium's albedo, g
- * and emission (raycast/media/). */
-typedef enum { KARST_CONTENT_LAND, KARST_CONTENT_AIR } karst_content;
-
 /* All of it is owned by the program and lives until karst_program_graph_destroy. Immutable: any number of threads may
  * read it. */
 typedef struct {
@@ -36,7 +31,6 @@ typedef struct {
     karst_world_header header;
     karst_graph graph; /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
     karst_expr root[KARST_NUM_ROOTS];  /* floats: what its entries give (entries.h) */
-    karst_content content;
     bool has_entry[KARST_NUM_ENTRIES]; /* those that the text has and that run */
     karst_graph resolved;              /* what is executed: see kinds.h */
     karst_resolved_world world;        /* the same roots in it */
@@ -64,10 +58,6 @@ typedef struct {
 karst_program_graph *karst_language_compile(const char *name, const char *text, size_t length,
                                             const karst_parameter_value *given, size_t num_given, bool *ok,
                                             karst_error *error);
-/* The same of a content; a text that says nothing of it is a bad world. */
-karst_program_graph *karst_language_compile_content(const char *name, const char *text, size_t length,
-                                                    const karst_parameter_value *given, size_t num_given,
-                                                    karst_content content, bool *ok, karst_error *error);
 /* The same for a file. Errors also: KARST_BAD_WORLD naming the path if it cannot be read or is no regular file. */
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,
                                                  bool *ok, karst_error *error);

@@ -156,7 +156,8 @@ static void hint_missing(karst_lower_state *s, karst_entry entry)
     const karst_ast_function *stranger = find_stranger(s, entry, true), *unused = find_stranger(s, entry, false);
     const karst_ast_function *misspelt = stranger ? NULL : find_misspelt(s, entry, true);
     const char *name = karst_entries[entry].name;
-    if (misspelt)
+    /* Many a function that a density calls looks like one that fills bricks. */
+    if (misspelt && !(karst_entries[entry].num_inputs == KARST_INPUT_PLACE && misspelt->statement))
         karst_source_warn(s->source, misspelt->where, karst_format(s->arena, "is this it? Then call it %s", name),
                           "there is no function '%s', but a '%s'", name, karst_lower_name(s, misspelt->name));
     if (unused)
@@ -245,7 +246,7 @@ static void run_entry(karst_lower_state *s, karst_entry entry, karst_ast_functio
     karst_value value = karst_lower_function(s, f, arguments, NULL, f->where);
     memcpy(s->io->root + karst_outputs[e->first].root, value.e, value.type->num_scalars * sizeof *value.e);
     for (int o = (int)e->first + 1; o <= (int)e->last; o++)
-        if (is_usual(s, &karst_outputs[o]))
+        if (o != KARST_OUTPUT_AIR_ALBEDO && is_usual(s, &karst_outputs[o])) /* of shading there is always a colour */
             memset(s->io->root + karst_outputs[o].root, 0, karst_outputs[o].num_floats * sizeof(karst_expr));
     s->io->has_entry[entry] = true;
 }
