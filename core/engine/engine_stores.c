@@ -47,6 +47,11 @@ bool karst_engine_create_stores(karst_engine *engine, const karst_engine_config 
         if (!engine->shown.file->content[i])
             continue;
         of->store = karst_cache_add_store(engine->cache, &store, error);
+        if (i == KARST_CONTENT_AIR) { /* rays march through it in their own way: engine_media.c */
+            if (!of->store)
+                return false;
+            continue;
+        }
         of->caster = of->store ? karst_caster_create_with(engine->context, karst_store_get_buffers(of->store),
                                                           cast_options, error)
                                : NULL;
@@ -178,7 +183,7 @@ bool karst_engine_cast_into_stores(karst_engine *engine, const karst_cast_view *
                                    karst_error *error)
 {
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
-        if (karst_engine_has_content(engine, i) &&
+        if (karst_engine_has_content(engine, i) && engine->stores[i].caster &&
             !karst_cast_pinhole(engine->stores[i].caster, view, pinhole, NULL, error))
             return false;
     return true;
@@ -188,6 +193,7 @@ bool karst_engine_cast_into_stores(karst_engine *engine, const karst_cast_view *
 
 bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST_NUM_CONTENTS], karst_error *error)
 {
+    engine->media_is_stale = true;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (changed[i] && engine->stores[i].store && !karst_store_forget(engine->stores[i].store, error))
             return false;
@@ -206,6 +212,7 @@ void karst_engine_changed_contents(const karst_engine_world *from, const karst_e
 bool karst_engine_set_content_parameters(karst_engine *engine, const karst_number *values, karst_error *error)
 {
     karst_engine_world *shown = &engine->shown;
+    engine->media_is_stale = true;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
         karst_engine_content *content = &shown->content[i];
         const karst_world_file *file = shown->file->content[i];

@@ -5,7 +5,7 @@
 #define RAY_WORD(w) v_gather_float((K_GLOBAL const float *)rays, at + (w))
 
 /* Optical depths of a stream's rays, from where they start to t_max. */
-__kernel K_WIDE void media_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+__kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
                                 K_GLOBAL const karst_ray *rays, uint num_rays, K_GLOBAL float *depths,
                                 K_GLOBAL uint *counters)
 {
@@ -15,15 +15,19 @@ __kernel K_WIDE void media_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view 
         return;
     const vint lanes = v_lt(V_LANE, (vint)((int)(num_rays - first)));
     const vint at = v_select(lanes, V_LANE + (int)first, (vint)((int)first)) * (int)(sizeof(karst_ray) / sizeof(float));
-    const vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)}, direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
+    const media_rays way = {{RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)},
+                            {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)},
+                            RAY_WORD(3),
+                            RAY_WORD(7),
+                            RAY_WORD(8) * task.detail,
+                            RAY_WORD(9) * task.detail};
     media_frame frame;
     media_sums sums = EMPTY_SUMS;
     media_lighting light;
     light.most_depth = task.most_depth;
     light.metres = task.metres;
     media_frame_of_view(&frame, view);
-    walk_depth(&pool, &frame, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8) * task.detail,
-               RAY_WORD(9) * task.detail, lanes, &light, &sums);
+    walk_depth(&pool, &frame, &way, lanes, &light, &sums);
     float depth[LANES];
     v_store_float(sums.tau, depth);
     for (uint lane = 0; lane < LANES && first + lane < num_rays; lane++)
@@ -54,15 +58,43 @@ __kernel K_WIDE void media_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view 
  * of the grid stands for. */
 #define SUN_DEPTH_CONE 0.06f
 
-/* Bricks that rays used in this cast and whose grids are not whole: each is made by one work-group. */
+/* What the pixels of a picture ask for, with nothing drawn. */
+__kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+                                karst_pinhole pinhole, K_GLOBAL const karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    vint x, y;
+    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vint order = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0)) *
+                       (int)(sizeof(karst_hit) / sizeof(float));
+    const vfloat none = (vfloat)(0.0f);
+    const media_rays way = {{none, none, none},
+                            pinhole_direction(&pinhole, x, y),
+                            none,
+                            v_gather_float((K_GLOBAL const float *)hits, order),
+                            none,
+                            (vfloat)(pinhole.cone * task.detail)};
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting light;
+    light.most_depth = task.most_depth;
+    light.metres = task.metres;
+    media_frame_of_view(&frame, view);
+    walk_depth(&pool, &frame, &way, valid, &light, &sums);
+}
+
+/* Bricks that a picture looked at and whose grids are not whole: each is made by one work-item. */
 __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const karst_cast_view *view,
                                karst_media_task task, karst_shade_anchor anchor, float4 to_sun, float most_t,
-                               uint num_slots, uint with_land, K_GLOBAL const karst_brick_owner *owners,
+                               uint num_slots, uint with_land, K_GLOBAL const uint *used,
+                               K_GLOBAL const karst_brick_owner *owners,
                                K_GLOBAL uint *grids, K_GLOBAL karst_sun_depth *states, K_GLOBAL uint *counters)
 {
     const pools pool = POOL_FIELDS, land = LAND_FIELDS;
     const uint slot = (uint)get_global_id(0);
-    if (slot >= num_slots || (brick_stamp[slot] != view->serial && brick_fallback[slot] != view->serial))
+    if (slot >= num_slots || used[slot] != view->serial)
         return;
     const karst_brick_owner owner = owners[slot];
     karst_sun_depth state = states[slot];
@@ -77,7 +109,6 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     media_frame frame;
     media_frame_of_corner(&frame, view, &anchor, corner);
     const float apart = level_voxel(level) * (float)KARST_SUN_DEPTH_CELLS;
-    const vector3 direction = {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)};
     media_lighting light;
     light.most_depth = 64.0f;
     light.metres = task.metres;
@@ -85,15 +116,18 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += LANES) {
         const vint lanes = v_lt(V_LANE + first, (vint)(KARST_SUN_DEPTH_PLACES));
         const vint place = v_select(lanes, V_LANE + first, (vint)(0)), row = place / KARST_SUN_DEPTH_SIDE;
-        const vector3 origin = {v_to_float(place - row * KARST_SUN_DEPTH_SIDE) * apart,
-                                v_to_float(row % KARST_SUN_DEPTH_SIDE) * apart,
-                                v_to_float(row / KARST_SUN_DEPTH_SIDE) * apart};
+        const media_rays way = {{v_to_float(place - row * KARST_SUN_DEPTH_SIDE) * apart,
+                                 v_to_float(row % KARST_SUN_DEPTH_SIDE) * apart,
+                                 v_to_float(row / KARST_SUN_DEPTH_SIDE) * apart},
+                                {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
+                                (vfloat)(0.0f),
+                                (vfloat)(most_t),
+                                (vfloat)(apart),
+                                (vfloat)(SUN_DEPTH_CONE)};
         media_sums sums = EMPTY_SUMS, hidden = EMPTY_SUMS;
-        walk_depth(&pool, &frame, &origin, &direction, (vfloat)(0.0f), (vfloat)(most_t), (vfloat)(apart),
-                   (vfloat)(SUN_DEPTH_CONE), lanes, &light, &sums);
+        walk_depth(&pool, &frame, &way, lanes, &light, &sums);
         if (with_land)
-            walk_land(&land, &frame, &origin, &direction, (vfloat)(0.0f), (vfloat)(most_t), (vfloat)(apart),
-                      (vfloat)(SUN_DEPTH_CONE), lanes, &light, &hidden);
+            walk_land(&land, &frame, &way, lanes, &light, &hidden);
         missing |= (sums.missing | hidden.missing) & lanes;
         const vint word = (v_as_int(sums.tau) & ~1) | (~hidden.done & 1);
         int words[LANES];

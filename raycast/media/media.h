@@ -23,8 +23,8 @@ typedef struct {
     const karst_cache_buffers *land; /* NULL: no land shadows media. Its samples have as many bits */
     uint32_t mode;                   /* KARST_MEDIA_BASIC and so on */
     bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
-    karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing is
-                              * shaded, and only depths are asked for */
+    karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
+                              * is shaded, and only depths are asked for */
 } karst_media_config;
 
 /* Errors: KARST_FAILED. */
@@ -43,17 +43,27 @@ bool karst_media_depths(karst_media *media, const karst_cast_view *view, const k
 
 /* The sun is there: grids of other places are made anew. */
 void karst_media_aim(karst_media *media, const float direction[3]);
-/* Lays media before the sample that shading left in `parts` (karst_shade_pixels), from `hits` of the same rays.
- * has_sun, has_mirror: which planes there are. detail: voxels of media may be so many times as wide as the view's.
- * Asynchronous. Errors: KARST_FAILED. */
-bool karst_media_pixels(karst_media *media, const karst_cast_view *view, const karst_pinhole *pinhole,
-                        const karst_light *light, const karst_position *anchor, karst_skies *skies, float metres,
-                        float detail, const karst_buffer *hits, karst_buffer *parts, bool has_sun, bool has_mirror,
-                        karst_error *error);
-/* After that: makes the grids of the bricks that were used and have none, or one that lacked something. Stamps and wants
- * are the store's, and the land's. Asynchronous. Errors: KARST_FAILED. */
-bool karst_media_survey_sun(karst_media *media, const karst_cast_view *view, const karst_light *light,
-                            const karst_position *anchor, float metres, karst_error *error);
+
+/* A sample of a picture as shading left it (karst_shade_pixels). All is borrowed during the calls. */
+typedef struct {
+    const karst_cast_view *view;
+    const karst_pinhole *pinhole;
+    const karst_light *light;
+    const karst_position *anchor;
+    karst_skies *skies;  /* of an atmosphere */
+    float metres, detail; /* in a level-0 voxel; voxels of media may be so many times as wide as the view's */
+    const karst_buffer *hits;
+    karst_buffer *parts;
+    bool has_sun, has_mirror; /* which planes its parts have */
+} karst_media_picture;
+
+/* Lays media before the sample. Asynchronous. Errors: KARST_FAILED. */
+bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. */
+bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* After karst_media_pixels: makes the grids of the bricks that were used and have none, or one that lacked something.
+ * Stamps and wants are the store's, and the land's. Asynchronous. Errors: KARST_FAILED. */
+bool karst_media_survey_sun(karst_media *media, const karst_media_picture *picture, karst_error *error);
 /* What the last two found: rays that lacked something, and grids that were made. Waits. A picture is whole once both
  * are 0. Errors: KARST_FAILED. */
 bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t *num_made, karst_error *error);

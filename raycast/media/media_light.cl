@@ -60,12 +60,14 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
     return look;
 }
 
-MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, const vector3 *origin,
-                               const vector3 *direction, vfloat t_min, vfloat t_max, vfloat width, vfloat cone,
-                               vint lanes, const media_lighting *light, media_sums *sums)
+MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
+                               const media_lighting *light, media_sums *sums)
 {
-    walk_rays(WALK_LIGHT, pool, frame, origin, direction, t_min, t_max, width, cone, lanes, light, sums);
+    walk_rays(WALK_LIGHT, pool, frame, rays, lanes, light, sums);
 }
+
+/* How voxels grow from land towards the sun, per unit of t. */
+#define LAND_CONE 0.03f
 
 /* The light of a sky that comes from all around: half from above, half thrown back by the ground. */
 RAY_INLINE colour light_all_around(const karst_light *light)
@@ -80,7 +82,8 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   karst_pinhole pinhole, karst_light light, K_GLOBAL const karst_hit *hits,
                                   K_GLOBAL float *parts, uint has_sun, uint has_mirror, karst_shade_anchor anchor,
                                   K_GLOBAL const uint *grids, K_GLOBAL const karst_sun_depth *states,
-                                  K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *counters,
+                                  K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
+                                  K_GLOBAL uint *counters,
                                   K_GLOBAL const ulong *data
 #ifdef SHADE_ATMOSPHERE
                                   ,
@@ -99,7 +102,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         return;
     const vint order = packet_order(x, y, pinhole.width_px, pinhole.height_px);
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
-    const vector3 direction = pinhole_direction(&pinhole, x, y), origin = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+    const vector3 direction = pinhole_direction(&pinhole, x, y);
     const surface_hits s = load_surface(hits, order, valid, &direction, pinhole.cone * view->detail, view->blend);
     const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
     const vfloat none = (vfloat)(0.0f);
@@ -111,6 +114,8 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.grids = grids;
     lighting.grid_states = states;
     lighting.owners = owners;
+    lighting.used = used;
+    lighting.serial = view->serial;
     lighting.sun = task.sun;
     lighting.sun_colour = uniform_colour(light.sun_colour);
     lighting.sky_colour = light_all_around(&light);
@@ -120,8 +125,13 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.anchor = &anchor;
     lighting.octaves = octaves;
     media_frame_of_view(&frame, view);
-    walk_light(&pool, &frame, &origin, &direction, none, v_select(hit, s.t, (vfloat)(pinhole.t_max)), none,
-               (vfloat)(pinhole.cone * task.detail), valid, &lighting, &sums);
+    const media_rays way = {{none, none, none},
+                            direction,
+                            none,
+                            v_select(hit, s.t, (vfloat)(pinhole.t_max)),
+                            none,
+                            (vfloat)(pinhole.cone * task.detail)};
+    walk_light(&pool, &frame, &way, valid, &lighting, &sums);
 
     vint missing = sums.missing;
     vfloat from_sun = (vfloat)(1.0f);
@@ -129,21 +139,24 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     /* What is left of the sun where it shines on land. */
     const vint lit = hit & v_gt(dot3(&s.normal, light.sun_direction), none);
     if (has_sun && v_any(lit)) {
-        const vector3 to_sun = {(vfloat)(light.sun_direction[0]), (vfloat)(light.sun_direction[1]),
-                                (vfloat)(light.sun_direction[2])},
-                      start = {direction.x * s.t, direction.y * s.t, direction.z * s.t};
+        const media_rays to_sun = {{direction.x * s.t, direction.y * s.t, direction.z * s.t},
+                                   {(vfloat)(light.sun_direction[0]), (vfloat)(light.sun_direction[1]),
+                                    (vfloat)(light.sun_direction[2])},
+                                   none,
+                                   (vfloat)(light.shadow_distance),
+                                   lane_max(s.t * (2.0f * pinhole.cone * task.detail), (vfloat)(1.0f)),
+                                   (vfloat)(LAND_CONE)};
         media_sums above = EMPTY_SUMS;
         lighting.most_depth = 16.0f;
-        walk_depth(&pool, &frame, &start, &to_sun, none, (vfloat)(light.shadow_distance),
-                   lane_max(s.t * (2.0f * pinhole.cone * task.detail), (vfloat)(1.0f)), (vfloat)(0.03f), lit, &lighting,
-                   &above);
+        walk_depth(&pool, &frame, &to_sun, lit, &lighting, &above);
         missing |= above.missing & lit;
         from_sun = v_select(lit, tone_exp2_minus(above.tau * LOG2_E), from_sun);
     }
 #endif
     const vint veiled = valid & (v_gt(sums.tau, none) | v_lt(from_sun, (vfloat)(1.0f)));
     if (v_any(veiled)) {
-        const vfloat kept = v_select(v_gt(sums.tau, (vfloat)(task.most_depth)), none, tone_exp2_minus(sums.tau * LOG2_E));
+        const vfloat kept =
+            v_select(v_gt(sums.tau, (vfloat)(task.most_depth)), none, tone_exp2_minus(sums.tau * LOG2_E));
         /* As far as its light comes from, in the mean, the medium is seen through the air before it. */
         const vfloat mean_t = sums.reach / lane_max(sums.weight, (vfloat)(1.0e-12f));
         const vfloat share = lane_max(sums.weight, (vfloat)(1.0e-6f));

@@ -246,7 +246,8 @@ static const closed_form forms[] = {
      of_slab},
     {"ramp", "medium air(vec3 p) { medium m; m.extinction = abs(p.y) < 128.5 ? 0.00005 * abs(p.y) : 0.0; return m; }",
      of_ramp},
-    {"ball", "medium air(vec3 p) { medium m; m.extinction = 0.003 * (1.0 - dot(p, p) / 160000.0); return m; }", of_ball},
+    {"ball",
+     "medium air(vec3 p) { medium m; m.extinction = 0.003 * (1.0 - dot(p, p) / 160000.0); return m; }", of_ball},
     {"gaussian",
      "medium air(vec3 p) { medium m; m.extinction = 0.002 * exp(-dot(p, p) / 80000.0); return m; }", of_gaussian},
 };
@@ -283,8 +284,9 @@ static void test_closed_forms(void **state)
 
 /* ---- clouds ---- */
 
-#define CLOUD                                                                                                         \
-    "medium air(vec3 p) { medium m; m.extinction = 0.02 * (fbm(p / 96.0, 5) + 0.15 - dot(p, p) / 90000.0); return m; }"
+#define CLOUD                                                                                              \
+    "medium air(vec3 p) { medium m; m.extinction = 0.02 * (fbm(p / 96.0, 5) + 0.15 - dot(p, p) / 90000.0); " \
+    "return m; }"
 
 /* The integral of what the oracle says at a level, where it is positive: by Simpson's rule, in double. */
 static double quadrature(karst_oracle *oracle, const karst_ray *r, int level)
@@ -345,7 +347,8 @@ static void test_cells(void **state)
     karst_ray rays[NUM_RAYS];
     float depths[NUM_RAYS];
     scene s;
-    karst_world_file *land = compile("medium air(vec3 p) { medium m; m.extinction = 0.02 * noise(p / 3.7); return m; }");
+    karst_world_file *land =
+        compile("medium air(vec3 p) { medium m; m.extinction = 0.02 * noise(p / 3.7); return m; }");
     const karst_world_file *air = air_of(land);
     karst_number seedless = {0};
     karst_oracle *oracle = karst_oracle_create(&air->program->world, &seedless, 5, 0, &error);
@@ -393,11 +396,12 @@ static void test_cloud(void **state)
     karst_world_file_destroy(land);
 }
 
-#define LARGE_CLOUD                                                                                                   \
-    "medium air(vec3 p) { medium m; m.extinction = 0.03 * (fbm(p / 384.0, 7) - 0.08 - dot(p, p) / 5000000.0); "       \
+#define LARGE_CLOUD                                                                                           \
+    "medium air(vec3 p) { medium m; m.extinction = 0.03 * (fbm(p / 384.0, 7) - 0.08 - dot(p, p) / 5000000.0); " \
     "return m; }"
 
-/* The mean depth of a cloud, most of which is air, does not depend on the level that it is seen at, from its finest octave to its coarsest. */
+/* The mean depth of a cloud, most of which is air, does not depend on the level that it is seen at, from its finest
+ * octave to its coarsest. */
 static void test_levels(void **state)
 {
     (void)state;
@@ -507,7 +511,8 @@ static void test_strange_values(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_closed_forms), cmocka_unit_test(test_cells), cmocka_unit_test(test_cloud),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_closed_forms), cmocka_unit_test(test_cells),
+                                       cmocka_unit_test(test_cloud),
                                        cmocka_unit_test(test_levels),       cmocka_unit_test(test_same_bits),
                                        cmocka_unit_test(test_uniform),      cmocka_unit_test(test_strange_values)};
     karst_error error = {0};
