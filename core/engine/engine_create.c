@@ -264,6 +264,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_engine_world_close(&engine->shown);
     if (engine->edits)
         engine->edits->ops->destroy(engine->edits);
+    karst_colours_destroy(engine->colours);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_sunward_destroy(engine->sunward);

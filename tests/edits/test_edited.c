@@ -57,7 +57,7 @@ static karst_stats take(karst_engine *engine, uint8_t *rgba)
 /* In front of the camera of `hills`, all shapes and modes. */
 static karst_edit random_edit(const karst_engine *engine, double smallest_m, double largest_m)
 {
-    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(3)};
+    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(4)};
     double ahead_m = random_magnitude(40, 1500), aside_m = ahead_m * (random_unit() - 0.5);
     const double from_camera_m[3] = {0.5 * ahead_m + 0.87 * aside_m, -0.2 * ahead_m - 100 * random_unit(),
                                      0.87 * ahead_m - 0.5 * aside_m};
@@ -73,6 +73,10 @@ static karst_edit random_edit(const karst_engine *engine, double smallest_m, dou
     e.amplitude_m = e.radius_m / 4;
     e.scale_m = 4;
     e.seed = (uint32_t)random_bits();
+    e.has_colour = e.mode == KARST_EDIT_PAINT || (e.mode == KARST_EDIT_ADD && random_below(2));
+    for (int i = 0; i < 3; i++)
+        e.colour[i] = random_unit();
+    e.strength = random_below(2) ? 1 : 0.5;
     return e;
 }
 
