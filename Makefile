@@ -25,7 +25,7 @@ Q := @
 say = @printf '  %-6s %s\n'
 endif
 
-WARN   := -Wall -Wextra -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
+WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
 PKGS   := libpng jansson sqlite3
 # What the command needs beyond the library's.
 COMMAND_PKGS := cairo glfw3 zlib
