@@ -26,7 +26,7 @@ say = @printf '  %-6s %s\n'
 endif
 
 WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
-PKGS   := libpng jansson sqlite3
+PKGS   := libpng libtiff-4 jansson sqlite3
 # What the command needs beyond the library's.
 COMMAND_PKGS := cairo glfw3 zlib
 CFLAGS_release := -O2 -g
@@ -54,6 +54,7 @@ HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/command/karst.c demos/command/plot.c \
     $(sort $(wildcard demos/command/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
+WORLD_DATA := $(sort $(wildcard demos/worlds/data/*.png))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
 # A test or benchmark is one file with a main(); what several of them share stands in tests/support/.
@@ -271,6 +272,7 @@ install: all $(OUT)/karst.1
 	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,lib/pkgconfig/karst.pc) && chmod 644 $(call below,lib/pkgconfig/karst.pc)
 ifneq ($(WORLDS),)
 	$(Q)install -d $(call below,share/karst/worlds) && install -m 644 $(WORLDS) $(call below,share/karst/worlds)
+	$(Q)install -d $(call below,share/karst/worlds/data) && install -m 644 $(WORLD_DATA) $(call below,share/karst/worlds/data)
 endif
 	$(Q)install -d $(call below,share/karst/paths) && install -m 644 $(PATHS) $(call below,share/karst/paths)
 	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
@@ -279,9 +281,10 @@ uninstall:
 	$(say) REMOVE $(call quoted,$(root))
 	$(Q)rm -f $(foreach f,bin/karst lib/libkarst.a lib/libkarst.so lib/libkarst.so.$(SOVERSION) lib/pkgconfig/karst.pc \
 	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
+	    $(addprefix share/karst/worlds/data/,$(notdir $(WORLD_DATA))) \
 	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
 	    $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
-	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
+	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds/data) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
 	    $(call below,share/karst) 2>/dev/null || true
 
 check-install: all

@@ -17,6 +17,12 @@ static bool remember_values(karst_engine_world *world, const karst_world_config 
            karst_fail(error, KARST_FAILED, "out of memory");
 }
 
+static void show_what_samples_miss(karst_world_file *file, karst_thin thin)
+{
+    karst_world_file_raise_thin(file, thin);
+    karst_world_file_smooth_jumps(file);
+}
+
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
                              karst_error *error)
 {
@@ -24,7 +30,7 @@ bool karst_engine_world_open(karst_engine_world *world, const karst_world_config
     *world = (karst_engine_world){.thin = thin};
     world->file = karst_world_find(config, path, error);
     if (world->file)
-        karst_world_file_raise_thin(world->file, thin);
+        show_what_samples_miss(world->file, thin);
     if (world->file && remember_values(world, config, error))
         return true;
     karst_engine_world_close(world);
@@ -49,7 +55,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
                                            source->length - source->user_begin, given, num_given, NULL, error);
     free(given);
     if (world->file)
-        karst_world_file_raise_thin(world->file, world->thin);
+        show_what_samples_miss(world->file, world->thin);
     if (world->file && remember_values(world, &config, error))
         return true;
     karst_engine_world_close(world);

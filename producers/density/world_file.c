@@ -113,7 +113,9 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .colour_code = (uint32_t)code_word(colour, colour_word),
                                 .colour_constants = (uint32_t)colour_word,
                                 .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
-                                .raises_thin = file->raises_thin};
+                                .raises_thin = file->raises_thin,
+                                .smooths_jumps = file->smooths_jumps,
+                                .voxel_log2_m = file->info.voxel_log2_m};
     if (num_more(colour)) {
         header.more_outputs = (uint32_t)end_word(colour, colour_word);
         memcpy(data + 8 * (size_t)header.more_outputs, colour->output + colour->num_outputs - num_more(colour),
@@ -135,6 +137,13 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (file->content[i])
             karst_world_file_raise_thin(file->content[i], thin);
+}
+
+void karst_world_file_smooth_jumps(karst_world_file *file)
+{
+    const karst_resolved_world *world = &file->layout.world;
+    file->smooths_jumps =
+        !file->code.is_tape && karst_graph_thin_facts(world->graph, world->root[KARST_ROOT_DENSITY]).may_jump;
 }
 
 /* ---- how to look at it ---- */
@@ -453,8 +462,11 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
 {
     char tape_options[KARST_TAPE_OPTIONS_BYTES];
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s %s",
-             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", tape_options);
+    char jumps[64] = "";
+    if (file->smooths_jumps)
+        snprintf(jumps, sizeof jumps, " -DWORLD_MAY_JUMP -DWORLD_VOXEL_LOG2_M=%d", file->info.voxel_log2_m);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s %s",
+             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", jumps, tape_options);
     *program = (karst_density_program){.name = file->info.name,
                                        .source = file->code.source,
                                        .bounds_source = file->code.is_gradient_noise_alone

@@ -233,6 +233,65 @@ static void read_parameter(reader *r, const char *name, json_t *value)
     h->parameters[h->num_parameters++] = p;
 }
 
+static void read_pair(reader *r, json_t *value, const char *key, double low, double high, double pair[2])
+{
+    if (!json_is_array(value) || json_array_size(value) != 2)
+        fail(r, key, "write [1000, 1000]", karst_format(r->source->arena, "\"%s\" is two numbers", key));
+    for (size_t i = 0; i < 2; i++)
+        pair[i] = number_of(r, json_array_get(value, i), key, low, high);
+}
+
+static karst_wrap wrap_of(reader *r, json_t *value)
+{
+    static const char *const names[] = {"clamp", "repeat", "mirror"};
+    const char *name = text_of(r, value, "wrap");
+    for (int i = 0; i < 3; i++)
+        if (!strcmp(name, names[i]))
+            return (karst_wrap)i;
+    fail(r, "wrap", "write \"clamp\", \"repeat\" or \"mirror\"",
+         karst_format(r->source->arena, "no way of going on beyond edges is called \"%.60s\"", name));
+}
+
+static void read_data(reader *r, const char *name, json_t *value)
+{
+    karst_world_header *h = r->header;
+    json_t *v;
+    double pair[2];
+    if (!is_identifier(name))
+        fail(r, name, "use letters, digits and _", "the name of data is a word that the functions can use");
+    if (h->num_data == KARST_HEADER_MAX_DATA)
+        fail(r, name, NULL,
+             karst_format(r->source->arena, "a world may use %u files of data", KARST_HEADER_MAX_DATA));
+    karst_header_data *d = &h->data[h->num_data];
+    *d = (karst_header_data){.name = karst_format(r->source->arena, "%s", name),
+                             .where = place_of(r, name, place_of(r, "data", r->begin))};
+    warn_unknown(r, object_of(r, value, name), "a file of data", "file size range wrap format shape");
+    if (!(v = json_object_get(value, "file")))
+        fail(r, name, "write { \"file\": \"heights.png\", \"size\": [1000, 1000] }",
+             karst_format(r->source->arena, "data \"%s\" has no file", name));
+    d->file = text_of(r, v, "file");
+    if ((v = json_object_get(value, "size")))
+        read_pair(r, v, "size", 1e-6, 1e15, d->size_m);
+    if ((v = json_object_get(value, "range"))) {
+        read_pair(r, v, "range", -1e15, 1e15, pair);
+        d->form.has_range = true;
+        d->form.low = pair[0];
+        d->form.high = pair[1];
+    }
+    if ((v = json_object_get(value, "wrap")))
+        d->wrap = wrap_of(r, v);
+    if ((v = json_object_get(value, "format"))) {
+        d->form.format = text_of(r, v, "format");
+        if (!(v = json_object_get(value, "shape")))
+            fail(r, name, "write \"shape\": [512, 512]: how many in a row, and how many rows",
+                 "raw numbers have a \"shape\"");
+        read_pair(r, v, "shape", 1, KARST_SAMPLES_MOST_SIDE, pair);
+        d->form.shape[0] = (uint32_t)pair[0];
+        d->form.shape[1] = (uint32_t)pair[1];
+    }
+    h->num_data++;
+}
+
 static void read_voxel(reader *r, json_t *value)
 {
     double voxel = json_is_number(value) ? json_number_value(value) : 0;
@@ -254,7 +313,7 @@ static void read_root(reader *r)
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror");
+                 "mirror data");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -291,6 +350,11 @@ static void read_root(reader *r)
         const char *name;
         json_t *value;
         json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
+    }
+    if ((v = json_object_get(r->root, "data"))) {
+        const char *name;
+        json_t *value;
+        json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
     }
 }
 

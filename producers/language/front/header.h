@@ -2,10 +2,22 @@
 #ifndef KARST_LANGUAGE_HEADER_H
 #define KARST_LANGUAGE_HEADER_H
 
+#include "core/files/samples.h"
 #include "producers/language/base/number.h"
 #include "producers/language/base/source.h"
+#include "producers/language/image/image.h"
 
 #define KARST_HEADER_MAX_PARAMETERS 64u
+#define KARST_HEADER_MAX_DATA 16u
+
+/* A file of samples that functions of the text look up by its name. */
+typedef struct {
+    const char *name, *file; /* file: as the header has it */
+    double size_m[2];        /* that all samples together take along each axis; 0: not said */
+    karst_samples_form form;
+    karst_wrap wrap; /* clamp */
+    uint32_t where;
+} karst_header_data;
 
 typedef struct {
     const char *name;
@@ -42,6 +54,8 @@ typedef struct {
     double view_distance_m;                                /* 0: not said */
     uint32_t num_parameters;
     karst_header_parameter parameters[KARST_HEADER_MAX_PARAMETERS];
+    uint32_t num_data;
+    karst_header_data data[KARST_HEADER_MAX_DATA];
 } karst_world_header;
 
 /* Reads the header if the user's text begins with a comment that holds an object ("/" "*{ ... }*" "/"). Unknown keys

@@ -193,6 +193,8 @@ static double noise_double(const karst_oracle *o, karst_expr e)
                 op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
             p[i] = moved(place_in(&o->at, &octave->lattice[i]), offset * scale);
         }
+        if (noise->image)
+            return karst_oracle_image(octave, p, o->level, noise->derivative - 1);
         sum +=
             amplitude * octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
         amplitude *= double_of(o, noise->gain);
