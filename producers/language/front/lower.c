@@ -291,7 +291,11 @@ void karst_lower(karst_lowering *io)
                              .names = io->names,
                              .parser = io->parser,
                              .arena = io->source->arena,
-                             .graph = io->graph};
+                             .graph = io->graph,
+                             .rules = {.expression = karst_rule_expression,
+                                       .whole = karst_rule_whole,
+                                       .initialiser = karst_rule_initialiser,
+                                       .body = karst_rule_body}};
     s->array_types.arena = s->arena;
     s->slots = karst_arena_alloc(s->arena, KARST_MAX_SLOTS * sizeof *s->slots);
     s->stamps = karst_arena_alloc(s->arena, KARST_MAX_SLOTS * sizeof *s->stamps);

@@ -3,19 +3,6 @@
 
 #include <string.h>
 
-const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count)
-{
-    char *text = karst_format(s->arena, "(");
-    for (uint32_t i = 0; i < count && i < 8; i++)
-        text = karst_format(s->arena, "%s%s%s", text, i ? ", " : "", arguments[i].type->name);
-    return karst_format(s->arena, "%s%s)", text, count > 8 ? ", ..." : "");
-}
-
-const char *karst_a_type(karst_lower_state *s, const karst_type *type)
-{
-    return karst_format(s->arena, "%s%s", karst_type_article(type), type->name);
-}
-
 /* ---- constructors ---- */
 
 static karst_value construct_matrix(karst_lower_state *s, const karst_type *type, const karst_value *arguments,
