@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "karst/edit.h"
 #include "karst/karst.h"
 
 enum { WIDTH = 48, HEIGHT = 36, NUM = WIDTH * HEIGHT };
@@ -241,6 +242,33 @@ static void lights_are_as_bright_as_they_say(void **state)
     }
 }
 
+/* Painted ground in a white sky is as bright as its paint. */
+static void paint_is_lit(void **state)
+{
+    (void)state;
+    karst_engine_config config = config_of("/*{ " NIGHT ", " WHITE_SKY ",\n"
+                                           "\"camera\": { \"position\": [0, 6, 0], \"pitch\": -90 } }*/\n"
+                                           "float density(vec3 p) { return -p.y; }\n"
+                                           "vec3 colour(vec3 p, vec3 n) { return vec3(0.5); }\n",
+                                           2);
+    const karst_edit edit = {.shape = KARST_EDIT_PLANE, /* all before x = 0 */
+                             .mode = KARST_EDIT_PAINT,
+                             .normal = {1, 0, 0},
+                             .has_colour = true,
+                             .colour = {0.7, 0.05, 0.2},
+                             .strength = 1};
+    karst_engine *engine = create(&config);
+    assert_ok(karst_engine_edit(engine, &edit, 1, &error));
+    settle(engine, light);
+    karst_engine_destroy(engine);
+    unlink(path);
+    for (int i = 0; i < NUM; i++)
+        for (int c = 0; c < 3 && abs(2 * (i % WIDTH) + 1 - WIDTH) > 4; c++) {
+            const double truth = 2 * (i % WIDTH) < WIDTH ? edit.colour[c] : 0.5;
+            assert_true(fabs((double)light[3 * i + c] - truth) < 0.005);
+        }
+}
+
 static const char scene[] =
     "/*{ \"voxel\": 0.015625, \"view\": 60, " CAMERA ",\n"
     "\"lights\": [{ \"position\": [0, 2, -1], \"colour\": [9, 4, 1], \"radius\": 0.2 },\n"
@@ -353,6 +381,7 @@ int main(void)
         cmocka_unit_test(light_adds_up_in_a_hollow),
         cmocka_unit_test(a_wall_takes_its_share),
         cmocka_unit_test(lights_are_as_bright_as_they_say),
+        cmocka_unit_test(paint_is_lit),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(little_memory_settles),
         cmocka_unit_test(what_is_out_of_range_is_said),
