@@ -398,6 +398,9 @@ bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view,
 /* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
+/* Likewise from where mirrored rays end. */
+bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
+                                          const karst_pinhole *pinhole, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

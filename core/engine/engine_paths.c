@@ -106,15 +106,21 @@ static bool follow(karst_engine *engine, const karst_path_picture *picture, kars
                               engine->bounces ? engine->bounces : KARST_ENGINE_DEFAULT_BOUNCES, error);
 }
 
-static bool add_lights(karst_engine *engine, const karst_path_picture *picture, karst_error *error)
+/* To the picture's surfaces, or those that they mirror. */
+static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool mirrored, karst_error *error)
 {
     karst_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = own_lamps(engine, lamps, 0);
     /* As the sun does, they shine through matter where pictures are without shadows. */
     for (uint32_t i = 0; i < num; i++)
         lamps[i].shadow = lamps[i].shadow && engine->shadows;
-    return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
-           karst_paths_add_lamps(engine->paths, picture, error);
+    if (!karst_paths_set_lamps(engine->paths, lamps, num, error))
+        return false;
+    if (!mirrored)
+        return karst_paths_add_lamps(engine->paths, picture, error);
+    const karst_bounce_stream stream = karst_bounce_get_stream(engine->bounce);
+    picture->mirrors = false; /* nothing is seen in two of them */
+    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.count, stream.hits, error);
 }
 
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -127,8 +133,19 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, karst_error *error)
 {
-    const karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
-    return add_lights(engine, &picture, error);
+    karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    return add_lights(engine, &picture, false, error) &&
+           (!engine->bounce || add_lights(engine, &picture, true, error));
+}
+
+bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
+                                          const karst_pinhole *pinhole, karst_error *error)
+{
+    if (!engine->paths)
+        return true;
+    const karst_light light = karst_engine_light(engine);
+    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    return add_lights(engine, &picture, true, error);
 }
 
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -137,7 +154,7 @@ bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *vie
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
-    const karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
     return engine->integrator == KARST_INTEGRATOR_FULL ? follow(engine, &picture, error)
-                                                       : add_lights(engine, &picture, error);
+                                                       : add_lights(engine, &picture, false, error);
 }

@@ -126,19 +126,20 @@ static bool launch_rays(const karst_paths *paths, cl_kernel kernel, size_t num, 
                         local_size, error);
 }
 
-/* The light of lamps that the generation's rays to them reach. */
+/* The light of lamps that the generation's rays to them reach; without `shadows` all do. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
-                      karst_error *error)
+                      bool shadows, karst_error *error)
 {
+    const cl_mem hits = shadows ? paths->hits->mem : NULL;
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = karst_cast_stream(picture->caster, picture->view, paths->to_lamps, num, count,
-                                        picture->again ? NULL : paths->hits, error);
+    const bool cast = !shadows || karst_cast_stream(picture->caster, picture->view, paths->to_lamps, num, count,
+                                                    picture->again ? NULL : paths->hits, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
-                           KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(paths->hits),
+                           KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count), KARST_VALUE_ARG(hits),
                            KARST_BUFFER_ARG(picture->parts)) &&
            launch_rays(paths, paths->add, num, error);
 }
@@ -198,7 +199,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         }
         if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
-            (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
+            (paths->num_lamps && !add_lamps(paths, picture, count, left, true, error)) ||
             (!task.is_last && !pack(paths, picture, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
@@ -207,12 +208,13 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     return true;
 }
 
-bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error)
+bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                              const karst_buffer *count, const karst_buffer *hits, karst_error *error)
 {
     const uint32_t num_pixels = (uint32_t)picture->pinhole->width_px * (uint32_t)picture->pinhole->height_px;
-    const karst_path_streams streams = {.rays = paths->rays,
-                                        .count = paths->total[0],
-                                        .hits = picture->hits,
+    const karst_path_streams streams = {.rays = rays,
+                                        .count = count,
+                                        .hits = hits,
                                         .lamps = paths->lamps,
                                         .max_rays = num_pixels,
                                         .next = paths->next,
@@ -224,12 +226,16 @@ bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture
                             .again = picture->again};
     if (num_pixels > paths->room)
         return karst_fail(error, KARST_FAILED, "there is no room for the light of %u pixels", num_pixels);
-    if (!begin(paths, picture, true, error))
-        return false;
     for (task.lamp = 0; task.lamp < paths->num_lamps; task.lamp++)
         if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
-            (paths->has_shadow[task.lamp] && !add_lamps(paths, picture, streams.count, num_pixels, error)))
+            !add_lamps(paths, picture, count, num_pixels, paths->has_shadow[task.lamp], error))
             return false;
     return true;
+}
+
+bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error)
+{
+    return begin(paths, picture, true, error) &&
+           karst_paths_add_lamps_of(paths, picture, paths->rays, paths->total[0], picture->hits, error);
 }

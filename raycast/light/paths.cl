@@ -37,7 +37,7 @@ __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays
 }
 
 /* Adds the light of lamps that nothing hides: of the rays to them, one for each of the stream, those that ended at
- * nothing. LANES of them for each work-item. */
+ * nothing; hits 0: all. LANES of them for each work-item. */
 __kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
                                K_GLOBAL const karst_hit *hits, K_GLOBAL float *parts)
 {
@@ -46,8 +46,9 @@ __kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst
         return;
     const path_rays r = load_paths(rays, lowest, num_rays);
     const vint record = v_select(r.valid, r.index, (vint)(0)) * (int)(sizeof(karst_hit) / sizeof(int));
-    const vint kind = v_gather_int((K_GLOBAL const int *)hits, record + 1) & 0xff;
-    const vint lit = r.valid & v_gt(r.t_max, (vfloat)(0.0f)) & v_eq(kind, (vint)((int)KARST_HIT_MISS));
+    vint lit = r.valid & v_gt(r.t_max, (vfloat)(0.0f));
+    if (hits)
+        lit &= v_eq(v_gather_int((K_GLOBAL const int *)hits, record + 1) & 0xff, (vint)((int)KARST_HIT_MISS));
     const colour whole = {(vfloat)(1.0f), (vfloat)(1.0f), (vfloat)(1.0f)};
     if (v_any(lit))
         add_paths(parts, (size_t)width_px * (size_t)height_px, width_px, height_px, &r, mask_bits(lit), &whole);

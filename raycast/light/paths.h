@@ -45,8 +45,11 @@ typedef struct {
 bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces,
                         karst_error *error);
 
-/* Adds to the parts, which shading has written, what each lamp does to the surfaces of the picture, one after the
- * other. Asynchronous. Errors: KARST_FAILED. */
+/* Adds to the parts, which shading has written, what each lamp does to surfaces, one after the other: to those of the
+ * picture; or of a stream, whose rays are of no more than its pixels, each times its throughput. Asynchronous. Errors:
+ * KARST_FAILED. */
 bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error);
+bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                              const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
 #endif

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "karst/edit.h"
 #include "karst/karst.h"
 
 enum { WIDTH = 48, HEIGHT = 36, NUM = WIDTH * HEIGHT };
@@ -81,13 +82,15 @@ static float light[3 * NUM], other[3 * NUM];
     "  float wall = min(0.15 - abs(p.z - 2.0), 3.0 - length(p));\n"                                    \
     "  return max(max(ball, bowl), max(min(-p.y, 12.0 - length(p)), wall)); }\n"
 
-/* What does not absorb is as bright as its sky, wherever it is: and so it cannot be seen. Half of it mirrors. */
+/* What does not absorb is as bright as its sky, wherever it is: and so it cannot be seen. Half of it mirrors, duller
+ * higher up. */
 static void white_is_not_seen_in_a_furnace(void **state)
 {
     (void)state;
     karst_engine_config config = config_of("/*{ " NIGHT ", " WHITE_SKY ", " CAMERA " }*/\n" SHAPES
                                            "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(1.0); "
-                                           "m.mirror = p.x > 0.0 ? 0.5 : 0.0; return m; }\n",
+                                           "m.mirror = p.x > 0.0 ? 0.5 : 0.0; m.gloss = 0.3 * max(p.y, 0.0); "
+                                           "return m; }\n",
                                            1);
     config.bounces = 400;
     for (int centres = 0; centres < 2; centres++) {
@@ -145,45 +148,44 @@ static void light_adds_up_in_a_hollow(void **state)
 }
 
 /* Before an endless black wall of a height, the ground sees that much less of the sky; and the sun shines on it or
- * not. */
+ * not. A third of it mirrors what is above. */
 static void a_wall_takes_its_share(void **state)
 {
     (void)state;
-    const double height_m = 1.5, albedo = 0.6;
+    const double height_m = 1.5, albedo = 0.6, mirror = 0.3, eye_m = 6;
     karst_engine_config config = config_of(
-        "/*{ " NIGHT ", \"lights\": [{ \"kind\": \"sun\", \"colour\": [0.5, 0.5, 0.5], \"elevation\": 45 }], " WHITE_SKY
-        ", \"camera\": { \"position\": [\"0\", \"6\", \"-2\"], \"pitch\": -90, \"fov\": 30 } }*/\n"
-        "float density(vec3 p) { return max(-p.y, min(1.5 - p.y, 0.5 - abs(p.z - 0.5))); }\n"
-        "vec3 colour(vec3 p, vec3 n) { return n.y < 0.5 || p.y > 0.4 ? vec3(0.0) : vec3(0.6); }\n",
+        "/*{ " NIGHT ", \"lights\": [{ \"kind\": \"sun\", \"colour\": [0.5, 0.5, 0.5], \"azimuth\": 90, "
+        "\"elevation\": 45 }], " WHITE_SKY
+        ", \"camera\": { \"position\": [\"-2\", \"6\", \"0\"], \"pitch\": -90, \"fov\": 30 } }*/\n"
+        "float density(vec3 p) { return max(-p.y, min(1.5 - p.y, 0.5 - abs(p.x - 0.5))); }\n"
+        "material surface(vec3 p, vec3 n) { material m; float ground = n.y < 0.5 || p.y > 0.4 ? 0.0 : 1.0;\n"
+        "m.colour = vec3(0.6 * ground); m.mirror = 0.3 * ground; return m; }\n",
         128);
     config.detail_px = 0.25; /* the wall's edge is as sharp as its voxels */
     take(&config, light);
     unlink(path);
     double sum = 0, sum_truth = 0, worst = 0;
     int num = 0;
-    for (int y = 0; y < HEIGHT; y++) {
-        /* Looking down with yaw 0, up in the picture is towards z. */
-        const double z = -2 + (0.5 - (y + 0.5) / HEIGHT) * 2 * tan(15 * M_PI / 180) * 6, away_m = -z;
-        if (away_m < 0.15)
+    for (int x = 0; x < WIDTH; x++) {
+        /* Looking down, right is towards x. */
+        const double away_m = 2 - ((x + 0.5) / WIDTH - 0.5) * 2 * tan(15 * M_PI / 180) * eye_m * WIDTH / HEIGHT;
+        /* Nearer the mirror shows the wall; at a wall's height from it the sun comes over its edge. */
+        if (away_m < 0.5 || fabs(away_m - height_m) < 0.1)
             continue;
         const double seen = 1 - 0.5 * (1 - away_m / hypot(away_m, height_m));
-        double row = 0;
-        for (int x = 0; x < WIDTH; x++)
-            row += (double)light[3 * (y * WIDTH + x)] / WIDTH;
-        /* The sun comes over the wall's far edge. */
-        const double shadow_m = height_m;
-        if (fabs(away_m - shadow_m) < 0.1)
-            continue;
-        const double sun = away_m > shadow_m ? 0.5 * sqrt(0.5) : 0;
-        const double truth = albedo * (seen + sun);
-        worst = fmax(worst, fabs(row - truth) / truth);
-        sum += row;
+        const double sun = away_m > height_m ? 0.5 * sqrt(0.5) : 0;
+        const double truth = (1 - mirror) * albedo * (seen + sun) + mirror;
+        double column = 0;
+        for (int y = 0; y < HEIGHT; y++)
+            column += (double)light[3 * (y * WIDTH + x)] / HEIGHT;
+        worst = fmax(worst, fabs(column - truth) / truth);
+        sum += column;
         sum_truth += truth;
         num++;
     }
-    print_message("%d rows before a wall: mean %.5f of %.5f, worst row %.4f off\n", num, sum / num, sum_truth / num,
-                  worst);
-    assert_true(num > HEIGHT / 2);
+    print_message("%d columns before a wall: mean %.5f of %.5f, worst column %.4f off\n", num, sum / num,
+                  sum_truth / num, worst);
+    assert_true(num > WIDTH / 2);
     assert_true(fabs(sum / sum_truth - 1) < 0.006 && worst < 0.03);
 }
 
@@ -202,8 +204,9 @@ static void lights_are_as_bright_as_they_say(void **state)
         LIT("{ \"kind\": \"spot\", \"position\": [0.5, 2, 0], \"colour\": [4, 2, 1], \"radius\": 0, \"angle\": 60, "
             "\"soft\": 0 }"),
         LIT("{ \"kind\": \"sun\", \"elevation\": 30, \"colour\": [4, 2, 1] }"),
+        LIT("{ \"position\": [0.5, 2, 0], \"colour\": [4, 2, 1], \"radius\": 0, \"shadow\": false }"),
     };
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < 8; i++) {
         karst_engine_config config = config_of(texts[i / 2], i % 2 ? 1 : 4);
         config.integrator = i % 2 ? KARST_INTEGRATOR_DIRECT : KARST_INTEGRATOR_FULL;
         take(&config, light);
@@ -239,13 +242,40 @@ static void lights_are_as_bright_as_they_say(void **state)
     }
 }
 
+/* Painted ground in a white sky is as bright as its paint. */
+static void paint_is_lit(void **state)
+{
+    (void)state;
+    karst_engine_config config = config_of("/*{ " NIGHT ", " WHITE_SKY ",\n"
+                                           "\"camera\": { \"position\": [0, 6, 0], \"pitch\": -90 } }*/\n"
+                                           "float density(vec3 p) { return -p.y; }\n"
+                                           "vec3 colour(vec3 p, vec3 n) { return vec3(0.5); }\n",
+                                           2);
+    const karst_edit edit = {.shape = KARST_EDIT_PLANE, /* all before x = 0 */
+                             .mode = KARST_EDIT_PAINT,
+                             .normal = {1, 0, 0},
+                             .has_colour = true,
+                             .colour = {0.7, 0.05, 0.2},
+                             .strength = 1};
+    karst_engine *engine = create(&config);
+    assert_ok(karst_engine_edit(engine, &edit, 1, &error));
+    settle(engine, light);
+    karst_engine_destroy(engine);
+    unlink(path);
+    for (int i = 0; i < NUM; i++)
+        for (int c = 0; c < 3 && abs(2 * (i % WIDTH) + 1 - WIDTH) > 4; c++) {
+            const double truth = 2 * (i % WIDTH) < WIDTH ? edit.colour[c] : 0.5;
+            assert_true(fabs((double)light[3 * i + c] - truth) < 0.005);
+        }
+}
+
 static const char scene[] =
     "/*{ \"voxel\": 0.015625, \"view\": 60, " CAMERA ",\n"
     "\"lights\": [{ \"position\": [0, 2, -1], \"colour\": [9, 4, 1], \"radius\": 0.2 },\n"
     "{ \"kind\": \"spot\", \"position\": [2, 4, -3], \"colour\": [1, 9, 9], \"azimuth\": -45, \"elevation\": -60, "
     "\"shadow\": false }] }*/\n" SHAPES
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.7, 0.6, 0.5); m.mirror = p.x > 0.0 ? 0.5 : 0.0;\n"
-    "m.emission = p.x < -2.5 ? vec3(1.0, 0.2, 0.1) : vec3(0.0); return m; }\n";
+    "m.gloss = 0.4; m.emission = p.x < -2.5 ? vec3(1.0, 0.2, 0.1) : vec3(0.0); return m; }\n";
 
 static void lanes_history_and_goes_leave_no_trace(void **state)
 {
@@ -351,6 +381,7 @@ int main(void)
         cmocka_unit_test(light_adds_up_in_a_hollow),
         cmocka_unit_test(a_wall_takes_its_share),
         cmocka_unit_test(lights_are_as_bright_as_they_say),
+        cmocka_unit_test(paint_is_lit),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(little_memory_settles),
         cmocka_unit_test(what_is_out_of_range_is_said),

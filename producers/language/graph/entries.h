@@ -17,7 +17,7 @@
     X(DENSITY, "density", 1, 0.0, true)              \
     X(COLOUR, "colour", 3, 0.5, true)                \
     X(MIRROR, "mirror", 1, 0.0, true)                \
-    X(GLOSS, "gloss", 1, 0.0, false)                 \
+    X(GLOSS, "gloss", 1, 0.0, true)                  \
     X(EMISSION, "emission", 3, 0.0, true)            \
     X(IOR, "ior", 1, 1.33, false)                    \
     X(ABSORPTION, "absorption", 3, 0.0, false)       \
