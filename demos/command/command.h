@@ -26,6 +26,7 @@
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
  *   command_edit.c     karst edit
+ *   command_import.c   karst import
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -166,6 +167,8 @@ typedef struct {
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
+    const char *media;    /* NULL: full */
+    karst_media_mode parsed_media;
     karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
@@ -195,6 +198,11 @@ typedef struct {
         "sun", 0, COMMAND_TEXT, "AZIMUTH,ELEVATION",                                                                 \
             "where the sun stands, in degrees: a compass bearing, and how high (default: the world's)",              \
             &(look)->sun, 0, 0, NULL                                                                                 \
+    },                                                                                                               \
+    {                                                                                                                \
+        "media", 0, COMMAND_TEXT, "MODE",                                                                            \
+            "light in clouds, fog and smoke: full, shadow (land knows nothing of it) or basic (default: full)",      \
+            &(look)->media, 0, 0, NULL                                                                               \
     }
 
 /* Errors: KARST_USAGE. */
@@ -235,6 +243,11 @@ bool command_print_saved(const char *name, bool json, command_talk *talk, karst_
 /* The edits of a file of edits or of a saved world: karst_edits_load, karst_saved_load_edits. */
 karst_edit *command_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
                                karst_error *error);
+
+/* ---- command_import.c ---- */
+
+/* What imported points hold, for karst info. */
+bool command_print_points(const char *name, bool json, karst_error *error);
 
 /* ---- command_world.c ---- */
 
@@ -399,6 +412,7 @@ bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

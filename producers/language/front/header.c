@@ -96,10 +96,10 @@ static void read_colour(reader *r, json_t *value, const char *key, double rgb[3]
         rgb[i] = number_of(r, json_array_get(value, i), key, 0, 1000);
 }
 
-/* Exact decimals of any length, in a form whose length is bounded. */
-static const char *coordinate_of(reader *r, json_t *value)
+/* Exact decimals of any length, in a form whose length is bounded. `key`: what they are of. */
+static const char *coordinate_of(reader *r, json_t *value, const char *key)
 {
-    const char *text = json_is_string(value) ? text_of(r, value, "position")
+    const char *text = json_is_string(value) ? text_of(r, value, key)
                        : json_is_integer(value)
                            ? karst_format(r->source->arena, "%lld", (long long)json_integer_value(value))
                        : json_is_real(value) ? karst_format(r->source->arena, "%.17g", json_real_value(value))
@@ -109,11 +109,11 @@ static const char *coordinate_of(reader *r, json_t *value)
     uint32_t fraction;
     karst_error why = {0};
     if (!karst_coordinate_parse(text, voxel_log2_m, &voxel, &fraction, &why))
-        fail(r, "position", "write [\"0\", \"320\", \"0\"]",
-             karst_format(r->source->arena, "\"position\" is three decimals, in metres: %s", why.message));
+        fail(r, key, "write [\"0\", \"320\", \"0\"]",
+             karst_format(r->source->arena, "\"%s\" is three decimals, in metres: %s", key, why.message));
     if (voxel > MAX_CAMERA_VOXEL || voxel < -MAX_CAMERA_VOXEL)
-        fail(r, "position", "come nearer, or make the voxel larger",
-             "this \"position\" lies beyond 2^61 voxels from the origin");
+        fail(r, key, "come nearer, or make the voxel larger",
+             karst_format(r->source->arena, "this \"%s\" lies beyond 2^61 voxels from the origin", key));
     char *exact = karst_arena_alloc(r->source->arena, COORDINATE_BYTES);
     karst_coordinate_format(voxel, fraction, voxel_log2_m, exact, COORDINATE_BYTES);
     return exact;
@@ -128,7 +128,7 @@ static void read_camera(reader *r, json_t *camera)
     if (position && (!json_is_array(position) || json_array_size(position) != 3))
         fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
     for (size_t i = 0; position && i < 3; i++)
-        h->camera_position[i] = coordinate_of(r, json_array_get(position, i));
+        h->camera_position[i] = coordinate_of(r, json_array_get(position, i), "position");
     if ((v = json_object_get(camera, "yaw")))
         h->camera_yaw_deg = number_of(r, v, "yaw", -36000, 36000);
     if ((v = json_object_get(camera, "pitch")))
@@ -252,7 +252,7 @@ static void read_light_of(reader *r, json_t *light, karst_header_light *l)
         if (!json_is_array(v) || json_array_size(v) != 3)
             fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
         for (size_t i = 0; i < 3; i++)
-            l->position[i] = coordinate_of(r, json_array_get(v, i));
+            l->position[i] = coordinate_of(r, json_array_get(v, i), "position");
     } else if (l->kind != KARST_HEADER_SUN) {
         fail(r, "kind", "write \"position\": [\"0\", \"320\", \"0\"]", "this light has no \"position\"");
     }
@@ -400,13 +400,52 @@ static void read_voxel(reader *r, json_t *value)
     r->header->voxel_log2_m = k > 40 ? 40 : k;
 }
 
+static karst_header_model read_point_model(reader *r, json_t *object)
+{
+    karst_header_model model = {.at = {"0", "0", "0"}, .scale = 1};
+    json_t *v = json_object_get(object_of(r, object, "models"), "points");
+    warn_unknown(r, object, "a model", "points at turn scale as");
+    if (!v)
+        fail(r, "models", "write { \"points\": \"rabbit.karstpoints\", \"at\": [\"0\", \"1\", \"0\"] }",
+             "a model has \"points\": the name of an imported file");
+    model.points = text_of(r, v, "points");
+    if ((v = json_object_get(object, "at")) && (!json_is_array(v) || json_array_size(v) != 3))
+        fail(r, "at", "write [\"0\", \"320\", \"0\"]", "\"at\" is three decimals, in metres");
+    for (size_t i = 0; v && i < 3; i++)
+        model.at[i] = coordinate_of(r, json_array_get(v, i), "at");
+    if ((v = json_object_get(object, "turn")) && (!json_is_array(v) || json_array_size(v) != 3))
+        fail(r, "turn", "write [0, 90, 0]", "\"turn\" is three angles about x, y and z, in degrees");
+    for (size_t i = 0; v && i < 3; i++)
+        model.turn_deg[i] = number_of(r, json_array_get(v, i), "turn", -36000, 36000);
+    if ((v = json_object_get(object, "scale")))
+        model.scale = number_of(r, v, "scale", 1e-30, 1e30);
+    if ((v = json_object_get(object, "as")) && strcmp(text_of(r, v, "as"), "surface") != 0)
+        fail(r, "as", "write \"surface\", or leave it out",
+             karst_format(r->source->arena, "models are not shown as \"%.60s\"", json_string_value(v)));
+    return model;
+}
+
+static void read_point_models(reader *r, json_t *list)
+{
+    size_t num = json_array_size(list);
+    if (!json_is_array(list) || num > KARST_HEADER_MAX_MODELS)
+        fail(r, "models", "write [{ \"points\": \"rabbit.karstpoints\" }]",
+             karst_format(r->source->arena, "\"models\" is a list in brackets of %u models at most",
+                          KARST_HEADER_MAX_MODELS));
+    karst_header_model *models = karst_arena_alloc(r->source->arena, (num + 1) * sizeof *models);
+    for (size_t i = 0; i < num; i++)
+        models[i] = read_point_model(r, json_array_get(list, i));
+    r->header->models = models;
+    r->header->num_models = (uint32_t)num;
+}
+
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights");
+                 "mirror data lights models");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -441,6 +480,8 @@ static void read_root(reader *r)
     read_light(r);
     if ((v = json_object_get(r->root, "lights")))
         read_lights(r, v);
+    if ((v = json_object_get(r->root, "models")))
+        read_point_models(r, v);
     if ((v = json_object_get(r->root, "params"))) {
         const char *name;
         json_t *value;

@@ -27,6 +27,16 @@ typedef struct {
     uint32_t where;
 } karst_header_parameter;
 
+#define KARST_HEADER_MAX_MODELS 256u
+
+/* A model made of points (docs/POINTS.md). */
+typedef struct {
+    const char *points; /* an imported file, as the header has it */
+    const char *at[3];  /* of its centre: decimal text, metres; "0" */
+    double turn_deg[3]; /* about x, then y, then z; 0 */
+    double scale;       /* 1 */
+} karst_header_model;
+
 /* All optional; has_ fields say what was given, everything else holds its default. Strings are never NULL and live in
  * the source's arena. */
 #define KARST_HEADER_MAX_LIGHTS 16u
@@ -74,6 +84,8 @@ typedef struct {
     double exposure_stops; /* of pictures */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
+    uint32_t num_models;
+    const karst_header_model *models; /* in the source's arena */
     uint32_t num_parameters;
     karst_header_parameter parameters[KARST_HEADER_MAX_PARAMETERS];
     uint32_t num_data;
