@@ -206,11 +206,13 @@ FUZZ_CORPUS = $(BUILD)/fuzz/corpus
 HOSTILE = $(BUILD)/release/tests/language/test_hostile
 fuzz:
 	$(Q)$(MAKE) CONFIG=release $(HOSTILE)
-	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language $(BUILD)/fuzz/tests/fuzz/fuzz_samples
 	$(Q)mkdir -p $(FUZZ_CORPUS) && cp demos/worlds/*.karst tests/language/pasted/*.karst $(FUZZ_CORPUS) && \
 	    $(HOSTILE) write $(FUZZ_CORPUS)
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2000 \
 	    -max_len=8000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
+	$(Q)mkdir -p $(FUZZ_CORPUS)-samples && $(BUILD)/fuzz/tests/fuzz/fuzz_samples -max_total_time=$(FUZZ_SECONDS) -timeout=10 \
+	    -rss_limit_mb=500 -malloc_limit_mb=2000 -max_len=6000 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)-samples tests/fuzz/samples
 	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_points
 	$(Q)mkdir -p $(FUZZ_CORPUS)-points
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_points -max_total_time=$(FUZZ_SECONDS) -timeout=2 -rss_limit_mb=500 \
@@ -309,7 +311,7 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
-	@echo 'make fuzz            fuzz the world language and files of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
+	@echo 'make fuzz            fuzz the world language, files of samples and of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'

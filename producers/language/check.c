@@ -115,9 +115,12 @@ static void say_data(const report *r)
             bytes += 8.0 * i->channel[c].num_words;
             bound_bytes += i->channel[c].bound_bytes;
         }
-        say(r, "  data %s: %.200s (%s), %u x %u samples, %.3g x %.3g m apart; %.3g MB, %.3g MB of it for bounds",
-            i->data->name, i->data->file, i->kind, i->width, i->height, i->data->size_m[0] / i->width,
-            i->data->size_m[1] / i->height, bytes / 1e6, bound_bytes / 1e6);
+        char apart[64] = "";
+        if (i->data->size_m[0] > 0)
+            snprintf(apart, sizeof apart, ", %.3g x %.3g m apart", i->data->size_m[0] / i->width,
+                     i->data->size_m[1] / i->height);
+        say(r, "  data %s: %.200s (%s), %u x %u samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
+            i->data->file, i->kind, i->width, i->height, apart, bytes / 1e6, bound_bytes / 1e6);
     }
 }
 

@@ -1,4 +1,4 @@
-/* image(NAME, p): samples of a file of the header's, as a function. */
+/* image(NAME, p) and texture(NAME, p, n, size): samples of a file of the header's, as functions. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -98,17 +98,41 @@ static const karst_world_image *find_image(karst_lower_state *s, const karst_hea
     return image;
 }
 
-/* A coordinate in metres in cells of the image, whose samples lie in the middles of theirs. */
-static karst_expr in_cells(karst_lower_state *s, const karst_world_image *image, int axis, karst_expr metres)
+/* Cells of the image in a metre along an axis, where so many metres hold all of its samples. */
+static karst_expr cells_per_metre(karst_lower_state *s, const karst_world_image *image, int axis, karst_expr size)
+{
+    const int fold = image->data->wrap == KARST_WRAP_MIRROR ? 2 : 1;
+    const karst_number cells =
+        karst_number_divide(karst_number_int(image->channel[0].size[axis]), karst_number_int(fold));
+    return karst_expr_2(s->graph, KARST_OP_DIVIDE, karst_graph_number(s->graph, KARST_TYPE_FLOAT, cells), size);
+}
+
+/* The channels at a place in metres. Samples lie in the middles of their cells. */
+static void look_up(karst_lower_state *s, const karst_world_image *image, const karst_expr size[2],
+                    const karst_expr place[2], karst_expr value[3])
 {
     karst_graph *g = s->graph;
-    const int fold = image->data->wrap == KARST_WRAP_MIRROR ? 2 : 1;
-    karst_number cells =
-        karst_number_divide(karst_number_divide(karst_number_int(image->channel[0].size[axis]), karst_number_int(fold)),
-                            karst_number_shortest(image->data->size_m[axis]));
-    return karst_expr_2(g, KARST_OP_SUBTRACT,
-                        karst_expr_2(g, KARST_OP_MULTIPLY, metres, karst_graph_number(g, KARST_TYPE_FLOAT, cells)),
-                        karst_graph_float(g, 0.5));
+    karst_noise noise = {.base = KARST_NOISE_IMAGE, .shape = KARST_NOISE_SUM, .num_octaves = 1};
+    karst_expr at[2];
+    noise.gain = karst_graph_float(g, 0.5);
+    noise.lacunarity = karst_graph_float(g, 2);
+    for (int i = 0; i < 2; i++)
+        at[i] = karst_expr_2(g, KARST_OP_SUBTRACT,
+                             karst_expr_2(g, KARST_OP_MULTIPLY, place[i], cells_per_metre(s, image, i, size[i])),
+                             karst_graph_float(g, 0.5));
+    for (uint32_t c = 0; c < image->num_channels; c++) {
+        noise.image = &image->channel[c];
+        value[c] = karst_graph_noise(g, noise, at[0], at[1], s->zero);
+    }
+}
+
+static const karst_world_image *image_called(karst_lower_state *s, const char *name, uint32_t where)
+{
+    const karst_header_data *data = find_data(s, name, where);
+    if (s->graph->num_noises >= 4 * KARST_MAX_OCTAVES)
+        karst_source_error(s->source, where, NULL, "there are more than %u different noises and images",
+                           4 * KARST_MAX_OCTAVES);
+    return find_image(s, data);
 }
 
 uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[2],
@@ -118,19 +142,50 @@ uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t wher
     if (!(data->size_m[0] > 0))
         karst_source_error(s->source, data->where, "write \"size\": [1000, 1000]: width and depth in metres",
                            "data '%s' has no size", data->name);
-    const karst_world_image *image = find_image(s, data);
-    if (s->graph->num_noises >= 4 * KARST_MAX_OCTAVES)
-        karst_source_error(s->source, where, NULL, "there are more than %u different noises and images",
-                           4 * KARST_MAX_OCTAVES);
-    karst_noise noise = {.base = KARST_NOISE_IMAGE, .shape = KARST_NOISE_SUM, .num_octaves = 1};
-    noise.gain = karst_graph_float(s->graph, 0.5);
-    noise.lacunarity = karst_graph_float(s->graph, 2);
-    karst_expr at[2];
+    const karst_world_image *image = image_called(s, name, where);
+    karst_expr size[2];
     for (int i = 0; i < 2; i++)
-        at[i] = in_cells(s, image, i, place[i]);
-    for (uint32_t c = 0; c < image->num_channels; c++) {
-        noise.image = &image->channel[c];
-        value[c] = karst_graph_noise(s->graph, noise, at[0], at[1], s->zero);
+        size[i] = karst_graph_number(s->graph, KARST_TYPE_FLOAT, karst_number_shortest(data->size_m[i]));
+    look_up(s, image, size, place, value);
+    return image->num_channels;
+}
+
+/* 0 where a is less than b by an eighth or more, 1 where it is greater by as much: exactly, so that whole packets leave
+ * one side of a mix out. */
+static karst_expr prevails(karst_lower_state *s, karst_expr a, karst_expr b)
+{
+    karst_graph *g = s->graph;
+    karst_expr t = karst_expr_3(g, KARST_OP_FMA, karst_expr_2(g, KARST_OP_SUBTRACT, a, b), karst_graph_float(g, 4),
+                                karst_graph_float(g, 0.5));
+    t = karst_expr_2(g, KARST_OP_MIN, karst_expr_2(g, KARST_OP_MAX, t, karst_graph_float(g, 0)),
+                     karst_graph_float(g, 1));
+    return karst_expr_2(g, KARST_OP_MULTIPLY, karst_expr_2(g, KARST_OP_MULTIPLY, t, t),
+                        karst_expr_3(g, KARST_OP_FMA, t, karst_graph_float(g, -2), karst_graph_float(g, 3)));
+}
+
+uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3],
+                             const karst_expr normal[3], karst_expr size, karst_expr value[3])
+{
+    static const int axes[3][2] = {{2, 1}, {0, 2}, {0, 1}}; /* of the plane across each axis */
+    karst_graph *g = s->graph;
+    const karst_world_image *image = image_called(s, name, where);
+    if (image->data->wrap == KARST_WRAP_CLAMP)
+        karst_source_error(s->source, image->data->where, "write \"wrap\": \"repeat\", or \"mirror\" if it shows seams",
+                           "a texture goes on beyond its edges, and data '%s' does not", image->data->name);
+    karst_expr across[3][3], most[3];
+    /* samples are as far apart one way as the other */
+    const karst_expr ratio = karst_graph_number(
+        g, KARST_TYPE_FLOAT, karst_number_divide(karst_number_int(image->height), karst_number_int(image->width)));
+    const karst_expr sizes[2] = {size, karst_expr_2(g, KARST_OP_MULTIPLY, size, ratio)};
+    for (int i = 0; i < 3; i++) {
+        const karst_expr at[2] = {place[axes[i][0]], place[axes[i][1]]};
+        look_up(s, image, sizes, at, across[i]);
+        most[i] = karst_expr_1(g, KARST_OP_ABS, normal[i]);
     }
+    const karst_expr side = prevails(s, most[2], most[0]),
+                     top = prevails(s, most[1], karst_expr_2(g, KARST_OP_MAX, most[0], most[2]));
+    for (uint32_t c = 0; c < image->num_channels; c++)
+        value[c] = karst_expr_3(g, KARST_OP_MIX, karst_expr_3(g, KARST_OP_MIX, across[0][c], across[2][c], side),
+                                across[1][c], top);
     return image->num_channels;
 }

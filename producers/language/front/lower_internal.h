@@ -205,6 +205,10 @@ bool karst_lower_has_bound(const karst_lower_state *s, karst_expr condition);
  * `where` is that of the name. Errors: no such data, or a file that cannot be read. */
 uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[2],
                            karst_expr value[3]);
+/* The same in space, from three sides as the normal has it, as if all samples of a row took `size` metres. Errors also:
+ * it does not repeat. */
+uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3],
+                             const karst_expr normal[3], karst_expr size, karst_expr value[3]);
 
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);
