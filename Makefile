@@ -288,6 +288,11 @@ check-install: all
 	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \
 	    EXPORTS='$(OBJ)/exports' sh tests/run.sh $(OBJ)/tests tests/install/run.sh
 
+# The Python module, in a fresh environment: pip install . and its tests. PYTHON= names another interpreter.
+check-python: all
+	$(Q)KARST=$(COMMAND) LIBRARY='$(LIBRARY)' SHARED='$(SHARED)' CC='$(CC)' PYTHON='$(PYTHON)' \
+	    SCRATCH='$(abspath $(OBJ))/python-scratch' sh tests/run.sh $(OBJ)/tests tests/python/run.sh
+
 clean:
 	rm -rf $(BUILD)
 
@@ -302,6 +307,7 @@ help:
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
+	@echo 'make check-python    install the Python module into a fresh environment, run its tests'
 	@echo 'make clean           remove $(BUILD)'
 	@echo 'Only make demo and make check install packages (as root, or with sudo); every other target says which are missing.'
 	@echo 'BUILD=/some/folder builds elsewhere than in build, as where this folder cannot be written'
@@ -309,7 +315,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install clean help FORCE
+.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install check-python clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \
