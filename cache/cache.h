@@ -95,6 +95,9 @@ bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work
 karst_store *karst_cache_add_store(karst_cache *cache, const karst_store_config *config, karst_error *error);
 karst_store *karst_cache_find_store(karst_cache *cache, const char *name); /* KARST_STORE_LAND, too. NULL: none */
 const char *karst_store_name(const karst_store *store);
+/* Forgets all content of a further store: what it is of has changed. The tree and the others stay. Only between publish
+ * and the next cast. Errors: KARST_FAILED. */
+bool karst_store_forget(karst_store *store, karst_error *error);
 /* As long as the store. */
 const karst_cache_buffers *karst_store_get_buffers(const karst_store *store);
 /* Device memory that a further store takes at most: for each tile of the tree, and once, for lists of work. Its bricks

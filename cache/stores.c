@@ -93,6 +93,16 @@ karst_store *karst_cache_add_store(karst_cache *cache, const karst_store_config 
     return store;
 }
 
+bool karst_store_forget(karst_store *store, karst_error *error)
+{
+    karst_cache *cache = store->cache;
+    if (store == &cache->land)
+        return karst_fail(error, KARST_USAGE, "the land is forgotten with all that there is (karst_cache_clear)");
+    karst_cache_abandon(cache);
+    store->roots_loaded = false;
+    return karst_store_clear(store, error) && enter_tree(cache, store, error);
+}
+
 karst_store *karst_cache_find_store(karst_cache *cache, const char *name)
 {
     for (uint32_t i = 0; i < karst_cache_num_stores(cache); i++)

@@ -82,9 +82,12 @@ static bool step_ladder(karst_engine *engine, const karst_work *work)
     uint32_t num_tiles, num_bricks;
     karst_engine_usable_slots(engine, &num_tiles, &num_bricks);
     bool tiles_fuller = stats->tiles.num_used * num_bricks > stats->bricks.num_used * num_tiles;
+    uint64_t num_used = tiles_fuller ? stats->tiles.num_used : stats->bricks.num_used,
+             num_total = tiles_fuller ? num_tiles : num_bricks;
+    karst_engine_fullest_store(engine, &num_used, &num_total);
     karst_ladder_round round = {
-        .num_used = tiles_fuller ? stats->tiles.num_used : stats->bricks.num_used,
-        .num_total = tiles_fuller ? num_tiles : num_bricks,
+        .num_used = num_used,
+        .num_total = num_total,
         .num_starved = work->num_starved_bricks + work->num_starved_tiles,
         /* While less is asked for than the rung stands for, having it all says nothing. */
         .num_requests = work->num_requests + !karst_pace_at_rest(&engine->pace),
@@ -134,22 +137,6 @@ static bool fill_pool_stats(karst_engine *engine, karst_error *error)
     return true;
 }
 
-/* Once a world: such densities are air, and where the first of them lies is what helps to mend it. */
-static void report_non_finite(karst_engine *engine)
-{
-    int64_t voxel[3];
-    int level;
-    double voxel_m = exp2(engine->world->voxel_log2_m);
-    if (engine->reported_non_finite || !karst_density_producer_first_non_finite(engine->producer, voxel, &level))
-        return;
-    engine->reported_non_finite = true;
-    karst_log_print(
-        engine->log, KARST_LOG_WARNING,
-        "%s: the density is not finite in places, which are taken as air; the first is at %.17g,%.17g,%.17g "
-        "(look with karst sample)",
-        engine->world->name, (double)voxel[0] * voxel_m, (double)voxel[1] * voxel_m, (double)voxel[2] * voxel_m);
-}
-
 /* Before a first picture a helper is mostly still at the cast: this compiles what follows it instead of waiting. */
 static bool use_the_wait(karst_engine *engine, karst_error *error)
 {
@@ -184,6 +171,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     /* Who looks at the same for long gains by what pays off late. */
     const bool stands = engine->complete && !engine->view_changed;
     *stats = (karst_stats){0};
+    karst_engine_begin_store_stats(engine);
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
     engine->verdict = KARST_LADDER_UNDECIDED;
     /* 0 means none: it wraps around to 1. */
@@ -222,7 +210,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     stats->num_samples = engine->num_summed;
     stats->num_non_finite = karst_density_producer_non_finite(engine->producer);
     karst_density_producer_thin(engine->producer, &stats->num_thin_raised, &stats->num_thin_given_up);
-    report_non_finite(engine);
+    karst_engine_report_non_finite(engine, engine->producer, "density", &engine->reported_non_finite);
+    karst_engine_end_store_stats(engine);
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;

@@ -35,7 +35,8 @@ static bool make_pools(ahead *a, karst_error *error)
 {
     karst_cache_buffers *b = &a->cache;
     uint32_t num_tiles, num_bricks;
-    if (!karst_engine_size_pools(a->config, &num_tiles, &num_bricks, error))
+    if (!karst_engine_size_pools(a->config, karst_engine_num_contents(karst_engine_contents_of(a->world.file)),
+                                 &num_tiles, &num_bricks, error))
         return false;
     b->brick_bits = a->config->brick_bits ? a->config->brick_bits : 16;
     b->num_segments = (uint32_t)karst_cache_num_segments(a->context, num_bricks, a->config->max_segment_bytes,

@@ -14,6 +14,8 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
     engine->world = &engine->shown.file->info;
     engine->producer = engine->shown.producer;
     engine->shader = engine->shown.shader;
+    if (engine->colours && engine->shader)
+        karst_shader_set_colours(engine->shader, engine->colours, karst_cache_get_buffers(engine->cache));
     engine->view_changed = true;
 }
 
@@ -50,21 +52,26 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     if (!karst_engine_set_view_distance(engine, info, error))
         return false;
     bool same = karst_fingerprint_same(&engine->shown.fingerprint, &world->fingerprint);
+    bool changed[KARST_NUM_CONTENTS];
+    karst_engine_changed_contents(&engine->shown, world, changed);
     karst_finish(engine->context, NULL); /* nothing may run of what goes */
     rescale_position(&engine->camera.position, engine->world->voxel_log2_m, info->voxel_log2_m);
     karst_engine_world_close(&engine->shown);
     karst_engine_adopt_world(engine, world);
     *world = (karst_engine_world){0};
     engine->reported_non_finite = false;
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        engine->stores[i].reported_non_finite = false;
     if (kept)
         *kept = same;
-    return same || drop_content(engine, error);
+    return same ? karst_engine_forget_contents(engine, changed, error) : drop_content(engine, error);
 }
 
 static bool build(karst_engine *engine, karst_engine_world *world, karst_error *error)
 {
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
-                                         engine->budget_ns > 0, engine->edits != NULL};
+                                         engine->budget_ns > 0, engine->edits != NULL,
+                                         karst_engine_contents(engine)};
     return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error) &&
            karst_engine_world_set_layers(engine, world, error);
 }
@@ -151,6 +158,11 @@ bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *pa
         return false;
     }
     bool same = karst_fingerprint_same(&shown->fingerprint, &fingerprint);
+    if (!karst_engine_set_content_parameters(engine, values, error)) {
+        karst_fingerprint_finish(&fingerprint);
+        free(values);
+        return false;
+    }
     free(shown->values);
     karst_fingerprint_finish(&shown->fingerprint);
     shown->values = values;
@@ -211,7 +223,8 @@ bool karst_engine_prepare_colours(karst_engine *engine, karst_error *error)
 static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *shown, karst_error *error)
 {
     karst_engine_world *old = &engine->shown;
-    if (!world->file->has_tape_colours || engine->refine || world->file->info.has_atmosphere ||
+    if (!world->file->has_tape_colours || karst_engine_contents(engine) || engine->refine ||
+        world->file->info.has_atmosphere ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
         !karst_engine_set_view_distance(engine, &world->file->info, error))

@@ -21,13 +21,23 @@
 /* A leaf tile's eight nodes hold three or four bricks, of which rays touch some; with the tiles of the way down, that
  * is one or two to a brick. */
 #define TILES_PER_BRICK 3u
+/* What fills a store beside the land is seen in a part of most pictures. */
+#define BRICKS_PER_STORE_BRICK 2u
 
-bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
-                             karst_error *error)
+/* Of a store beside the land. */
+static uint32_t store_bricks(uint32_t num_bricks)
 {
-    uint64_t set_bytes = KARST_CACHE_BRICK_BYTES_OF(config->brick_bits ? (uint32_t)config->brick_bits : 16u) +
-                         (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
+    const uint32_t share = num_bricks / BRICKS_PER_STORE_BRICK;
+    return share > MIN_BRICKS ? share : MIN_BRICKS;
+}
+
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t num_stores, uint32_t *num_tiles,
+                             uint32_t *num_bricks, karst_error *error)
+{
+    const uint64_t brick_bytes = KARST_CACHE_BRICK_BYTES_OF(config->brick_bits ? (uint32_t)config->brick_bits : 16u);
+    uint64_t set_bytes = brick_bytes + (uint64_t)TILES_PER_BRICK * KARST_CACHE_TILE_BYTES;
     uint64_t pool_bytes = config->pool_bytes ? config->pool_bytes : DEFAULT_POOL_BYTES;
+    set_bytes += num_stores * (brick_bytes / BRICKS_PER_STORE_BRICK + TILES_PER_BRICK * KARST_STORE_TILE_BYTES);
     uint64_t bricks = config->num_bricks ? config->num_bricks : pool_bytes / set_bytes;
     uint64_t tiles = config->num_tiles ? config->num_tiles : bricks * TILES_PER_BRICK;
     if (bricks < MIN_BRICKS || tiles < MIN_TILES) {
@@ -178,7 +188,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if (!karst_engine_world_open(&engine->shown, &world, config->thin, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !karst_engine_check_window(&config->window, engine->width_px, engine->height_px, error) ||
-        !karst_engine_size_pools(config, &num_tiles, &num_bricks, error))
+        !karst_engine_size_pools(config, karst_engine_num_contents(karst_engine_contents_of(engine->shown.file)),
+                                 &num_tiles, &num_bricks, error))
         goto failed;
     if (config->brick_bits != 0 && config->brick_bits != 8 && config->brick_bits != 16 && config->brick_bits != 32) {
         karst_fail(error, KARST_USAGE, "bricks of %d bits a sample: it may be 8, 16 or 32", config->brick_bits);
@@ -217,13 +228,17 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if (!engine->cache)
         goto failed;
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
-                                         engine->budget_ns > 0, config->edits != NULL};
+                                         engine->budget_ns > 0, config->edits != NULL,
+                                         karst_engine_contents_of(engine->shown.file)};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
     karst_engine_cast_options(config, engine->world, cast_options, sizeof cast_options);
     engine->caster =
         karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), cast_options, error);
+    if (!engine->caster ||
+        !karst_engine_create_stores(engine, config, store_bricks(num_bricks), cast_options, error))
+        goto failed;
     if (engine->shadows && !karst_engine_has_wide_sun(config) &&
         !(engine->sunward =
               karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
@@ -264,8 +279,10 @@ void karst_engine_destroy(karst_engine *engine)
     karst_engine_world_close(&engine->shown);
     if (engine->edits)
         engine->edits->ops->destroy(engine->edits);
+    karst_colours_destroy(engine->colours);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
+    karst_engine_destroy_stores(engine);
     karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
     karst_radiance_destroy(engine->radiance);

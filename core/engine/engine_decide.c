@@ -10,16 +10,12 @@
 
 /* Of a frame. */
 #define MAX_ROUNDS 64
-/* Bricks are made before it is known whether they stay. Slots for that: one at least, one in so many, at most... */
-#define BRICKS_TO_SPARE 64u
-#define MOST_SPARE 8u
 
 void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, uint32_t *num_bricks)
 {
     const karst_cache_buffers *buffers = karst_cache_get_buffers(engine->cache);
-    const uint32_t bricks = buffers->num_bricks - 1, share = bricks / BRICKS_TO_SPARE;
     *num_tiles = buffers->num_tiles - 1;
-    *num_bricks = bricks - (share < 1 ? 1 : share < MOST_SPARE ? share : MOST_SPARE);
+    *num_bricks = karst_engine_usable_bricks(buffers);
 }
 
 /* Bounces of the picture's rays: they themselves; once they want nothing those that start where they end, to the sun
@@ -41,8 +37,9 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     if (rays == FROM_MIRRORED)
         return karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error);
     if (rays == PICTURE)
-        return again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
-                     : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error);
+        return (again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
+                      : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)) &&
+               karst_engine_cast_into_stores(engine, &view, &pinhole, error);
     const karst_light light = karst_engine_light(engine);
     const bool cast = !engine->shadows ||
                       (again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
@@ -95,7 +92,8 @@ bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work
         const uint32_t num_granted = work->num_loads + work->num_subdivides;
         made = made || num_granted > 0;
         again = true;
-        if (work->num_used_bricks > num_bricks || (num_granted == 0 && num_starved > 0)) {
+        if (work->num_used_bricks > num_bricks || karst_engine_stores_overflow(engine) ||
+            (num_granted == 0 && num_starved > 0)) {
             engine->verdict = KARST_LADDER_TOO_LARGE;
             break;
         }

@@ -72,7 +72,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     const bool cast = karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits,
                                          engine->asked, engine->hints, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    if (!cast || !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
+    if (!cast || !karst_engine_cast_into_stores(engine, &view, &pinhole, error) ||
+        !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)

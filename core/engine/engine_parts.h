@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 
 #include "cache/cache.h"
+#include "cache/colours.h"
 #include "core/device/context.h"
 #include "core/engine/cost.h"
 #include "core/engine/engine_internal.h"
@@ -30,6 +31,22 @@
 #define KARST_ENGINE_NUM_COUNTERS KARST_SHADE_COUNTERS
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
 
+/* What a world has beside its land, as an engine has it. */
+typedef struct {
+    karst_producer *producer;      /* NULL: none */
+    karst_fingerprint fingerprint; /* as the world's own */
+} karst_engine_content;
+
+/* The store of such a content, which lives as long as the engine; zeros: it has none of that. */
+typedef struct {
+    karst_store *store;  /* the cache's */
+    karst_caster *caster;
+    uint32_t num_used_bricks; /* of its last round */
+    bool lacks;               /* rays wanted something in its last round */
+    bool reported_non_finite; /* of this world */
+    karst_stats_store stats;
+} karst_engine_store;
+
 /* A world as an engine shows it. */
 typedef struct {
     karst_world_file *file;
@@ -44,6 +61,7 @@ typedef struct {
     karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
     karst_world_layout gradient_layout; /* of refine_data */
     karst_buffer *refine_data;
+    karst_engine_content content[KARST_NUM_CONTENTS];
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -53,6 +71,7 @@ typedef struct {
     uint32_t max_loads; /* of a round */
     bool start_on_host; /* the producer: see karst_world_build */
     bool has_layers;    /* they are to take part in what it makes */
+    unsigned contents;  /* those to be made beside the land: bit i stands for karst_content i */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -87,8 +106,10 @@ struct karst_engine {
     bool owns_display;
     karst_surface *surface;
     karst_cache *cache;
+    karst_engine_store stores[KARST_NUM_CONTENTS];
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
+    karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
@@ -153,10 +174,10 @@ struct karst_engine {
     karst_stats stats;
 };
 
-/* engine_create.c: what follows from a configuration. Slots of both pools, options of the cast (into size_bytes), the
- * picture's size. */
-bool karst_engine_size_pools(const karst_engine_config *config, uint32_t *num_tiles, uint32_t *num_bricks,
-                             karst_error *error);
+/* engine_create.c: what follows from a configuration. Slots of the pools, where there are so many stores beside the
+ * land; options of the cast (into size_bytes), the picture's size. */
+bool karst_engine_size_pools(const karst_engine_config *config, uint32_t num_stores, uint32_t *num_tiles,
+                             uint32_t *num_bricks, karst_error *error);
 void karst_engine_cast_options(const karst_engine_config *config, const karst_world_info *world, char *text,
                                size_t size_bytes);
 void karst_engine_picture_size(const karst_engine_config *config, int *width_px, int *height_px);
@@ -210,6 +231,12 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error);
 void karst_engine_next_serial(karst_engine *engine);
 /* Pixels a voxel may be wide in this frame: what is set, by ladder and pace. */
 double karst_engine_detail_px(const karst_engine *engine);
+/* Of a store's bricks, those that a settled picture may use. */
+uint32_t karst_engine_usable_bricks(const karst_cache_buffers *buffers);
+
+/* engine_stores.c. Says once where the first density of a producer lies that is not finite; `what` it is. */
+void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *producer, const char *what,
+                                    bool *reported);
 
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
@@ -242,12 +269,62 @@ bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
 /* engine_round.c. CPU time of all threads over the cores: what things cost a CPU device however busy it is with others.
  */
 uint64_t karst_engine_cpu_ns(const karst_engine *engine);
-/* Answers and publishes a round's work; and enters it in the statistics. */
-bool karst_engine_produce(karst_engine *engine, const karst_work *work, uint32_t *num_constant, karst_error *error);
+/* Answers and publishes a round's work, of a store (NULL: the land); and enters it in the statistics. */
+bool karst_engine_produce(karst_engine *engine, const karst_engine_store *asking, const karst_work *work,
+                          uint32_t *num_constant, karst_error *error);
 void karst_engine_count_made(karst_engine *engine, const karst_work *work, uint32_t num_constant);
 /* One round of collect, produce and publish for what rays wanted with the engine's serial. */
 bool karst_engine_answer_round(karst_engine *engine, const karst_position *from, karst_allowance *left,
                                karst_work *work, karst_error *error);
+
+/* The same of a store beside the land, counted, too. */
+bool karst_engine_produce_store(karst_engine *engine, karst_engine_store *of, const karst_work *work,
+                                karst_error *error);
+/* Of a round of any store: how much it may make of what is left, or of a share of that; the CPU time of what was made
+ * so far; and what a round's work takes of what is left. */
+void karst_engine_limit_round(const karst_engine *engine, const karst_allowance *left, double share,
+                              karst_collect_params *params);
+uint64_t karst_engine_made_cpu_ns(const karst_engine *engine);
+void karst_engine_spend(const karst_engine *engine, const karst_work *work, uint64_t before_ns, karst_allowance *left);
+
+/* engine_stores.c. Which contents a world has, or an engine has stores for: bit i stands for karst_content i. */
+unsigned karst_engine_contents_of(const karst_world_file *file);
+unsigned karst_engine_contents(const karst_engine *engine);
+bool karst_engine_has_content(const karst_engine *engine, int content); /* of the world that is shown */
+uint32_t karst_engine_num_contents(unsigned contents);
+/* Adds stores of so many bricks for the shown world's contents to the cache. */
+bool karst_engine_create_stores(karst_engine *engine, const karst_engine_config *config, uint32_t num_bricks,
+                                const char *cast_options, karst_error *error);
+void karst_engine_destroy_stores(karst_engine *engine);
+/* Producers of the contents that are wished for; their fingerprints with other values (false: out of memory). */
+bool karst_engine_world_build_contents(karst_engine_world *world, karst_context *context,
+                                       const karst_cache_buffers *buffers, const karst_engine_wishes *wishes,
+                                       karst_error *error);
+bool karst_engine_world_mark_contents(karst_engine_world *world, const karst_number *values, uint32_t seed);
+void karst_engine_world_close_contents(karst_engine_world *world);
+/* As karst_density_producer_compile, of all. */
+bool karst_engine_compile_contents(karst_engine *engine, uint64_t most_ns, karst_error *error);
+/* As karst_producer_answer, of one store's round (NULL: the land's). */
+bool karst_engine_answer_stores(karst_engine *engine, const karst_engine_store *asking, const karst_work *work,
+                                karst_error *error);
+/* What of a round's budget is the land's. */
+double karst_engine_land_share(const karst_engine *engine);
+/* Whether the last rays used more of a store than a settled picture may; and the fuller one's slots, if it is fuller
+ * than these. */
+bool karst_engine_stores_overflow(const karst_engine *engine);
+void karst_engine_fullest_store(const karst_engine *engine, uint64_t *num_used, uint64_t *num_total);
+/* Casts a camera's rays into each store, for what they ask for. */
+bool karst_engine_cast_into_stores(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                   karst_error *error);
+/* Which contents of two worlds are not the same; and the stores of such forget all. */
+void karst_engine_changed_contents(const karst_engine_world *from, const karst_engine_world *to,
+                                   bool changed[KARST_NUM_CONTENTS]);
+/* Their producers take other values, and what changes is forgotten. Errors: KARST_FAILED. */
+bool karst_engine_set_content_parameters(karst_engine *engine, const karst_number *values, karst_error *error);
+bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST_NUM_CONTENTS], karst_error *error);
+/* Their statistics: before a frame, and after it. */
+void karst_engine_begin_store_stats(karst_engine *engine);
+void karst_engine_end_store_stats(karst_engine *engine);
 
 /* engine_decide.c. Rounds by rays that are sure, in place of the picture's own, until engine->verdict says whether the
  * ladder's rung fits the pools, or the frame's budget ends; `work` is the last round. */

@@ -171,11 +171,34 @@ static bool prepare_producer(karst_engine *engine, karst_error *error)
 {
     bool was_on_host = engine->on_host;
     bool waits = engine->budget_ns == 0 || engine->cost.fixed;
-    if (waits && !karst_density_producer_compile(engine->producer, KARST_UNTIL_COMPILED, error))
+    if (waits && (!karst_density_producer_compile(engine->producer, KARST_UNTIL_COMPILED, error) ||
+                  !karst_engine_compile_contents(engine, KARST_UNTIL_COMPILED, error)))
         return false;
     engine->on_host = karst_density_producer_is_on_host(engine->producer);
     if (was_on_host && !engine->on_host && !engine->cost.fixed) /* what things cost is another matter now */
         karst_cost_init(&engine->cost);
+    return true;
+}
+
+/* Of the stores beside the land. */
+static bool load_store_roots(karst_engine *engine, karst_error *error)
+{
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
+        karst_engine_store *of = &engine->stores[i];
+        karst_work work;
+        if (!karst_engine_has_content(engine, i))
+            continue;
+        if (!karst_store_root_work(of->store, engine->serial, &work, error) ||
+            !karst_engine_produce_store(engine, of, &work, error))
+            return false;
+        engine->stats.num_requests += work.num_loads;
+        do {
+            if (!karst_store_drop_work(of->store, engine->serial, &work, error) ||
+                !karst_engine_produce_store(engine, of, &work, error))
+                return false;
+            engine->stats.num_requests += work.num_loads;
+        } while (work.num_loads);
+    }
     return true;
 }
 
@@ -184,19 +207,19 @@ bool karst_engine_load_root(karst_engine *engine, karst_error *error)
     karst_work work;
     uint32_t num_constant;
     if (!prepare_producer(engine, error) || !karst_cache_root_work(engine->cache, engine->serial, &work, error) ||
-        !karst_engine_produce(engine, &work, &num_constant, error))
+        !karst_engine_produce(engine, NULL, &work, &num_constant, error))
         return false;
     karst_engine_count_made(engine, &work, num_constant);
     engine->stats.num_requests += work.num_loads;
     /* And what an edit made forget, so that no picture shows its surroundings as they look from far away. */
     do {
         if (!karst_cache_drop_work(engine->cache, engine->serial, &work, error) ||
-            !karst_engine_produce(engine, &work, &num_constant, error))
+            !karst_engine_produce(engine, NULL, &work, &num_constant, error))
             return false;
         karst_engine_count_made(engine, &work, num_constant);
         engine->stats.num_requests += work.num_loads;
     } while (work.num_loads);
-    return true;
+    return load_store_roots(engine, error);
 }
 
 /* Some frames' worth of bricks, and large pages are found whole: 2 MiB at a time. */
@@ -223,7 +246,9 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
         engine->goes_on(engine->patience);
     /* Once the picture is drawn, whose own kernels are compiled first: PoCL compiles one at a time. Pictures in quick
      * succession would only take the time away from the compiler. */
-    if (!karst_density_producer_compile(engine->producer, engine->has_content ? COMPILING_NS : 0, error))
+    const uint64_t compiling_ns = engine->has_content ? COMPILING_NS : 0;
+    if (!karst_density_producer_compile(engine->producer, compiling_ns, error) ||
+        !karst_engine_compile_contents(engine, compiling_ns, error))
         return false;
     const bool decides = karst_ladder_is_deciding(&engine->ladder);
     if (!(decides ? karst_engine_decide(engine, &left, work, error)

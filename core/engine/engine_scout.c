@@ -67,7 +67,8 @@ bool karst_engine_scout(karst_engine *engine, const karst_camera *camera, bool w
         pinhole.half_width *= fminf(1, (float)(pinhole.width_px * apart_px) / (float)width_px);
         pinhole.half_height *= fminf(1, (float)(pinhole.height_px * apart_px) / (float)height_px);
     }
-    return karst_cast_pinhole(engine->caster, &view, &pinhole, NULL, error);
+    return karst_cast_pinhole(engine->caster, &view, &pinhole, NULL, error) &&
+           karst_engine_cast_into_stores(engine, &view, &pinhole, error);
 }
 
 static double length(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }

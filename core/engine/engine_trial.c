@@ -89,6 +89,15 @@ static bool trial_shade(trial *t, karst_shader *shader, bool shadows, karst_erro
            karst_finish(t->context, error);
 }
 
+static bool trial_contents(trial *t, const karst_engine_world *world, karst_error *error)
+{
+    bool done = true;
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        done = done && (!world->content[i].producer ||
+                        karst_producer_answer(world->content[i].producer, &t->cache, &t->work, error));
+    return done;
+}
+
 /* The same for all of a world: one node is loaded and subdivided, too. */
 static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, karst_error *error)
 {
@@ -100,7 +109,7 @@ static bool trial_run(trial *t, const karst_engine_world *world, bool shadows, k
            karst_buffer_write(t->work.load_slots, 0, &slot, sizeof slot, error) &&
            karst_buffer_write(t->work.subdivide_nodes, 0, &node, sizeof node, error) &&
            karst_buffer_write(t->work.subdivide_tiles, 0, &tile, sizeof tile, error) &&
-           karst_producer_answer(world->producer, &t->cache, &t->work, error) &&
+           karst_producer_answer(world->producer, &t->cache, &t->work, error) && trial_contents(t, world, error) &&
            trial_shade(t, world->shader, shadows, error);
 }
 
@@ -122,7 +131,8 @@ bool karst_engine_try_tape_colours(karst_engine *engine, karst_error *error)
 bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *opened, karst_error *error)
 {
     trial t;
-    const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false, engine->edits != NULL};
+    const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false, engine->edits != NULL,
+                                        karst_engine_contents(engine)};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
     bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&

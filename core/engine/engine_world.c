@@ -12,7 +12,8 @@ static bool remember_values(karst_engine_world *world, const karst_world_config 
     world->values = calloc(program->num_parameters + 1, sizeof *world->values);
     for (uint32_t i = 0; world->values && i < program->num_parameters; i++)
         world->values[i] = program->parameters[i].value;
-    return (world->values && karst_fingerprint_init(&world->fingerprint, program, world->values, world->seed)) ||
+    return (world->values && karst_fingerprint_init(&world->fingerprint, program, world->values, world->seed) &&
+            karst_engine_world_mark_contents(world, world->values, world->seed)) ||
            karst_fail(error, KARST_FAILED, "out of memory");
 }
 
@@ -58,6 +59,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 void karst_engine_world_close(karst_engine_world *world)
 {
     karst_engine_world_close_refiner(world);
+    karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
     karst_producer_destroy(world->producer);
@@ -113,7 +115,8 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     world->shader = world->producer
                         ? karst_engine_world_shader(world, context, wishes->shade, world->producer->data[0], error)
                         : NULL;
-    return world->shader && karst_engine_world_build_skies(world, context, error) &&
+    return world->shader && karst_engine_world_build_contents(world, context, buffers, wishes, error) &&
+           karst_engine_world_build_skies(world, context, error) &&
            (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
 }
 

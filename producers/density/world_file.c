@@ -25,6 +25,35 @@ static const char bounds_source_of_gradient_noise[] =
 const char karst_tape_colours_source[] = "#include \"producers/language/tape/tape_colour.clh\"\n";
 const char karst_tape_colours_options[] = "-DWORLD_HAS_DATA " SLOTS_OPTION(TAPE_COLOURS_SLOTS);
 
+/* ---- what a world has beside its land ---- */
+
+const char *const karst_content_names[KARST_NUM_CONTENTS] = {"clear"};
+
+/* The entries that give a content's density, and its surface as the land's is given: colour, mirror and so on. */
+static const struct {
+    karst_entry density, surface;
+} content_entries[KARST_NUM_CONTENTS] = {{KARST_ENTRY_CLEAR, KARST_ENTRY_CLEAR_SURFACE}};
+
+/* The first root of an entry, and how many it has. */
+static uint32_t roots_of(karst_entry entry, uint32_t *num)
+{
+    const karst_output_info *first = &karst_outputs[karst_entries[entry].first],
+                            *last = &karst_outputs[karst_entries[entry].last];
+    *num = last->root + last->num_floats - first->root;
+    return first->root;
+}
+
+/* The same resolved graph with a content's values in the land's place. */
+static karst_resolved_world world_of_content(const karst_resolved_world *world, karst_content content)
+{
+    uint32_t num;
+    const uint32_t density = roots_of(content_entries[content].density, &num),
+                   surface = roots_of(content_entries[content].surface, &num);
+    karst_resolved_world of = {.graph = world->graph, .root[KARST_ROOT_DENSITY] = world->root[density]};
+    memcpy(of.root + KARST_ROOT_COLOUR, world->root + surface, num * sizeof *of.root);
+    return of;
+}
+
 /* ---- what is said ---- */
 
 /* All diagnostics, an empty line apart. */
@@ -103,6 +132,9 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     /* Worlds that run on their tape would take seconds for it. */
     bool is_cheap = !facts.has_noise && !file->code.is_tape;
     file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        if (file->content[i])
+            karst_world_file_raise_thin(file->content[i], thin);
 }
 
 /* ---- how to look at it ---- */
@@ -290,7 +322,7 @@ static bool make_code(karst_world_file *file, karst_error *error)
     return true;
 }
 
-static bool complete(karst_world_file *file, karst_error *error)
+static bool lay_out(karst_world_file *file, karst_error *error)
 {
     const karst_resolved_world *world = &file->program->world;
     if (!karst_world_layout_init(&file->layout, world))
@@ -300,16 +332,58 @@ static bool complete(karst_world_file *file, karst_error *error)
         return false;
     file->data_bytes = 8 * (end_word(&file->colour_tape, end_word(&file->tape, file->layout.num_words)) +
                             (num_more(&file->colour_tape) + 1) / 2);
-    set_info(file);
     return true;
+}
+
+/* A content's program is the world's, but for its roots. */
+static bool make_content(karst_world_file *file, karst_content content, karst_error *error)
+{
+    uint32_t num;
+    if (file->program->world.root[roots_of(content_entries[content].density, &num)] == KARST_NO_EXPR)
+        return true;
+    karst_world_file *made = file->content[content] = calloc(1, sizeof *made);
+    karst_program_graph *program = made ? malloc(sizeof *program) : NULL;
+    if (!program)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    *program = *file->program;
+    program->world = world_of_content(&file->program->world, content);
+    program->is_deepened = false;
+    made->program = program;
+    made->info = file->info;
+    return lay_out(made, error);
+}
+
+static bool complete(karst_world_file *file, karst_error *error)
+{
+    if (!lay_out(file, error))
+        return false;
+    set_info(file);
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        if (!make_content(file, (karst_content)i, error))
+            return false;
+    return true;
+}
+
+/* What was compiled, and not the program. */
+static void finish_code(karst_world_file *file)
+{
+    karst_emitted_finish(&file->code);
+    karst_tape_finish(&file->tape);
+    karst_tape_finish(&file->colour_tape);
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
+        if (file->content[i]) {
+            finish_code(file->content[i]);
+            free(file->content[i]->program);
+        }
+        free(file->content[i]);
+        file->content[i] = NULL;
+    }
 }
 
 /* A world whose deepened density is too large to run shows flat air as it is. Nothing is left of the first try. */
 static bool become_flat(karst_world_file *file)
 {
-    karst_emitted_finish(&file->code);
-    karst_tape_finish(&file->tape);
-    karst_tape_finish(&file->colour_tape);
+    finish_code(file);
     return !file->program->is_deepened || karst_program_deepen(file->program, false);
 }
 
@@ -355,9 +429,7 @@ void karst_world_file_destroy(karst_world_file *file)
 {
     if (!file)
         return;
-    karst_emitted_finish(&file->code);
-    karst_tape_finish(&file->tape);
-    karst_tape_finish(&file->colour_tape);
+    finish_code(file);
     karst_program_graph_destroy(file->program);
     free(file);
 }
@@ -440,11 +512,12 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
 }
 
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error)
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error)
 {
     char options[512];
     karst_density_program program = program_of(file, build, NULL, options);
-    return karst_density_producer_set_layers(producer, &program, layers, num_layers, error);
+    return karst_density_producer_set_layers(producer, &program, layers, num_layers, colours, error);
 }
 
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,

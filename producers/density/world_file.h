@@ -11,7 +11,15 @@
 #include "producers/producer.h"
 #include "producers/steps/shape.h"
 
-typedef struct {
+/* What a world may have beside its land, each in a store of its own (producers/stores.h). */
+typedef enum {
+    KARST_CONTENT_CLEAR, /* clear matter */
+    KARST_NUM_CONTENTS
+} karst_content;
+extern const char *const karst_content_names[KARST_NUM_CONTENTS]; /* of their stores, too */
+
+typedef struct karst_world_file karst_world_file;
+struct karst_world_file {
     karst_program_graph *program; /* its diagnostics hold warnings */
     karst_world_layout layout;
     karst_emitted code;
@@ -23,7 +31,11 @@ typedef struct {
     char camera[640];
     bool raises_thin; /* see karst_world_file_raise_thin */
     bool is_indoors; /* of a text without a header: no sun reaches what is seen */
-} karst_world_file;
+    /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
+     * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
+     * file holds for it, but that it is compiled, told to raise what is thin, and destroyed with its world. */
+    karst_world_file *content[KARST_NUM_CONTENTS];
+};
 
 /* Compiles a file or a text. `given` are parameters to set. Errors: KARST_BAD_WORLD; if `diagnostics` is not NULL, all
  * that there is to say goes there as text for people, malloc'ed (NULL: nothing), also where the file is good. Destroy
@@ -64,7 +76,8 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);
 /* karst_density_producer_set_layers for a producer that was built so. */
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error);
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error);
 /* karst_density_program_rehearse for such a producer. */
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
                                const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,

@@ -89,9 +89,10 @@ static void test_fields(void **state)
     (void)state;
     for (int o = 0; o < KARST_NUM_OUTPUTS; o++)
         for (uint32_t i = karst_outputs[o].root; i < karst_outputs[o].root + karst_outputs[o].num_floats; i++) {
+            const bool is_surface = i >= KARST_ROOT_COLOUR && i <= KARST_ROOT_LAST_TRANSPARENCY;
             usual[i] = karst_outputs[o].usual;
-            set[i] = i + 0.25;
-            if (i >= KARST_ROOT_COLOUR)
+            set[i] = is_surface ? i + 0.25 : usual[i];
+            if (is_surface)
                 snprintf(text + strlen(text), sizeof text - strlen(text), "    m.%s%s%.1s = p.x * %u.25;\n",
                          karst_outputs[o].name, karst_outputs[o].num_floats > 1 ? "." : "",
                          karst_outputs[o].num_floats > 1 ? "xyz" + (i - karst_outputs[o].root) : "", i);
@@ -109,7 +110,7 @@ static void test_fields(void **state)
     expect_values(&w, usual, "a global");
     world_finish(&w);
     w = world_with(text);
-    assert_int_equal(karst_list_roots(w.program->root, KARST_PROGRAM_SHADING, list), KARST_NUM_ROOTS - 1);
+    assert_int_equal(karst_list_roots(w.program->root, KARST_PROGRAM_SHADING, list), KARST_ROOT_LAST_TRANSPARENCY);
     expect_values(&w, set, "all set");
     world_finish(&w);
 }

@@ -43,6 +43,15 @@ typedef struct {
     uint64_t num_used, num_total, size_bytes;
 } karst_stats_pool;
 
+/* What a store beside the land's has (clear matter, say): bricks as the land's; requests and bricks produced of this
+ * frame, which count in the frame's own, too. */
+#define KARST_STATS_MAX_STORES 3
+typedef struct {
+    char name[16];
+    karst_stats_pool bricks;
+    uint64_t num_resident_bricks, num_requests, num_produced;
+} karst_stats_store;
+
 /* One frame, or the state after it. */
 typedef struct {
     char device[128];
@@ -77,8 +86,10 @@ typedef struct {
     /* Pixels per voxel: as set, and as this frame's rays asked for. More than set where the pools do not hold the view,
      * or production is behind a budget in ms. */
     double detail_asked_px, detail_given_px;
+    size_t num_stores; /* beside the land's, of which `bricks` tells; 0 of most worlds */
+    karst_stats_store stores[KARST_STATS_MAX_STORES];
     size_t num_memory;
-    karst_stats_memory memory[32]; /* by buffer name */
+    karst_stats_memory memory[64]; /* by buffer name */
 } karst_stats;
 
 #ifdef __cplusplus

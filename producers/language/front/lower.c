@@ -156,7 +156,8 @@ static void hint_missing(karst_lower_state *s, karst_entry entry)
     const karst_ast_function *stranger = find_stranger(s, entry, true), *unused = find_stranger(s, entry, false);
     const karst_ast_function *misspelt = stranger ? NULL : find_misspelt(s, entry, true);
     const char *name = karst_entries[entry].name;
-    if (misspelt)
+    /* Many a function that a density calls looks like one that fills bricks. */
+    if (misspelt && !(karst_entries[entry].num_inputs == KARST_INPUT_PLACE && misspelt->statement))
         karst_source_warn(s->source, misspelt->where, karst_format(s->arena, "is this it? Then call it %s", name),
                           "there is no function '%s', but a '%s'", name, karst_lower_name(s, misspelt->name));
     if (unused)

@@ -13,31 +13,46 @@
 
 /* What entries give: enumerator, name (and that of a struct's field), floats (1 or 3), the value of each float where
  * the text says nothing, whether pictures show it. */
-#define KARST_OUTPUTS(X)                       \
-    X(DENSITY, "density", 1, 0.0, true)        \
-    X(COLOUR, "colour", 3, 0.5, true)          \
-    X(MIRROR, "mirror", 1, 0.0, true)          \
-    X(GLOSS, "gloss", 1, 0.0, false)           \
-    X(EMISSION, "emission", 3, 0.0, true)      \
-    X(IOR, "ior", 1, 1.33, false)              \
-    X(ABSORPTION, "absorption", 3, 0.0, false) \
-    X(TRANSPARENCY, "transparency", 1, 0.0, false)
+#define KARST_OUTPUTS(X)                             \
+    X(DENSITY, "density", 1, 0.0, true)              \
+    X(COLOUR, "colour", 3, 0.5, true)                \
+    X(MIRROR, "mirror", 1, 0.0, true)                \
+    X(GLOSS, "gloss", 1, 0.0, false)                 \
+    X(EMISSION, "emission", 3, 0.0, true)            \
+    X(IOR, "ior", 1, 1.33, false)                    \
+    X(ABSORPTION, "absorption", 3, 0.0, false)       \
+    X(TRANSPARENCY, "transparency", 1, 0.0, false)   \
+    X(CLEAR, "clear", 1, 0.0, true)                  \
+    X(CLEAR_COLOUR, "colour", 3, 0.5, false)         \
+    X(CLEAR_MIRROR, "mirror", 1, 0.0, false)         \
+    X(CLEAR_GLOSS, "gloss", 1, 0.0, false)           \
+    X(CLEAR_EMISSION, "emission", 3, 0.0, false)     \
+    X(CLEAR_IOR, "ior", 1, 1.33, false)              \
+    X(CLEAR_ABSORPTION, "absorption", 3, 0.0, false) \
+    X(CLEAR_TRANSPARENCY, "transparency", 1, 0.0, false)
 
 /* Entries: enumerator, name, another spelling of it (or NULL), type of the result, its first and last output, its
  * inputs, the program that runs it, whether it is softened (soften.h). The result is a built-in type, or a struct that
  * has the outputs as fields, in order. Where two give the same output, the later one does: one whose outputs all come
  * from later ones is not run. The first has to be there. */
-#define KARST_ENTRIES(X)                                                                              \
-    X(DENSITY, "density", NULL, "float", DENSITY, DENSITY, KARST_INPUT_PLACE, BRICKS, false)          \
-    X(COLOUR, "colour", "color", "vec3", COLOUR, COLOUR, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true) \
-    X(SURFACE, "surface", NULL, "material", COLOUR, TRANSPARENCY, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true)
+#define KARST_ENTRIES(X)                                                                                       \
+    X(DENSITY, "density", NULL, "float", DENSITY, DENSITY, KARST_INPUT_PLACE, BRICKS, false)                   \
+    X(COLOUR, "colour", "color", "vec3", COLOUR, COLOUR, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true)          \
+    X(SURFACE, "surface", NULL, "material", COLOUR, TRANSPARENCY, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true) \
+    X(CLEAR, "clear", NULL, "float", CLEAR, CLEAR, KARST_INPUT_PLACE, CLEAR_BRICKS, false)                     \
+    X(CLEAR_SURFACE, "clear_surface", NULL, "material", CLEAR_COLOUR, CLEAR_TRANSPARENCY,                      \
+      KARST_INPUT_PLACE_AND_NORMAL, CLEAR_SHADING, true)
 
 /* How many parameters, each a vec3: the place, and the normal towards the air. */
 enum { KARST_INPUT_PLACE = 1, KARST_INPUT_PLACE_AND_NORMAL = 2 };
 
 typedef enum {
-    KARST_PROGRAM_BRICKS, /* what fills bricks, and bounds them */
-    KARST_PROGRAM_SHADING /* what runs at hits */
+    KARST_PROGRAM_BRICKS,  /* what fills bricks, and bounds them */
+    KARST_PROGRAM_SHADING, /* what runs at hits */
+    /* The same of clear matter: programs of their own, which are made of these outputs as of the land's
+     * (producers/density/world_content.c). */
+    KARST_PROGRAM_CLEAR_BRICKS,
+    KARST_PROGRAM_CLEAR_SHADING
 } karst_entry_program;
 
 #define KARST_OUTPUT_ENUMERATOR_(id, ...) KARST_OUTPUT_##id,

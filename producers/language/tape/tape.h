@@ -7,7 +7,8 @@
 #include "producers/language/tape/tape_shared.h"
 
 #define KARST_TAPE_MAX_OUTPUTS 16
-_Static_assert(KARST_NUM_ROOTS <= KARST_TAPE_MAX_OUTPUTS, "a tape may have all of a world's roots");
+_Static_assert(KARST_ROOT_LAST_TRANSPARENCY - KARST_ROOT_COLOUR < KARST_TAPE_MAX_OUTPUTS,
+               "a tape may have all that shading gives");
 /* Of a world that can be shown. Slots lie in private memory, 768 bytes each with 16 lanes: a thread's stack has room
  * for this many. */
 #define KARST_TAPE_MOST_SLOTS 2048
