@@ -7,6 +7,8 @@ OBJ     := $(BUILD)/$(CONFIG)
 # Products of the release stand at the top of the build folder, those of other configurations beside their objects.
 OUT     := $(if $(filter release,$(CONFIG)),$(BUILD),$(OBJ))
 PREFIX  ?= /usr/local
+# Where the library goes below PREFIX.
+LIBDIR  ?= lib
 DESTDIR ?=
 CC      ?= cc
 AR      ?= ar
@@ -31,13 +33,15 @@ PKGS   := libpng libtiff-4 jansson sqlite3
 COMMAND_PKGS := cairo glfw3 zlib
 CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
+CFLAGS_tsan    := -O1 -g -fsanitize=thread -fno-omit-frame-pointer
+LDFLAGS_tsan   := -fsanitize=thread
 CFLAGS_asan    := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
 LDFLAGS_asan   := -fsanitize=address,undefined
 # make fuzz uses it, with clang.
 CFLAGS_fuzz    := -g -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined
 LDFLAGS_fuzz   := -fsanitize=fuzzer,address,undefined
 ifeq ($(origin CFLAGS_$(CONFIG)),undefined)
-$(error CONFIG=$(CONFIG): choose release, debug, asan or fuzz)
+$(error CONFIG=$(CONFIG): choose release, debug, asan, tsan or fuzz)
 endif
 # -ffp-contract=off: host and device must agree bit for bit.
 KCFLAGS := -std=c11 -D_GNU_SOURCE -DKARST_VERSION='"$(VERSION)"' -ffp-contract=off -fPIC -pthread $(WARN) \
@@ -62,7 +66,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
     cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
@@ -84,7 +88,7 @@ endif
 # A stamp that make itself includes: when it is made anew, make starts over and finds what was installed.
 # `make demo` and `make check` may install packages; every other target only says what is missing.
 GOALS := $(or $(MAKECMDGOALS),all)
-ifneq ($(filter-out clean help uninstall lint,$(GOALS)),)
+ifneq ($(filter-out clean help uninstall lint abi,$(GOALS)),)
 ifneq ($(words $(BUILD)),1)
 $(error BUILD=$(BUILD): make cannot use a folder whose name holds a blank; choose another)
 endif
@@ -92,7 +96,7 @@ ifneq ($(shell mkdir -p $(call quoted,$(BUILD)) 2> /dev/null && [ -w $(call quot
 $(error $(abspath $(BUILD)) cannot be written: build in another folder, as in make BUILD=/tmp/karst-build)
 endif
 endif
-ifneq ($(filter-out clean help uninstall,$(GOALS)),)
+ifneq ($(filter-out clean help uninstall abi,$(GOALS)),)
 NEED := $(if $(filter-out all demo install $(LIBRARY) $(COMMAND),$(GOALS)),tests,build)
 $(BUILD)/dependencies-$(NEED).mk: .ci/install-dependencies
 	@sh .ci/install-dependencies $(if $(filter demo check,$(GOALS)),,--check) $(NEED)
@@ -144,9 +148,9 @@ $(LIBRARY): $(OBJECTS) $(OBJ)/objects
 	$(Q)rm -f $@ && $(AR) rcs $@ $(OBJECTS)
 
 # Only what the public headers declare leaves the shared library.
-$(OBJ)/exports: $(HEADERS)
+$(OBJ)/exports: core/package/exports.sh core/package/symbols $(HEADERS)
 	@mkdir -p $(@D)
-	@{ echo '{ global:'; grep -oh 'karst_[a-z0-9_]*(' $(HEADERS) | sort -u | sed 's/(/;/'; echo 'local: *; };'; } > $@
+	@sh core/package/exports.sh core/package/symbols $(HEADERS) > $@.tmp && mv $@.tmp $@
 $(SHARED): $(OBJECTS) $(OBJ)/objects $(OBJ)/exports
 	$(say) LD $@
 	$(Q)$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/exports -Wl,--no-undefined -Wl,--as-needed \
@@ -249,7 +253,7 @@ below = $(call quoted,$(root)/$(1))
 define KARST_PC
 prefix=$(PREFIX)
 includedir=$${prefix}/include
-libdir=$${prefix}/lib
+libdir=$${prefix}/$(LIBDIR)
 
 Name: karst
 Description: Ray-casts procedural landscapes from a density function
@@ -268,14 +272,23 @@ DESKTOP := $(OUT)/karst.1:man/man1/karst.1 demos/desktop/karst.desktop:applicati
     demos/desktop/karst.fish:fish/vendor_completions.d/karst.fish
 desktop_target = $(call below,share/$(lastword $(subst :, ,$(1))))
 
+# From the CMake files up to the prefix, and the versions that fit one another.
+up = $(shell echo '$(LIBDIR)/cmake/karst' | sed 's|[^/][^/]*|..|g')
+series = $(shell echo '$(VERSION)' | sed 's/^\(0\.[0-9]*\).*/\1/; t; s/\..*//')
+CMAKE_VALUES = s|@VERSION@|$(VERSION)|; s|@SOVERSION@|$(SOVERSION)|; s|@SERIES@|$(series)|; s|@UP@|$(up)|
+
 install: all $(OUT)/karst.1
 	$(say) INSTALL $(call quoted,$(root))
-	$(Q)install -d $(call below,bin) $(call below,include/karst) $(call below,lib/pkgconfig)
+	$(Q)install -d $(call below,bin) $(call below,include/karst) $(call below,$(LIBDIR)/pkgconfig) \
+	    $(call below,$(LIBDIR)/cmake/karst)
 	$(Q)install -m 755 $(COMMAND) $(call below,bin/karst)
 	$(Q)install -m 644 $(HEADERS) $(call below,include/karst)
-	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(call below,lib)
-	$(Q)ln -sf libkarst.so.$(SOVERSION) $(call below,lib/libkarst.so)
-	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,lib/pkgconfig/karst.pc) && chmod 644 $(call below,lib/pkgconfig/karst.pc)
+	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(call below,$(LIBDIR))
+	$(Q)ln -sf libkarst.so.$(SOVERSION) $(call below,$(LIBDIR)/libkarst.so)
+	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,$(LIBDIR)/pkgconfig/karst.pc) && chmod 644 $(call below,$(LIBDIR)/pkgconfig/karst.pc)
+	$(Q)for file in karst-config.cmake karst-config-version.cmake; do \
+	    sed '$(CMAKE_VALUES)' core/package/$$file.in > $(call below,$(LIBDIR)/cmake/karst/)$$file && \
+	    chmod 644 $(call below,$(LIBDIR)/cmake/karst/)$$file || exit; done
 ifneq ($(WORLDS),)
 	$(Q)install -d $(call below,share/karst/worlds) && install -m 644 $(WORLDS) $(call below,share/karst/worlds)
 	$(Q)install -d $(call below,share/karst/worlds/data) && install -m 644 $(WORLD_DATA) $(call below,share/karst/worlds/data)
@@ -285,22 +298,33 @@ endif
 
 uninstall:
 	$(say) REMOVE $(call quoted,$(root))
-	$(Q)rm -f $(foreach f,bin/karst lib/libkarst.a lib/libkarst.so lib/libkarst.so.$(SOVERSION) lib/pkgconfig/karst.pc \
+	$(Q)rm -f $(foreach f,bin/karst $(addprefix $(LIBDIR)/,libkarst.a libkarst.so libkarst.so.$(SOVERSION) pkgconfig/karst.pc \
+	    cmake/karst/karst-config.cmake cmake/karst/karst-config-version.cmake) \
 	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
 	    $(addprefix share/karst/worlds/data/,$(notdir $(WORLD_DATA))) \
 	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
 	    $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
-	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds/data) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
+	$(Q)rmdir $(call below,include/karst) $(call below,$(LIBDIR)/cmake/karst) $(call below,share/karst/worlds/data) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
 	    $(call below,share/karst) 2>/dev/null || true
 
 check-install: all
 	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \
 	    EXPORTS='$(OBJ)/exports' sh tests/run.sh $(OBJ)/tests tests/install/run.sh
 
+# What the headers promise to be thread-safe, under ThreadSanitizer.
+check-threads:
+	$(Q)$(MAKE) CONFIG=tsan $(BUILD)/tsan/tests/core/test_threads
+	$(Q)TSAN_OPTIONS=halt_on_error=1:second_deadlock_stack=1 sh tests/run.sh $(BUILD)/tsan/tests $(BUILD)/tsan/tests/core/test_threads
+
 # The Python module, in a fresh environment: pip install . and its tests. PYTHON= names another interpreter.
 check-python: all
 	$(Q)KARST=$(COMMAND) LIBRARY='$(LIBRARY)' SHARED='$(SHARED)' CC='$(CC)' PYTHON='$(PYTHON)' \
 	    SCRATCH='$(abspath $(OBJ))/python-scratch' sh tests/run.sh $(OBJ)/tests tests/python/run.sh
+
+# What the public headers promise, written down anew: after additions, and before a release. docs/API.md says when.
+abi:
+	$(Q)sh tests/abi/dump.sh '$(CC)' > tests/abi/libkarst.abi.tmp && mv tests/abi/libkarst.abi.tmp tests/abi/libkarst.abi
+	$(Q)sh tests/abi/symbols.sh $(series)
 
 clean:
 	rm -rf $(BUILD)
@@ -316,6 +340,8 @@ help:
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
+	@echo 'make abi             write down what the public headers promise (docs/API.md)'
+	@echo 'make check-threads   what is promised to be thread-safe, under ThreadSanitizer'
 	@echo 'make check-python    install the Python module into a fresh environment, run its tests'
 	@echo 'make clean           remove $(BUILD)'
 	@echo 'Only make demo and make check install packages (as root, or with sudo); every other target says which are missing.'
@@ -324,7 +350,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install check-python clean help FORCE
+.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install check-python check-threads abi clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \

@@ -1,6 +1,7 @@
 """Builds the Python module: against this tree's static library, which make builds first, or an installed libkarst.
 
-KARST_LIBRARY=pkg-config takes the installed one, KARST_LIBRARY=some/libkarst.a another static one. Which interpreter
+KARST_LIBRARY=pkg-config takes the installed one, KARST_LIBRARY=some/libkarst.a another static one, and some/libkarst.so
+one that is going to be installed. Which interpreter
 it is built for does not matter from Python 3.11 on: it uses the stable ABI.
 """
 import os
@@ -16,7 +17,8 @@ from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).resolve().parent
 LIBRARY = os.environ.get("KARST_LIBRARY", "")
-IS_INSTALLED = LIBRARY == "pkg-config"
+IS_SHARED = LIBRARY.endswith(".so")
+IS_INSTALLED = LIBRARY == "pkg-config" or IS_SHARED
 
 
 def pkg_config(*arguments):
@@ -33,7 +35,11 @@ def static_library():
 
 class BuildExtension(build_ext):
     def build_extension(self, extension):
-        if IS_INSTALLED:
+        if IS_SHARED:
+            extension.include_dirs.append("core/include")
+            extension.extra_link_args.append(LIBRARY)
+            extension.depends.append(LIBRARY)
+        elif IS_INSTALLED:
             extension.extra_compile_args += pkg_config("--cflags", "karst")
             extension.extra_link_args += pkg_config("--libs", "karst")
         else:

@@ -103,6 +103,10 @@ bool karst_image_write_channels(const char *path, const karst_image_channel *cha
     if (num_channels < 1 || num_channels > KARST_IMAGE_MAX_CHANNELS)
         return karst_fail(error, KARST_USAGE, "%s: %d channels; there may be 1 to %d", path, num_channels,
                           KARST_IMAGE_MAX_CHANNELS);
+    for (int i = 0; i < num_channels; i++)
+        for (int j = 0; j < i; j++)
+            if (strcmp(channels[i].name, channels[j].name) == 0)
+                return karst_fail(error, KARST_USAGE, "%s: two channels called %s", path, channels[i].name);
     char temporary[PATH_MAX];
     /* In the same folder, by a name of its own: the picture's may be as long as the system allows. */
     const char *slash = strrchr(path, '/');

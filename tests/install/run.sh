@@ -16,8 +16,8 @@ detail=$(find "$root" | sed "s|$root||")
 result "command, libraries, headers and karst.pc are there"
 
 # ---- the library's face ----
-sed -n 's/^\(karst_[a-z0-9_]*\);$/\1/p' "$exports" | sort > "$scratch/declared"
-nm -D --defined-only "$root/usr/lib/libkarst.so" | sed 's/.* //' | sort > "$scratch/exported"
+sed -n 's/^ *\(karst_[a-z0-9_]*\);$/\1/p' "$exports" | sort > "$scratch/declared"
+nm -D --defined-only "$root/usr/lib/libkarst.so" | sed -n 's/.* T //p' | sed 's/@@.*//' | sort > "$scratch/exported"
 detail=$(comm -13 "$scratch/declared" "$scratch/exported")
 [ -s "$scratch/exported" ] && [ -z "$detail" ]
 result "the shared library exports nothing but the public headers' names"
@@ -44,6 +44,32 @@ detail=$(${CC:-cc} -std=c11 demos/minimal.c $(pkg-config --cflags karst) "$root/
     "$scratch/stranger/static" hills "$scratch/static.png" > /dev/null &&
     cmp -s "$scratch/minimal.png" "$scratch/static.png"
 result "it links statically too, and the picture is the same"
+# ---- CMake ----
+if command -v cmake > /dev/null 2>&1; then
+    mkdir "$scratch/cmake" && cp demos/minimal.c "$scratch/cmake" && cat > "$scratch/cmake/CMakeLists.txt" << END
+cmake_minimum_required(VERSION 3.16)
+project(stranger C)
+find_package(karst ${version%.*} REQUIRED)
+add_executable(shared minimal.c)
+target_link_libraries(shared PRIVATE karst::karst)
+add_executable(static minimal.c)
+target_link_libraries(static PRIVATE karst::static)
+END
+    detail=$(cmake -S "$scratch/cmake" -B "$scratch/cmake/build" -DCMAKE_PREFIX_PATH="$root/usr" 2>&1 &&
+        cmake --build "$scratch/cmake/build" 2>&1)
+    result "find_package(karst): a project builds"
+    detail=$("$scratch/cmake/build/shared" hills "$scratch/shared.png" 2>&1 &&
+        "$scratch/cmake/build/static" hills "$scratch/also.png" 2>&1)
+    cmp -s "$scratch/minimal.png" "$scratch/shared.png" && cmp -s "$scratch/minimal.png" "$scratch/also.png"
+    result "shared and static, with the same picture"
+    sed -i "s/find_package(karst [0-9.]*/find_package(karst 99/" "$scratch/cmake/CMakeLists.txt"
+    detail=$(cmake -S "$scratch/cmake" -B "$scratch/cmake/other" -DCMAKE_PREFIX_PATH="$root/usr" 2>&1)
+    [ $? -ne 0 ] && echo "$detail" | grep -q '"99"'
+    result "a version that is not there is refused"
+else
+    skip "CMake's package file" "no cmake"
+fi
+
 detail=$("$root/usr/bin/karst" render hills -q --size 64x48 -o "$scratch/command.png" 2>&1)
 result "the installed command renders"
 detail=$(unset KARST_DATA_DIR; "$root/usr/bin/karst" render asteroid --path orbit --frames 1 -q --size 64x48 -o "$scratch/orbit.png" 2>&1)

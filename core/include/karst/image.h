@@ -38,7 +38,8 @@ typedef struct {
     int stride;
 } karst_image_channel;
 #define KARST_IMAGE_MAX_CHANNELS 32
-/* The same for any channels, 1 to KARST_IMAGE_MAX_CHANNELS of different names; borrowed. */
+/* The same for any channels, 1 to KARST_IMAGE_MAX_CHANNELS of different names; borrowed. Errors: KARST_USAGE also for
+ * another number of them, and for two of one name. */
 bool karst_image_write_channels(const char *path, const karst_image_channel *channels, int num_channels, int width_px,
                                 int height_px, karst_error *error);
 
