@@ -163,7 +163,7 @@ static seen shine(karst_engine *const engines[2], int shape, double distance_m, 
                 continue;
             const double at[3] = {(double)now.position[3 * p] - shape * APART_M, (double)now.position[3 * p + 1],
                                   (double)now.position[3 * p + 2]};
-            const bool turned = shape >= NUM_CURVED && true_cosine(at, d, shape) <= 0.02;
+            const bool turned = is_turned_away(at, d, shape);
             all.lit++;
             all.dark += is_dark(p) && !turned;
             all.turned += is_dark(p) && turned;

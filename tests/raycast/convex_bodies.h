@@ -3,6 +3,7 @@
 #define KARST_TESTS_CONVEX_BODIES_H
 
 #include <math.h>
+#include <stdbool.h>
 
 #if defined(__GNUC__)
 #define CONVEX_UNUSED __attribute__((unused))
@@ -59,6 +60,12 @@ CONVEX_UNUSED static double true_cosine(const double p[3], const double directio
     }
     return (slope[0] * direction[0] + slope[1] * direction[1] + slope[2] * direction[2]) /
            length3(slope[0], slope[1], slope[2]);
+}
+
+/* Whether the sun does not shine on the face at p, or hardly, whatever the normal that was found there. */
+CONVEX_UNUSED static bool is_turned_away(const double p[3], const double direction[3], int shape)
+{
+    return shape >= NUM_CURVED && true_cosine(p, direction, shape) <= 0.03;
 }
 
 #endif

@@ -70,7 +70,7 @@ static int run(karst_context *context, int shape, double distance, float detail,
                 if (nl > 0.02 && dark[y * SIDE + x] != sunny[y * SIDE + x]) {
                     double p[3];
                     pixel_point(&pinhole, eye, x, y, (double)h->t, p);
-                    const bool turned = shape >= NUM_CURVED && true_cosine(p, d, shape) <= 0.02;
+                    const bool turned = is_turned_away(p, d, shape);
                     num += !turned;
                     num_turned += turned;
                     worst = fmax(worst, turned ? 0 : nl);
