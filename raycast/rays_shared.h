@@ -16,7 +16,11 @@
 /* What a ray is to find. Rays that start on a surface say which side of matter they are on, since rounding does not:
  * such a ray hits nothing before it has been on that side. In the cell that it starts in it has been once it passed a
  * part that falls (or, of KARST_SIDE_BACK, rises) to there; from the next cell on, wherever it is there. If it comes to
- * a cell all of which lies on the other side first, it ends. So starts are told by cell and sign, not by a distance. */
+ * a cell all of which lies on the other side first, it ends. So starts are told by cell and sign, not by a distance.
+ *
+ * Rays that only have to leave a surface, such as those to the sun, start just above it, and say how fast they rise:
+ * the cosine of the angle to its normal. The roughness of what they leave does not stop them: raycast/cast/graze.clh.
+ */
 #define KARST_SIDE_ANY 0u   /* matter: a ray that starts in it ends at once */
 #define KARST_SIDE_FRONT 1u /* from air into matter */
 #define KARST_SIDE_BACK 2u  /* from matter into air */
@@ -32,7 +36,7 @@ typedef struct {
     uint pixel;  /* whatever the stream's maker wants back */
     uint side;   /* KARST_SIDE_* */
     float throughput[3]; /* the share of its light that reaches the pixel, of red, green and blue */
-    uint flags;          /* of the stream's maker */
+    float rise;          /* above the surface that it starts above, per unit of t; 0: it starts above none */
 } karst_ray;
 K_ASSERT_SIZE(karst_ray, 64);
 

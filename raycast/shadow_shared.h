@@ -3,7 +3,8 @@
  * One for each pixel of a picture, field by field: field f of all rays, in packet order (karst_packet_order), then
  * field f + 1. So the lanes of a packet are stored and loaded whole. Fields are floats: origin x, y, z (level-0 voxels
  * from the stream's anchor); the footprint that the ray begins with (0: the pixel has no ray, and its other fields are
- * not written); and, as bits, what the pixel's word becomes in shadow: RGBA8, or a mark.
+ * not written); as bits, what the pixel's word becomes in shadow: RGBA8, or a mark; and how fast the ray rises above
+ * the surface, as karst_ray has it.
  *
  * Those of a stream are laid out as of a picture 32 pixels wide, so that as many neighbours of the stream are a beam's;
  * their marks are y << 16 | x | KARST_SHADOW_OF_PIXEL of their own pixel.
@@ -16,7 +17,8 @@
 #define KARST_SHADOW_ORIGIN 0
 #define KARST_SHADOW_WIDTH 3
 #define KARST_SHADOW_DARK 4
-#define KARST_SHADOW_FIELDS 5
+#define KARST_SHADOW_RISE 5
+#define KARST_SHADOW_FIELDS 6
 #define KARST_SHADOW_OF_PIXEL 0x80000000u
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */

@@ -425,6 +425,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
         b.states.pending[p] = b.states.fresh[p] = mask_bits(m & v_ne(side, (vint)((int)KARST_SIDE_ANY)));
         b.states.back[p] = mask_bits(m & v_eq(side, (vint)((int)KARST_SIDE_BACK)));
+        v_store_float(RAY_WORD(15), b.states.rise + p * LANES);
     }
     begin_without_hints(&b.hints);
     b.found.only_whether = !hits;
@@ -481,10 +482,10 @@ RAY_INLINE vector3 towards_disc(const karst_shadow_sun *sun, vint x, vint y)
 #endif
 
 BEAM_FUNCTION
-    void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
-                          K_GLOBAL const float *rays, uint turn, uint num_turns, const packet_notes *notes,
-                          K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
-                          K_GLOBAL karst_beam_hints *hints, uint num_slots)
+void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
+                      K_GLOBAL const float *rays, uint turn, uint num_turns, const packet_notes *notes,
+                      K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
+                      K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
     pools own = *pool;
@@ -501,7 +502,9 @@ BEAM_FUNCTION
         vfloat width = load_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid);
         vint m = valid & v_gt(width, zero) & is_to_cast(notes, p);
         vector3 origin = {zero, zero, zero};
+        vfloat rise = zero;
         if (v_any(m)) {
+            rise = load_ordered(rays + KARST_SHADOW_RISE * plane, order, valid);
             origin.x = load_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid);
             origin.y = load_ordered(rays + (KARST_SHADOW_ORIGIN + 1) * plane, order, valid);
             origin.z = load_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid);
@@ -519,6 +522,7 @@ BEAM_FUNCTION
 #endif
         start_packet(&b, &start[p], p, view, 0, ONE_SUN, &origin, &direction, zero, (vfloat)(sun->t_max), width,
                      (vfloat)(sun->cone), m);
+        v_store_float(rise, b.states.rise + p * LANES);
     }
     if (!casts)
         return;

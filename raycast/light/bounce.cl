@@ -154,7 +154,7 @@ RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, const mirrored_rays *rays, v
                                    (uint)pixel[l],
                                    KARST_SIDE_FRONT,
                                    {words[9][l], words[9][l], words[9][l]},
-                                   0};
+                                   0.0f};
             *out++ = ray;
         }
 }

@@ -5,9 +5,9 @@
 
 #include "core/device/dialect.h"
 
-/* In karst_ray.flags: what the ray sees of lamps that have a place in the sky is its own, since the surface that it
+/* In karst_ray.pixel: what the ray sees of lamps that have a place in the sky is its own, since the surface that it
  * comes from did not look for them. */
-#define KARST_PATH_SEES_SUN 1u
+#define KARST_PATH_SEES_SUN 0x80000000u
 
 /* What shines on surfaces beside sky and emission. */
 #define KARST_LAMP_SUN 0u   /* from a disc in the sky */

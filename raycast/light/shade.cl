@@ -50,9 +50,6 @@
 #include "raycast/cast/exact.clh"
 #endif
 
-/* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
-#define SHADOW_OFFSET 1.5f
-
 #if defined(SHADE_STREAMS) && defined(WORLD_OUTPUT_MIRROR)
 #define OWN_MIRROR
 #if defined(SHADE_PATHS) && defined(WORLD_OUTPUT_GLOSS)
@@ -174,16 +171,27 @@ RAY_INLINE void store_rows(K_GLOBAL int *to, vint index, vint valid, int width, 
 #endif
 
 #ifdef SHADE_SHADOWS
-/* Writes the shadow rays of a packet: of the lanes `sunny`, towards the sun from just above the surface, which is
- * `dark` if they do not get there. */
+/* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
+#define SHADOW_OFFSET 1.5f
+/* And rise at least so fast above it, as casting sees it: less light than that is not looked at so closely. */
+#define LEAST_RISE 0.02f
+
+/* Of the lanes that face the sun: what they are if it is hidden, and the cosine of the angle between it and the normal.
+ */
+typedef struct {
+    vint sunny, dark;
+    vfloat lit;
+} facing_sun;
+
+/* Writes the shadow rays of a packet, towards the sun from just above the surface. */
 RAY_INLINE void store_shadow_rays(K_GLOBAL float *rays, size_t plane, vint order, vint valid, float cone, float detail,
-                                  const surface_hits *s, const vector3 *direction, vint sunny, vint dark)
+                                  const surface_hits *s, const vector3 *direction, const facing_sun *facing)
 {
     vfloat voxel = v_as_float((s->level + 127) << 23);
     /* The level of the hit or coarser, from the first step on. */
     vfloat width = lane_max(s->t * cone, voxel * (1.0001f / detail));
-    store_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid, v_select(sunny, width, (vfloat)(0.0f)));
-    if (!v_any(sunny))
+    store_ordered(rays + KARST_SHADOW_WIDTH * plane, order, valid, v_select(facing->sunny, width, (vfloat)(0.0f)));
+    if (!v_any(facing->sunny))
         return;
     vfloat offset = voxel * k_fma(s->weight, (vfloat)(SHADOW_OFFSET), (vfloat)(SHADOW_OFFSET));
     store_ordered(rays + KARST_SHADOW_ORIGIN * plane, order, valid, k_fma(direction->x, s->t, s->normal.x * offset));
@@ -191,7 +199,8 @@ RAY_INLINE void store_shadow_rays(K_GLOBAL float *rays, size_t plane, vint order
                   k_fma(direction->y, s->t, s->normal.y * offset));
     store_ordered(rays + (KARST_SHADOW_ORIGIN + 2) * plane, order, valid,
                   k_fma(direction->z, s->t, s->normal.z * offset));
-    store_ordered(rays + KARST_SHADOW_DARK * plane, order, valid, v_as_float(dark));
+    store_ordered(rays + KARST_SHADOW_DARK * plane, order, valid, v_as_float(facing->dark));
+    store_ordered(rays + KARST_SHADOW_RISE * plane, order, valid, lane_max(facing->lit, (vfloat)(LEAST_RISE)));
 }
 #endif
 
@@ -268,8 +277,9 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #ifdef SHADE_MIRROR
         vfloat mirrored = (vfloat)(0.0f);
 #endif
+        vfloat lit = (vfloat)(0.0f); /* cosine of the angle between the surface's normal and the sun */
         if (v_any(hit)) {
-            vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+            lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
             colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
 #ifdef OWN_MIRROR
             OWN_MIRROR_IS(mirror);
@@ -322,8 +332,9 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #endif
         }
 #ifdef SHADE_SHADOWS
+        const facing_sun facing = {sunny, dark, lit};
         store_shadow_rays(shadow_rays, (size_t)pinhole->width_px * (size_t)pinhole->height_px, place, valid,
-                          pinhole->cone, detail, &s, &direction, sunny, dark);
+                          pinhole->cone, detail, &s, &direction, &facing);
 #endif
         const vint index = y * pinhole->width_px + x;
 #ifdef SHADE_RADIANCE
@@ -486,8 +497,9 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
     vint sunny = (vint)(0);
     vector3 to = {k_fma(direction.x, s.t, origin.x), k_fma(direction.y, s.t, origin.y),
                   k_fma(direction.z, s.t, origin.z)};
+    vfloat lit = (vfloat)(0.0f);
     if (v_any(hit)) {
-        const vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+        lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
         colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
 #ifdef SHADE_WORLD_COLOUR
         /* as seen from the anchor */
@@ -536,6 +548,8 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
                       k_fma(s.normal.z, offset, to.z));
         store_ordered(shadow_rays + KARST_SHADOW_DARK * (size_t)room, index, valid,
                       v_as_float(pixel | (int)KARST_SHADOW_OF_PIXEL));
+        store_ordered(shadow_rays + KARST_SHADOW_RISE * (size_t)room, index, valid,
+                      lane_max(lit, (vfloat)(LEAST_RISE)));
         counts[4] += (uint)count_lanes(sunny);
     } else {
         store_ordered(suns, index, valid, (vfloat)(0.0f));

@@ -120,6 +120,33 @@ static void test_edges(void **state)
     close_world(&w);
 }
 
+/* The footprint lies along the surface: level ground a little below an edge in height is on one side of it, whatever
+ * its footprint; on slopes edges are as wide as heights differ within it. */
+static void test_along_the_surface(void **state)
+{
+    (void)state;
+    static const double slopes[] = {0, 1e-4, 0.3, 1, 30};
+    world w;
+    open_world(&w, "p.y > 0.02 ? 1.0 : 0.0");
+    for (size_t i = 0; i < sizeof slopes / sizeof *slopes; i++) {
+        /* turned about both axes */
+        const double sine = slopes[i] / hypot(1, slopes[i]);
+        const float normal[3] = {(float)(0.6 * sine), (float)(1 / hypot(1, slopes[i])), (float)(-0.8 * sine)};
+        for (int level = 0; level < 12; level++) {
+            const double width_m = ldexp(sine, level - 4);
+            for (int k = -3; k <= 3; k++) {
+                const double offset_m[3] = {3, 0.02 + (k ? 0.3 * k * fmax(width_m, 1e-3) : -0.02), 5};
+                const double inside = (offset_m[1] - 0.02) / fmax(width_m, 1e-30) + 0.5;
+                karst_oracle_value rgb[3];
+                const karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, -4);
+                karst_oracle_colour(w.oracle, &at, normal, level, rgb);
+                assert_true(fabs((double)rgb[0].device - fmax(0, fmin(1, inside))) < 2e-3);
+            }
+        }
+    }
+    close_world(&w);
+}
+
 /* All detail: what the text says, to the last bit. */
 static void test_full_detail_is_sharp(void **state)
 {
@@ -149,9 +176,8 @@ static void test_what_stays(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_periods),
-        cmocka_unit_test(test_edges),
-        cmocka_unit_test(test_full_detail_is_sharp),
+        cmocka_unit_test(test_periods),           cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_along_the_surface), cmocka_unit_test(test_full_detail_is_sharp),
         cmocka_unit_test(test_what_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

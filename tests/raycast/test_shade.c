@@ -60,6 +60,7 @@ static karst_ray *shadow_rays(karst_buffer *buffer, const karst_pinhole *pinhole
         rays[i].t_max = light->shadow_distance;
         rays[i].width = width;
         rays[i].cone = fmaxf(pinhole->cone, KARST_SUN_CONE);
+        rays[i].rise = fields[KARST_SHADOW_RISE * num + i];
         memcpy(&rays[i].pixel, &fields[KARST_SHADOW_DARK * num + i], sizeof(rays[i].pixel));
     }
     free(fields);

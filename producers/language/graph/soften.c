@@ -17,7 +17,8 @@ typedef struct {
     karst_graph *graph;
     uint32_t count;        /* nodes that were there at first */
     karst_expr *soft;      /* of each: what it becomes; KARST_NO_EXPR: not reached */
-    karst_expr *steepness; /* of each: |gradient| per metre, uniform; KARST_NO_EXPR: not looked at yet; or NOT_KNOWN */
+    karst_expr *steepness; /* of each: |gradient| per metre of surface, of uniform numbers and the normal;
+                            * KARST_NO_EXPR: not looked at yet; or NOT_KNOWN */
     karst_expr footprint;
 } softener;
 
@@ -65,6 +66,28 @@ static karst_expr hypotenuse(softener *s, const karst_expr *parts, int count)
     return num_known == 1 ? magnitude(s, known[0]) : karst_expr_length(s->graph, known, num_known);
 }
 
+/* The product of what there is of a coefficient, which may be KARST_NO_EXPR, for 0. */
+static karst_expr product(softener *s, karst_expr coefficient, karst_expr normal)
+{
+    return coefficient ? times(s, coefficient, normal) : KARST_NO_EXPR;
+}
+
+/* How fast what is affine changes along the surface: the length of its gradient times the sine of the angle to the
+ * normal, which their cross product gives without loss where that is small. */
+static karst_expr affine_steepness(softener *s, const karst_affine *affine)
+{
+    const karst_expr c[3] = {affine->coefficient[0], affine->coefficient[1], affine->coefficient[2]};
+    karst_expr normal[3], parts[3];
+    for (uint32_t k = 0; k < 3; k++)
+        normal[k] = karst_graph_leaf(s->graph, KARST_OP_NORMAL, k);
+    for (int k = 0; k < 3; k++) {
+        const int a = (k + 1) % 3, b = (k + 2) % 3;
+        const karst_expr first = product(s, c[a], normal[b]), second = product(s, c[b], normal[a]);
+        parts[k] = first && second ? karst_expr_2(s->graph, KARST_OP_SUBTRACT, first, second) : first | second;
+    }
+    return hypotenuse(s, parts, 3);
+}
+
 static karst_expr noise_steepness(softener *s, const karst_expr_node *n)
 {
     const karst_noise noise = s->graph->noises[n->extra];
@@ -91,7 +114,7 @@ static karst_expr find_steepness(softener *s, karst_expr e)
                b = n.arg[1] ? steepness_of(s, n.arg[1]) : KARST_NO_EXPR;
     switch (n.op) {
     case KARST_OP_AFFINE:
-        return hypotenuse(s, s->graph->affines[n.extra].coefficient, 3);
+        return affine_steepness(s, &s->graph->affines[n.extra]);
     case KARST_OP_ADD:
     case KARST_OP_SUBTRACT:
     case KARST_OP_SHIFTED:

@@ -7,8 +7,10 @@
 #include "producers/language/graph/graph.h"
 
 /* Appends to the graph (with AFFINE leaves, kinds not set yet) what the roots, floats, are to become, and updates them.
- * How fast an argument changes is an estimate by the chain rule, from uniform numbers alone: exact for what is affine,
- * typical for noise; what has none (a normal, say) stays sharp. With a footprint of 0 nothing changes but exact ties.
+ * How fast an argument changes along the surface is an estimate by the chain rule, from uniform numbers and the normal:
+ * exact for what is affine, typical for noise; what has none (a normal, say) stays sharp. So what changes only across
+ * the surface, as height does on level ground, keeps its edges. Footprints are as wide along the surface as across the
+ * view: what is seen edge on is left to samples. With a footprint of 0 nothing changes but exact ties.
  * A voxel of level 0 is 2^voxel_log2_m metres wide. */
 void karst_soften(karst_graph *graph, int voxel_log2_m, karst_expr *roots, size_t num_roots);
 
