@@ -140,6 +140,19 @@ bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
 /* All of it into a file descriptor; false with errno. */
 bool command_write_all(int fd, const void *data, size_t size_bytes);
 
+/* ---- command_ray.c ---- */
+
+/* How `karst sample --ray` looks, and what it prints: JSON or text, an empty line before what is not the first. */
+typedef struct {
+    double footprint_m;
+    const char *device;
+    bool json, is_later;
+    const karst_log *log;
+} command_ray_look;
+/* Prints what the ray "X,Y,Z,DX,DY,DZ" passes of the world's medium. Errors: KARST_USAGE, and those of
+ * karst_world_medium_depth. */
+bool command_sample_ray(const karst_world *world, const char *text, const command_ray_look *look, karst_error *error);
+
 /* ---- command_look.c ---- */
 
 /* How a picture looks: samples, mirrors, tone, exposure. Texts and numbers as options give them. */
