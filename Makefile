@@ -25,8 +25,8 @@ Q := @
 say = @printf '  %-6s %s\n'
 endif
 
-WARN   := -Wall -Wextra -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
-PKGS   := libpng jansson sqlite3
+WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
+PKGS   := libpng libtiff-4 jansson sqlite3
 # What the command needs beyond the library's.
 COMMAND_PKGS := cairo glfw3 zlib
 CFLAGS_release := -O2 -g
@@ -54,6 +54,7 @@ HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/command/karst.c demos/command/plot.c \
     $(sort $(wildcard demos/command/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
+WORLD_DATA := $(sort $(wildcard demos/worlds/data/*.png))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
 # A test or benchmark is one file with a main(); what several of them share stands in tests/support/.
@@ -61,7 +62,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
     cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
@@ -176,8 +177,8 @@ $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 
 # libFuzzer brings main.
-FUZZER := $(OBJ)/tests/fuzz/fuzz_language
-$(FUZZER): $(FUZZER).o $(LIBRARY)
+FUZZERS := $(patsubst %.c,$(OBJ)/%,$(wildcard tests/fuzz/fuzz_*.c))
+$(FUZZERS): %: %.o $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(LIBRARY) $(KLIBS) -o $@
 
@@ -210,6 +211,10 @@ fuzz:
 	    $(HOSTILE) write $(FUZZ_CORPUS)
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2000 \
 	    -max_len=8000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_points
+	$(Q)mkdir -p $(FUZZ_CORPUS)-points
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_points -max_total_time=$(FUZZ_SECONDS) -timeout=2 -rss_limit_mb=500 \
+	    -max_len=4000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/points- $(FUZZ_CORPUS)-points tests/fuzz/points
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND) docs-view
@@ -271,6 +276,7 @@ install: all $(OUT)/karst.1
 	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,lib/pkgconfig/karst.pc) && chmod 644 $(call below,lib/pkgconfig/karst.pc)
 ifneq ($(WORLDS),)
 	$(Q)install -d $(call below,share/karst/worlds) && install -m 644 $(WORLDS) $(call below,share/karst/worlds)
+	$(Q)install -d $(call below,share/karst/worlds/data) && install -m 644 $(WORLD_DATA) $(call below,share/karst/worlds/data)
 endif
 	$(Q)install -d $(call below,share/karst/paths) && install -m 644 $(PATHS) $(call below,share/karst/paths)
 	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
@@ -279,14 +285,20 @@ uninstall:
 	$(say) REMOVE $(call quoted,$(root))
 	$(Q)rm -f $(foreach f,bin/karst lib/libkarst.a lib/libkarst.so lib/libkarst.so.$(SOVERSION) lib/pkgconfig/karst.pc \
 	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
+	    $(addprefix share/karst/worlds/data/,$(notdir $(WORLD_DATA))) \
 	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
 	    $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
-	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
+	$(Q)rmdir $(call below,include/karst) $(call below,share/karst/worlds/data) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
 	    $(call below,share/karst) 2>/dev/null || true
 
 check-install: all
 	$(Q)MAKE='$(MAKE)' CC='$(CC)' BUILD='$(BUILD)' CONFIG='$(CONFIG)' SCRATCH='$(abspath $(OBJ))/install-scratch' \
 	    EXPORTS='$(OBJ)/exports' sh tests/run.sh $(OBJ)/tests tests/install/run.sh
+
+# The Python module, in a fresh environment: pip install . and its tests. PYTHON= names another interpreter.
+check-python: all
+	$(Q)KARST=$(COMMAND) LIBRARY='$(LIBRARY)' SHARED='$(SHARED)' CC='$(CC)' PYTHON='$(PYTHON)' \
+	    SCRATCH='$(abspath $(OBJ))/python-scratch' sh tests/run.sh $(OBJ)/tests tests/python/run.sh
 
 clean:
 	rm -rf $(BUILD)
@@ -297,11 +309,12 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
-	@echo 'make fuzz            fuzz the world language with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
+	@echo 'make fuzz            fuzz the world language and files of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'
 	@echo 'make check-install   install into a scratch folder, build demos/minimal.c there, uninstall'
+	@echo 'make check-python    install the Python module into a fresh environment, run its tests'
 	@echo 'make clean           remove $(BUILD)'
 	@echo 'Only make demo and make check install packages (as root, or with sudo); every other target says which are missing.'
 	@echo 'BUILD=/some/folder builds elsewhere than in build, as where this folder cannot be written'
@@ -309,7 +322,7 @@ help:
 	@echo 'make CONFIG=asan check runs the tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 
 FORCE:
-.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install clean help FORCE
+.PHONY: all demo check bench fuzz docs-images docs-accuracy docs-view lint install uninstall check-install check-python clean help FORCE
 .SECONDARY:
 .DELETE_ON_ERROR:
 -include $(OBJECTS:.o=.d) $(COMMAND_OBJECTS:.o=.d) $(SUPPORT_OBJECTS:.o=.d) $(TEST_PROGRAMS:%=%.d) \

@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 
 #include "cache/cache.h"
+#include "cache/colours.h"
 #include "core/device/context.h"
 #include "core/engine/cost.h"
 #include "core/engine/engine_internal.h"
@@ -23,6 +24,7 @@
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
+#include "raycast/light/paths.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
@@ -62,6 +64,7 @@ typedef struct {
     karst_world_layout gradient_layout; /* of refine_data */
     karst_buffer *refine_data;
     karst_engine_content content[KARST_NUM_CONTENTS];
+    karst_layer *models; /* NULL: it has none, or they are not loaded yet */
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -113,12 +116,16 @@ struct karst_engine {
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
+    karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors */
+    karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_integrator integrator;
+    uint32_t bounces;         /* of paths, as configured */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -219,9 +226,15 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
 
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
-/* Makes the engine's layers part of what an open world's producer makes; does nothing without layers.
- * Errors: KARST_USAGE (voxels of another size), KARST_FAILED. */
-bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+/* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
+ * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
+bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
+/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
+ * KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
+bool karst_engine_world_has_models(const karst_engine_world *world);
+/* Whether two worlds of one voxel have the same models in the same places. */
+bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
@@ -371,6 +384,17 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
 bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
+
+/* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
+bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
+/* In place of shading, shadows and mirrors; or after these, what a world's own lights add. */
+bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error);
+bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, karst_error *error);
+/* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
+bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

@@ -2,13 +2,15 @@
  *
  *   karst.c            main: finds the subcommand, prints help, turns an error into a line and an exit code
  *   command_options.c  options from a table: parsing and their help
+ *   command_descriptors.c  stdin, stdout and stderr as they are found
+ *   command_stdin.c    a world from stdin
  *   command_talk.c     messages and the progress line on stderr
  *   command_output.c   files that appear whole or not at all
  *   command_world.c    which world is meant
  *   command_interrupt.c  Ctrl-C and its like
  *   command_environment.c  variables that mean nothing
  *   command_driver.c   what is asked of the OpenCL driver before it is opened
- *   command_process.c  descriptors, stacks, and what is said when the program dies
+ *   command_process.c  stacks, limits, and what is said when the program dies
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
  *   command_flight.c   karst render --path
@@ -24,6 +26,7 @@
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
  *   command_edit.c     karst edit
+ *   command_import.c   karst import
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -83,6 +86,23 @@ void command_print_options(FILE *file, const command_option *options, size_t num
 /* The most similar of `names` (ended by NULL), or NULL if none is near. */
 const char *command_nearest(const char *word, const char *const *names);
 
+/* ---- command_descriptors.c ---- */
+
+/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say
+ * nothing), so that no file opened later takes their place. */
+void command_open_descriptors(void);
+bool command_can_write_stdout(void); /* false: it was closed */
+bool command_can_read_stdin(void);
+/* All of it into a file descriptor; false with errno. */
+bool command_write_all(int fd, const void *data, size_t size_bytes);
+
+/* ---- command_stdin.c ---- */
+
+/* Copies a world's text from stdin, once, into a file of its own that goes when the process ends, and gives its name.
+ * Errors: KARST_USAGE (stdin is closed, or a terminal), KARST_BAD_WORLD (it cannot be read), KARST_FAILED. */
+bool command_read_stdin(char *world, size_t size_bytes, karst_error *error);
+const char *command_stdin_file(void); /* that file; "": none */
+
 /* ---- command_talk.c ---- */
 
 /* How the command talks: to stderr, and only what was wished for. */
@@ -126,9 +146,6 @@ bool command_write_text(const char *path, const char *text, karst_error *error);
 /* Opens a new file in the folder of `path`, whose name ends in `suffix` and goes to *temporary (malloc'ed); -1 with
  * errno if there can be none, or `path` could not be a file's name. */
 int command_open_beside(const char *path, const char *suffix, char **temporary);
-/* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
- * a suffix are PNGs. Errors: KARST_USAGE. */
-bool command_check_picture(const char *path, karst_error *error);
 bool command_is_exr(const char *path); /* by its suffix */
 /* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR with `aovs` if `path` ends in .exr (0:
  * light, depth and normals), else a PNG; "-": a PNG to stdout. Errors: KARST_FAILED. */
@@ -136,9 +153,6 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
                            unsigned aovs, karst_error *error);
 /* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
 bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
-
-/* All of it into a file descriptor; false with errno. */
-bool command_write_all(int fd, const void *data, size_t size_bytes);
 
 /* ---- command_ray.c ---- */
 
@@ -160,6 +174,9 @@ typedef struct {
     uint64_t samples;
     double mirror;
     bool has_mirror;
+    const char *light; /* NULL: direct */
+    uint64_t bounces;
+    karst_integrator parsed_light;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
@@ -179,6 +196,10 @@ typedef struct {
     }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
+        {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
+         &(look)->light, 0, 0, NULL},                                                                                \
+        {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that full light leaves at most (default: 64)",                  \
+         &(look)->bounces, 1, KARST_ENGINE_MAX_BOUNCES, NULL},                                                       \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \
     {                                                                                                                \
@@ -209,7 +230,6 @@ double command_mirror(double share, bool given);
  * what stdin gave. Errors: KARST_BAD_WORLD, with a suggestion and what there is; KARST_USAGE and KARST_FAILED of
  * stdin. */
 bool command_find_world(const char *name, char *world, size_t size_bytes, karst_error *error);
-const char *command_stdin_file(void); /* that file; "": none */
 /* The file of a camera path, likewise. Errors: KARST_BAD_DATA. */
 bool command_find_path(const char *name, char *path, size_t size_bytes, karst_error *error);
 
@@ -236,6 +256,11 @@ bool command_print_saved(const char *name, bool json, command_talk *talk, karst_
 /* The edits of a file of edits or of a saved world: karst_edits_load, karst_saved_load_edits. */
 karst_edit *command_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
                                karst_error *error);
+
+/* ---- command_import.c ---- */
+
+/* What imported points hold, for karst info. */
+bool command_print_points(const char *name, bool json, karst_error *error);
 
 /* ---- command_world.c ---- */
 
@@ -290,11 +315,6 @@ void command_open_driver(command_talk *talk);
 
 /* ---- command_process.c ---- */
 
-/* First of all: descriptors 0 to 2 that are closed become ones that cannot be read or written (stderr: that say
- * nothing), so that no file opened later takes their place. */
-void command_open_descriptors(void);
-bool command_can_write_stdout(void); /* false: it was closed */
-bool command_can_read_stdin(void);
 /* Runs `function` where the stack is large enough for a compiler, on a thread of its own if need be, and sees to it
  * that threads that are started later have such stacks. Returns what it returns. */
 int command_run_with_stack(int (*function)(int, char **), int argc, char **argv);
@@ -343,6 +363,9 @@ void command_record_free(command_record *record);
 typedef struct command_pictures command_pictures;
 
 bool command_pictures_is_video(const char *output); /* by its suffix */
+/* Whether a picture's name ends as one that can be written: not in .jpg, say, or without a path in .mp4. Names without
+ * a suffix are PNGs. Errors: KARST_USAGE. */
+bool command_check_picture(const char *path, karst_error *error);
 /* The file of picture `index` of a pattern; malloc'ed; NULL: out of memory. */
 char *command_picture_name(const char *pattern, size_t index);
 /* Whether `output` will do, before long work is done for it: a pattern with one %05d (without, if there is only one
@@ -402,6 +425,7 @@ bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

@@ -65,21 +65,6 @@ bool command_check_output(const char *path, const char *option, bool binary, kar
     return true;
 }
 
-bool command_write_all(int fd, const void *data, size_t size_bytes)
-{
-    const char *rest = data;
-    while (size_bytes) {
-        ssize_t written = write(fd, rest, size_bytes);
-        if (written < 0 && errno == EINTR)
-            continue;
-        if (written <= 0)
-            return false;
-        rest += written;
-        size_bytes -= (size_t)written;
-    }
-    return true;
-}
-
 bool command_write_text(const char *path, const char *text, karst_error *error)
 {
     if (is_stdout(path)) {
@@ -128,19 +113,6 @@ static bool ends_in(const char *path, const char *suffix)
 }
 
 bool command_is_exr(const char *path) { return ends_in(path, ".exr"); }
-
-bool command_check_picture(const char *path, karst_error *error)
-{
-    static const char *const others[] = {".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".hdr", ".avi"};
-    bool is_other = command_pictures_is_video(path);
-    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        is_other = is_other || ends_in(path, others[i]);
-    if (is_other)
-        return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s", path,
-                          command_pictures_is_video(path) ? "; a video (.mp4, .mkv, .mov, .webm, .gif) needs a --path"
-                                                          : "");
-    return true;
-}
 
 /* The values of one kind, and the channels that they are. */
 static bool add_aov(karst_engine *engine, karst_aov aov, size_t num_pixels, float **values,

@@ -45,14 +45,17 @@ static const video_kind video_kinds[] = {
     {".gif", false, {"-vf", "split[a][b];[a]palettegen[p];[b][p]paletteuse"}},
 };
 
+static bool ends_in(const char *path, const char *suffix)
+{
+    size_t length = strlen(path), end = strlen(suffix);
+    return length > end && strcasecmp(path + length - end, suffix) == 0;
+}
+
 static const video_kind *find_video_kind(const char *output)
 {
-    size_t length = strlen(output);
-    for (size_t i = 0; i < sizeof video_kinds / sizeof *video_kinds; i++) {
-        size_t end = strlen(video_kinds[i].suffix);
-        if (length > end && strcasecmp(output + length - end, video_kinds[i].suffix) == 0)
+    for (size_t i = 0; i < sizeof video_kinds / sizeof *video_kinds; i++)
+        if (ends_in(output, video_kinds[i].suffix))
             return &video_kinds[i];
-    }
     return NULL;
 }
 
@@ -112,6 +115,19 @@ static bool check_video(const char *output, int width_px, int height_px, karst_e
                           "write pictures with -o frames/%%05d.png",
                           output);
     return command_check_output(output, "-o", true, error);
+}
+
+bool command_check_picture(const char *path, karst_error *error)
+{
+    static const char *const others[] = {".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".hdr", ".avi"};
+    bool is_other = command_pictures_is_video(path);
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        is_other = is_other || ends_in(path, others[i]);
+    if (is_other)
+        return karst_fail(error, KARST_USAGE, "-o %s: a picture is a .png, or an .exr with depth and normals%s", path,
+                          command_pictures_is_video(path) ? "; a video (.mp4, .mkv, .mov, .webm, .gif) needs a --path"
+                                                          : "");
+    return true;
 }
 
 bool command_pictures_check(const char *output, bool only_one, int width_px, int height_px, karst_error *error)

@@ -1,4 +1,4 @@
-/* Type, panels, graphs and bars. */
+/* Type, panels, graphs, bars, and figures as text. */
 #include "demos/view/view.h"
 
 #include <math.h>
@@ -115,4 +115,20 @@ void view_draw_bar(cairo_t *cairo, double x, double y, double width, double heig
     view_set_hue(cairo, hue, 0.9);
     cairo_fill(cairo);
     cairo_restore(cairo);
+}
+
+const char *view_format_length(double metres, const char *suffix, char text[48])
+{
+    double size = fabs(metres);
+    if (size < 1e-2)
+        snprintf(text, 48, "%.3g mm%s", metres * 1e3, suffix);
+    else if (size < 1)
+        snprintf(text, 48, "%.3g cm%s", metres * 1e2, suffix);
+    else if (size < 10000)
+        snprintf(text, 48, size < 100 ? "%.3g m%s" : "%.0f m%s", metres, suffix);
+    else if (size < 1e9)
+        snprintf(text, 48, size < 1e6 ? "%.3g km%s" : "%.0f km%s", metres / 1e3, suffix);
+    else
+        snprintf(text, 48, "%.3g m%s", metres, suffix);
+    return text;
 }

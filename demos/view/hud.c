@@ -34,22 +34,6 @@ static const char *group_digits(uint64_t number, char text[48])
     return text;
 }
 
-const char *view_format_length(double metres, const char *suffix, char text[48])
-{
-    double size = fabs(metres);
-    if (size < 1e-2)
-        snprintf(text, 48, "%.3g mm%s", metres * 1e3, suffix);
-    else if (size < 1)
-        snprintf(text, 48, "%.3g cm%s", metres * 1e2, suffix);
-    else if (size < 10000)
-        snprintf(text, 48, size < 100 ? "%.3g m%s" : "%.0f m%s", metres, suffix);
-    else if (size < 1e9)
-        snprintf(text, 48, size < 1e6 ? "%.3g km%s" : "%.0f km%s", metres / 1e3, suffix);
-    else
-        snprintf(text, 48, "%.3g m%s", metres, suffix);
-    return text;
-}
-
 /* One coordinate, cut (not rounded) to centimetres, however long: it is exact. */
 static const char *format_coordinate(const viewer *v, int axis, char text[192])
 {
@@ -114,13 +98,6 @@ static double largest(const double *values, size_t num)
     for (size_t i = 0; i < num; i++)
         most = fmax(most, values[i]);
     return most;
-}
-
-int view_hud_top(const viewer *v)
-{
-    const view_panel *message = &v->overlay.panels[VIEW_PANEL_ERROR];
-    int margin = (int)(MARGIN * v->scale);
-    return *v->reload.error && message->shown ? message->y + message->height + margin : margin;
 }
 
 /* ---- status ---- */

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define MARGIN 12.0
+
 /* The few entry points that this needs. */
 #define FOR_EACH_ENTRY(X)                              \
     X(PFNGLACTIVETEXTUREPROC, ActiveTexture)           \
@@ -178,6 +180,13 @@ void view_panel_end(viewer *v, view_panel_kind kind, cairo_t *cairo, int x, int 
 }
 
 void view_panel_hide(viewer *v, view_panel_kind kind) { v->overlay.panels[kind].shown = false; }
+
+int view_hud_top(const viewer *v)
+{
+    const view_panel *message = &v->overlay.panels[VIEW_PANEL_ERROR];
+    int margin = (int)(MARGIN * v->scale);
+    return *v->reload.error && message->shown ? message->y + message->height + margin : margin;
+}
 
 void view_overlay_clear(viewer *v)
 {

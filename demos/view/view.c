@@ -2,7 +2,6 @@
 #include "demos/view/view.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -50,40 +49,6 @@ static bool open_engine(viewer *v, karst_error *error)
     return true;
 }
 
-void view_world_take(viewer *v, karst_world *compiled)
-{
-    bool sampled = v->sampler != NULL;
-    karst_sampler_destroy(v->sampler);
-    karst_world_close(v->compiled);
-    v->compiled = compiled;
-    v->metadata = compiled ? karst_world_get_metadata(compiled) : NULL;
-    v->sampler = compiled && sampled ? view_sampler_create(v, compiled, NULL) : NULL;
-    if (v->motion.mode == VIEW_WALK && !v->sampler)
-        view_set_mode(v, VIEW_FLY);
-}
-
-/* For the parameters' names and the ground: nothing that a picture needs, so its absence is no failure. */
-static void open_world(viewer *v)
-{
-    karst_parameter parameters[VIEW_MAX_SLIDERS];
-    size_t num_parameters = 0;
-    for (int i = 0; i < v->sliders.num_sliders; i++)
-        parameters[num_parameters++] = (karst_parameter){v->sliders.sliders[i].name, v->sliders.sliders[i].value};
-    bool first = num_parameters == 0;
-    const karst_world_config config = {.world = v->world_file,
-                                       .parameters = first ? v->settings.parameters.values : parameters,
-                                       .num_parameters = first ? v->settings.parameters.num_values : num_parameters,
-                                       .has_seed = v->settings.has_seed,
-                                       .seed = (uint32_t)v->settings.seed};
-    view_world_take(v, karst_world_open(&config, NULL));
-}
-
-void view_world_stale(viewer *v)
-{
-    if (v->sampler)
-        open_world(v);
-}
-
 static bool choose_start(viewer *v, karst_error *error)
 {
     const view_settings *s = &v->settings;
@@ -115,7 +80,7 @@ static bool open_viewer(viewer *v, karst_error *error)
     if (!v->display || !open_engine(v, error))
         return false;
     v->toast[0] = 0;
-    open_world(v);
+    view_world_open(v);
     if (v->motion.speed_m_s <= 0)
         v->motion.speed_m_s = v->metadata ? fmin(1e6, fmax(0.1, v->metadata->view_distance_m / 100)) : 10;
     if (v->view != KARST_VIEW_PICTURE && !karst_engine_set_view(v->engine, v->view, error))
@@ -157,36 +122,6 @@ static void keep_history(viewer *v, double frame_ms)
     h->num += h->num < VIEW_HISTORY;
 }
 
-static bool show(viewer *v, karst_error *error)
-{
-    view_hud_update(v, v->damaged);
-    v->damaged = false;
-    view_overlay_draw(v);
-    glfwSwapBuffers(v->window);
-    v->is_shown = true;
-    v->shown_at_s = glfwGetTime();
-    if (v->first_frame_s <= 0)
-        v->first_frame_s = (double)(command_clock_ns() - v->started_ns) / 1e9;
-    if (view_context_lost(v)) {
-        v->lost = true;
-        return karst_fail(error, KARST_FAILED,
-                          "the graphics driver lost this window's context (it was reset); start karst view again");
-    }
-    return true;
-}
-
-void view_show_message(viewer *v, const char *format, ...)
-{
-    va_list arguments;
-    char text[sizeof v->toast];
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    view_toast(v, "%s", text);
-    if (v->num_frames && karst_engine_show(v->engine, NULL))
-        show(v, NULL);
-}
-
 /* The engine asks while it makes content. For a view that stands that may take long: its picture need not wait, and
  * keys and mouse end it. In motion a frame has its budget. */
 static bool goes_on(void *user)
@@ -195,7 +130,7 @@ static bool goes_on(void *user)
     if (!v->resolution.at_rest)
         return true;
     if (!v->is_shown) /* a lost context shows after the frame again */
-        show(v, NULL);
+        view_show(v, NULL);
     return view_window_is_quiet(v);
 }
 
@@ -221,7 +156,7 @@ static bool draw_frame(viewer *v, bool moving, karst_error *error)
         karst_engine_probe(v->engine, width / 2, height / 2, &v->probe, NULL);
     v->num_frames++;
     return command_record_add(&v->capture.record, &v->stats, error) && view_capture_pictures(v, error) &&
-           view_video_step(v, error) && (v->is_shown || show(v, error));
+           view_video_step(v, error) && (v->is_shown || view_show(v, error));
 }
 
 static void wait_for_events(viewer *v, bool busy)
@@ -314,7 +249,7 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     } else if (visible && (v->damaged || view_hud_update(v, false))) {
         if (v->num_frames && !karst_engine_show(v->engine, error))
             return false;
-        if (!show(v, error))
+        if (!view_show(v, error))
             return false;
     }
     if (v->settled)

@@ -1,18 +1,24 @@
 /* The viewer: what its parts share. Names begin with view_; `viewer` is the whole.
  *
  *   view.c        karst view: options, opening and closing, the loop
+ *   show.c        a picture into the window, and messages that are seen at once
  *   window.c      the window and what happens to it; what keys and mouse do goes on to input.c
- *   input.c       the table of keys, and what each does
+ *   input.c       what each key does
+ *   keys.c        the table of keys
+ *   screen.c      the whole screen or a part of it; whose the mouse is
+ *   world.c       the world on show
  *   motion.c      fly, walk, orbit: the camera, frame by frame
  *   walk.c        the ground under one's feet
  *   overlay.c     panels over the picture: cairo images as textures
  *   draw.c        type, panels, graphs and bars in cairo
  *   hud.c         what stands in the panels
+ *   parameters.c  what sliders say goes to the engine and into the world's file
  *   sliders.c     the world's parameters
  *   reload.c      the world file changes: compiling beside the picture, and the change-over
  *   resolution.c  fewer pixels while things move
  *   capture.c     what one leaves with: pictures, paths, videos, statistics
  *   keep.c        what a saved world keeps of a visit
+ *   messages.c    short messages
  *   settings.c    flags, environment, configuration; what is remembered
  */
 #ifndef KARST_DEMOS_VIEW_H
@@ -106,6 +112,8 @@ void view_overlay_destroy(viewer *v);
 cairo_t *view_panel_begin(viewer *v, view_panel_kind kind, int width, int height);
 void view_panel_end(viewer *v, view_panel_kind kind, cairo_t *cairo, int x, int y);
 void view_panel_hide(viewer *v, view_panel_kind kind);
+/* Where panels begin that stand at the top: below the message about a mistake, if there is one. */
+int view_hud_top(const viewer *v);
 /* Clears the window (before any picture is there), and draws all panels that are shown. */
 void view_overlay_clear(viewer *v);
 void view_overlay_draw(viewer *v);
@@ -128,8 +136,10 @@ void view_draw_graph(cairo_t *cairo, double x, double y, double width, double he
 void view_draw_bar(cairo_t *cairo, double x, double y, double width, double height, double share, int hue);
 /* One of a few colours that go together. */
 void view_set_hue(cairo_t *cairo, int hue, double alpha);
+/* With a unit that keeps the figure short: "3.2 mm", "14 m", "5.2e+04 km". */
+const char *view_format_length(double metres, const char *suffix, char text[48]);
 
-/* ---- input.c ---- */
+/* ---- keys.c ---- */
 
 typedef enum {
     VIEW_DO_NOTHING, /* keys that are held: motion.c asks for them */
@@ -188,6 +198,14 @@ extern const size_t view_num_keys;
 void view_keys_print(FILE *file);        /* as text */
 void view_keys_print_manual(FILE *file); /* as lines of a manual page */
 
+/* ---- messages.c ---- */
+
+/* Shows a short message for some seconds, and says it on the terminal. */
+void view_toast(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void view_complain(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* ---- input.c ---- */
+
 void view_do(viewer *v, view_action action, int number);
 /* What the window hears. */
 void view_key_event(viewer *v, int key, bool pressed, bool repeated, int mods);
@@ -196,9 +214,6 @@ void view_button_event(viewer *v, int button, bool pressed, int mods);
 void view_cursor_event(viewer *v, double x_px, double y_px);
 void view_scroll_event(viewer *v, double steps);
 void view_release_all(viewer *v);
-/* Shows a short message for some seconds, and says it on the terminal. */
-void view_toast(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
-void view_complain(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* ---- motion.c ---- */
 
@@ -275,12 +290,15 @@ typedef struct {
 } view_sliders;
 void view_sliders_read(viewer *v, bool keep_values); /* from the world */
 void view_sliders_set(viewer *v, int index, double value);
-bool view_sliders_apply(viewer *v, karst_error *error); /* tells the engine */
 void view_sliders_draw(viewer *v);
 bool view_sliders_press(viewer *v, double x_px, double y_px); /* true: it was for them */
 void view_sliders_drag(viewer *v, double x_px);
 void view_sliders_step(viewer *v, int direction, int mods);
-void view_sliders_save(viewer *v);
+
+/* ---- parameters.c ---- */
+
+bool view_sliders_apply(viewer *v, karst_error *error); /* tells the engine */
+void view_sliders_save(viewer *v);                      /* into the world's file */
 
 /* ---- reload.c ---- */
 
@@ -309,10 +327,17 @@ bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error);
 void view_reload_get_ready(viewer *v);
 void view_reload_end(viewer *v); /* waits for a compilation */
 
-/* ---- view.c ---- */
+/* ---- show.c ---- */
 
+/* The engine's picture, as the window has it, with its panels. Errors: KARST_FAILED (the context is lost). */
+bool view_show(viewer *v, karst_error *error);
 /* A message that is seen at once, before something that takes long. */
 void view_show_message(viewer *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* ---- world.c ---- */
+
+/* Opens the world on show, with the parameters in force: for their names and the ground. */
+void view_world_open(viewer *v);
 /* The world on show is this one now, which the viewer owns from here on (NULL: what is known of it is not). */
 void view_world_take(viewer *v, karst_world *compiled);
 /* Its parameters are other ones now: what samples it is made anew. */
@@ -367,8 +392,6 @@ typedef enum { VIEW_PAGE_NONE, VIEW_PAGE_STATUS, VIEW_PAGE_FRAME, VIEW_PAGE_CACH
 extern const char *const view_page_names[];
 /* Draws panels that changed, at most some times a second unless `all`; true: something did. */
 bool view_hud_update(viewer *v, bool all);
-/* Where panels begin that stand at the top: below the message about a mistake, if there is one. */
-int view_hud_top(const viewer *v);
 
 #define VIEW_HISTORY 240
 typedef struct {
@@ -376,9 +399,6 @@ typedef struct {
     double stages_ms[VIEW_HISTORY][KARST_NUM_STAGES];
     size_t next, num;
 } view_history;
-
-/* With a unit that keeps the figure short: "3.2 mm", "14 m", "5.2e+04 km". */
-const char *view_format_length(double metres, const char *suffix, char text[48]);
 
 /* ---- gauges.c ---- */
 
@@ -389,12 +409,15 @@ void view_draw_depth_scale(viewer *v); /* what the greys of the depth view mean 
 
 bool view_window_open(viewer *v, karst_error *error);
 void view_window_close(viewer *v);
-void view_window_fullscreen(viewer *v, bool fullscreen);
-void view_window_capture(viewer *v, bool captured);
 /* Lets keys and mouse be heard while the engine is at work, and kept: true if nothing came. They have their effect with
  * view_window_deliver, which returns whether there were any. */
 bool view_window_is_quiet(viewer *v);
 bool view_window_deliver(viewer *v);
+
+/* ---- screen.c ---- */
+
+void view_window_fullscreen(viewer *v, bool fullscreen);
+void view_window_capture(viewer *v, bool captured);
 
 /* Something that happened to the window while the engine was at work. */
 typedef struct {

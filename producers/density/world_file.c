@@ -129,7 +129,9 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .colour_code = (uint32_t)code_word(colour, colour_word),
                                 .colour_constants = (uint32_t)colour_word,
                                 .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
-                                .raises_thin = file->raises_thin};
+                                .raises_thin = file->raises_thin,
+                                .smooths_jumps = file->smooths_jumps,
+                                .voxel_log2_m = file->info.voxel_log2_m};
     if (num_more(colour)) {
         header.more_outputs = (uint32_t)end_word(colour, colour_word);
         memcpy(data + 8 * (size_t)header.more_outputs, colour->output + colour->num_outputs - num_more(colour),
@@ -151,6 +153,13 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (file->content[i] && i != KARST_CONTENT_AIR) /* which has no surface */
             karst_world_file_raise_thin(file->content[i], thin);
+}
+
+void karst_world_file_smooth_jumps(karst_world_file *file)
+{
+    const karst_resolved_world *world = &file->layout.world;
+    file->smooths_jumps =
+        !file->code.is_tape && karst_graph_thin_facts(world->graph, world->root[KARST_ROOT_DENSITY]).may_jump;
 }
 
 /* ---- how to look at it ---- */
@@ -241,6 +250,31 @@ static void look_around(karst_world_file *file)
 /* Where no sun reaches, so much more light from the sky shows what there is. */
 #define INDOORS_SKY 4.0f
 
+static void set_lights(karst_world_file *file)
+{
+    const karst_world_header *header = &file->program->header;
+    karst_world_info *info = &file->info;
+    info->has_sun_colour = header->has_sun_colour;
+    set_colours(info->sun_colour, header->sun_colour);
+    info->num_lights = header->num_lights;
+    for (uint32_t i = 0; i < header->num_lights; i++) {
+        const karst_header_light *from = &header->lights[i];
+        karst_world_light *to = &info->lights[i];
+        *to = (karst_world_light){.kind = (karst_world_light_kind)from->kind,
+                                  .azimuth_deg = from->azimuth_deg,
+                                  .elevation_deg = from->elevation_deg,
+                                  .size_deg = from->size_deg,
+                                  .radius_m = from->radius_m,
+                                  .angle_deg = from->angle_deg,
+                                  .soft = from->soft,
+                                  .shadow = from->shadow};
+        set_colours(to->colour, from->colour);
+        for (int axis = 0; axis < 3; axis++) /* which the header has looked at */
+            karst_coordinate_parse(from->position[axis], header->voxel_log2_m, &to->position.voxel[axis],
+                                   &to->position.fraction[axis], NULL);
+    }
+}
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -286,6 +320,7 @@ static void set_info(karst_world_file *file)
         file->info.has_atmosphere = header->has_atmosphere;
         file->info.dust = header->dust;
     }
+    set_lights(file);
     for (int i = 0; i < 3 && file->is_indoors; i++) {
         file->info.sky_zenith[i] *= INDOORS_SKY;
         file->info.sky_horizon[i] *= INDOORS_SKY;
@@ -470,8 +505,11 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
 {
     char tape_options[KARST_TAPE_OPTIONS_BYTES];
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s %s",
-             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", tape_options);
+    char jumps[64] = "";
+    if (file->smooths_jumps)
+        snprintf(jumps, sizeof jumps, " -DWORLD_MAY_JUMP -DWORLD_VOXEL_LOG2_M=%d", file->info.voxel_log2_m);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s %s",
+             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", jumps, tape_options);
     *program = (karst_density_program){.name = file->info.name,
                                        .source = file->code.source,
                                        .bounds_source = file->code.is_gradient_noise_alone
@@ -529,11 +567,12 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
 }
 
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error)
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error)
 {
     char options[512];
     karst_density_program program = program_of(file, build, NULL, options);
-    return karst_density_producer_set_layers(producer, &program, layers, num_layers, error);
+    return karst_density_producer_set_layers(producer, &program, layers, num_layers, colours, error);
 }
 
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,

@@ -32,7 +32,8 @@ struct karst_world_file {
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
-    bool raises_thin; /* see karst_world_file_raise_thin */
+    bool raises_thin;   /* see karst_world_file_raise_thin */
+    bool smooths_jumps; /* see karst_world_file_smooth_jumps */
     bool is_indoors; /* of a text without a header: no sun reaches what is seen */
     /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
      * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
@@ -51,12 +52,15 @@ karst_world_file *karst_world_file_compile(const char *name, const char *text, s
 /* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
  * world has none. Before any is made. */
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);
+/* Has its producers say where the density jumps over 0 (steps/jump.clh), where the text may do so: at first they do
+ * not, and never where the density runs on its tape. */
+void karst_world_file_smooth_jumps(karst_world_file *file);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
 /* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */
 void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error);
 /* Its density program, for producers of other shapes; max_loads is the caller's to fill. Borrows all three. */
-#define KARST_WORLD_FILE_OPTIONS_BYTES 256
+#define KARST_WORLD_FILE_OPTIONS_BYTES 320
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
 /* Options to build its colours with. */
@@ -79,7 +83,8 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);
 /* karst_density_producer_set_layers for a producer that was built so. */
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error);
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error);
 /* karst_density_program_rehearse for such a producer. */
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
                                const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,

@@ -7,7 +7,7 @@
 #if KARST_GROUP == 1 && !defined(KARST_MEDIUM)
 
 #include "producers/steps/evaluate.clh"
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
 
 /* CPU: work-item i fills brick i. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
@@ -23,12 +23,12 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
         return;
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
     evaluate_brick(WORLD_DATA(data, origin, loads[brick].level, samples));
-    RAISE_BRICK(data, origin, loads[brick].level, samples, scrubs + brick);
+    MEND_BRICK(data, origin, loads[brick].level, samples, scrubs + brick);
 }
 
 #else
 
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
 #ifdef KARST_MEDIUM
 #include "producers/steps/medium.clh"
 #endif
@@ -77,16 +77,14 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
     if (num_negative)
         atomic_add(&scrubs[brick].raised, num_negative);
 #endif
-#ifdef WORLD_MAY_BE_THIN
-    __local raise_list list;
+#if defined(MEND_SAMPLES) && !defined(KARST_MEDIUM)
+    __local beside_list list;
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    if (WORLD_RAISES_THIN(data)) {
-        long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
-        raise_samples(data, origin, level, samples, &list);
-        if (get_local_id(0) == 0) {
-            scrubs[brick].raised = list.num_raised;
-            scrubs[brick].given_up = list.num_given_up;
-        }
+    long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
+    mend_samples(data, origin, level, samples, &list);
+    if (get_local_id(0) == 0) {
+        scrubs[brick].raised = list.num_raised;
+        scrubs[brick].given_up = list.num_given_up;
     }
 #endif
 }

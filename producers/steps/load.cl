@@ -9,7 +9,7 @@
 #define SAMPLES_SPACE K_PRIVATE
 #define SAMPLES_ARE_SPENT
 #include "producers/steps/evaluate.clh"
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
 #include "producers/steps/finalise.clh"
 #ifdef KARST_MEDIUM
 #include "producers/steps/medium.clh"
@@ -28,7 +28,7 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
 #else
     evaluate_brick(WORLD_DATA(data, origin, level, density));
     at->scrub->raised = at->scrub->given_up = 0u;
-    RAISE_BRICK(data, origin, level, density, at->scrub);
+    MEND_BRICK(data, origin, level, density, at->scrub);
 #endif
     at->samples = density;
     finalise_brick(at);

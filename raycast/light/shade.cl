@@ -2,16 +2,29 @@
 #include "raycast/shade_shared.h"
 #include "raycast/light/light.clh"
 #include "raycast/shadow_shared.h"
-#ifdef SHADE_MIRROR
+#if defined(SHADE_MIRROR) || defined(SHADE_PATHS)
+#define SHADE_STREAMS
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #endif
 #include "raycast/light/surface.clh"
+#ifdef SHADE_PAINT
+#include "raycast/light/paint.clh"
+#define SHADE_PAINT_PARAMETERS , PAINT_PARAMETERS
+#define SHADE_PAINT_TAKES , const paint_source *paint
+#define SHADE_PAINT_HERE const paint_source paint = PAINT_FIELDS;
+#define SHADE_PAINT_SOURCE , &paint
+#else
+#define SHADE_PAINT_PARAMETERS
+#define SHADE_PAINT_TAKES
+#define SHADE_PAINT_HERE
+#define SHADE_PAINT_SOURCE
+#endif
 #ifdef SHADE_ATMOSPHERE
 #include "raycast/light/atmosphere.clh"
-#define SHADE_SKY_PARAMETERS , karst_sky sky, K_GLOBAL const float *sky_table
-#define SHADE_SKY_TAKES , const karst_sky *sky, K_GLOBAL const float *sky_table
-#define SHADE_SKY , &sky, sky_table
+#define SHADE_SKY_PARAMETERS , karst_sky sky, K_GLOBAL const float *sky_table SHADE_PAINT_PARAMETERS
+#define SHADE_SKY_TAKES , const karst_sky *sky, K_GLOBAL const float *sky_table SHADE_PAINT_TAKES
+#define SHADE_SKY , &sky, sky_table SHADE_PAINT_SOURCE
 #define SKY_OF(direction, to_sun) air_sky_with_sun(sky, sky_table, light, direction, to_sun)
 /* What lies between the eye and a surface, or two surfaces, is found once, and used for all that light makes of it. */
 #define FIND_WAY(direction, to_sun, t) const air_way passage = air_way_of(sky, sky_table, direction, to_sun, t)
@@ -21,9 +34,9 @@
     const air_way passage = air_way_between(sky, sky_table, from, to, direction, to_sun, t)
 #define THROUGH(ground, to_sun) air_through(&passage, ground)
 #else
-#define SHADE_SKY_PARAMETERS
-#define SHADE_SKY_TAKES
-#define SHADE_SKY
+#define SHADE_SKY_PARAMETERS SHADE_PAINT_PARAMETERS
+#define SHADE_SKY_TAKES SHADE_PAINT_TAKES
+#define SHADE_SKY SHADE_PAINT_SOURCE
 #define SKY_OF(direction, to_sun) sky_colour(light, direction, to_sun)
 #define FIND_WAY(direction, to_sun, t)
 #define HAZY(ground, direction, to_sun, t) hazy_colour(light, ground, direction, to_sun, t)
@@ -40,7 +53,7 @@
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
 
-#if defined(SHADE_MIRROR) && defined(WORLD_OUTPUT_MIRROR)
+#if defined(SHADE_STREAMS) && defined(WORLD_OUTPUT_MIRROR)
 #define OWN_MIRROR
 #define OWN_MIRROR_TAKEN , vfloat *mirror
 #define OWN_MIRROR_OF(mirror) , &mirror
@@ -97,6 +110,20 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
 #else
 typedef int near_octave;
 #define WORLD_NEAR_OCTAVES 0
+#endif
+
+#ifdef SHADE_PAINT
+/* Lays what is painted at hits over the world's colours; what it covers gives off no light. Returns the share that
+ * still shows. */
+RAY_INLINE vfloat lay_paint(const paint_source *paint, const karst_light *light, K_GLOBAL const karst_hit *hits,
+                            vint index, vint hit, vfloat weight, colour *albedo, colour *glow)
+{
+    colour over;
+    const vfloat shows = paint_at_hits(paint, hits, index, hit, weight, &over);
+    *albedo = add_colour(over, *albedo, shows * (1.0f - light->paint_alone));
+    glow->r *= shows, glow->g *= shows, glow->b *= shows;
+    return shows;
+}
 #endif
 
 /* The ground's colour and what it gives off. */
@@ -181,7 +208,7 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 }
 #endif
 
-#ifdef SHADE_MIRROR
+#ifdef SHADE_STREAMS
 #define NUM_COUNTS 9 /* as KARST_SHADE_COUNTERS */
 #define MIRRORED 5   /* those of a stream: the same numbers from here on */
 #define NO_COUNTS                 \
@@ -242,6 +269,14 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow OWN_MIRROR_OF(mirror));
 #else
             colour albedo = plain_albedo(light, &s.normal);
+#endif
+#ifdef SHADE_PAINT
+            const vfloat shows = lay_paint(paint, light, hits, place, hit, s.weight, &albedo, &glow);
+#ifdef OWN_MIRROR
+            mirror *= shows;
+#else
+            (void)shows;
+#endif
 #endif
             FIND_WAY(&direction, to_sun, s.t);
 #ifdef SHADE_MIRROR
@@ -350,6 +385,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
      * what its optimisers have put in functions that it calls. */
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
     uint counts[NUM_COUNTS] = NO_COUNTS;
+    SHADE_PAINT_HERE
 #if LANES == 16
     const uint num_parts = (num_packets + part_packets - 1) / part_packets;
     uint part = atomic_inc(taken);
@@ -451,9 +487,12 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
 #ifdef OWN_MIRROR
         vfloat mirror = (vfloat)(0.0f); /* which nothing sees a second time */
 #endif
-        const colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
+        colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
 #else
-        const colour albedo = plain_albedo(light, &s.normal);
+        colour albedo = plain_albedo(light, &s.normal);
+#endif
+#ifdef SHADE_PAINT
+        lay_paint(paint, light, hits, index, hit, s.weight, &albedo, &glow);
 #endif
         FIND_WAY_BETWEEN(&origin, &to, &direction, to_sun, s.t);
         colour ground = THROUGH(glowing_colour(light, &s.normal, albedo, &glow, lit), to_sun);
@@ -519,6 +558,7 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as in shade_pixels */
     uint counts[NUM_COUNTS] = NO_COUNTS;
+    SHADE_PAINT_HERE
     const uint num_rays = *count;
 #if LANES == 16
     const uint num_packets = (num_rays + LANES - 1) / LANES;
@@ -550,4 +590,8 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     add_group_counts(counters, counts, sums);
 #endif
 }
+#endif
+
+#ifdef SHADE_PATHS
+#include "raycast/light/paths.clh"
 #endif

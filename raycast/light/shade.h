@@ -2,7 +2,9 @@
 #ifndef KARST_RAYCAST_SHADE_H
 #define KARST_RAYCAST_SHADE_H
 
+#include "cache/colours.h"
 #include "raycast/cast/cast.h"
+#include "raycast/light/paths_shared.h"
 #include "raycast/light/skies.h"
 #include "raycast/shade_shared.h"
 
@@ -34,7 +36,9 @@ typedef struct {
 #define KARST_SHADE_SHADOWS 1u
 #define KARST_SHADE_RADIANCE 2u
 #define KARST_SHADE_MIRROR 4u
+#define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
+#define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -45,6 +49,8 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 /* Of a shader for an atmosphere: borrowed until the next call. Until the first the sky is black. */
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
+/* Of a shader for paint: the colours of these pools' bricks, borrowed. Until then nothing is painted. */
+void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Beside those of karst_shade_pixels: mirrored rays, by karst_bounce_mirror, and by karst_shade_rays what of their hits
@@ -72,5 +78,20 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
                       const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
                       const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
                       karst_buffer *parts, karst_buffer *counters, karst_error *error);
+
+/* Surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
+ * raycast/light/paths_shared.h. Adds to parts (three planes) what they see of sky and emission, and leaves in
+ * `to_lamps` and, unless it is the last generation, in `next` a ray for each of them, which may be idle: to a lamp,
+ * whose light is its throughput, and on from the surface. lamps: task->num_lamps of karst_lamp. Adds to counters: of
+ * the first generation as karst_shade_pixels, of others 6 to 8; and rays to lamps to 4. For shaders for paths.
+ * Asynchronous. Errors: KARST_FAILED. */
+typedef struct {
+    const karst_buffer *rays, *count, *hits, *lamps;
+    uint32_t max_rays;
+    karst_buffer *next, *to_lamps;
+} karst_path_streams;
+bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                       const karst_light *light, const karst_path_task *task, const karst_path_streams *streams,
+                       karst_buffer *parts, karst_buffer *counters, karst_error *error);
 
 #endif

@@ -48,6 +48,19 @@ typedef enum {
 /* "plain", "filmic". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error);
 
+/* What light does in pictures. */
+typedef enum {
+    KARST_INTEGRATOR_DIRECT, /* sun, sky and mirrors, each by a rule of its own: what one sample shows well */
+    KARST_INTEGRATOR_FULL,   /* from surface to surface, as it is: paths by chance, whose mean over samples tends to the
+                              * truth. See docs/LIGHT.md */
+    KARST_NUM_INTEGRATORS
+} karst_integrator;
+/* "direct", "full". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_integrator_parse(const char *name, karst_integrator *integrator, karst_error *error);
+
+#define KARST_ENGINE_MAX_BOUNCES 1024
+#define KARST_ENGINE_DEFAULT_BOUNCES 64 /* of KARST_INTEGRATOR_FULL */
+
 /* Where the sun stands: a compass bearing, and how high, in degrees. */
 typedef struct {
     double azimuth_deg, elevation_deg;
@@ -111,6 +124,10 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
+    karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
+    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly
+     * any light is left; to KARST_ENGINE_MAX_BOUNCES. */
+    uint32_t bounces;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the

@@ -17,6 +17,7 @@
 #include "karst/medium.h"
 #include "karst/mesh.h"
 #include "karst/path.h"
+#include "karst/points.h"
 #include "karst/position.h"
 #include "karst/query.h"
 #include "karst/reference.h"

@@ -37,6 +37,24 @@ typedef struct {
 bool karst_query_densities(const karst_world *world, const karst_query_config *config, const karst_position *at,
                            size_t num, float *density, karst_error *error);
 
+/* Exact gradients at `num` points, per metre, towards the solid: karst_sampler_gradients' in every bit. `density` (may
+ * be NULL) gets the densities there. Errors: as above; KARST_FAILED also where the world is too large to have a
+ * gradient. */
+bool karst_query_gradients(const karst_world *world, const karst_query_config *config, const karst_position *at,
+                           size_t num, float (*gradient)[3], float *density, karst_error *error);
+
+/* Albedos at `num` points, linear RGB: the `device` halves of karst_sampler_colour's. `normals`: of length 1, one for
+ * each point; NULL: the density's there, towards the air (up where it has no slope). Edits do not change colours but by
+ * these normals. Errors: as above; KARST_USAGE also where the world defines no colours. */
+bool karst_query_colours(const karst_world *world, const karst_query_config *config, const karst_position *at,
+                         const float (*normals)[3], size_t num, float (*rgb)[3], karst_error *error);
+
+/* Intervals that hold the density everywhere in `num` closed boxes, at every footprint from 0 to the configuration's:
+ * karst_sampler_bounds'. Box i reaches half_m[i] metres from centres[i] along each axis (0 or more); range[i] is its
+ * lower and upper bound, -INFINITY to INFINITY where nothing is known. Errors: as above. */
+bool karst_query_bounds(const karst_world *world, const karst_query_config *config, const karst_position *centres,
+                        const double (*half_m)[3], size_t num, double (*range)[2], karst_error *error);
+
 typedef struct {
     karst_position from;
     double direction[3]; /* any length above 0 */

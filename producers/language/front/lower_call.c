@@ -308,9 +308,42 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
     return result;
 }
 
+/* Whether a call looks up data: its first argument is a name of the header's, no value. */
+static bool calls_image(const karst_lower_state *s, const karst_ast_expr *e)
+{
+    if (strcmp(karst_lower_name(s, e->name), "image") != 0 || karst_in_prelude(s))
+        return false;
+    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+        if (f->name == e->name && !f->is_prelude)
+            return false; /* the user's functions hide all others of that name */
+    return true;
+}
+
+static karst_value call_image(karst_lower_state *s, const karst_ast_expr *e)
+{
+    const karst_ast_expr *data = e->a, *place = data ? data->next : NULL;
+    const char *name = data && data->kind == KARST_AST_NAME ? karst_lower_name(s, data->name) : NULL;
+    karst_expr at[2] = {s->zero, s->zero}, value[3];
+    if (name && (!place || place->next))
+        karst_source_error(s->source, e->where, NULL, "write image(%s, p), p of two components", name);
+    if (name) {
+        karst_value p = karst_lower_convert(s, karst_lower_expression(s, place),
+                                            karst_type_vector(KARST_TYPE_FLOAT, 2), "the place in an image",
+                                            place->where);
+        memcpy(at, p.e, sizeof at);
+    }
+    s->graph->where = e->where;
+    const uint32_t count = karst_lower_image(s, name, data ? data->where : e->where, at, value);
+    karst_value result = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, count), e->where);
+    memcpy(result.e, value, count * sizeof *value);
+    return result;
+}
+
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value arguments[KARST_MAX_ARGUMENTS], result;
+    if (calls_image(s, e))
+        return call_image(s, e);
     if (!is_function(s, e->name))
         unknown_function(s, e->name, e->where);
     karst_argument_place places[KARST_MAX_ARGUMENTS];

@@ -169,6 +169,12 @@ bool karst_lower_never_holds(const karst_lower_state *s, karst_expr condition);
 /* Whether it compares what is known with a choice of numbers. */
 bool karst_lower_has_bound(const karst_lower_state *s, karst_expr condition);
 
+/* ---- lower_image.c ---- */
+/* The channels, 1 or 3, of the data of that name (NULL: it is none) at a place in metres; returns how many there are.
+ * `where` is that of the name. Errors: no such data, or a file that cannot be read. */
+uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[2],
+                           karst_expr value[3]);
+
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);
 /* Executes the body of a function, with its parameters declared, as the only thing in `s->frame`. */
