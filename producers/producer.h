@@ -66,11 +66,11 @@ typedef struct {
     double exposure_stops; /* of pictures, where it is said */
     double mirror;         /* the share of light that land mirrors */
     bool has_own_mirror;   /* its surfaces say so each for itself */
-    bool has_air;          /* a medium fills the space outside matter */
     bool has_sun_colour;
     float sun_colour[3];
     uint32_t num_lights;
     karst_world_light lights[KARST_WORLD_MAX_LIGHTS];
+    bool has_air;          /* a medium fills the space outside matter */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
     bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
     double dust;            /* as there */

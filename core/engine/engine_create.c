@@ -175,9 +175,9 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
     engine->mirror = config->mirror;
-    engine->media_mode = config->media;
     engine->integrator = config->integrator;
     engine->bounces = config->bounces;
+    engine->media_mode = config->media;
     engine->samples = config->samples ? config->samples : 1;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
