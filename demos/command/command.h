@@ -154,6 +154,19 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
 /* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
 bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
 
+/* ---- command_ray.c ---- */
+
+/* How `karst sample --ray` looks, and what it prints: JSON or text, an empty line before what is not the first. */
+typedef struct {
+    double footprint_m;
+    const char *device;
+    bool json, is_later;
+    const karst_log *log;
+} command_ray_look;
+/* Prints what the ray "X,Y,Z,DX,DY,DZ" passes of the world's medium. Errors: KARST_USAGE, and those of
+ * karst_world_medium_depth. */
+bool command_sample_ray(const karst_world *world, const char *text, const command_ray_look *look, karst_error *error);
+
 /* ---- command_look.c ---- */
 
 /* How a picture looks: samples, mirrors, tone, exposure. Texts and numbers as options give them. */

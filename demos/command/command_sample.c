@@ -12,6 +12,8 @@
 typedef struct {
     const char *world;
     command_list at;
+    command_list rays;
+    const char *device;
     command_parameters parameters;
     uint64_t seed;
     double box_m, footprint_m;
@@ -40,9 +42,13 @@ static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst sample WORLD --at X,Y,Z [--at X,Y,Z ...] [OPTIONS]\n"
          "karst sample WORLD [OPTIONS] < POINTS\n"
+         "karst sample WORLD --ray X,Y,Z,DX,DY,DZ [OPTIONS]\n"
          "Gives a world's density at points: as devices compute it, and by the oracle in double. Positive is solid.\n"
          "Coordinates are decimal metres of any length, and exact. Without --at, or with --at -, points are read from\n"
          "stdin, one a line.\n"
+         "--ray gives what a ray passes of the medium that fills the space outside matter: where it meets land, how\n"
+         "deep the medium is on the way there, by a device and by the oracle, and the share of light that comes "
+         "through.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nWorlds (or the path of a world file, which ends in .karst):");
@@ -52,7 +58,11 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst sample hills --at 100000000000000000.25,12.5,-3 --footprint 0.5\n"
          "  karst sample alps --at 0,900,0 --box 16 --json | jq .bounds\n"
          "  seq 0 10 2000 | sed 's/.*/0,&,0/' | karst sample alps --json | jq -c '[.at[1], .density]'\n"
-         "\nJSON is one object a line: at, footprint_m, level, density, density_hex, oracle, gradient, "
+         "  karst sample fog --ray 0,1500,0,0.5,-0.2,1 --json | jq .transmittance\n"
+         "\nJSON of a ray: from, direction, hit_m (null: it meets no land), length_m, optical_depth, "
+         "oracle_optical_depth,\n"
+         "transmittance. JSON of a point is one object a line: at, footprint_m, level, density, density_hex, "
+         "oracle, gradient, "
          "oracle_gradient,\n"
          "with --box bounds, and colour where the world has one. Numbers that are not finite are null.\n"
          "\nExit code: 0 done, 1 failed, 2 wrong usage, 4 no such world, or one that does not compile, 5 a line of "
@@ -269,7 +279,12 @@ static bool run(sample_options *o, command_talk *talk, const karst_log *log, kar
     sampling s = {.options = o, .log = log, .world = karst_world_open(&config, error)};
     s.sampler = s.world ? karst_sampler_create(s.world, error) : NULL;
     s.about = s.world ? karst_world_get_metadata(s.world) : NULL;
-    bool done = s.sampler && take_edits(&s, error) && sample_points(&s, error);
+    bool done = s.sampler && take_edits(&s, error);
+    for (size_t i = 0; done && i < o->rays.num_items; i++) {
+        const command_ray_look look = {o->footprint_m, o->device, o->json, i > 0, log};
+        done = command_sample_ray(s.world, o->rays.items[i], &look, error);
+    }
+    done = done && (o->rays.num_items > 0 || sample_points(&s, error));
     karst_sampler_destroy(s.sampler);
     karst_world_close(s.world);
     return done;
@@ -281,6 +296,10 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
     const command_option options[] = {
         {"at", 0, COMMAND_LIST, "X,Y,Z", "a point, in metres; may be given again; -: points from stdin", &o.at, 0, 0,
          NULL},
+        {"ray", 0, COMMAND_LIST, "X,Y,Z,DX,DY,DZ", "from a point in a direction; may be given again, not with --at",
+         &o.rays, 0, 0, NULL},
+        {"device", 0, COMMAND_TEXT, "DEVICE", "for --ray: number, part of a name, cpu or gpu (default: first GPU)",
+         &o.device, 0, 0, NULL},
         {"footprint", 0, COMMAND_NUMBER, "W", "metres: without finer detail, as a voxel of that width (default: 0)",
          &o.footprint_m, 0, 1e30, NULL},
         {"box", 0, COMMAND_NUMBER, "SIZE", "also bounds of the density in a cube of that side around each point",
@@ -297,15 +316,23 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
     size_t num_words;
     bool help, done;
     o.at.items = calloc((size_t)argc + 1, sizeof *o.at.items);
-    if (!o.at.items)
+    o.rays.items = calloc((size_t)argc + 1, sizeof *o.rays.items);
+    if (!o.at.items || !o.rays.items) {
+        free(o.at.items);
+        free(o.rays.items);
         return karst_fail(error, KARST_FAILED, "out of memory");
+    }
     done = command_parse(argc, argv, options, num_options, &o.world, 1, &num_words, &help, error);
     if (done && help)
         print_help(options, num_options);
     else if (done && num_words == 0)
         done = karst_fail(error, KARST_USAGE, "which world? For example: karst sample hills --at 0,100,0");
+    else if (done && o.rays.num_items && (o.at.num_items || o.has_box || o.edits))
+        done = karst_fail(error, KARST_USAGE,
+                          "--ray goes with --footprint, --device, --json, --seed and --param alone");
     else if (done)
         done = run(&o, talk, &log, error);
+    free(o.rays.items);
     free(o.at.items);
     return done;
 }

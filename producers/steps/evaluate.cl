@@ -77,7 +77,7 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
     if (num_negative)
         atomic_add(&scrubs[brick].raised, num_negative);
 #endif
-#ifdef MEND_SAMPLES
+#if defined(MEND_SAMPLES) && !defined(KARST_MEDIUM)
     __local beside_list list;
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};

@@ -164,6 +164,21 @@ complains 2 "y: .*not a decimal" "sample: a point with a gap" sample plain.karst
 complains 2 "not a decimal" "sample: a point that is no number" sample plain.karst --at 1,2,x
 complains 2 "." "sample: a point beyond the world" sample plain.karst --at 1e30,0,0
 complains 2 "number from 0" "sample: a negative footprint" sample plain.karst --at 0,0,0 --footprint -1
+complains 2 "six numbers" "sample: a ray of a point alone" sample plain.karst --ray 1,2,3
+complains 2 "six numbers" "sample: a ray in a direction that is no number" sample plain.karst --ray 1,2,3,0,nan,0
+complains 2 "not all of them 0" "sample: a ray that goes nowhere" sample fog --ray 1,2,3,0,0,0
+complains 2 "has no medium" "sample: a ray where there is none" sample plain.karst --ray 1,2,3,0,1,0
+complains 2 "goes with" "sample: a ray and a point" sample plain.karst --ray 1,2,3,0,1,0 --at 0,0,0
+cat > slab.karst << 'END'
+/*{ "voxel": 1, "view": 500 }*/
+float density(vec3 p) { return -p.y; }
+medium air(vec3 p) { medium m; m.extinction = 0.01 * clamp(20.5 - p.y, 0.0, 1.0); return m; }
+END
+run sample slab.karst --ray 0,100,0,0,-1,0 --footprint 1 --json
+prints "sample: through a slab of fog to the ground" '"hit_m":(100\.0|99\.99)' '"optical_depth":0\.(2000|1999)' \
+    '"oracle_optical_depth":0\.(2000|1999)' '"transmittance":0\.8186'
+run sample slab.karst --ray 0,100,0,0,1,0
+prints "sample: a ray into the open sky" 'hit +none within 500 m' 'optical depth +0$' 'transmittance +1$'
 complains 4 "wrong.karst:2:12" "sample: a world that does not compile" sample wrong.karst --at 0,0,0
 complains 4 "did you mean 'alps'" "sample: a misspelt world" sample alp --at 0,0,0
 complains 2 "which world" "sample: no world" sample --at 0,0,0

@@ -14,6 +14,7 @@
 #include "karst/image.h"
 #include "karst/log.h"
 #include "karst/measure.h"
+#include "karst/medium.h"
 #include "karst/mesh.h"
 #include "karst/path.h"
 #include "karst/points.h"
