@@ -8,7 +8,8 @@ bool karst_engine_look_again(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     return karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error) &&
-           karst_engine_cast_into_stores(engine, &view, &pinhole, error);
+           karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+           karst_engine_look_at_media(engine, &view, &pinhole, error);
 }
 
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error)

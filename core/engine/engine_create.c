@@ -91,8 +91,8 @@ unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
                         (world->has_own_mirror && config->mirror >= 0);
     const bool lights = world->num_lights > 0;
-    const bool radiance =
-        mirror || lights || config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
+    const bool radiance = mirror || lights || world->has_air || config->samples > 1 ||
+                          config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
            (mirror ? KARST_SHADE_MIRROR : 0u) | (lights ? KARST_SHADE_PATHS : 0u);
 }
@@ -177,6 +177,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     engine->mirror = config->mirror;
     engine->integrator = config->integrator;
     engine->bounces = config->bounces;
+    engine->media_mode = config->media;
     engine->samples = config->samples ? config->samples : 1;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
@@ -302,6 +303,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_engine_destroy_stores(engine);
+    karst_media_destroy(engine->media);
     karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
     karst_radiance_destroy(engine->radiance);

@@ -42,7 +42,8 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     if (rays == PICTURE)
         return (again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
                       : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)) &&
-               karst_engine_cast_into_stores(engine, &view, &pinhole, error);
+               karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+               karst_engine_look_at_media(engine, &view, &pinhole, error);
     const karst_light light = karst_engine_light(engine);
     const bool cast = !engine->shadows ||
                       (again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,

@@ -28,6 +28,7 @@
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
+#include "raycast/media/media.h"
 
 #define KARST_ENGINE_NUM_COUNTERS KARST_SHADE_COUNTERS
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
@@ -109,6 +110,10 @@ struct karst_engine {
     karst_surface *surface;
     karst_cache *cache;
     karst_engine_store stores[KARST_NUM_CONTENTS];
+    karst_media *media; /* what is seen of the air's; NULL until it is seen */
+    const karst_producer *media_of; /* whom it was made for */
+    karst_media_mode media_mode;
+    bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
     karst_colours *colours; /* NULL: no layer had any yet */
@@ -336,6 +341,16 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 /* Their statistics: before a frame, and after it. */
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
+
+/* engine_media.c; all do nothing where the world has no air. Lays media before the sample that was shaded, and makes
+ * what light needs to come through them. */
+bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error);
+/* The picture's rays ask for what they lack of media. */
+bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
+/* Once a picture is ended: whether its media lacked anything. */
+bool karst_engine_end_media(karst_engine *engine, karst_error *error);
 
 /* engine_decide.c. Rounds by rays that are sure, in place of the picture's own, until engine->verdict says whether the
  * ladder's rung fits the pools, or the frame's budget ends; `work` is the last round. */

@@ -167,6 +167,8 @@ typedef struct {
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
+    const char *media;    /* NULL: full */
+    karst_media_mode parsed_media;
     karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
@@ -196,6 +198,11 @@ typedef struct {
         "sun", 0, COMMAND_TEXT, "AZIMUTH,ELEVATION",                                                                 \
             "where the sun stands, in degrees: a compass bearing, and how high (default: the world's)",              \
             &(look)->sun, 0, 0, NULL                                                                                 \
+    },                                                                                                               \
+    {                                                                                                                \
+        "media", 0, COMMAND_TEXT, "MODE",                                                                            \
+            "light in clouds, fog and smoke: full, shadow (land knows nothing of it) or basic (default: full)",      \
+            &(look)->media, 0, 0, NULL                                                                               \
     }
 
 /* Errors: KARST_USAGE. */

@@ -31,6 +31,8 @@ bool command_check_look(command_look *look, karst_error *error)
     look->parsed_tone = KARST_TONE_OF_FILM;
     if (look->tone && !karst_tone_parse(look->tone, &look->parsed_tone, error))
         return false;
+    if (look->media && !karst_media_mode_parse(look->media, &look->parsed_media, error))
+        return false;
     look->has_exposure = look->exposure != NULL;
     look->auto_exposure = look->exposure && strcmp(look->exposure, "auto") == 0;
     if (!look->exposure || look->auto_exposure)
@@ -51,6 +53,7 @@ void command_set_look(const command_look *look, karst_engine_config *config)
     config->integrator = look->parsed_light;
     config->bounces = (uint32_t)look->bounces;
     config->tone = look->parsed_tone;
+    config->media = look->parsed_media;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN
                                             : KARST_EXPOSURE_OF_WORLD;

@@ -29,6 +29,15 @@ typedef enum {
     KARST_TONE_OF_FILM,  /* the strongest channel by that curve, the others in proportion: colours keep their hue */
     KARST_NUM_TONES
 } karst_tone;
+/* What light does in what fills the space outside matter, in worlds that say so (`medium air(vec3 p)`). */
+typedef enum {
+    KARST_MEDIA_MODE_FULL,   /* it is lost on its way from the sun; land shadows media, and media shadow land */
+    KARST_MEDIA_MODE_SHADOW, /* it is lost on its way through the medium, and land knows nothing of that */
+    KARST_MEDIA_MODE_BASIC,  /* the sun shines everywhere in it as if nothing were there */
+    KARST_NUM_MEDIA_MODES
+} karst_media_mode;
+/* "full", "shadow", "basic". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_error *error);
 /* How bright pictures are. */
 typedef enum {
     KARST_EXPOSURE_OF_WORLD,   /* what its header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
@@ -110,6 +119,7 @@ typedef struct {
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
+    karst_media_mode media; /* KARST_MEDIA_MODE_FULL */
     /* The share of light that land mirrors, 0 to 1: it goes to one mirrored ray for each pixel, and the rest is land as
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
