@@ -21,12 +21,11 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
                              karst_cast_picture_shadows(engine->caster, view, pinhole, light, engine->shadow_rays,
                                                         shaded, engine->shadows_asked, engine->shadow_hints, error));
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    /* A medium dims what lamps add, too. */
-    const bool lamps_first = engine->paths && engine->world->has_air;
-    return shadowed && (!lamps_first || karst_engine_draw_lights(engine, view, pinhole, light, error)) &&
+    /* Media lie before what they dim, and say how much of what is mirrored comes through. */
+    return shadowed && karst_engine_draw_lights(engine, view, pinhole, light, false, error) &&
            karst_engine_draw_media(engine, view, pinhole, light, error) &&
-           (!engine->bounce || karst_engine_draw_mirrored(engine, view, pinhole, light, error)) &&
-           (!engine->paths || lamps_first || karst_engine_draw_lights(engine, view, pinhole, light, error));
+           (!engine->bounce || (karst_engine_draw_mirrored(engine, view, pinhole, light, error) &&
+                                karst_engine_draw_lights(engine, view, pinhole, light, true, error)));
 }
 
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,

@@ -390,11 +390,14 @@ bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cas
 
 /* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
 bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
-/* In place of shading, shadows and mirrors; or after these, what a world's own lights add. */
+/* In place of shading, shadows and mirrors; or after these, what a world's own lights add to what the picture's rays
+ * hit, or those that it mirrors: nothing if it has none. */
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error);
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              const karst_light *light, karst_error *error);
+                              const karst_light *light, bool mirrored, karst_error *error);
+/* What full light leaves out of the world is warned of. */
+void karst_engine_say_what_paths_miss(const karst_engine *engine);
 /* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);

@@ -131,11 +131,24 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
 }
 
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              const karst_light *light, karst_error *error)
+                              const karst_light *light, bool mirrored, karst_error *error)
 {
+    if (!engine->paths)
+        return true;
     karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
-    return add_lights(engine, &picture, false, error) &&
-           (!engine->bounce || add_lights(engine, &picture, true, error));
+    return add_lights(engine, &picture, mirrored, error);
+}
+
+void karst_engine_say_what_paths_miss(const karst_engine *engine)
+{
+    if (engine->integrator != KARST_INTEGRATOR_FULL)
+        return;
+    const bool air = karst_engine_has_content(engine, KARST_CONTENT_AIR),
+               clear = karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
+    if (air || clear)
+        karst_log_print(engine->log, KARST_LOG_WARNING,
+                        "%s: full light does not see its %s yet: pictures are as without", engine->world->name,
+                        air && clear ? "air and its clear matter" : air ? "air" : "clear matter");
 }
 
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
