@@ -37,4 +37,16 @@ bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error);
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error);
 
+/* For who makes rays otherwise: the buffers of the stream, which are the bounce's until there is other room; and rays
+ * that a picture of that size may have, in whole blocks of a beam's. */
+typedef struct {
+    karst_buffer *rays, *hits, *total;
+    karst_buffer *shadow_rays; /* NULL without a sun */
+    uint32_t room;
+} karst_bounce_stream;
+karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
+uint32_t karst_bounce_room(int width_px, int height_px);
+/* Takes rays, and the word that counts them, of another stream with as much room, and gives its own. */
+void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total);
+
 #endif
