@@ -10,6 +10,14 @@
 
 typedef struct karst_layer karst_layer;
 
+/* Where layers put the colours of a chunk of loads: the second channel, beside the samples in staging memory. */
+typedef struct {
+    karst_buffer *planes;   /* float: for each load four planes of KARST_BRICK_PADDED, in the order of its samples: red,
+                             * green and blue (linear), each times coverage, and coverage, 0 to 1 */
+    karst_buffer *coloured; /* uint for each load, 0 before the first layer: 1 once one has a colour there. Until then
+                             * its planes mean nothing: who sets it zeroes them first */
+} karst_layer_colours;
+
 /* What each kind of layer fills in. `self` is the layer. The first three enqueue on the context's queue and return at
  * once. Errors: KARST_FAILED. */
 typedef struct {
@@ -21,10 +29,12 @@ typedef struct {
     /* Before evaluate: the same for loads[0 ... count - 1] (karst_load), UNKNOWN in place of LOST. Where the layer
      * changes samples by steps that slopes say nothing of, doubt becomes infinite. */
     bool (*bound_loads)(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error);
-    /* After evaluate: changes the samples of the loads that are UNKNOWN, stride_floats a brick. A sample's value
-     * depends on its place and level alone, whichever brick asks. */
+    /* After evaluate: changes the samples of the loads that are UNKNOWN, stride_floats a brick, and lays its own
+     * colours over those of the layers before it. A sample's value depends on its place and level alone, whichever
+     * brick asks, and so does its colour; values do not depend on whether there are colours. `colours` NULL: nothing
+     * in the scene has any. */
     bool (*evaluate)(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                     uint32_t stride_floats, karst_error *error);
+                     uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error);
     /* Where content changed since the last call: boxes that live until the layer changes again; how many. */
     size_t (*take_dirty)(karst_layer *self, const karst_drop_box **boxes);
     /* What it keeps agrees with itself: for tests. */

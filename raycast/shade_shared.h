@@ -23,7 +23,8 @@ typedef struct {
     float eye_height;      /* of the eye above where haze is thickest, times haze_thinning; at least 0 */
     float up[4];           /* away from the ground, at the eye; [3]: 1 over the distance to a globe's centre, 0: flat */
     float mirror;          /* the share of light that land mirrors, 0 to 1; only for shaders that make mirrored rays */
-    float pad[3];
+    float paint_alone; /* 1: the world's own colours are black, so that only what is painted shows; only with paint */
+    float pad[2];
 } karst_light;
 K_ASSERT_SIZE(karst_light, 144);
 

@@ -72,9 +72,12 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
     karst_engine_picture_view(engine, &view, &pinhole);
     karst_shader_set_anchor(engine->shader, &engine->drawn.position);
     karst_shader_set_skies(engine->shader, NULL); /* no air before the albedo either */
+    /* Of a world without colours, the kernel says how much is painted and what; the rest is the host's. */
+    const bool lays_paint = engine->colours && !coloured;
+    float *painted = calloc(lays_paint ? 3 * num : 1, sizeof *painted);
     float *planes = malloc(3 * num * sizeof *planes), *normals = malloc(3 * num * sizeof *normals);
     karst_hit *hits = malloc(num * sizeof *hits);
-    bool done = (planes && normals && hits) || karst_fail(error, KARST_FAILED, "out of memory for albedos");
+    bool done = (planes && normals && hits && painted) || karst_fail(error, KARST_FAILED, "out of memory for albedos");
     done = done && karst_engine_keep_sample(engine, error) &&
            karst_buffer_fill(engine->counters, 0, 0, sizeof engine->counted, error) &&
            karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
@@ -83,6 +86,13 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
            karst_buffer_read(karst_radiance_parts(engine->radiance), 0, planes, 3 * num * sizeof *planes, error) &&
            karst_buffer_read(engine->hits, 0, hits, num * sizeof *hits, error) &&
            karst_engine_read_normals(engine, normals, 3 * num, error);
+    light.paint_alone = 1;
+    if (done && lays_paint)
+        done = karst_buffer_fill(engine->counters, 0, 0, sizeof engine->counted, error) &&
+               karst_shade_pixels(engine->shader, &view, &pinhole, &light, engine->hits, engine->shadow_rays,
+                                  karst_radiance_marks(engine->radiance)->mem, karst_radiance_parts(engine->radiance),
+                                  engine->counters, error) &&
+               karst_buffer_read(karst_radiance_parts(engine->radiance), 0, painted, 3 * num * sizeof *painted, error);
     karst_shader_set_skies(engine->shader, engine->shown.skies);
     for (uint32_t y = 0; done && y < height; y++)
         for (uint32_t x = 0; x < width; x++) {
@@ -94,9 +104,12 @@ static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
             for (size_t c = 0; c < 3; c++) {
                 const float plain = engine->world->ground_steep[c] +
                                     flat * (engine->world->ground_flat[c] - engine->world->ground_steep[c]);
-                *rgb++ = !is_hit ? 0 : coloured ? planes[c * num + place] : plain;
+                const float shows = lays_paint ? planes[c * num + place] - painted[c * num + place] : 1;
+                const float over = lays_paint ? painted[c * num + place] : 0;
+                *rgb++ = !is_hit ? 0 : coloured ? planes[c * num + place] : over + shows * plain;
             }
         }
+    free(painted);
     free(planes);
     free(normals);
     free(hits);

@@ -14,6 +14,8 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
     engine->world = &engine->shown.file->info;
     engine->producer = engine->shown.producer;
     engine->shader = engine->shown.shader;
+    if (engine->colours && engine->shader)
+        karst_shader_set_colours(engine->shader, engine->colours, karst_cache_get_buffers(engine->cache));
     engine->view_changed = true;
 }
 

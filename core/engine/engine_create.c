@@ -279,6 +279,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_engine_world_close(&engine->shown);
     if (engine->edits)
         engine->edits->ops->destroy(engine->edits);
+    karst_colours_destroy(engine->colours);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_engine_destroy_stores(engine);

@@ -30,7 +30,7 @@ bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_worl
                           world->file->info.name, world->file->info.voxel_log2_m,
                           karst_edits_list(engine->edits)->voxel_log2_m);
     return karst_finish(engine->context, error) &&
-           karst_world_file_set_layers(world->producer, world->file, &build, &engine->edits, 1, error);
+           karst_world_file_set_layers(world->producer, world->file, &build, &engine->edits, 1, engine->colours, error);
 }
 
 static bool make_layer(karst_engine *engine, karst_error *error)
@@ -50,10 +50,41 @@ static bool make_layer(karst_engine *engine, karst_error *error)
     return false;
 }
 
+/* From now on layers have colours: room for them, and a shader that shows them. */
+static bool make_colours(karst_engine *engine, karst_error *error)
+{
+    const karst_cache_buffers *bricks = karst_cache_get_buffers(engine->cache);
+    if (engine->colours)
+        return true;
+    if (!karst_edits_allow_colours(engine->edits, error))
+        return false;
+    karst_colours *colours = karst_colours_create(engine->context, bricks, error);
+    karst_shader *shader =
+        colours ? karst_engine_world_shader(&engine->shown, engine->context, engine->shade | KARST_SHADE_PAINT,
+                                            engine->producer->data[0], error)
+                : NULL;
+    engine->colours = colours;
+    if (!shader || !karst_engine_world_set_layers(engine, &engine->shown, error)) {
+        karst_shader_destroy(shader);
+        karst_colours_destroy(colours);
+        engine->colours = NULL;
+        return false;
+    }
+    karst_shader_destroy(engine->shader);
+    engine->shader = engine->shown.shader = shader;
+    engine->shade |= KARST_SHADE_PAINT;
+    karst_shader_set_colours(shader, colours, bricks);
+    karst_shader_set_skies(shader, engine->shown.skies);
+    return true;
+}
+
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error)
 {
-    return num_edits == 0 || (make_layer(engine, error) && karst_edits_append(engine->edits, edits, num_edits, error) &&
-                              drop_dirty(engine, error));
+    bool has_colours = false;
+    for (size_t i = 0; i < num_edits; i++)
+        has_colours = has_colours || edits[i].has_colour;
+    return num_edits == 0 || (make_layer(engine, error) && (!has_colours || make_colours(engine, error)) &&
+                              karst_edits_append(engine->edits, edits, num_edits, error) && drop_dirty(engine, error));
 }
 
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error)

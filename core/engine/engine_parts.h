@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 
 #include "cache/cache.h"
+#include "cache/colours.h"
 #include "core/device/context.h"
 #include "core/engine/cost.h"
 #include "core/engine/engine_internal.h"
@@ -108,6 +109,7 @@ struct karst_engine {
     karst_engine_store stores[KARST_NUM_CONTENTS];
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
+    karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */

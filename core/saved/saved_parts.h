@@ -27,7 +27,7 @@
 #define SAVED_SQL_EDITS "CREATE TABLE edits (id INTEGER PRIMARY KEY, edit BLOB NOT NULL) STRICT"
 
 #define SAVED_PAGE_BYTES 4096
-#define SAVED_MAX_ROW_BYTES 128
+#define SAVED_MAX_ROW_BYTES 192 /* one with every field has 188 */
 #define SAVED_MAX_KEY_BYTES 80
 #define SAVED_MAX_FACTS 1024
 #define SAVED_MAX_TEXT_BYTES (1 << 20) /* as worlds have */

@@ -10,7 +10,16 @@
 #define SUM_BYTES 8
 
 /* What may follow the head, in this order. */
-enum { HAS_RADIUS = 1, HAS_HALF = 2, HAS_TO = 4, HAS_NORMAL = 8, HAS_BLEND = 16, HAS_NOISE = 32, HAS_ALL = 63 };
+enum {
+    HAS_RADIUS = 1,
+    HAS_HALF = 2,
+    HAS_TO = 4,
+    HAS_NORMAL = 8,
+    HAS_BLEND = 16,
+    HAS_NOISE = 32,
+    HAS_COLOUR = 64,
+    HAS_ALL = 127
+};
 
 /* FNV-1a: each step can be undone, so no single wrong byte ever goes unnoticed. */
 uint64_t saved_sum(uint64_t sum, const void *data, size_t size_bytes)
@@ -68,7 +77,8 @@ size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uin
     uint8_t *at = row;
     unsigned fields = (edit->radius_m != 0 ? HAS_RADIUS : 0) | (any(edit->half_m) ? HAS_HALF : 0) |
                       (any(edit->to_m) ? HAS_TO : 0) | (any(edit->normal) ? HAS_NORMAL : 0) |
-                      (edit->blend_m != 0 ? HAS_BLEND : 0) | (edit->shape == KARST_EDIT_NOISE ? HAS_NOISE : 0);
+                      (edit->blend_m != 0 ? HAS_BLEND : 0) | (edit->shape == KARST_EDIT_NOISE ? HAS_NOISE : 0) |
+                      (edit->has_colour ? HAS_COLOUR : 0);
     put(&at, ROW_VERSION, 1);
     put(&at, (unsigned)edit->shape | (unsigned)edit->mode << 4, 1);
     put(&at, (uint8_t)(int8_t)voxel_log2_m, 1);
@@ -92,6 +102,10 @@ size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uin
         put_doubles(&at, &edit->scale_m, 1);
         put(&at, edit->seed, 4);
     }
+    if (fields & HAS_COLOUR) {
+        put_doubles(&at, edit->colour, 3);
+        put_doubles(&at, &edit->strength, 1);
+    }
     put(&at, sum_of(row, (size_t)(at - row), id), SUM_BYTES);
     return (size_t)(at - row);
 }
@@ -99,7 +113,8 @@ size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uin
 static size_t size_of(unsigned fields)
 {
     return HEAD_BYTES + (fields & HAS_RADIUS ? 8 : 0) + (fields & HAS_HALF ? 24 : 0) + (fields & HAS_TO ? 24 : 0) +
-           (fields & HAS_NORMAL ? 24 : 0) + (fields & HAS_BLEND ? 8 : 0) + (fields & HAS_NOISE ? 20 : 0) + SUM_BYTES;
+           (fields & HAS_NORMAL ? 24 : 0) + (fields & HAS_BLEND ? 8 : 0) + (fields & HAS_NOISE ? 20 : 0) +
+           (fields & HAS_COLOUR ? 32 : 0) + SUM_BYTES;
 }
 
 /* The same place in voxels of another width; false if it lies beyond them. */
@@ -149,6 +164,12 @@ bool saved_row_unpack(const uint8_t *row, size_t size_bytes, uint64_t id, int vo
         get_doubles(&at, &edit->amplitude_m, 1);
         get_doubles(&at, &edit->scale_m, 1);
         edit->seed = (uint32_t)get(&at, 4);
+    }
+    edit->strength = 1;
+    edit->has_colour = fields & HAS_COLOUR;
+    if (edit->has_colour) {
+        get_doubles(&at, edit->colour, 3);
+        get_doubles(&at, &edit->strength, 1);
     }
     return (from_log2_m == voxel_log2_m || convert(&edit->at, from_log2_m, voxel_log2_m)) &&
            karst_edit_record_make(edit, 1, voxel_log2_m, &record, NULL);

@@ -8,7 +8,7 @@
 
 typedef struct {
     const char *path, *from, *backup, *recover, *export_as, *output, *world;
-    command_list add;
+    command_list add, paint;
     uint64_t undo, redo;
     bool has_undo, has_redo, log, compact, check, json, help;
 } edit_options;
@@ -27,19 +27,21 @@ static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst edit FILE.karstdb [OPTIONS]\n"
          "Edits a saved world (karst new makes one). When it ends with 0, what it was told is on the disk. What is\n"
-         "asked for is done in this order: undo, redo, from, add, compact, check, log, export, backup. Without an\n"
-         "option it says how many edits there are.\n"
+         "asked for is done in this order: undo, redo, from, add, paint, compact, check, log, export, backup. Without\n"
+         "an option it says how many edits there are.\n"
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nEdits: SHAPE,VALUES[,MODE][,NAME=VALUE...]; lengths are metres, coordinates exact decimals of any length\n"
          "  sphere,X,Y,Z,RADIUS                       modes: add (the default), remove,\n"
-         "  box,X,Y,Z,HALF_X,HALF_Y,HALF_Z                   flatten (sphere and box)\n"
+         "  box,X,Y,Z,HALF_X,HALF_Y,HALF_Z                   flatten (sphere and box), paint\n"
          "  capsule,X,Y,Z,TO_X,TO_Y,TO_Z,RADIUS       blend=M rounds edges off\n"
          "  plane,X,Y,Z                               normal=X:Y:Z (plane, flatten): which way is up\n"
          "  noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE        seed=N (noise)\n"
+         "  colour=R:G:B (paint, add): linear, 0 to 1 strength=S (with it): how much it covers, 1 if left out\n"
          "\nExamples:\n"
          "  karst edit mine.karstdb --add sphere,300,60,400,12,remove\n"
          "  karst edit mine.karstdb --add box,1000000000010,20,0,4,30,4,blend=2 --add capsule,0,9,0,0,9,90,3\n"
+         "  karst edit mine.karstdb --paint sphere,300,60,400,20,colour=0.6:0.1:0.05,blend=4\n"
          "  karst edit mine.karstdb --undo 2\n"
          "  karst edit mine.karstdb --log --json | jq -c '.log[]'\n"
          "  karst edit mine.karstdb --export text > edits.json && karst view hills --edits edits.json\n"
@@ -51,15 +53,27 @@ static void print_help(const command_option *options, size_t num_options)
 
 /* ---- changes ---- */
 
-static bool add_texts(editing *e, int voxel_log2_m, karst_error *error)
+/* --paint's, which leave the mode out. */
+static bool read_paint(const char *text, int voxel_log2_m, karst_edit *edit, karst_error *error)
 {
-    const command_list *add = &e->o->add;
+    if (!karst_edit_parse(text, voxel_log2_m, edit, error))
+        return false;
+    if (!edit->has_colour || (edit->mode != KARST_EDIT_ADD && edit->mode != KARST_EDIT_PAINT))
+        return karst_fail(error, KARST_USAGE, "what is painted has a colour, colour=R:G:B, and no other mode");
+    edit->mode = KARST_EDIT_PAINT;
+    return true;
+}
+
+/* The edits of --add, or of --paint. */
+static bool add_texts(editing *e, const command_list *add, bool paint, int voxel_log2_m, karst_error *error)
+{
     karst_edit *edits = calloc(add->num_items + 1, sizeof *edits);
     bool done = edits || karst_fail(error, KARST_FAILED, "out of memory for %zu edits", add->num_items);
     for (size_t i = 0; done && i < add->num_items; i++) {
         karst_error reason = {0};
-        if (!karst_edit_parse(add->items[i], voxel_log2_m, &edits[i], &reason))
-            done = karst_fail(error, reason.status, "--add %.200s: %s", add->items[i], reason.message);
+        if (!(paint ? read_paint : karst_edit_parse)(add->items[i], voxel_log2_m, &edits[i], &reason))
+            done = karst_fail(error, reason.status, "--%s %.200s: %s", paint ? "paint" : "add", add->items[i],
+                              reason.message);
     }
     done = done && karst_saved_append(e->saved, edits, add->num_items, voxel_log2_m, error);
     free(edits);
@@ -86,7 +100,8 @@ static bool change(editing *e, karst_error *error)
     e->num_redone = o->has_redo ? (size_t)o->redo : 0;
     return (!o->has_undo || karst_saved_undo(e->saved, &e->num_undone, error)) &&
            (!o->has_redo || karst_saved_redo(e->saved, &e->num_redone, error)) &&
-           (!o->from || add_file(e, voxel_log2_m, error)) && add_texts(e, voxel_log2_m, error) &&
+           (!o->from || add_file(e, voxel_log2_m, error)) &&
+           add_texts(e, &o->add, false, voxel_log2_m, error) && add_texts(e, &o->paint, true, voxel_log2_m, error) &&
            karst_saved_commit(e->saved, error) && (!o->compact || karst_saved_compact(e->saved, error));
 }
 
@@ -237,7 +252,8 @@ static bool report(editing *e, karst_error *error)
 static bool run(const edit_options *o, command_talk *talk, karst_error *error)
 {
     const karst_log log = command_log(talk);
-    bool writes = o->has_undo || o->has_redo || o->from || o->add.num_items || o->compact;
+    bool writes = o->has_undo || o->has_redo || o->from || o->add.num_items || o->paint.num_items ||
+                  o->compact;
     if (o->recover) {
         if (!karst_saved_recover(o->path, o->recover, o->world, &log, error))
             return false;
@@ -268,8 +284,8 @@ static bool check_options(edit_options *o, karst_error *error)
         return karst_fail(error, KARST_USAGE, "-o is where --export goes: give that too");
     if (o->world && !o->recover)
         return karst_fail(error, KARST_USAGE, "--world goes with --recover");
-    if (o->recover && (o->has_undo || o->has_redo || o->from || o->add.num_items || o->compact || o->check || o->log ||
-                       o->export_as || o->backup))
+    if (o->recover && (o->has_undo || o->has_redo || o->from || o->add.num_items || o->paint.num_items || o->compact ||
+                       o->check || o->log || o->export_as || o->backup))
         return karst_fail(error, KARST_USAGE, "--recover goes alone: edit the new file afterwards");
     if (!o->output)
         o->output = "-";
@@ -298,6 +314,8 @@ bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error)
     edit_options o = {0};
     const command_option options[] = {
         {"add", 0, COMMAND_LIST, "EDIT", "append an edit, see below; may be given again", &o.add, 0, 0, NULL},
+        {"paint", 0, COMMAND_LIST, "EDIT", "append an edit of mode paint: SHAPE,VALUES,colour=R:G:B[,NAME=VALUE...]",
+         &o.paint, 0, 0, NULL},
         {"from", 0, COMMAND_TEXT, "FILE", "append all edits of a file: docs/EDITS.md; or of another saved world",
          &o.from, 0, 0, NULL},
         {"undo", 0, COMMAND_INTEGER, "[N]", "take the last edit back, or the last N", &o.undo, 0, KARST_MAX_EDITS,
@@ -321,7 +339,8 @@ bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error)
     size_t num_words;
     char **words = spell_out(argc, argv);
     o.add.items = calloc((size_t)argc + 1, sizeof *o.add.items);
-    bool done = words && o.add.items;
+    o.paint.items = calloc((size_t)argc + 1, sizeof *o.paint.items);
+    bool done = words && o.add.items && o.paint.items;
     if (!done)
         karst_fail(error, KARST_FAILED, "out of memory");
     done = done && command_parse(argc, words, options, num_options, &o.path, 1, &num_words, &o.help, error);
@@ -332,6 +351,7 @@ bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error)
     else if (done)
         done = check_options(&o, error) && run(&o, talk, error);
     free(o.add.items);
+    free(o.paint.items);
     free(words);
     return done;
 }

@@ -6,6 +6,7 @@
 
 #include "producers/density/host_steps.h"
 #include "producers/density/kernels.h"
+#include "producers/steps/colours.h"
 
 /* Loads at a time. In one step: a launch has its price, and nothing speaks against large ones. In two, those whose
  * samples are in staging memory. CPUs: 2.4 MiB, which stays in the last-level cache between evaluate and finalise (32
@@ -32,6 +33,8 @@ typedef struct {
     karst_buffer *staging;   /* of a chunk in two steps, or of the host's; NULL: there is neither */
     karst_layer *layers[KARST_MAX_LAYERS];
     size_t num_layers;
+    const karst_colours *colours; /* of what layers have of them; NULL: none has any */
+    karst_colour_step *colour_step;
     karst_scrub_total known; /* *books.total as last read */
     bool total_may_have_changed;
 } density_producer;
@@ -196,17 +199,21 @@ static bool load_in_two_steps(density_producer *producer, const karst_cache_buff
 {
     const karst_kernels *kernels = &producer->kernels;
     const karst_load_books *books = &producer->books;
+    const karst_layer_colours *colours = NULL;
     bool done = karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->bound_loads(producer->layers[i], books->loads, count, error);
     done = done &&
            karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
+    if (done && producer->colour_step)
+        done = (colours = karst_colour_step_begin(producer->colour_step, count, error)) != NULL;
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->evaluate(producer->layers[i], books->loads, count, producer->staging,
-                                                  producer->layout.staging_stride, error);
+                                                  producer->layout.staging_stride, colours, error);
     return done &&
            karst_finalise_bricks(kernels->finaliser, cache, work, first, count, books->loads, producer->staging,
-                                 books->scrubs, books->total, error);
+                                 books->scrubs, books->total, error) &&
+           (!colours || karst_colour_step_end(producer->colour_step, work, first, count, error));
 }
 
 static bool load(karst_producer *self, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
@@ -224,6 +231,7 @@ static void destroy(karst_producer *self)
     density_producer *producer = (density_producer *)self;
     karst_compilation_destroy(producer->compilation);
     karst_kernels_destroy(&producer->kernels);
+    karst_colour_step_destroy(producer->colour_step);
     karst_density_program_free(&producer->program);
     const karst_load_books *books = &producer->books;
     karst_buffer *buffers[] = {producer->data, producer->staging, books->loads,
@@ -406,13 +414,23 @@ static bool go_in_two_steps(density_producer *producer, const karst_density_prog
 }
 
 bool karst_density_producer_set_layers(karst_producer *producer, const karst_density_program *program,
-                                       karst_layer *const *layers, size_t num_layers, karst_error *error)
+                                       karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                       karst_error *error)
 {
     density_producer *density = (density_producer *)producer;
     if (num_layers > KARST_MAX_LAYERS)
         return karst_fail(error, KARST_FAILED, "%zu layers: %u are the most", num_layers, KARST_MAX_LAYERS);
     if (num_layers && density->is_in_one && !go_in_two_steps(density, program, error))
         return false;
+    if (colours != density->colours) {
+        karst_colour_step *step = NULL;
+        if (colours && !(step = karst_colour_step_create(density->context, program->shape, colours,
+                                                         density->base.max_chunk, error)))
+            return false;
+        karst_colour_step_destroy(density->colour_step);
+        density->colour_step = step;
+        density->colours = colours;
+    }
     for (size_t i = 0; i < num_layers; i++)
         density->layers[i] = layers[i];
     density->num_layers = num_layers;

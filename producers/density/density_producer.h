@@ -2,6 +2,7 @@
 #ifndef KARST_PRODUCERS_DENSITY_PRODUCER_H
 #define KARST_PRODUCERS_DENSITY_PRODUCER_H
 
+#include "cache/colours.h"
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "producers/steps/shape.h"
@@ -56,9 +57,11 @@ bool karst_density_producer_replace(karst_producer *producer, const char *name, 
 
 /* From now on these layers take part in what is produced, in this order; they are borrowed, until others are set. From
  * the first ones on, loads are made in two steps, by kernels that are built here from `program`, which is the one that
- * the producer was made of. Work that is enqueued must be done. Errors: KARST_FAILED. */
+ * the producer was made of. What layers have of colours goes to `colours`, of the store that loads are of; NULL: they
+ * have none. Work that is enqueued must be done. Errors: KARST_FAILED; then all is as before, but for the two steps. */
 bool karst_density_producer_set_layers(karst_producer *producer, const karst_density_program *program,
-                                       karst_layer *const *layers, size_t num_layers, karst_error *error);
+                                       karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                       karst_error *error);
 #define KARST_MAX_LAYERS 8u
 
 /* The staging memory of the chunk that was evaluated last: floats, *stride_floats a brick. Owned by the producer. NULL

@@ -65,6 +65,9 @@ bool karst_sampler_is_edited(const karst_sampler *sampler, const karst_position 
            karst_edit_list_touches(&sampler->edits, at, ldexp(half_m, -sampler->world->metadata.voxel_log2_m));
 }
 
+/* The albedo of what has no colour, where edits cover a part of it: as meshes have it. */
+#define KARST_NO_COLOUR 0.5f
+
 static karst_sample sample_of(karst_oracle_value value) { return (karst_sample){value.device, value.precise}; }
 
 karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
@@ -73,7 +76,7 @@ karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position 
     karst_sample sample = sample_of(karst_oracle_text_density(sampler->oracle, at, level));
     if (sampler->edits.data) {
         sample.device = karst_edit_list_density(&sampler->edits, at, level, sample.device);
-        sample.precise = karst_edit_list_precise(&sampler->edits, at, level, sample.precise);
+        sample.precise = karst_edit_list_precise(&sampler->edits, at, level, sample.precise, NULL);
     }
     return sample;
 }
@@ -84,7 +87,7 @@ double karst_sampler_precise_density(karst_sampler *sampler, const karst_positio
     double precise = sampler->world->file->program->world.text
                          ? karst_oracle_text_density(sampler->oracle, at, level).precise
                          : karst_oracle_precise_density(sampler->oracle, at, level);
-    return sampler->edits.data ? karst_edit_list_precise(&sampler->edits, at, level, precise) : precise;
+    return sampler->edits.data ? karst_edit_list_precise(&sampler->edits, at, level, precise, NULL) : precise;
 }
 
 /* Near edits: central differences. */
@@ -141,11 +144,24 @@ bool karst_sampler_colour(karst_sampler *sampler, const karst_position *at, cons
                           karst_sample rgb[3])
 {
     karst_oracle_value values[3];
-    if (!sampler->world->metadata.has_colour)
+    const bool has_colour = sampler->world->metadata.has_colour;
+    const int level = karst_world_level(sampler->world, footprint_m);
+    float over[4] = {0};
+    double precisely_over[4] = {0};
+    if (sampler->edits.data) {
+        const karst_oracle_value own = karst_oracle_text_density(sampler->oracle, at, level);
+        karst_edit_list_colour(&sampler->edits, at, level, own.device, over);
+        karst_edit_list_precise(&sampler->edits, at, level, own.precise, precisely_over);
+    }
+    if (!has_colour && over[3] == 0)
         return false;
-    karst_oracle_colour(sampler->oracle, at, normal, karst_world_level(sampler->world, footprint_m), values);
-    for (int i = 0; i < 3; i++)
-        rgb[i] = sample_of(values[i]);
+    if (has_colour)
+        karst_oracle_colour(sampler->oracle, at, normal, level, values);
+    for (int i = 0; i < 3; i++) {
+        rgb[i] = has_colour ? sample_of(values[i]) : (karst_sample){KARST_NO_COLOUR, (double)KARST_NO_COLOUR};
+        rgb[i].device = over[3] > 0 ? over[i] + (1 - over[3]) * rgb[i].device : rgb[i].device;
+        rgb[i].precise = precisely_over[i] + (1 - precisely_over[3]) * rgb[i].precise;
+    }
     return true;
 }
 

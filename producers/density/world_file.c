@@ -512,11 +512,12 @@ karst_producer *karst_world_file_producer(karst_context *context, const karst_wo
 }
 
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error)
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error)
 {
     char options[512];
     karst_density_program program = program_of(file, build, NULL, options);
-    return karst_density_producer_set_layers(producer, &program, layers, num_layers, error);
+    return karst_density_producer_set_layers(producer, &program, layers, num_layers, colours, error);
 }
 
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,

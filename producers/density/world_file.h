@@ -76,7 +76,8 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
                                                 uint32_t max_loads, const karst_world_build *build, karst_error *error);
 /* karst_density_producer_set_layers for a producer that was built so. */
 bool karst_world_file_set_layers(karst_producer *producer, const karst_world_file *file, const karst_world_build *build,
-                                 karst_layer *const *layers, size_t num_layers, karst_error *error);
+                                 karst_layer *const *layers, size_t num_layers, const karst_colours *colours,
+                                 karst_error *error);
 /* karst_density_program_rehearse for such a producer. */
 bool karst_world_file_rehearse(karst_context *context, const karst_world_file *file, uint32_t seed,
                                const karst_world_build *build, const karst_cache_buffers *cache, const karst_work *work,

@@ -151,11 +151,30 @@ static bool make_shape(const karst_edit *edit, size_t number, int voxel_log2_m, 
     return true;
 }
 
+static uint sixteen_bits(double share) { return (uint)(share * 65535 + 0.5); }
+
+static bool make_colour(const karst_edit *edit, size_t number, karst_edit_record *record, karst_error *error)
+{
+    if (!edit->has_colour)
+        return edit->mode != KARST_EDIT_PAINT || complain(number, error, "paint takes a colour");
+    if (edit->mode != KARST_EDIT_PAINT && edit->mode != KARST_EDIT_ADD)
+        return complain(number, error, "only what is painted or added has a colour");
+    for (int i = 0; i < 3; i++)
+        if (!(edit->colour[i] >= 0 && edit->colour[i] <= 1))
+            return complain(number, error, "the colour must be three numbers from 0 to 1");
+    if (!(edit->strength > 0 && edit->strength <= 1))
+        return complain(number, error, "the strength must be above 0, and 1 at most");
+    record->what |= EDIT_COLOURED;
+    record->colour[0] = sixteen_bits(edit->colour[0]) | sixteen_bits(edit->colour[1]) << 16;
+    record->colour[1] = sixteen_bits(edit->colour[2]) | sixteen_bits(edit->strength) << 16;
+    return true;
+}
+
 bool karst_edit_record_make(const karst_edit *edit, size_t number, int voxel_log2_m, karst_edit_record *record,
                             karst_error *error)
 {
     *record = (karst_edit_record){.what = (uint)edit->shape | (uint)edit->mode << 8};
-    if ((unsigned)edit->shape > KARST_EDIT_NOISE || (unsigned)edit->mode > KARST_EDIT_FLATTEN)
+    if ((unsigned)edit->shape > KARST_EDIT_NOISE || (unsigned)edit->mode > KARST_EDIT_PAINT)
         return complain(number, error, "there is no such shape or mode");
     for (int a = 0; a < 3; a++) {
         if (edit->at.voxel[a] > (int64_t)1 << 61 || edit->at.voxel[a] < -((int64_t)1 << 61))
@@ -165,7 +184,7 @@ bool karst_edit_record_make(const karst_edit *edit, size_t number, int voxel_log
     }
     if (!to_voxels(edit->blend_m, voxel_log2_m, true, &record->blend))
         return complain(number, error, "the blend must be 0, or 2^-20 to 2^60 voxels");
-    return make_shape(edit, number, voxel_log2_m, record, error);
+    return make_colour(edit, number, record, error) && make_shape(edit, number, voxel_log2_m, record, error);
 }
 
 karst_drop_box karst_edit_record_box(const karst_edit_record *record)
@@ -318,11 +337,16 @@ void karst_edit_list_set_num(karst_edit_list *list, uint32_t num)
 
 /* ---- at a point ---- */
 
-float karst_edit_list_density(const karst_edit_list *list, const karst_position *at, int level, float density)
+/* The density after all edits; their colours are laid over `colour`, unless that is NULL. */
+static float apply_all(const karst_edit_list *list, const karst_position *at, int level, float density,
+                       vfloat colour[4])
 {
     const karst_edits_head *head = head_of(list);
     int of_box = level > 0 ? level : 0;
-    edits_box box = {.level = of_box, .margin = EDITS_MARGIN, .shown = level >= 0};
+    edits_box box = {.level = of_box,
+                     .margin = EDITS_MARGIN,
+                     .shown = level >= 0,
+                     .which = colour ? EDITS_ALL : EDITS_OF_LAND};
     vlong voxel[3];
     vuint fraction[3];
     uint found[EDITS_LIST], count, first = 0;
@@ -339,6 +363,8 @@ float karst_edit_list_density(const karst_edit_list *list, const karst_position 
             for (int a = 0; a < 3; a++)
                 p[a] = EDITS_TO_FLOAT(voxel[a] - edit->at[a]) +
                        ((float)fraction[a] * 0x1p-32f - (float)edit->fraction[a] * 0x1p-32f);
+            if (colour && (edit->what & EDIT_COLOURED))
+                edits_lay_over(colour, edits_cover(density, p, voxel, fraction, edit, level, head->voxel_m), edit);
             density = edits_apply(density, p, voxel, fraction, edit, level, head->voxel_m);
         }
         first = count ? found[count - 1] + 1 : 0;
@@ -346,10 +372,22 @@ float karst_edit_list_density(const karst_edit_list *list, const karst_position 
     return density;
 }
 
+float karst_edit_list_density(const karst_edit_list *list, const karst_position *at, int level, float density)
+{
+    return apply_all(list, at, level, density, NULL);
+}
+
+void karst_edit_list_colour(const karst_edit_list *list, const karst_position *at, int level, float density,
+                            float colour[4])
+{
+    memset(colour, 0, 4 * sizeof *colour);
+    apply_all(list, at, level, density, colour);
+}
+
 bool karst_edit_list_touches(const karst_edit_list *list, const karst_position *at, double half_voxels)
 {
     int64_t half = half_voxels < 0x1p60 ? (int64_t)half_voxels + 2 : (int64_t)1 << 60;
-    edits_box box = {.margin = EDITS_MARGIN};
+    edits_box box = {.margin = EDITS_MARGIN, .which = EDITS_OF_LAND};
     uint found[EDITS_LIST];
     for (int a = 0; a < 3; a++) {
         box.min[a] = at->voxel[a] - half;

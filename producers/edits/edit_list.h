@@ -35,9 +35,14 @@ karst_drop_box karst_edit_record_box(const karst_edit_record *record);
 /* The density at a position with the edits in force, from the world's own, at a level (-1: all detail): the bits of
  * devices. */
 float karst_edit_list_density(const karst_edit_list *list, const karst_position *at, int level, float density);
-/* The same in double, edit by edit and without the index: what the former is measured against. Noise is the devices'.
- * */
-double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density);
+/* What colours the edits in force have there: red, green and blue, each times coverage, and coverage, 0 to 1. `density`
+ * is the world's own. The bits of devices, before they are packed (cache/colour.clh). */
+void karst_edit_list_colour(const karst_edit_list *list, const karst_position *at, int level, float density,
+                            float colour[4]);
+/* The density in double, edit by edit and without the index, and the colours, unless that is NULL: what the former two
+ * are measured against. Noise is the devices'. */
+double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density,
+                               double colour[4]);
 /* Whether any edit in force changes the density at a position, or might. */
 bool karst_edit_list_touches(const karst_edit_list *list, const karst_position *at, double half_voxels);
 /* The index finds every edit, and its nodes hold theirs. Errors: KARST_FAILED, with what is wrong. */

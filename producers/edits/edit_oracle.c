@@ -35,7 +35,7 @@ static double capsule_depth(const double p[3], const karst_edit_record *edit)
 /* How deep a place lies in the shape, voxels. */
 static double depth(const double p[3], const karst_edit_record *edit)
 {
-    switch (edit->what & 255u) {
+    switch (EDIT_SHAPE(edit->what)) {
     case EDIT_BOX:
         return box_depth(p, edit->size);
     case EDIT_CAPSULE:
@@ -74,27 +74,60 @@ static bool applies(const karst_edit_record *edit, const karst_position *at, int
     return true;
 }
 
-double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density)
+/* How thin the shape is at most, voxels. */
+static double thickness(const karst_edit_record *edit)
+{
+    switch (EDIT_SHAPE(edit->what)) {
+    case EDIT_BOX:
+        return 2 * (double)fminf(edit->size[0], fminf(edit->size[1], edit->size[2]));
+    case EDIT_PLANE:
+        return INFINITY;
+    default:
+        return 2 * (double)edit->radius;
+    }
+}
+
+/* Lays the edit's colour over: s is how deep the place lies in its shape, voxels, and d in what was there before. */
+static void lay_over(const karst_edit_record *edit, double s, double d, int level, double colour[4])
+{
+    const double voxel = ldexp(1, level > 0 ? level : 0), over = fmax((double)edit->blend, voxel);
+    double share = EDIT_MODE(edit->what) == EDIT_PAINT ? s / over + 0.5 : ((s - d) / over + 1) / 2;
+    share = fmin(fmax(share, 0), 1) * (double)(edit->colour[1] >> 16) / 65535;
+    if (EDIT_MODE(edit->what) == EDIT_PAINT)
+        share *= fmin(1, thickness(edit) / voxel);
+    const uint own[4] = {edit->colour[0] & 0xffff, edit->colour[0] >> 16, edit->colour[1] & 0xffff, 0xffff};
+    for (int i = 0; i < 4; i++)
+        colour[i] += (own[i] / 65535.0 - colour[i]) * share;
+}
+
+double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density,
+                               double colour[4])
 {
     double voxel_m = ldexp(1, list->voxel_log2_m);
+    for (int i = 0; i < 4 && colour; i++)
+        colour[i] = 0;
     for (uint32_t i = 0; i < karst_edit_list_num(list); i++) {
         const karst_edit_record *edit = &karst_edit_list_records(list)[i];
         double p[3];
         if (!applies(edit, at, level))
             continue;
         for (int a = 0; a < 3; a++)
-            p[a] = (double)(at->voxel[a] - edit->at[a]) +
-                   ((double)at->fraction[a] - (double)edit->fraction[a]) * 0x1p-32;
+            p[a] =
+                (double)(at->voxel[a] - edit->at[a]) + ((double)at->fraction[a] - (double)edit->fraction[a]) * 0x1p-32;
         double s = depth(p, edit), blend = (double)edit->blend * voxel_m;
-        if ((edit->what & 255u) == EDIT_NOISE)
+        if (EDIT_SHAPE(edit->what) == EDIT_NOISE)
             s += rough(edit, at, level);
+        if (colour && (edit->what & EDIT_COLOURED))
+            lay_over(edit, s, density / voxel_m, level, colour);
+        if (EDIT_MODE(edit->what) == EDIT_PAINT)
+            continue;
         s *= voxel_m;
-        if (edit->what >> 8 == EDIT_ADD) {
+        if (EDIT_MODE(edit->what) == EDIT_ADD) {
             density = smooth_max(density, s, blend);
             continue;
         }
         density = -smooth_max(-density, s, blend);
-        if (edit->what >> 8 == EDIT_FLATTEN)
+        if (EDIT_MODE(edit->what) == EDIT_FLATTEN)
             density = smooth_max(density, fmin(-dot(p, edit->axis) * voxel_m, s), blend);
     }
     return density;

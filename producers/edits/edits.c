@@ -8,9 +8,10 @@
 typedef struct {
     karst_layer base;
     karst_context *context;
-    karst_program *program;
+    karst_program *program, *coloured_program;
     cl_kernel tiles, loads, bricks;
-    size_t group_size; /* work-items a brick */
+    cl_kernel coloured_bricks; /* NULL: no edit may have a colour */
+    size_t group_size;         /* work-items a brick */
     karst_edit_list list;
     karst_buffer *data;
     uint32_t num_sent; /* edits that the device has */
@@ -119,9 +120,16 @@ static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, 
 }
 
 static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                     uint32_t stride_floats, karst_error *error)
+                     uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
 {
     edits_layer *edits = (edits_layer *)self;
+    if (colours && edits->coloured_bricks)
+        return KARST_ARGUMENTS(edits->coloured_bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
+                               KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(stride_floats),
+                               KARST_BUFFER_ARG(colours->planes), KARST_BUFFER_ARG(colours->coloured),
+                               KARST_BUFFER_ARG(edits->data)) &&
+               karst_launch(edits->context, edits->coloured_bricks, KARST_STAGE_EVALUATE,
+                            (size_t)count * edits->group_size, edits->group_size, error);
     return KARST_ARGUMENTS(edits->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
                            KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(stride_floats), KARST_BUFFER_ARG(edits->data)) &&
            karst_launch(edits->context, edits->bricks, KARST_STAGE_EVALUATE, (size_t)count * edits->group_size,
@@ -145,11 +153,12 @@ static bool check(karst_layer *self, karst_error *error)
 static void destroy(karst_layer *self)
 {
     edits_layer *edits = (edits_layer *)self;
-    cl_kernel kernels[] = {edits->tiles, edits->loads, edits->bricks};
+    cl_kernel kernels[] = {edits->tiles, edits->loads, edits->bricks, edits->coloured_bricks};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
     karst_program_destroy(edits->program);
+    karst_program_destroy(edits->coloured_program);
     karst_buffer_destroy(edits->data);
     karst_edit_list_finish(&edits->list);
     free(edits->dirty);
@@ -164,10 +173,26 @@ static const karst_layer_ops edits_ops = {.kind = "edits",
                                           .check = check,
                                           .destroy = destroy};
 
+static karst_program *build(const edits_layer *edits, const char *more_options, karst_error *error)
+{
+    char options[64];
+    snprintf(options, sizeof options, "-DKARST_GROUP=%zu%s", edits->group_size, more_options);
+    return karst_program_build(edits->context, "producers/edits/edits.cl", options, NULL, 0, error);
+}
+
+bool karst_edits_allow_colours(karst_layer *layer, karst_error *error)
+{
+    edits_layer *edits = (edits_layer *)layer;
+    if (!edits->coloured_program)
+        edits->coloured_program = build(edits, " -DEDITS_COLOURED", error);
+    if (edits->coloured_program && !edits->coloured_bricks)
+        edits->coloured_bricks = karst_program_kernel(edits->coloured_program, "karst_edit_coloured_bricks", error);
+    return edits->coloured_bricks != NULL;
+}
+
 karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int voxel_log2_m, karst_error *error)
 {
     edits_layer *edits = calloc(1, sizeof *edits);
-    char options[64];
     if (!edits) {
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
@@ -175,9 +200,8 @@ karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int v
     edits->base.ops = &edits_ops;
     edits->context = context;
     edits->group_size = karst_shape_group_size(shape, context->is_cpu);
-    snprintf(options, sizeof options, "-DKARST_GROUP=%zu", edits->group_size);
     if (karst_edit_list_init(&edits->list, voxel_log2_m, error) && send(edits, error) &&
-        (edits->program = karst_program_build(context, "producers/edits/edits.cl", options, NULL, 0, error)) &&
+        (edits->program = build(edits, "", error)) &&
         (edits->tiles = karst_program_kernel(edits->program, "karst_edit_tiles", error)) &&
         (edits->loads = karst_program_kernel(edits->program, "karst_edit_loads", error)) &&
         (edits->bricks = karst_program_kernel(edits->program, "karst_edit_bricks", error)))

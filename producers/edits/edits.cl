@@ -1,8 +1,9 @@
-/* Entry points of edits: see producers/edits/edits.h. */
+/* Entry points of edits: see producers/edits/edits.h. With EDITS_COLOURED those that take part in colours alone. */
 #include "core/device/lanes.clh"
 #include "producers/edits/edits.clh"
 #include "producers/steps/load_shared.h"
 
+#ifndef EDITS_COLOURED
 /* Work-item i: child i % 8 of the i / 8-th new tile. */
 __kernel void karst_edit_tiles(K_GLOBAL const uint *restrict tiles, uint num, K_GLOBAL karst_node *restrict nodes,
                                K_GLOBAL const karst_tile_info *restrict tile_info, edits_data data)
@@ -29,7 +30,7 @@ __kernel void karst_edit_loads(K_GLOBAL karst_load *restrict loads, uint count, 
     long origin[3] = {loads[item].origin[0], loads[item].origin[1], loads[item].origin[2]};
     int level = loads[item].level;
     loads[item].state = edits_node_state(data, loads[item].state, origin, level);
-    if (edits_touch(data, origin, level))
+    if (edits_touch(data, origin, level, EDITS_OF_LAND))
         loads[item].doubt = INFINITY;
 }
 
@@ -42,6 +43,41 @@ karst_edit_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBA
     if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
         return;
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
-    edits_edit_samples(data, origin, loads[brick].level, staging + (ulong)brick * stride, (int)get_local_id(0),
-                       KARST_GROUP);
+    edits_edit_samples(data, origin, loads[brick].level, staging + (ulong)brick * stride, (K_GLOBAL float *)0,
+                       (int)get_local_id(0), KARST_GROUP);
 }
+#else
+#if KARST_GROUP > 1
+#define GROUP_BARRIER() barrier(CLK_GLOBAL_MEM_FENCE)
+#else
+#define GROUP_BARRIER()
+#endif
+
+/* As karst_edit_bricks, and what edits have of colours goes to the i-th brick of `colours`, in planes; `coloured[i]`
+ * says whether a layer has written any there. */
+K_WIDE __kernel __attribute__((reqd_work_group_size(KARST_GROUP, 1, 1))) void
+karst_edit_coloured_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_GLOBAL float *staging, uint stride,
+                           K_GLOBAL float *colours, K_GLOBAL uint *coloured, edits_data data)
+{
+    const uint brick = (uint)get_group_id(0);
+    const int item = (int)get_local_id(0);
+    if (brick >= count || loads[brick].state != KARST_STATE_UNKNOWN)
+        return;
+    long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
+    const int level = loads[brick].level;
+    K_GLOBAL float *samples = staging + (ulong)brick * stride;
+    if (!edits_touch(data, origin, level, EDITS_OF_COLOUR)) {
+        edits_edit_samples(data, origin, level, samples, (K_GLOBAL float *)0, item, KARST_GROUP);
+        return;
+    }
+    K_GLOBAL float *planes = colours + (ulong)brick * (4 * KARST_BRICK_PADDED);
+    const uint before = coloured[brick];
+    for (int row = item; row < KARST_BRICK_SIDE * KARST_BRICK_SIDE && !before; row += KARST_GROUP)
+        for (int i = 0; i < 4 * KARST_BRICK_SIDE; i++)
+            planes[i / KARST_BRICK_SIDE * KARST_BRICK_PADDED + row * KARST_BRICK_SIDE + i % KARST_BRICK_SIDE] = 0.0f;
+    GROUP_BARRIER();
+    if (item == 0)
+        coloured[brick] = 1u;
+    edits_edit_samples(data, origin, level, samples, planes, item, KARST_GROUP);
+}
+#endif

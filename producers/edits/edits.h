@@ -8,6 +8,9 @@
 
 /* A layer without edits, for a world of these voxels. Its kernels are built here. Errors: KARST_FAILED. */
 karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int voxel_log2_m, karst_error *error);
+/* From now on edits may have colours: builds the kernel that lays them. Before, karst_layer_ops.evaluate takes none.
+ * Errors: KARST_FAILED. */
+bool karst_edits_allow_colours(karst_layer *edits, karst_error *error);
 
 /* Changes what is in force; karst_layer_ops.take_dirty then tells where. Errors: as in karst/edit.h. */
 bool karst_edits_append(karst_layer *edits, const karst_edit *new_edits, size_t num, karst_error *error);

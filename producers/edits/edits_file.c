@@ -107,6 +107,7 @@ static bool check_fields(const reader *r, const karst_edit *edit)
 {
     bool is_round = edit->shape == KARST_EDIT_SPHERE || edit->shape == KARST_EDIT_CAPSULE ||
                     edit->shape == KARST_EDIT_NOISE;
+    bool may_have_colour = edit->mode == KARST_EDIT_PAINT || edit->mode == KARST_EDIT_ADD;
     const struct {
         const char *name;
         bool is_known;
@@ -120,7 +121,9 @@ static bool check_fields(const reader *r, const karst_edit *edit)
                   {"normal", edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN},
                   {"amplitude", edit->shape == KARST_EDIT_NOISE},
                   {"scale", edit->shape == KARST_EDIT_NOISE},
-                  {"seed", edit->shape == KARST_EDIT_NOISE}};
+                  {"seed", edit->shape == KARST_EDIT_NOISE},
+                  {"colour", may_have_colour},
+                  {"strength", may_have_colour}};
     const char *field;
     json_t *value;
     json_object_foreach(r->object, field, value)
@@ -151,14 +154,17 @@ static bool read_edit(const reader *r, karst_edit *edit)
     if (!read_word(r, "shape", karst_edit_shape_words, EDITS_NUM_SHAPES, &shape) ||
         !read_word(r, "mode", karst_edit_mode_words, EDITS_NUM_MODES, &mode))
         return false;
-    *edit = (karst_edit){.shape = (karst_edit_shape)shape, .mode = (karst_edit_mode)mode, .scale_m = 1};
+    *edit = (karst_edit){.shape = (karst_edit_shape)shape, .mode = (karst_edit_mode)mode, .scale_m = 1, .strength = 1};
+    edit->has_colour = json_object_get(r->object, "colour") != NULL;
     bool is_round = shape == KARST_EDIT_SPHERE || shape == KARST_EDIT_CAPSULE || shape == KARST_EDIT_NOISE;
     if (!check_fields(r, edit) || !read_position(r, "at", &edit->at) ||
         !read_number(r, "blend", false, &edit->blend_m) || !read_number(r, "radius", is_round, &edit->radius_m) ||
         !read_numbers(r, "half", shape == KARST_EDIT_BOX, edit->half_m) ||
         !read_numbers(r, "normal", false, edit->normal) ||
         !read_number(r, "amplitude", shape == KARST_EDIT_NOISE, &edit->amplitude_m) ||
-        !read_number(r, "scale", shape == KARST_EDIT_NOISE, &edit->scale_m) || !read_number(r, "seed", false, &seed))
+        !read_number(r, "scale", shape == KARST_EDIT_NOISE, &edit->scale_m) || !read_number(r, "seed", false, &seed) ||
+        !read_numbers(r, "colour", mode == KARST_EDIT_PAINT, edit->colour) ||
+        !read_number(r, "strength", false, &edit->strength))
         return false;
     if (!(seed >= 0 && seed <= UINT32_MAX && seed == floor(seed)))
         return complain(r, "seed", "must be a whole number from 0 to %u", UINT32_MAX);

@@ -13,13 +13,18 @@
 #define EDIT_ADD 0u
 #define EDIT_REMOVE 1u
 #define EDIT_FLATTEN 2u
+#define EDIT_PAINT 3u
+/* Added to karst_edit_record.what: it has a colour. */
+#define EDIT_COLOURED 0x10000u
+#define EDIT_SHAPE(what) ((what)&255u)
+#define EDIT_MODE(what) ((what) >> 8 & 255u)
 
 /* An operation on the density. Its shape is a distance that is positive inside, steeper than 1 nowhere but for noise.
  * */
 typedef struct {
     long at[3];       /* its centre: a voxel, */
     uint fraction[3]; /* and of it, in 2^-32 */
-    uint what;        /* shape | mode << 8 */
+    uint what;        /* shape | mode << 8 | EDIT_COLOURED */
     float reach[3];   /* it changes the sign of no density farther away than that along an axis, blend included */
     float size[3];    /* box: half its sides. noise: [0] its amplitude */
     float axis[3];    /* capsule: to its other end. plane, flatten: the normal, of length 1 */
@@ -27,8 +32,9 @@ typedef struct {
     float blend;      /* 0: sharp */
     uint seed;        /* noise */
     long frequency;   /* noise: cells a voxel, Q8.56 */
+    uint colour[2];   /* with EDIT_COLOURED: red, green << 16; blue, strength << 16; 65535 is 1 */
 } karst_edit_record;
-K_ASSERT_SIZE(karst_edit_record, 96);
+K_ASSERT_SIZE(karst_edit_record, 104);
 
 /* A node of the index: the hull of eight edits, or of eight such nodes. */
 #define EDITS_FAN 8u

@@ -12,7 +12,7 @@
 #include "producers/edits/edit_list.h"
 
 const char *const karst_edit_shape_words[EDITS_NUM_SHAPES] = {"sphere", "box", "capsule", "plane", "noise"};
-const char *const karst_edit_mode_words[EDITS_NUM_MODES] = {"add", "remove", "flatten"};
+const char *const karst_edit_mode_words[EDITS_NUM_MODES] = {"add", "remove", "flatten", "paint"};
 
 /* ---- reading ---- */
 
@@ -68,10 +68,30 @@ static bool read_shape(char *const *p, int voxel_log2_m, karst_edit *edit, karst
     return false;
 }
 
+/* Three numbers with colons between them. `text` is written to. */
+static bool read_three(const char *name, char *text, const char *example, double numbers[3], karst_error *error)
+{
+    char *parts[3];
+    for (int i = 0; i < 3; i++) {
+        parts[i] = text;
+        text += strcspn(text, ":");
+        if ((i < 2) != (*text == ':'))
+            return karst_fail(error, KARST_USAGE, "%s: must be %s", name, example);
+        if (i < 2)
+            *text++ = '\0';
+    }
+    return read_numbers(name, parts, 3, numbers, error);
+}
+
+static bool may_have_colour(const karst_edit *edit)
+{
+    return edit->mode == KARST_EDIT_PAINT || edit->mode == KARST_EDIT_ADD;
+}
+
 /* NAME=VALUE. `text` is written to. */
 static bool read_named(char *text, karst_edit *edit, karst_error *error)
 {
-    char quoted[KARST_TEXT_QUOTE_BYTES], *value = strchr(text, '=') + 1, *parts[3];
+    char quoted[KARST_TEXT_QUOTE_BYTES], *value = strchr(text, '=') + 1;
     double seed;
     value[-1] = '\0';
     if (strcmp(text, "blend") == 0)
@@ -82,21 +102,19 @@ static bool read_named(char *text, karst_edit *edit, karst_error *error)
         edit->seed = (uint32_t)seed;
         return true;
     }
-    if (strcmp(text, "normal") == 0 && (edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN)) {
-        for (int i = 0; i < 3; i++) {
-            parts[i] = value;
-            value += strcspn(value, ":");
-            if ((i < 2) != (*value == ':'))
-                return karst_fail(error, KARST_USAGE, "normal: must be X:Y:Z, such as 0:1:0.2");
-            if (i < 2)
-                *value++ = '\0';
-        }
-        return read_numbers("normal", parts, 3, edit->normal, error);
+    if (strcmp(text, "normal") == 0 && (edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN))
+        return read_three("normal", value, "X:Y:Z, such as 0:1:0.2", edit->normal, error);
+    if (strcmp(text, "colour") == 0 && may_have_colour(edit)) {
+        edit->has_colour = true;
+        return read_three("colour", value, "R:G:B, such as 0.6:0.1:0", edit->colour, error);
     }
-    return karst_fail(error, KARST_USAGE, "a %s of mode %s has no '%s'; there are: blend=M%s%s",
+    if (strcmp(text, "strength") == 0 && may_have_colour(edit))
+        return read_number("strength", value, &edit->strength, error);
+    return karst_fail(error, KARST_USAGE, "a %s of mode %s has no '%s'; there are: blend=M%s%s%s",
                       karst_edit_shape_words[edit->shape], karst_edit_mode_words[edit->mode],
                       karst_text_quote(text, quoted), edit->shape == KARST_EDIT_NOISE ? ", seed=N" : "",
-                      edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN ? ", normal=X:Y:Z" : "");
+                      edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN ? ", normal=X:Y:Z" : "",
+                      may_have_colour(edit) ? ", colour=R:G:B, strength=S" : "");
 }
 
 static bool find_word(const char *text, const char *const *words, int num, int *which)
@@ -127,12 +145,13 @@ static bool read_parts(char **parts, size_t num_parts, int voxel_log2_m, karst_e
         at++;
     *edit = (karst_edit){.shape = (karst_edit_shape)shape,
                          .mode = mode < EDITS_NUM_MODES ? (karst_edit_mode)mode : KARST_EDIT_ADD,
-                         .scale_m = 1};
+                         .scale_m = 1,
+                         .strength = 1};
     if (!read_shape(parts + 1, voxel_log2_m, edit, error))
         return false;
     for (; at < num_parts; at++)
         if (!strchr(parts[at], '='))
-            return karst_fail(error, KARST_USAGE, "'%s' is neither a mode (add, remove, flatten) nor NAME=VALUE",
+            return karst_fail(error, KARST_USAGE, "'%s' is neither a mode (add, remove, flatten, paint) nor NAME=VALUE",
                               karst_text_quote(parts[at], quoted));
         else if (!read_named(parts[at], edit, error))
             return false;
@@ -242,6 +261,10 @@ int karst_edit_format(const karst_edit *edit, int voxel_log2_m, char *text, size
     }
     if (edit->blend_m != 0)
         put_number(&w, "blend", edit->blend_m);
+    if (edit->has_colour) {
+        put_numbers(&w, "colour", edit->colour);
+        put_number(&w, "strength", edit->strength);
+    }
     put(&w, " }");
     return (int)w.length;
 }

@@ -17,12 +17,15 @@ struct karst_shader {
     karst_program *program;
     cl_kernel pixels;
     cl_kernel rays; /* NULL: surfaces do not mirror */
-    bool shadows, radiance, mirror, atmosphere;
+    bool shadows, radiance, mirror, atmosphere, paint;
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
     karst_skies *skies;
     karst_buffer *black; /* a sky, for an atmosphere */
+    /* Of paint: the kernel's PAINT_PARAMETERS (raycast/light/paint.clh). */
+    cl_mem colours[KARST_MAX_BRICK_SEGMENTS], coloured, nodes, tile_info;
+    uint32_t num_colour_segments, bricks_per_segment;
 };
 
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error)
@@ -40,6 +43,17 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies) { shader->skies = skies; }
 
+void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks)
+{
+    for (uint32_t i = 0; i < KARST_MAX_BRICK_SEGMENTS; i++)
+        shader->colours[i] = colours->samples[i]->mem;
+    shader->coloured = colours->coloured->mem;
+    shader->nodes = bricks->nodes->mem;
+    shader->tile_info = bricks->tile_info->mem;
+    shader->num_colour_segments = colours->num_segments;
+    shader->bricks_per_segment = colours->bricks_per_segment;
+}
+
 karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways, const karst_shade_colour *colour,
                                            karst_error *error)
 {
@@ -53,9 +67,10 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->radiance = ways & KARST_SHADE_RADIANCE;
     shader->mirror = ways & KARST_SHADE_MIRROR;
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    shader->paint = ways & KARST_SHADE_PAINT;
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
-             shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "",
+             shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
@@ -121,6 +136,27 @@ static cl_mem sky_table(const karst_shader *shader)
     return table ? table->mem : NULL;
 }
 
+/* The kernels' last arguments, of what the shader was made for; how many. */
+#define MAX_LAST_ARGUMENTS 15
+static size_t add_last(const karst_shader *shader, const cl_mem *sky_mem, karst_argument last[MAX_LAST_ARGUMENTS])
+{
+    size_t num = 0;
+    if (shader->atmosphere) {
+        last[num++] = (karst_argument)KARST_VALUE_ARG(*sky_of(shader));
+        last[num++] = (karst_argument)KARST_VALUE_ARG(*sky_mem);
+    }
+    for (size_t i = 0; shader->paint && i < KARST_MAX_BRICK_SEGMENTS; i++)
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->colours[i]);
+    if (shader->paint) {
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->num_colour_segments);
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->bricks_per_segment);
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->coloured);
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->nodes);
+        last[num++] = (karst_argument)KARST_VALUE_ARG(shader->tile_info);
+    }
+    return num;
+}
+
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error)
@@ -145,15 +181,13 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
     const cl_mem sky_mem = sky_table(shader);
-    const karst_argument arguments[] = {
+    karst_argument arguments[15 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
         KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
         KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(num_packets),
-        KARST_VALUE_ARG(part_packets),
-        /* of an atmosphere alone */
-        KARST_VALUE_ARG(*sky_of(shader)), KARST_VALUE_ARG(sky_mem)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
+        KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 15 + add_last(shader, &sky_mem, arguments + 15);
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
            (!depth || check_size(depth, depth_floats * sizeof(float), pinhole, error)) &&
            karst_arguments(shader->pixels, arguments, num_arguments, error) &&
@@ -180,15 +214,13 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
     const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : max_rays;
     const cl_mem shadow_mem = shadow_rays ? shadow_rays->mem : NULL, suns_mem = suns ? suns->mem : NULL;
     const cl_mem sky_mem = sky_table(shader);
-    const karst_argument arguments[] = {
+    karst_argument arguments[17 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(shadow_mem),
         KARST_VALUE_ARG(suns_mem), KARST_VALUE_ARG(room), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
         KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
-        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets),
-        /* of an atmosphere alone */
-        KARST_VALUE_ARG(*sky_of(shader)), KARST_VALUE_ARG(sky_mem)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
+        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 17 + add_last(shader, &sky_mem, arguments + 17);
     return check_size(parts, (KARST_RADIANCE_MIRROR_PLANE + 1) * sizeof(float), pinhole, error) &&
            karst_arguments(shader->rays, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->rays, KARST_STAGE_SHADE, global_size, local_size, error);

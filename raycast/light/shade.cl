@@ -7,6 +7,18 @@
 #include "raycast/light/radiance_shared.h"
 #endif
 #include "raycast/light/surface.clh"
+#ifdef SHADE_PAINT
+#include "raycast/light/paint.clh"
+#define SHADE_PAINT_PARAMETERS , PAINT_PARAMETERS
+#define SHADE_PAINT_TAKES , const paint_source *paint
+#define SHADE_PAINT_HERE const paint_source paint = PAINT_FIELDS;
+#define SHADE_PAINT_SOURCE , &paint
+#else
+#define SHADE_PAINT_PARAMETERS
+#define SHADE_PAINT_TAKES
+#define SHADE_PAINT_HERE
+#define SHADE_PAINT_SOURCE
+#endif
 #include "raycast/light/through.clh"
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
@@ -74,6 +86,20 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
 #else
 typedef int near_octave;
 #define WORLD_NEAR_OCTAVES 0
+#endif
+
+#ifdef SHADE_PAINT
+/* Lays what is painted at hits over the world's colours; what it covers gives off no light. Returns the share that
+ * still shows. */
+RAY_INLINE vfloat lay_paint(const paint_source *paint, const karst_light *light, K_GLOBAL const karst_hit *hits,
+                            vint index, vint hit, vfloat weight, colour *albedo, colour *glow)
+{
+    colour over;
+    const vfloat shows = paint_at_hits(paint, hits, index, hit, weight, &over);
+    *albedo = add_colour(over, *albedo, shows * (1.0f - light->paint_alone));
+    glow->r *= shows, glow->g *= shows, glow->b *= shows;
+    return shows;
+}
 #endif
 
 /* The ground's colour and what it gives off. */
@@ -220,6 +246,14 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
+#ifdef SHADE_PAINT
+            const vfloat shows = lay_paint(paint, light, hits, place, hit, s.weight, &albedo, &glow);
+#ifdef OWN_MIRROR
+            mirror *= shows;
+#else
+            (void)shows;
+#endif
+#endif
             FIND_WAY(&direction, to_sun, s.t);
 #ifdef SHADE_MIRROR
 #ifdef OWN_MIRROR
@@ -327,6 +361,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
      * what its optimisers have put in functions that it calls. */
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
     uint counts[NUM_COUNTS] = NO_COUNTS;
+    SHADE_PAINT_HERE
 #if LANES == 16
     const uint num_parts = (num_packets + part_packets - 1) / part_packets;
     uint part = atomic_inc(taken);
@@ -428,9 +463,12 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
 #ifdef OWN_MIRROR
         vfloat mirror = (vfloat)(0.0f); /* which nothing sees a second time */
 #endif
-        const colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
+        colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
 #else
-        const colour albedo = plain_albedo(light, &s.normal);
+        colour albedo = plain_albedo(light, &s.normal);
+#endif
+#ifdef SHADE_PAINT
+        lay_paint(paint, light, hits, index, hit, s.weight, &albedo, &glow);
 #endif
         FIND_WAY_BETWEEN(&origin, &to, &direction, to_sun, s.t);
         colour ground = THROUGH(glowing_colour(light, &s.normal, albedo, &glow, lit), to_sun);
@@ -496,6 +534,7 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as in shade_pixels */
     uint counts[NUM_COUNTS] = NO_COUNTS;
+    SHADE_PAINT_HERE
     const uint num_rays = *count;
 #if LANES == 16
     const uint num_packets = (num_rays + LANES - 1) / LANES;

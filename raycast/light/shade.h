@@ -2,6 +2,7 @@
 #ifndef KARST_RAYCAST_SHADE_H
 #define KARST_RAYCAST_SHADE_H
 
+#include "cache/colours.h"
 #include "raycast/cast/cast.h"
 #include "raycast/light/skies.h"
 #include "raycast/shade_shared.h"
@@ -34,6 +35,7 @@ typedef struct {
 #define KARST_SHADE_SHADOWS 1u
 #define KARST_SHADE_RADIANCE 2u
 #define KARST_SHADE_MIRROR 4u
+#define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
@@ -45,6 +47,8 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
 void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor);
 /* Of a shader for an atmosphere: borrowed until the next call. Until the first the sky is black. */
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
+/* Of a shader for paint: the colours of these pools' bricks, borrowed. Until then nothing is painted. */
+void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Beside those of karst_shade_pixels: mirrored rays, by karst_bounce_mirror, and by karst_shade_rays what of their hits

@@ -71,6 +71,10 @@ edit "$sphere, \"at\": [0, 0, 0], \"radius\": 1e400"; refused "overflow" "a numb
 edit "$sphere, \"at\": [0, 0, 0], \"radius\": NaN"; refused ':1:[0-9]+: ' "NaN"
 edit "$sphere, \"at\": [0, 0, 0], \"radius\": 1, \"half\": [1, 1, 1]"; refused 'edit 2, .*half.*no such field' "a box's field"
 edit "\"shape\": \"plane\", \"mode\": \"flatten\", \"at\": [0, 0, 0]"; refused 'edit 2: flatten takes' "a plane cannot flatten"
+edit "\"shape\": \"sphere\", \"mode\": \"paint\", \"at\": [0, 0, 0], \"radius\": 1"; refused 'edit 2, colour: is missing' "paint without a colour"
+edit "$sphere, \"at\": [0, 0, 0], \"radius\": 1, \"colour\": [0, 1]"; refused 'edit 2, colour: .*three numbers' "a colour of two numbers"
+edit "$sphere, \"at\": [0, 0, 0], \"radius\": 1, \"colour\": [0, 2, 0]"; refused 'edit 2: the colour' "a colour above 1"
+edit "\"shape\": \"sphere\", \"mode\": \"remove\", \"at\": [0, 0, 0], \"radius\": 1, \"colour\": [0, 1, 0]"; refused 'edit 2, .*colour.*no such field' "a hole has no colour"
 truncate -s 300M bad.json; refused '268435456 at most' "a file of 300 MB"
 
 "$karst" render flat.karst --edits good.json --refine -q --size 64x48 --display none -o out.png 2> stderr

@@ -40,6 +40,16 @@ exits 0 "new: a file"
     --add capsule,3,1,8,3,4,8,0.5 --add noise,-3,0,8,1.5,0.5,1,seed=4 --add plane,0,-30,0,normal=0.1:1:0 \
     --add sphere,0,-1,4,3,flatten,normal=0:1:0.2 2> stderr
 exits 0 "edit: all shapes and modes"
+cp world.karstdb painted.karstdb
+"$karst" edit painted.karstdb --paint sphere,0,0,8,3,colour=0.7:0.1:0.05,blend=0.5 --add box,2,0,8,1,1,1,colour=0:0:1 2> stderr
+exits 0 "edit: colours"
+"$karst" edit painted.karstdb --export text 2> stderr | grep -q '"mode": "paint".*"colour": \[0.7, 0.1, 0.05\], "strength": 1'
+detail=$(cat stderr) result "and they are in the export"
+for edit in sphere,0,0,0,1 sphere,0,0,0,1,remove sphere,0,0,0,1,colour=1:2:3 sphere,0,0,0,1,colour=1:0; do
+    "$karst" edit painted.karstdb --paint "$edit" 2> stderr
+    exits 2 "edit --paint '$edit': refused"
+done
+rm painted.karstdb
 [ "$(find . -name 'world*' -o -name '.karst*')" = ./world.karstdb ]
 result "nothing lies beside the file afterwards"
 "$karst" new other.karstdb --from flat.karst --param height=0.5 --seed 7 --camera 0,6,-11,0,-20,60 --edits edits.json 2> stderr &&

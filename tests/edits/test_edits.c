@@ -16,8 +16,10 @@ enum { NONE, OUTSIDE, INSIDE, REACH, ROUGH, NUM_MUTANTS };
 static int mutant = NONE;
 #define EDITS_MUTANT(rule) (mutant == rule)
 
+#include "cache/colour.clh"
 #include "producers/edits/edits.clh"
 #include "producers/edits/edits.h"
+#include "producers/steps/colours.h"
 #include "producers/steps/load_shared.h"
 #include "tests/noise/random.h"
 
@@ -33,7 +35,7 @@ static int64_t far_out(void)
 /* Around a place: all shapes and modes, from far below a voxel to many bricks. */
 static karst_edit random_edit(const int64_t around[3], double spread_voxels)
 {
-    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(3)};
+    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(4)};
     if (e.mode == KARST_EDIT_FLATTEN)
         e.shape = (karst_edit_shape)random_below(2);
     for (int a = 0; a < 3; a++) {
@@ -49,6 +51,10 @@ static karst_edit random_edit(const int64_t around[3], double spread_voxels)
     e.amplitude_m = e.amplitude_m < VOXEL_M / 1024 ? 0 : e.amplitude_m;
     e.scale_m = VOXEL_M * random_magnitude(1, 100);
     e.seed = (uint32_t)random_bits();
+    e.has_colour = e.mode == KARST_EDIT_PAINT || (e.mode == KARST_EDIT_ADD && random_below(2));
+    for (int i = 0; i < 3; i++)
+        e.colour[i] = random_unit();
+    e.strength = random_below(2) ? 1 : random_magnitude(1e-3, 1);
     return e;
 }
 
@@ -141,6 +147,7 @@ static void proofs_hold(void **state)
 static void values_are_those_of_the_second_implementation(void **state)
 {
     (void)state;
+    int num_part = 0;
     random_state = 2;
     for (int i = 0; i < 3000; i++) {
         const int64_t around[3] = {far_out(), far_out(), far_out()};
@@ -150,14 +157,22 @@ static void values_are_those_of_the_second_implementation(void **state)
             karst_position at = random_place(origin, 2);
             int level = (int)random_between(-1, 5);
             float world = (float)((random_unit() - 0.5) * 20);
-            double precise = karst_edit_list_precise(&list, &at, level, (double)world);
+            double in_double[4], precise = karst_edit_list_precise(&list, &at, level, (double)world, in_double);
             float device = karst_edit_list_density(&list, &at, level, world);
             /* Rounded-off maxima of many hand errors on; each is 2^-20 of what it is made of. */
             if (fabs((double)device - precise) > 1e-4 + 4e-6 * fabs(precise))
                 fail_msg("list %d: %.9g, and %.9g in double, at level %d", i, (double)device, precise, level);
+            float colour[4];
+            karst_edit_list_colour(&list, &at, level, world, colour);
+            for (int c = 0; c < 4; c++)
+                if (fabs((double)colour[c] - in_double[c]) > 1e-3)
+                    fail_msg("list %d: colour %d is %.9g, and %.9g in double, at level %d", i, c, (double)colour[c],
+                             in_double[c], level);
+            num_part += in_double[3] > 0.01 && in_double[3] < 0.99;
         }
         karst_edit_list_finish(&list);
     }
+    assert_true(num_part > 1000);
 }
 
 /* The edits of a box by a look at all. */
@@ -229,6 +244,81 @@ static karst_buffer *buffer(karst_context *context, size_t size_bytes, const voi
     return made;
 }
 
+static karst_position sample_place(const karst_load *load, int sample)
+{
+    const int steps[3] = {sample % 17, sample / 17 % 17, sample / 289};
+    karst_position at = {{0}, {0}};
+    for (int a = 0; a < 3; a++)
+        at.voxel[a] = load->origin[a] + ((int64_t)steps[a] << load->level);
+    return at;
+}
+
+/* Colours of the same bricks: in planes, and packed into slots of more than one segment, against the host's. Densities
+ * are those that there were without colours. */
+static void compare_colours(karst_context *context, karst_shape shape, karst_layer *layer, karst_buffer *of_loads,
+                            const karst_load *loads, const float *world, const float *made)
+{
+    enum { PER_SEGMENT = 7, STRIDE = KARST_BRICK_PADDED };
+    const karst_edit_list *list = karst_edits_list(layer);
+    const karst_cache_buffers bricks = {.num_bricks = NUM_BRICKS + 1, .bricks_per_segment = PER_SEGMENT};
+    uint32_t slots[NUM_BRICKS], results[NUM_BRICKS], coloured[NUM_BRICKS + 1 + KARST_CACHE_ROOT_BRICKS];
+    float *again = malloc(sizeof(float) * NUM_BRICKS * STRIDE);
+    uint32_t *words = malloc(PER_SEGMENT * KARST_COLOUR_BRICK_BYTES);
+    for (int b = 0; b < NUM_BRICKS; b++) {
+        slots[b] = (uint32_t)(b * 7 % NUM_BRICKS) + 1; /* 40 and 7 have no common factor */
+        results[b] = b % 5 == 3 ? KARST_STATE_AIR
+                     : b % 5 == 4 ? KARST_STATE_CLEAR_AIR | KARST_LOAD_KEPT
+                                  : KARST_STATE_BRICK;
+    }
+    karst_work work = {.load_slots = buffer(context, sizeof slots, slots),
+                       .load_results = buffer(context, sizeof results, results)};
+    karst_buffer *staging = buffer(context, sizeof(float) * NUM_BRICKS * STRIDE, world);
+    karst_colours *colours;
+    karst_colour_step *step;
+    const karst_layer_colours *chunk;
+    assert_ok(karst_edits_allow_colours(layer, &error));
+    assert_ok(colours = karst_colours_create(context, &bricks, &error));
+    assert_ok(step = karst_colour_step_create(context, shape, colours, NUM_BRICKS, &error));
+    assert_ok(karst_buffer_write(of_loads, 0, loads, NUM_BRICKS * sizeof *loads, &error));
+    for (int turn = 0; turn < 2; turn++) { /* what an earlier chunk left does no harm */
+        assert_ok(karst_buffer_write(staging, 0, world, sizeof(float) * NUM_BRICKS * STRIDE, &error));
+        assert_ok(chunk = karst_colour_step_begin(step, NUM_BRICKS, &error));
+        assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, STRIDE, chunk, &error));
+    }
+    assert_ok(karst_colour_step_end(step, &work, 0, NUM_BRICKS, &error));
+    assert_ok(karst_buffer_read(staging, 0, again, sizeof(float) * NUM_BRICKS * STRIDE, &error));
+    assert_memory_equal(again, made, sizeof(float) * NUM_BRICKS * STRIDE);
+    assert_ok(karst_buffer_read(colours->coloured, 0, coloured, sizeof coloured, &error));
+    int num_coloured = 0, num_covered = 0;
+    for (int b = 0; b < NUM_BRICKS; b++) {
+        bool has_colours = b % 5 != 3 && edits_touch(list->data, loads[b].origin, loads[b].level, EDITS_OF_COLOUR);
+        assert_int_equal(coloured[slots[b]], has_colours);
+        if (!has_colours)
+            continue;
+        num_coloured++;
+        assert_ok(karst_buffer_read(colours->samples[slots[b] / PER_SEGMENT],
+                                    slots[b] % PER_SEGMENT * KARST_COLOUR_BRICK_BYTES, words, KARST_COLOUR_BRICK_BYTES,
+                                    &error));
+        for (int i = 0; i < KARST_BRICK_SAMPLES; i++) {
+            karst_position at = sample_place(&loads[b], i);
+            float own[4];
+            karst_edit_list_colour(list, &at, loads[b].level, world[b * STRIDE + i], own);
+            uint32_t expected = (uint32_t)colour_pack(own[0], own[1], own[2], own[3]);
+            num_covered += expected != 0;
+            if (words[i] != expected)
+                fail_msg("colour %d of brick %d: %08x, the host has %08x", i, b, words[i], expected);
+        }
+    }
+    assert_true(num_coloured > NUM_BRICKS / 4 && num_covered > 5000);
+    karst_colour_step_destroy(step);
+    karst_colours_destroy(colours);
+    karst_buffer_destroy(work.load_slots);
+    karst_buffer_destroy(work.load_results);
+    karst_buffer_destroy(staging);
+    free(again);
+    free(words);
+}
+
 /* Bricks near edits on a device, in a shape, against the host's densities. */
 static void compare_bits(int lanes, karst_shape shape)
 {
@@ -258,7 +348,7 @@ static void compare_bits(int lanes, karst_shape shape)
         world[i] = (float)((random_unit() - 0.5) * 20);
     karst_buffer *of_loads = buffer(context, sizeof loads, loads),
                  *staging = buffer(context, sizeof(float) * NUM_BRICKS * stride, world);
-    assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, &error));
+    assert_ok(layer->ops->evaluate(layer, of_loads, NUM_BRICKS, staging, stride, NULL, &error));
     assert_ok(layer->ops->bound_loads(layer, of_loads, NUM_BRICKS, &error));
     assert_ok(karst_buffer_read(staging, 0, made, sizeof(float) * NUM_BRICKS * stride, &error));
     karst_load after[NUM_BRICKS];
@@ -268,10 +358,7 @@ static void compare_bits(int lanes, karst_shape shape)
         for (int i = 0; i < (int)stride; i++) {
             float expected = world[b * (int)stride + i];
             if (i < KARST_BRICK_SAMPLES) {
-                int steps[3] = {i % 17, i / 17 % 17, i / 289};
-                karst_position at = {{0}, {0}};
-                for (int a = 0; a < 3; a++)
-                    at.voxel[a] = loads[b].origin[a] + ((int64_t)steps[a] << loads[b].level);
+                karst_position at = sample_place(&loads[b], i);
                 expected = karst_edit_list_density(list, &at, loads[b].level, expected);
             }
             num_changed += expected != world[b * (int)stride + i];
@@ -281,10 +368,11 @@ static void compare_bits(int lanes, karst_shape shape)
         }
         assert_int_equal(after[b].state,
                          edits_node_state(list->data, KARST_STATE_UNKNOWN, loads[b].origin, loads[b].level));
-        assert_true(edits_touch(list->data, loads[b].origin, loads[b].level) ? isinf(after[b].doubt)
+        assert_true(edits_touch(list->data, loads[b].origin, loads[b].level, EDITS_OF_LAND) ? isinf(after[b].doubt)
                                                                              : after[b].doubt == 1);
     }
     assert_true(num_changed > 10000);
+    compare_colours(context, shape, layer, of_loads, loads, world, made);
     karst_buffer_destroy(of_loads);
     karst_buffer_destroy(staging);
     layer->ops->destroy(layer);
@@ -324,6 +412,12 @@ static void bad_edits_change_nothing(void **state)
         {"scale", {.shape = KARST_EDIT_NOISE, .radius_m = 1, .amplitude_m = 1, .scale_m = 0}},
         {"shape or mode", {.shape = (karst_edit_shape)77, .radius_m = 1}},
         {"flatten", {.shape = KARST_EDIT_PLANE, .mode = KARST_EDIT_FLATTEN}},
+        {"paint takes a colour", {.radius_m = 1, .mode = KARST_EDIT_PAINT, .strength = 1}},
+        {"the colour", {.radius_m = 1, .has_colour = true, .colour = {0, 1.5, 0}, .strength = 1}},
+        {"the colour", {.radius_m = 1, .has_colour = true, .colour = {0, 0, NAN}, .strength = 1}},
+        {"strength", {.radius_m = 1, .has_colour = true}},
+        {"strength", {.radius_m = 1, .has_colour = true, .strength = INFINITY}},
+        {"only what", {.radius_m = 1, .mode = KARST_EDIT_REMOVE, .has_colour = true, .strength = 1}},
     };
     karst_edit_list list;
     assert_ok(karst_edit_list_init(&list, VOXEL_LOG2_M, &error));

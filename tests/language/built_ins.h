@@ -147,6 +147,7 @@ static const char *const built_ins[] = {
     "float(bitfieldReverse(uint(abs(p.x) * 8.0)) >> 28) * 0.1 + p.y",
     "log10(2.0 + p.x * p.y)",
     "rsqrt(p.x * p.y + 2.0)",
+    "rcp(p.x * p.x + 2.0)",
     "isnan(p.x / (p.x - p.x)) ? p.y * p.z : p.x",
     "isinf(1.0 / max(p.x, 0.0)) ? p.y * p.z : p.x",
     "powr(2.0 + p.x, 1.3)",

@@ -217,13 +217,15 @@ static bool p_part(random_text *g, p_type type, bool to_write)
         {P_STRUCT, P_FLOAT, ".a", 0},  {P_STRUCT, P_VEC2, ".b", 0},      {P_STRUCT, P_FLOAT, ".b.y", 0},
         {P_STRUCT, P_INT, ".n", 0},    {P_STRUCT, P_FLOAT, ".c[@]", 2},  {P_FLOATS, P_FLOAT, "[@]", 3},
         {P_VECTORS, P_VEC2, "[@]", 2}, {P_VECTORS, P_FLOAT, "[@].x", 2}, {P_IVEC2, P_INT, ".y", 0},
-        {P_INTS, P_INT, "[@]", 3},     {P_VEC4, P_VEC4, ".wzyx", 0},
+        {P_INTS, P_INT, "[@]", 3},     {P_VEC4, P_VEC4, ".wzyx", 0},    {P_FLOATS, P_INT, ".length()", 0},
+        {P_VEC3, P_INT, ".length()", 0}, {P_STRUCT, P_INT, ".c.length()", 0}, {P_MAT2, P_INT, ".length()", 0},
     };
     enum { COUNT = sizeof parts / sizeof *parts };
     uint32_t begin = p_random(g, COUNT);
     for (uint32_t k = 0; k < COUNT; k++) {
         uint32_t i = (begin + k) % COUNT;
-        const p_variable *v = parts[i].part == type ? p_pick(g, parts[i].whole, to_write) : NULL;
+        bool fits = parts[i].part == type && !(to_write && strchr(parts[i].form, '('));
+        const p_variable *v = fits ? p_pick(g, parts[i].whole, to_write) : NULL;
         if (!v)
             continue;
         put(g, "%s", v->name);
@@ -305,7 +307,7 @@ static void p_form(random_text *g, const char *form, int depth)
     }
 }
 
-static const char *const p_forms[][24] = {
+static const char *const p_forms[][26] = {
     [P_FLOAT] = {"($f + $f)",
                  "($f - $f)",
                  "($f * $f)",
@@ -328,6 +330,7 @@ static const char *const p_forms[][24] = {
                  "-($f)",
                  "atan($f, 2.5)",
                  "floor($f)",
+                 "((true ? $i : 1.5) / 4)",
                  "determinant($m)",
                  "step(0.5, $f)"},
     [P_INT] = {"($i + $i)", "($i - $i)", "($i * 3)", "($i % 5)", "($i / 2)", "int($f)", "($i & 7)", "($i | 2)",
@@ -509,7 +512,12 @@ static void p_loop(random_text *g, int depth)
     bool stays = false, is_do = false; /* stays: the counter is declared before the loop */
     p_new_name(g, name, 'i');
     g->num_loops++;
-    switch (p_random(g, 8)) {
+    switch (p_random(g, 9)) {
+    case 8: /* a bound that is a choice of numbers */
+        put(g, "for (int %s = 0; %s < (", name, name);
+        p_expression(g, P_BOOL, 1);
+        put(g, " ? %d : %d); %s++) {\n", most, most - 1, name);
+        break;
     case 5: /* a condition that varies before one that counts */
         if (x) {
             put(g, "int %s = 0;\nwhile (%s < %d.5 && %s++ < %d) {\n%s += 0.75;\n", name, x->name, (int)p_random(g, 4),
@@ -571,6 +579,39 @@ static void p_loop(random_text *g, int depth)
     g->num_loops--;
 }
 
+/* Labels in any order, some of which fall through; a default anywhere, or none. */
+static void p_switch(random_text *g, int depth)
+{
+    int count = 2 + (int)p_random(g, 3), otherwise = p_chance(g, 70) ? (int)p_random(g, (uint32_t)count) : -1;
+    int first = (int)p_random(g, 3);
+    put(g, "switch (");
+    p_expression(g, P_INT, 1);
+    put(g, " & 3) {\n");
+    for (int i = 0; i < count; i++) {
+        if (i == otherwise)
+            put(g, "default:\n");
+        else
+            put(g, "case %d:\n", (first + i) % 4);
+        int outer = g->num_variables;
+        p_statements(g, 1 + (int)p_random(g, 2), depth - 1);
+        if (g->num_loops && p_chance(g, 80)) {
+            put(g, "if (");
+            p_expression(g, P_BOOL, 1);
+            put(g, ") continue;\n");
+        }
+        if (p_chance(g, 30)) {
+            put(g, "if (");
+            p_expression(g, P_BOOL, 1);
+            put(g, ") break;\n");
+            p_statements(g, 1, depth - 1);
+        }
+        g->num_variables = outer;
+        if (p_chance(g, 60))
+            put(g, "break;\n");
+    }
+    put(g, "}\n");
+}
+
 static void p_statement(random_text *g, int depth)
 {
     g->cost += g->times;
@@ -592,7 +633,9 @@ static void p_statement(random_text *g, int depth)
         }
     } else if (what < 76 && g->num_loops < 2) {
         p_loop(g, depth);
-    } else if (what < 84) {
+    } else if (what < 82) {
+        p_switch(g, depth);
+    } else if (what < 86) {
         if (p_call(g, P_VOID, 2))
             put(g, ";\n");
     } else if (what < 90) {

@@ -18,7 +18,9 @@
                     F(SWIZZLE) F(SWIZZLE_WRITTEN) F(COMPOUND) F(STEP_PREFIX) F(STEP_POSTFIX) F(AND) F(OR)              \
                         F(SHORT_CIRCUIT_SKIPS) F(ASSIGNMENT_AS_VALUE) F(COMMA) F(MATRIX_PRODUCT) F(MATRIX_COLUMN)      \
                             F(INT) F(UINT) F(BITS) F(SHADOWED) F(WHILE) F(DO) F(VECTOR_COMPARISON) F(CONVERSION)       \
-                                F(MACRO) F(LIST)
+                                F(MACRO) F(LIST) F(SWITCH) F(SWITCH_DEFAULT) \
+                                    F(SWITCH_FALLS_THROUGH) F(CONTINUE_IN_SWITCH) F(LENGTH) F(CHOICE_OF_TWO_TYPES) \
+                                        F(BOUND_OF_CHOICE)
 
 #define TRUTH_NAME_OF(name) TRUTH_##name,
 enum { TRUTH_FEATURES(TRUTH_NAME_OF) NUM_TRUTH_FEATURES };
@@ -48,7 +50,7 @@ typedef struct {
     variable variables[TRUTH_MOST_VARIABLES];
     uint32_t num_variables, first_variable;
     global_variable globals[TRUTH_MOST_GLOBALS];
-    uint32_t num_globals, steps, depth, num_loops, in_choice;
+    uint32_t num_globals, steps, depth, num_loops, num_switches, in_choice;
     value result;
     bool seen[NUM_TRUTH_FEATURES];
 } truth;
@@ -323,11 +325,11 @@ static value call(truth *t, const karst_ast_expr *e)
     t->seen[TRUTH_CALL_IN_CHOICE] |= t->in_choice > 0;
     t->seen[TRUTH_CALL_OF_SEVERAL_ARGUMENTS] |= count > 1;
     uint32_t outer_first = t->first_variable, outer_num = t->num_variables, outer_loops = t->num_loops,
-             outer_choice = t->in_choice;
+             outer_switches = t->num_switches, outer_choice = t->in_choice;
     value outer_result = t->result;
     const karst_type *type = resolve_type(t, &f->result, 0);
     t->first_variable = t->num_variables;
-    t->num_loops = t->in_choice = 0;
+    t->num_loops = t->num_switches = t->in_choice = 0;
     uint32_t i = 0;
     for (p = f->parameters; p; p = p->next, i++) {
         const karst_type *formal = resolve_type(t, &p->type, 0);
@@ -350,6 +352,7 @@ static value call(truth *t, const karst_ast_expr *e)
     t->first_variable = outer_first;
     t->num_variables = outer_num;
     t->num_loops = outer_loops;
+    t->num_switches = outer_switches;
     t->in_choice = outer_choice;
     t->result = outer_result;
     t->depth--;
@@ -458,8 +461,10 @@ static value choose(truth *t, const karst_ast_expr *e)
     value v = evaluate(t, yes ? e->b : e->c);
     const karst_ast_expr *other = yes ? e->c : e->b;
     t->in_choice--;
-    if (other->kind == KARST_AST_NUMBER && other->scalar == KARST_TYPE_FLOAT)
+    if (other->kind == KARST_AST_NUMBER && other->scalar == KARST_TYPE_FLOAT) {
+        t->seen[TRUTH_CHOICE_OF_TWO_TYPES] |= v.type->scalar != KARST_TYPE_FLOAT;
         v = convert(v, type_of(KARST_TYPE_FLOAT, v.type->size));
+    }
     return v;
 }
 
@@ -499,6 +504,11 @@ static value evaluate_inner(truth *t, const karst_ast_expr *e)
         uint32_t i = index_of(t, e->b, whole.type);
         return part_of_value(whole, whole.type->element, i * whole.type->element->num_scalars);
     }
+    case KARST_AST_COUNT: {
+        const karst_type *type = evaluate(t, e->a).type;
+        t->seen[TRUTH_LENGTH] = true;
+        return one(KARST_TYPE_INT, exactly(type->shape == KARST_SHAPE_VECTOR ? type->num_scalars : type->count));
+    }
     case KARST_AST_LIST:
         break;
     }
@@ -535,15 +545,41 @@ static way loop(truth *t, const karst_ast_statement *s)
     bool runs = s->runs_first;
     t->seen[TRUTH_WHILE] |= s->value && !s->first && !s->step && !s->runs_first;
     t->seen[TRUTH_DO] |= s->runs_first;
+    uint32_t outer_switches = t->num_switches;
+    t->num_switches = 0;
     for (; w != BREAKS && w != RETURNS && (runs || !s->value || is_true(evaluate(t, s->value))); runs = false) {
+        t->seen[TRUTH_BOUND_OF_CHOICE] |= s->value && s->value->b && s->value->b->kind == KARST_AST_CHOOSE;
         t->seen[TRUTH_LOOP_CONDITION_OF_SEVERAL] |= s->value && s->value->op == KARST_P2('&', '&');
         w = block(t, s->body);
         if (w != BREAKS && w != RETURNS && s->step)
             evaluate(t, s->step);
     }
+    t->num_switches = outer_switches;
     t->num_loops--;
     t->num_variables = outer;
     return w == RETURNS ? w : GOES_ON;
+}
+
+/* From the label that fits, else from default, on to a break. */
+static way choose_case(truth *t, const karst_ast_statement *s)
+{
+    double at = evaluate(t, s->value).c[0].v;
+    const karst_ast_statement *begin = NULL, *otherwise = NULL;
+    t->seen[TRUTH_SWITCH] = true;
+    for (const karst_ast_statement *c = s->first; c; c = c->next) {
+        otherwise = c->value ? otherwise : c;
+        begin = !begin && c->value && evaluate(t, c->value).c[0].v == at ? c : begin;
+    }
+    t->seen[TRUTH_SWITCH_DEFAULT] |= !begin && otherwise;
+    begin = begin ? begin : otherwise;
+    way w = GOES_ON;
+    t->num_switches++;
+    for (const karst_ast_statement *c = begin; c && w == GOES_ON; c = c->next) {
+        t->seen[TRUTH_SWITCH_FALLS_THROUGH] |= c != begin;
+        w = block(t, c->first);
+    }
+    t->num_switches--;
+    return w == BREAKS ? GOES_ON : w;
 }
 
 static way execute_one(truth *t, const karst_ast_statement *s)
@@ -568,6 +604,10 @@ static way execute_one(truth *t, const karst_ast_statement *s)
     }
     case KARST_AST_FOR:
         return loop(t, s);
+    case KARST_AST_SWITCH:
+        return choose_case(t, s);
+    case KARST_AST_CASE:
+        break;
     case KARST_AST_RETURN:
         t->seen[TRUTH_RETURN_IN_LOOP] |= t->num_loops > 0;
         if (s->value) {
@@ -580,6 +620,7 @@ static way execute_one(truth *t, const karst_ast_statement *s)
         return BREAKS;
     case KARST_AST_CONTINUE:
         t->seen[TRUTH_CONTINUE] = true;
+        t->seen[TRUTH_CONTINUE_IN_SWITCH] |= t->num_switches > 0;
         return CONTINUES;
     }
     give_up("no such statement");
@@ -621,7 +662,7 @@ static void truth_finish(truth *t) { karst_arena_finish(&t->arena); }
 /* What density is at p. false: it cannot be said (truth_reason), or a decision was too close. */
 static bool truth_density(truth *t, const double p[3], cell *density)
 {
-    t->num_variables = t->first_variable = t->steps = t->depth = t->num_loops = t->in_choice = 0;
+    t->num_variables = t->first_variable = t->steps = t->depth = t->num_loops = t->num_switches = t->in_choice = 0;
     truth_used = 0;
     truth_doubt = false;
     truth_reason = "in doubt";

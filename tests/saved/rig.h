@@ -83,7 +83,8 @@ static inline uint64_t rig_mix(uint64_t x)
 static inline karst_edit rig_edit(uint64_t n, uint64_t v)
 {
     uint64_t bits = rig_mix(n * 1000003 + v);
-    karst_edit e = {.shape = (karst_edit_shape)(bits % 5), .mode = (karst_edit_mode)(bits / 5 % 2), .scale_m = 1};
+    karst_edit e = {.shape = (karst_edit_shape)(bits % 5), .mode = (karst_edit_mode)(bits / 5 % 2)};
+    e.scale_m = e.strength = 1;
     if (e.shape <= KARST_EDIT_BOX && bits / 10 % 3 == 0)
         e.mode = KARST_EDIT_FLATTEN;
     for (int a = 0; a < 3; a++) {
@@ -106,6 +107,13 @@ static inline karst_edit rig_edit(uint64_t n, uint64_t v)
         e.seed = (uint32_t)bits;
     }
     e.blend_m = bits / 64 % 2 ? 0.25 : 0;
+    if (v > 0 && e.mode == KARST_EDIT_ADD && bits / 128 % 2) { /* variant 0 is what version 1 knew */
+        e.mode = bits / 256 % 2 ? KARST_EDIT_PAINT : e.mode;
+        e.has_colour = true;
+        for (int c = 0; c < 3; c++)
+            e.colour[c] = (double)(bits / 512 % 97 + (uint64_t)c) / 100;
+        e.strength = bits / 1024 % 2 ? 1 : 0.375;
+    }
     return e;
 }
 
@@ -116,7 +124,9 @@ static inline bool rig_is_same(const karst_edit *a, const karst_edit *b)
            memcmp(&a->radius_m, &b->radius_m, sizeof a->radius_m) == 0 &&
            memcmp(a->half_m, b->half_m, sizeof a->half_m) == 0 && memcmp(a->to_m, b->to_m, sizeof a->to_m) == 0 &&
            memcmp(a->normal, b->normal, sizeof a->normal) == 0 && a->blend_m == b->blend_m &&
-           a->amplitude_m == b->amplitude_m && a->scale_m == b->scale_m && a->seed == b->seed;
+           a->amplitude_m == b->amplitude_m && a->scale_m == b->scale_m && a->seed == b->seed &&
+           a->has_colour == b->has_colour && memcmp(a->colour, b->colour, sizeof a->colour) == 0 &&
+           a->strength == b->strength;
 }
 
 static inline void rig_create(const char *path)

@@ -216,7 +216,43 @@ static void edits_are_the_same_as_text(void **state)
                                &error));
     assert_true(line.to_m[0] == 3 && line.to_m[1] == -4 && line.to_m[2] == 0.5 && line.radius_m == 2.5 &&
                 line.mode == KARST_EDIT_REMOVE && line.blend_m == 0.5 && line.at.voxel[0] == 16000000000000);
+    assert_ok(karst_edit_parse("sphere,0,0,0,2,paint,colour=0.5:0:1,strength=0.25", RIG_VOXEL_LOG2_M, &line, &error));
+    assert_true(line.mode == KARST_EDIT_PAINT && line.has_colour && line.colour[0] == 0.5 && line.colour[1] == 0 &&
+                line.colour[2] == 1 && line.strength == 0.25);
     assert_int_equal(karst_edit_format(&line, 41, (char[8]){0}, 8), -1);
+}
+
+/* A caller may fill in more than the shape has: all of it fits into a row. */
+static void an_edit_with_every_field_fits(void **state)
+{
+    (void)state;
+    const char *path = rig_path("every.karstdb");
+    karst_edit edit = {.shape = KARST_EDIT_NOISE,
+                       .radius_m = 3,
+                       .half_m = {1, 2, 3},
+                       .to_m = {4, 5, 6},
+                       .normal = {0, 1, 0},
+                       .blend_m = 0.5,
+                       .amplitude_m = 1,
+                       .scale_m = 2,
+                       .seed = 7,
+                       .has_colour = true,
+                       .colour = {0.25, 0.5, 0.75},
+                       .strength = 0.5};
+    rig_create(path);
+    karst_saved *saved = rig_open(path, true);
+    assert_ok(karst_saved_append(saved, &edit, 1, RIG_VOXEL_LOG2_M, &error));
+    assert_ok(karst_saved_commit(saved, &error));
+    karst_saved_close(saved);
+    saved = rig_open(path, false);
+    assert_int_equal(rig_count_wrong(saved), 0);
+    karst_saved_close(saved);
+    size_t num;
+    karst_edit *edits;
+    assert_ok(edits = karst_saved_load_edits(path, RIG_VOXEL_LOG2_M, &num, NULL, &error));
+    assert_int_equal(num, 1);
+    assert_true(rig_is_same(&edits[0], &edit));
+    free(edits);
 }
 
 /* ---- who may write ---- */
@@ -440,6 +476,7 @@ int main(int argc, char **argv)
     if (argc == 3 && strcmp(argv[1], "golden") == 0)
         return write_golden(argv[2]);
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_edit_with_every_field_fits),
         cmocka_unit_test(histories_are_those_of_a_model),
         cmocka_unit_test(what_is_out_of_range_is_refused_whole),
         cmocka_unit_test(facts_are_kept),

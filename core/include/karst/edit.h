@@ -23,9 +23,10 @@ typedef enum {
 } karst_edit_shape;
 
 typedef enum {
-    KARST_EDIT_ADD,    /* land in the shape */
-    KARST_EDIT_REMOVE, /* air in the shape */
-    KARST_EDIT_FLATTEN /* in a sphere or a box: land below a plane through `at`, air above */
+    KARST_EDIT_ADD,     /* land in the shape */
+    KARST_EDIT_REMOVE,  /* air in the shape */
+    KARST_EDIT_FLATTEN, /* in a sphere or a box: land below a plane through `at`, air above */
+    KARST_EDIT_PAINT    /* a colour on what lies in the shape; the land stays as it is */
 } karst_edit_mode;
 
 /* One edit. It is exact wherever it lies; lengths are metres, 2^-20 voxel to 2^60 voxels. */
@@ -38,9 +39,12 @@ typedef struct {
     double to_m[3];    /* capsule */
     double normal[3];  /* plane, flatten: any length above 0; all 0: up */
     double blend_m;    /* edges where the edit meets the land are rounded off over so much of the density, which is
-                        * metres in most worlds; 0: sharp */
+                        * metres in most worlds; 0: sharp. paint: metres over which it fades at its edge */
     double amplitude_m, scale_m; /* noise: how rough (0 to the radius), and how wide its largest bumps are */
     uint32_t seed;               /* noise */
+    bool has_colour;  /* paint: always; add: what is added has a colour of its own, not the world's */
+    double colour[3]; /* with it: albedo, linear red, green and blue, 0 to 1 each */
+    double strength;  /* with it: how much of the colour below it covers, above 0, at most 1 */
 } karst_edit;
 
 /* What an edit or an undo made the engine forget. */
@@ -51,7 +55,8 @@ typedef struct {
 
 /* Appends edits to the engine's, to be seen from the next frame on. What they touch is made anew, and nothing else; a
  * settled picture is that of an engine that had them from the start. The first edits of an engine compile what they
- * need, which takes a second or two with PoCL. Edits that were undone and not redone are gone. All are taken or none.
+ * need, which takes a second or two with PoCL, and so do the first with a colour, which also take memory: twice that of
+ * the pool of bricks. Edits that were undone and not redone are gone. All are taken or none.
  * Not with `refine`. Errors:
  * KARST_USAGE (a value out of range: which edit, counted from 1; more than KARST_MAX_EDITS; an engine that refines),
  * KARST_FAILED. Call it from the engine's own thread. */
@@ -73,7 +78,8 @@ karst_edit_report karst_engine_edit_report(const karst_engine *engine);
  *         { "shape": "box", "mode": "add", "at": [0, 20, 0], "half": [1, 1, 1], "blend": 0.5 } ] }
  *
  * "at" and "to" are metres, as numbers or as decimal texts, which are exact; "to" is the other end of a capsule;
- * "normal" belongs to planes and to "flatten"; "amplitude", "scale" and "seed" to "noise". Errors: KARST_BAD_DATA
+ * "normal" belongs to planes and to "flatten"; "amplitude", "scale" and "seed" to "noise"; "colour" ([r, g, b]) and
+ * "strength" (1 if left out) to "paint" and "add". Errors: KARST_BAD_DATA
  * (cannot be read, no JSON, an unknown shape, mode or field, values out of range: the message names the file, the edit
  * or line and the field), KARST_FAILED. Thread-safe. */
 karst_edit *karst_edits_load(const char *path, int voxel_log2_m, size_t *num, karst_error *error);
@@ -82,7 +88,8 @@ karst_edit *karst_edits_load(const char *path, int voxel_log2_m, size_t *num, ka
  * that is left out), and what else there is to say:
  *
  *     sphere,X,Y,Z,RADIUS   box,X,Y,Z,HALF_X,HALF_Y,HALF_Z   capsule,X,Y,Z,TO_X,TO_Y,TO_Z,RADIUS   plane,X,Y,Z
- *     noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE      then ,add ,remove or ,flatten      then ,blend=M ,seed=N ,normal=X:Y:Z
+ *     noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE      then ,add ,remove ,flatten or ,paint      then ,blend=M ,seed=N
+ *     ,normal=X:Y:Z ,colour=R:G:B ,strength=S
  *
  * All are metres, and as karst_edits_load takes them; places are exact decimals. *edit changes only on success. Errors:
  * KARST_USAGE (what is wrong with which value), KARST_FAILED (memory). Thread-safe. */

@@ -123,7 +123,8 @@ double karst_sampler_precise_density(karst_sampler *sampler, const karst_positio
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
                             karst_sample gradient[3], karst_sample *density);
 
-/* The albedo (of colour() or surface()), linear RGB, for a normal of length 1. false: the world defines none. */
+/* The albedo (of colour() or surface()), linear RGB, for a normal of length 1, with what edits have painted over it.
+ * false: the world defines none, and nothing is painted there. */
 bool karst_sampler_colour(karst_sampler *sampler, const karst_position *at, const float normal[3], double footprint_m,
                           karst_sample rgb[3]);
 

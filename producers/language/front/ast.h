@@ -25,6 +25,7 @@ typedef enum {
     KARST_AST_CONSTRUCT, /* of->type(a, a->next, ...) */
     KARST_AST_MEMBER,    /* a.name: a field or a swizzle */
     KARST_AST_INDEX,     /* a[b] */
+    KARST_AST_COUNT,     /* a.length() */
     KARST_AST_LIST       /* {a, a->next, ...}, only as an initialiser */
 } karst_ast_kind;
 
@@ -54,6 +55,8 @@ typedef enum {
     KARST_AST_BLOCK,
     KARST_AST_IF,
     KARST_AST_FOR, /* while and do too */
+    KARST_AST_SWITCH, /* its statements are CASEs, each with those up to the next */
+    KARST_AST_CASE,
     KARST_AST_RETURN,
     KARST_AST_BREAK,
     KARST_AST_CONTINUE
@@ -64,9 +67,10 @@ struct karst_ast_statement {
     bool runs_first; /* FOR: the body comes before the condition once */
     uint32_t where;
     karst_ast_variable *variables;         /* DECLARE */
-    karst_ast_expr *value;                 /* EVALUATE, RETURN (may be NULL); condition of IF and FOR (may be NULL) */
+    karst_ast_expr *value; /* EVALUATE, RETURN (may be NULL); condition of IF and FOR (may be NULL); what SWITCH looks
+                              at; a label of CASE (NULL: default) */
     karst_ast_expr *step;                  /* FOR; may be NULL */
-    karst_ast_statement *first;            /* of a BLOCK; the initialiser of FOR */
+    karst_ast_statement *first;            /* of a BLOCK, SWITCH or CASE; the initialiser of FOR */
     karst_ast_statement *body, *otherwise; /* IF, FOR */
     karst_ast_statement *next;
 };

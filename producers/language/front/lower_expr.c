@@ -357,12 +357,27 @@ static karst_value lower_unary(karst_lower_state *s, const karst_ast_expr *e)
     return r;
 }
 
+/* The arm that is taken, by the type that both have: true ? 1 : 2.0 is a float. */
+static karst_value lower_known_choice(karst_lower_state *s, const karst_ast_expr *e, bool yes)
+{
+    karst_value value = karst_lower_expression(s, yes ? e->b : e->c);
+    if (value.type->scalar == KARST_TYPE_FLOAT || value.type->num_scalars > 4)
+        return value;
+    karst_branch branch = karst_branch_open(s); /* for its type alone */
+    const karst_type *other = karst_lower_expression(s, yes ? e->c : e->b).type;
+    karst_branch_close(s, branch);
+    s->num_changes = branch.changes;
+    return other->scalar == KARST_TYPE_FLOAT && karst_type_conversion(value.type, other) >= 0
+               ? karst_lower_convert(s, value, other, "this", e->where)
+               : value;
+}
+
 static karst_value lower_choice(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_expr condition = karst_lower_condition(s, e->a, "the condition before '?'");
     const karst_number *known = karst_graph_constant(s->graph, condition);
     if (known)
-        return karst_lower_expression(s, known->numerator ? e->b : e->c);
+        return lower_known_choice(s, e, known->numerator != 0);
     karst_branch yes = karst_branch_open(s);
     karst_value a = karst_lower_expression(s, e->b);
     karst_branch_close(s, yes);
@@ -527,6 +542,20 @@ static karst_value lower_name(karst_lower_state *s, const karst_ast_expr *e)
     unknown_name(s, name, e->where);
 }
 
+/* Of an array its elements, of a vector its components, of a matrix its columns. */
+static karst_value lower_count(karst_lower_state *s, const karst_ast_expr *e)
+{
+    const karst_type *type = karst_lower_whole(s, e->a).type;
+    bool has_parts = type->shape == KARST_SHAPE_ARRAY || type->shape == KARST_SHAPE_MATRIX;
+    if (!has_parts && type->shape != KARST_SHAPE_VECTOR)
+        karst_source_error(s->source, e->where, NULL, "%s has no length(): only arrays, vectors and matrices have",
+                           karst_a_type(s, type));
+    karst_value value = karst_value_new(s, karst_type_vector(KARST_TYPE_INT, 1), e->where);
+    value.e[0] = karst_graph_number(s->graph, KARST_TYPE_INT,
+                                    karst_number_int(has_parts ? type->count : type->num_scalars));
+    return value;
+}
+
 static karst_value lower_inner(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value value;
@@ -555,6 +584,8 @@ static karst_value lower_inner(karst_lower_state *s, const karst_ast_expr *e)
         return karst_lower_member(s, e);
     case KARST_AST_INDEX:
         return karst_lower_index(s, e);
+    case KARST_AST_COUNT:
+        return lower_count(s, e);
     case KARST_AST_COMMA:
         break;
     case KARST_AST_LIST:

@@ -37,8 +37,7 @@ typedef struct {
     const karst_ast_function *function;
     const karst_type *result_type;
     uint32_t result, returned, broken, continued;
-    bool in_loop,
-        may_leave; /* may_leave: a return, break or continue was executed under the present branch or before */
+    bool may_break, may_continue; /* in a loop or a switch; in a loop */
     size_t first_variable, first_in_block;
 } karst_frame;
 
@@ -163,6 +162,12 @@ void karst_offer_builtins(karst_nearest *nearest);
 const char *karst_a_type(karst_lower_state *s, const karst_type *type);
 /* "(vec3, float)", for messages. */
 const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count);
+
+/* ---- lower_range.c ---- */
+/* Whether the condition of a loop is false whatever the choices in it come to. */
+bool karst_lower_never_holds(const karst_lower_state *s, karst_expr condition);
+/* Whether it compares what is known with a choice of numbers. */
+bool karst_lower_has_bound(const karst_lower_state *s, karst_expr condition);
 
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);

@@ -19,13 +19,24 @@ static karst_expr left_block(karst_lower_state *s)
 {
     const karst_frame *f = &s->frame;
     karst_expr left = s->slots[f->returned];
-    return f->in_loop ? or_of(s, left, or_of(s, s->slots[f->broken], s->slots[f->continued])) : left;
+    left = f->may_continue ? or_of(s, left, s->slots[f->continued]) : left;
+    return f->may_break ? or_of(s, left, s->slots[f->broken]) : left;
 }
 
 static bool is_known(const karst_lower_state *s, karst_expr e, bool value)
 {
     const karst_number *n = karst_graph_constant(s->graph, e);
     return n && (n->numerator != 0) == value;
+}
+
+/* At the begin of a branch of those who have not: what follows sees plain bools again. */
+static void nobody_has_left(karst_lower_state *s)
+{
+    karst_slot_set(s, s->frame.returned, s->no);
+    if (s->frame.may_break)
+        karst_slot_set(s, s->frame.broken, s->no);
+    if (s->frame.may_continue)
+        karst_slot_set(s, s->frame.continued, s->no);
 }
 
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first)
@@ -39,12 +50,7 @@ void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *fir
             continue;
         karst_lower_enter(s, st->next->where);
         karst_branch rest = karst_branch_open(s);
-        /* In here nobody has left yet: what follows sees plain bools again. */
-        karst_slot_set(s, s->frame.returned, s->no);
-        if (s->frame.in_loop) {
-            karst_slot_set(s, s->frame.broken, s->no);
-            karst_slot_set(s, s->frame.continued, s->no);
-        }
+        nobody_has_left(s);
         karst_lower_statements(s, st->next);
         karst_branch_close(s, rest);
         karst_branch_merge(s, not_of(s, left), rest.changes, s->num_changes);
@@ -207,6 +213,8 @@ static bool loop_goes_on(karst_lower_state *s, const karst_ast_statement *st, ke
         karst_branch_close(s, branch);
         keep(s, k, live, branch.changes);
         if (!karst_lower_try_constant(s, value, &known)) {
+            ends |= karst_lower_never_holds(s, value);
+            *bounded |= karst_lower_has_bound(s, value);
             varying = karst_expr_2(s->graph, KARST_OP_AND, varying, value);
             live = karst_expr_2(s->graph, KARST_OP_AND, live, value); /* the others do not come to the next term */
         } else if (known.numerator) {
@@ -263,15 +271,16 @@ static void look_for_count(const karst_ast_expr *e, ending *found)
     }
 }
 
-static void look_for_end(const karst_ast_statement *st, ending *found)
+/* in_switch: a break leaves that, and no loop. */
+static void look_for_end(const karst_ast_statement *st, bool in_switch, ending *found)
 {
     for (; st; st = st->next) {
-        found->leaves |= st->kind == KARST_AST_BREAK || st->kind == KARST_AST_RETURN;
+        found->leaves |= st->kind == KARST_AST_RETURN || (st->kind == KARST_AST_BREAK && !in_switch);
         look_for_count(st->value, found);
         look_for_count(st->step, found);
-        look_for_end(st->first, found);
-        look_for_end(st->body, found);
-        look_for_end(st->otherwise, found);
+        look_for_end(st->first, in_switch || st->kind == KARST_AST_SWITCH, found);
+        look_for_end(st->body, in_switch, found);
+        look_for_end(st->otherwise, in_switch, found);
     }
 }
 
@@ -281,7 +290,7 @@ static uint32_t most_unbounded(const karst_ast_statement *st)
     ending found = {0};
     if (!st->value)
         return 1024;
-    look_for_end(st->body, &found);
+    look_for_end(st->body, false, &found);
     look_for_count(st->step, &found);
     return found.counts && found.leaves ? 1024 : 4;
 }
@@ -296,7 +305,7 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
         lower_statement(s, st->first);
     s->frame.broken = karst_slot_index(s, karst_slots_push(s, 2, st->where));
     s->frame.continued = s->frame.broken + 1;
-    s->frame.in_loop = true;
+    s->frame.may_break = s->frame.may_continue = true;
     s->slots[s->frame.broken] = s->slots[s->frame.continued] = s->no;
     kept k = {0};
     bool bounded = false;
@@ -335,10 +344,74 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
         karst_slot_set(s, k.items[j].slot, k.items[j].value);
     s->frame.broken = outer.broken;
     s->frame.continued = outer.continued;
-    s->frame.in_loop = outer.in_loop;
+    s->frame.may_break = outer.may_break;
+    s->frame.may_continue = outer.may_continue;
     s->frame.first_in_block = outer.first_in_block;
     s->num_variables = num_variables;
     s->top = top;
+}
+
+/* ---- switch ---- */
+
+/* Where what the switch looks at is the label of `st`. */
+static karst_expr is_label(karst_lower_state *s, const karst_ast_statement *st, karst_value selector)
+{
+    karst_value label = karst_lower_expression(s, st->value);
+    if (label.type->shape != KARST_SHAPE_SCALAR ||
+        (label.type->scalar != KARST_TYPE_INT && label.type->scalar != KARST_TYPE_UINT))
+        karst_source_error(s->source, st->value->where, "write a whole number",
+                           "a label of 'switch' is an int, not %s", karst_a_type(s, label.type));
+    karst_number n = karst_lower_constant(s, label.e[0], "a label of 'switch'", st->value->where);
+    return karst_expr_2(s->graph, KARST_OP_EQUAL, selector.e[0],
+                        karst_graph_number(s->graph, selector.type->scalar, n));
+}
+
+/* Each CASE runs for those whose label it is, and those who come from the one before it without a break. */
+static void lower_switch(karst_lower_state *s, const karst_ast_statement *st)
+{
+    size_t num_variables = s->num_variables;
+    karst_frame outer = s->frame;
+    karst_value selector = karst_lower_expression(s, st->value);
+    if (selector.type->shape != KARST_SHAPE_SCALAR ||
+        (selector.type->scalar != KARST_TYPE_INT && selector.type->scalar != KARST_TYPE_UINT))
+        karst_source_error(s->source, st->value->where, "write switch (int(...))", "'switch' looks at an int, not %s",
+                           karst_a_type(s, selector.type));
+    uint32_t count = 0, k = 0;
+    for (const karst_ast_statement *c = st->first; c; c = c->next)
+        count++;
+    karst_expr *matches = karst_arena_alloc(s->arena, (count + 1) * sizeof *matches), any = s->no;
+    for (const karst_ast_statement *c = st->first; c; c = c->next, k++) {
+        matches[k] = c->value ? is_label(s, c, selector) : KARST_NO_EXPR;
+        for (uint32_t j = 0; j < k; j++)
+            if (c->value && matches[j] == matches[k] && !is_known(s, matches[k], false))
+                karst_source_error(s->source, c->where, "leave one of them", "this 'switch' has that label twice");
+        any = c->value ? or_of(s, any, matches[k]) : any;
+    }
+    s->frame.broken = karst_slot_index(s, karst_slots_push(s, 1, st->where));
+    s->frame.may_break = true;
+    s->slots[s->frame.broken] = s->no;
+    karst_expr entered = s->no;
+    k = 0;
+    for (const karst_ast_statement *c = st->first; c; c = c->next, k++) {
+        entered = or_of(s, entered, c->value ? matches[k] : not_of(s, any));
+        karst_expr runs = karst_expr_2(s->graph, KARST_OP_AND, entered, not_of(s, left_block(s)));
+        if (is_known(s, runs, false))
+            continue;
+        karst_lower_enter(s, c->where);
+        if (is_known(s, runs, true)) {
+            lower_block(s, c->first);
+        } else {
+            karst_branch branch = karst_branch_open(s);
+            nobody_has_left(s);
+            lower_block(s, c->first);
+            karst_branch_close(s, branch);
+            karst_branch_merge(s, runs, branch.changes, s->num_changes);
+        }
+        karst_lower_leave(s);
+    }
+    s->frame.broken = outer.broken;
+    s->frame.may_break = outer.may_break;
+    s->num_variables = num_variables;
 }
 
 /* ---- leaving ---- */
@@ -384,12 +457,17 @@ static void lower_statement(karst_lower_state *s, const karst_ast_statement *st)
     case KARST_AST_FOR:
         lower_for(s, st);
         break;
+    case KARST_AST_SWITCH:
+        lower_switch(s, st);
+        break;
+    case KARST_AST_CASE: /* lower_switch does these */
+        break;
     case KARST_AST_RETURN:
         lower_return(s, st);
         break;
     case KARST_AST_BREAK:
     case KARST_AST_CONTINUE:
-        if (!s->frame.in_loop)
+        if (!(st->kind == KARST_AST_BREAK ? s->frame.may_break : s->frame.may_continue))
             karst_source_error(s->source, st->where, NULL, "there is no loop around this '%s'",
                                st->kind == KARST_AST_BREAK ? "break" : "continue");
         karst_slot_set(s, st->kind == KARST_AST_BREAK ? s->frame.broken : s->frame.continued, s->yes);

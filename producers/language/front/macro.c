@@ -63,6 +63,8 @@ static bool is_name(preprocessor *p, const karst_token *token, const char *text)
     return token->kind == KARST_TOKEN_NAME && !strcmp(karst_name_text(p->names, token->what), text);
 }
 
+static bool is_paste(const karst_token *t) { return karst_token_is(t, KARST_P2('#', '#')); }
+
 static void define(preprocessor *p, const karst_token *t, const karst_token *end)
 {
     karst_source *source = p->source;
@@ -93,9 +95,11 @@ static void define(preprocessor *p, const karst_token *t, const karst_token *end
             karst_source_error(source, end[-1].where, NULL, "the parameters of this macro never end");
         t++;
     }
-    for (; t < end; t++) {
-        if (karst_token_is(t, '#') || karst_token_is(t, KARST_P2('#', '#')))
-            karst_source_error(source, t->where, "write the names out", "macros cannot paste or quote words");
+    for (const karst_token *first = t; t < end; t++) {
+        if (karst_token_is(t, '#'))
+            karst_source_error(source, t->where, "there are no texts in a world", "macros cannot quote words");
+        if (is_paste(t) && (t == first || t + 1 == end || is_paste(t + 1)))
+            karst_source_error(source, t->where, "write a ## b", "'##' stands between two words");
         karst_tokens_push(source->arena, &m->body, *t);
     }
 }
@@ -377,12 +381,16 @@ static void count_step(preprocessor *p, uint32_t where)
         karst_source_error(p->source, where, NULL, "macros expand to more than %u words", KARST_MAX_EXPANDED_TOKENS);
 }
 
-/* Reads "(a, b, ...)" behind a macro's name and expands each argument on its own. */
-static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_t where, karst_tokens *arguments)
+/* An argument of a macro as it was written, and expanded on its own. */
+typedef struct {
+    karst_tokens raw, expanded;
+} argument;
+
+/* Reads "(a, b, ...)" behind a macro's name. */
+static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_t where, argument *arguments)
 {
     karst_source *source = p->source;
     const char *name = karst_name_text(p->names, m->name);
-    karst_tokens raw[MAX_PARAMETERS] = {{0}};
     uint32_t n = 0, depth = 0;
     (*top)->at++; /* the bracket */
     for (;;) {
@@ -403,15 +411,39 @@ static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_
         depth -= karst_token_is(t, ')');
         if (!m->num_parameters)
             karst_source_error(source, where, NULL, "macro '%s' takes no arguments", name);
-        karst_tokens_push(source->arena, &raw[n], *t);
+        karst_tokens_push(source->arena, &arguments[n].raw, *t);
     }
     if (m->num_parameters && n + 1 != m->num_parameters)
         karst_source_error(source, where, NULL, "macro '%s' takes %u arguments, not %u", name, m->num_parameters,
                            n + 1);
     for (uint32_t i = 0; i < m->num_parameters; i++) {
-        frame list = {.items = raw[i].items, .count = raw[i].count};
-        expand(p, &list, &arguments[i]);
+        frame list = {.items = arguments[i].raw.items, .count = arguments[i].raw.count};
+        expand(p, &list, &arguments[i].expanded);
     }
+}
+
+static karst_token paste(preprocessor *p, const karst_token *a, const karst_token *b, uint32_t where)
+{
+    const karst_token *part[2] = {a, b};
+    char text[512];
+    size_t length = 0;
+    for (int i = 0; i < 2; i++) {
+        bool is_name = part[i]->kind == KARST_TOKEN_NAME;
+        bool is_digits = part[i]->kind == KARST_TOKEN_INT && part[i]->length && i > 0;
+        if (!is_name && !is_digits)
+            karst_source_error(p->source, where, "paste names, and digits behind them", "'##' can make names only");
+        const char *from = is_name ? karst_name_text(p->names, part[i]->what) : p->source->text + part[i]->text;
+        size_t n = is_name ? p->names->items[part[i]->what].length : part[i]->length;
+        if (n > 256 - (length < 256 ? length : 256))
+            karst_source_error(p->source, where, NULL, "this name has more than 256 characters");
+        memcpy(text + length, from, n);
+        length += n;
+    }
+    karst_token t = *a;
+    t.what = karst_names_id(p->names, text, length);
+    t.no_expand = 0;
+    t.where = where;
+    return t;
 }
 
 /* Puts the expansion of a macro on the stream. What the macro's own text says points to the call, what the user wrote
@@ -419,24 +451,36 @@ static void read_arguments(preprocessor *p, frame **top, const macro *m, uint32_
 static void enter_macro(preprocessor *p, frame **top, macro *m, uint32_t where)
 {
     karst_arena *arena = p->source->arena;
-    karst_tokens list = {0}, *arguments = NULL;
+    karst_tokens list = {0};
+    argument *arguments = NULL;
     if (m->is_function) {
         arguments = karst_arena_alloc(arena, sizeof *arguments * (m->num_parameters + 1));
         read_arguments(p, top, m, where, arguments);
     }
+    bool has_left = false; /* there is something for the next ## to paste to */
     for (size_t i = 0; i < m->body.count; i++) {
         karst_token t = m->body.items[i];
+        if (is_paste(&t))
+            continue;
+        bool pastes = i > 0 && is_paste(&m->body.items[i - 1]);
+        bool is_operand = pastes || (i + 1 < m->body.count && is_paste(&m->body.items[i + 1]));
         uint32_t k = m->num_parameters;
         for (uint32_t j = 0; j < m->num_parameters && t.kind == KARST_TOKEN_NAME; j++)
             if (m->parameters[j] == t.what)
                 k = j;
         t.where = where;
-        if (k == m->num_parameters)
-            karst_tokens_push(arena, &list, t);
-        for (size_t j = 0; k < m->num_parameters && j < arguments[k].count; j++) {
+        karst_tokens one = {.items = &t, .count = 1};
+        const karst_tokens *put = &one;
+        if (k < m->num_parameters)
+            put = is_operand ? &arguments[k].raw : &arguments[k].expanded;
+        for (size_t j = 0; j < put->count; j++) {
             count_step(p, where);
-            karst_tokens_push(arena, &list, arguments[k].items[j]);
+            if (j == 0 && pastes && has_left)
+                list.items[list.count - 1] = paste(p, &list.items[list.count - 1], &put->items[0], where);
+            else
+                karst_tokens_push(arena, &list, put->items[j]);
         }
+        has_left = put->count > 0 || (pastes && has_left);
     }
     frame *f = karst_arena_alloc(arena, sizeof *f);
     *f = (frame){.below = *top, .items = list.items, .count = list.count, .of = m};

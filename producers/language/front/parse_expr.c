@@ -1,6 +1,8 @@
 /* Expressions, by precedence climbing. */
 #include "producers/language/front/parser.h"
 
+#include <string.h>
+
 static karst_ast_expr *parse_unary(karst_parser *p);
 
 static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where, karst_ast_expr *a, karst_ast_expr *b,
@@ -164,10 +166,14 @@ static karst_ast_expr *parse_postfix(karst_parser *p)
         if (karst_parser_accept(p, '.')) {
             uint32_t where = karst_parser_peek(p)->where;
             uint32_t name = karst_parser_name(p, "a field or components such as xy behind the point");
-            if (karst_token_is(karst_parser_peek(p), '('))
-                karst_source_error(p->source, where, "write the number of elements",
-                                   "there are no methods such as .%s()", karst_name_text(p->names, name));
-            e = make(p, KARST_AST_MEMBER, where, e, NULL, NULL);
+            bool is_method = karst_parser_accept(p, '(');
+            if (is_method && strcmp(karst_name_text(p->names, name), "length"))
+                karst_source_error(p->source, where, "write it as a function of the value",
+                                   "there are no methods such as .%s(), only .length()",
+                                   karst_name_text(p->names, name));
+            if (is_method)
+                karst_parser_expect(p, ')', "behind '.length('");
+            e = make(p, is_method ? KARST_AST_COUNT : KARST_AST_MEMBER, where, e, NULL, NULL);
             e->name = name;
         } else if (karst_parser_accept(p, '[')) {
             karst_ast_expr *index = karst_parse_expression(p);

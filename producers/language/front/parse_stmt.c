@@ -166,6 +166,58 @@ static karst_ast_statement *parse_do(karst_parser *p)
     return s;
 }
 
+static bool at_label(const karst_parser *p)
+{
+    karst_keyword keyword = karst_parser_keyword(p, karst_parser_peek(p));
+    return keyword == KARST_KEYWORD_CASE || keyword == KARST_KEYWORD_DEFAULT;
+}
+
+/* "case 3:" or "default:", and the statements up to the next label or the end. */
+static karst_ast_statement *parse_case(karst_parser *p, bool *has_default)
+{
+    karst_ast_statement *s = make(p, KARST_AST_CASE, karst_parser_peek(p)->where), **link = &s->first;
+    bool is_default = karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_DEFAULT;
+    if (is_default && *has_default)
+        karst_source_error(p->source, s->where, "leave one of them", "this 'switch' has two 'default'");
+    *has_default |= is_default;
+    p->at++;
+    if (!is_default)
+        s->value = karst_parse_assignment(p);
+    karst_parser_expect(p, ':', is_default ? "behind 'default'" : "behind the label");
+    while (!at_label(p) && !karst_token_is(karst_parser_peek(p), '}')) {
+        if (karst_parser_peek(p)->kind == KARST_TOKEN_END)
+            karst_source_error(p->source, s->where, "close it with }", "this 'switch' never ends");
+        *link = parse_statement(p);
+        if (*link)
+            link = &(*link)->next;
+    }
+    return s;
+}
+
+static karst_ast_statement *parse_switch(karst_parser *p)
+{
+    karst_ast_statement *s = make(p, KARST_AST_SWITCH, karst_parser_peek(p)->where), **link = &s->first;
+    bool has_default = false;
+    p->at++;
+    karst_parser_expect(p, '(', "behind 'switch'");
+    s->value = karst_parse_expression(p);
+    karst_parser_expect(p, ')', "behind what 'switch' looks at");
+    karst_parser_expect(p, '{', "to open the body of 'switch'");
+    karst_ast_struct *structs = p->structs;
+    const karst_ast_struct *outer_structs = p->outer_structs;
+    p->outer_structs = structs;
+    while (!karst_parser_accept(p, '}')) {
+        if (!at_label(p))
+            karst_source_error(p->source, karst_parser_peek(p)->where, "write case 0: or default: before it",
+                               "expected a label in 'switch', not %s", karst_parser_spell(p, karst_parser_peek(p)));
+        *link = parse_case(p, &has_default);
+        link = &(*link)->next;
+    }
+    p->structs = structs;
+    p->outer_structs = outer_structs;
+    return s;
+}
+
 /* NULL: an empty statement. */
 static karst_ast_statement *parse_statement_inner(karst_parser *p)
 {
@@ -202,7 +254,11 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
         s = parse_do(p);
         break;
     case KARST_KEYWORD_SWITCH:
-        karst_source_error(p->source, t->where, "write if (x == 0) ... else if (x == 1) ...", "there is no 'switch'");
+        return parse_switch(p);
+    case KARST_KEYWORD_CASE:
+    case KARST_KEYWORD_DEFAULT:
+        karst_source_error(p->source, t->where, "labels stand directly in the braces of 'switch'",
+                           "there is no 'switch' around this label");
     case KARST_KEYWORD_GOTO:
         karst_source_error(p->source, t->where, "use if, for, break and return", "there is no 'goto'");
     case KARST_KEYWORD_DISCARD:

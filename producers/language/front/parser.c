@@ -25,6 +25,8 @@ static const struct {
     {"while", KARST_KEYWORD_WHILE},
     {"do", KARST_KEYWORD_DO},
     {"switch", KARST_KEYWORD_SWITCH},
+    {"case", KARST_KEYWORD_CASE},
+    {"default", KARST_KEYWORD_DEFAULT},
     {"goto", KARST_KEYWORD_GOTO},
     {"discard", KARST_KEYWORD_DISCARD},
     {"highp", KARST_KEYWORD_QUALIFIER},
@@ -82,7 +84,8 @@ static const char *const textures[] = {
 static const char *const type_names[] = {
     "void",   "float",  "int",   "uint",  "bool",  "vec2",  "vec3",  "vec4",  "ivec2",  "ivec3",  "ivec4",  "uvec2",
     "uvec3",  "uvec4",  "bvec2", "bvec3", "bvec4", "mat2",  "mat3",  "mat4",  "mat2x2", "mat3x3", "mat4x4", "float2",
-    "float3", "float4", "int2",  "int3",  "int4",  "uint2", "uint3", "uint4", "double", "half"};
+    "float3", "float4", "int2",  "int3",  "int4",  "uint2", "uint3", "uint4", "double", "half",
+    "float2x2", "float3x3", "float4x4"};
 
 void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *names)
 {

@@ -57,6 +57,8 @@ const karst_type *karst_type_named(const char *name)
         if (!strncmp(name, matrices[k].name, n) &&
             (!name[n] || (name[n] == 'x' && name[n + 1] == name[n - 1] && !name[n + 2])))
             return &matrices[k]; /* mat3 and mat3x3 */
+        if (!strncmp(name, "float", 5) && name[5] == '2' + k && name[6] == 'x' && name[7] == '2' + k && !name[8])
+            return &matrices[k]; /* HLSL's float3x3: its rows are columns here, and mul() knows that */
     }
     for (size_t i = 0; i < sizeof aliases / sizeof *aliases; i++)
         if (!strcmp(name, aliases[i].name))
