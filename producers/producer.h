@@ -54,6 +54,7 @@ typedef struct {
     double exposure_stops; /* of pictures, where it is said */
     double mirror;         /* the share of light that land mirrors */
     bool has_own_mirror;   /* its surfaces say so each for itself */
+    bool has_clear;        /* there is clear matter */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
     bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
     double dust;            /* as there */

@@ -14,6 +14,7 @@
 #define DEFAULT_BUDGET_BRICKS 4096u
 #define MAX_BUDGET_BRICKS 8192u
 #define MAX_BUDGET_MS 60000.0
+#define DEFAULT_BOUNCES 6u
 /* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to
  * them. */
 #define MIN_TILES 32u
@@ -86,7 +87,7 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
 unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
 {
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
-                        (world->has_own_mirror && config->mirror >= 0);
+                        (world->has_own_mirror && config->mirror >= 0) || world->has_clear;
     const bool radiance = mirror || config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
            (mirror ? KARST_SHADE_MIRROR : 0u);
@@ -104,6 +105,9 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
     if (config->samples > KARST_ENGINE_MAX_SAMPLES)
         return karst_fail(error, KARST_USAGE, "%u samples of a pixel: it may be 1 to %d", config->samples,
                           KARST_ENGINE_MAX_SAMPLES);
+    if (config->bounces > KARST_ENGINE_MAX_BOUNCES)
+        return karst_fail(error, KARST_USAGE, "%u bounces of rays through clear matter: it may be 1 to %d",
+                          config->bounces, KARST_ENGINE_MAX_BOUNCES);
     if ((unsigned)config->tone >= KARST_NUM_TONES)
         return karst_fail(error, KARST_USAGE, "there is no tone number %d", (int)config->tone);
     if (!(config->mirror <= 1))
@@ -165,6 +169,7 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->shadows = !config->no_shadows;
     engine->mirror = config->mirror;
     engine->samples = config->samples ? config->samples : 1;
+    engine->bounces = config->bounces ? config->bounces : DEFAULT_BOUNCES;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
     engine->has_sun = config->has_sun;
@@ -247,7 +252,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
         !(engine->radiance =
               karst_radiance_create(engine->context, engine->shadows, engine->shade & KARST_SHADE_MIRROR, error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_MIRROR) &&
+    const bool has_clear = engine->stores[KARST_CONTENT_CLEAR].store != NULL;
+    if (has_clear && !(engine->clear = karst_clear_create(engine->context, engine->shadows, error)))
+        goto failed;
+    if ((engine->shade & KARST_SHADE_MIRROR) && !has_clear &&
         !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
     if (!engine->counters || !engine->caster ||
@@ -287,6 +295,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_views_destroy(engine->views);
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
+    karst_clear_destroy(engine->clear);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

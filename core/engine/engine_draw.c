@@ -16,13 +16,16 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
     if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, shaded, parts,
                             engine->counters, error))
         return false;
+    if (!karst_engine_cover_by_clear(engine, view, pinhole, &light, error))
+        return false;
     karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
     const bool shadowed =
         !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light.sun_direction, error)) &&
                              karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
                                                         shaded, engine->shadows_asked, engine->shadow_hints, error));
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    if (!shadowed || (engine->bounce && !karst_engine_draw_mirrored(engine, view, pinhole, &light, error)))
+    if (!shadowed || (engine->bounce && !karst_engine_draw_mirrored(engine, view, pinhole, &light, error)) ||
+        !karst_engine_trace_clear(engine, view, pinhole, false, error))
         return false;
     if (engine->radiance && !karst_engine_show_radiance(engine, pixels, error))
         return false;
@@ -72,7 +75,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     const bool cast = karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits,
                                          engine->asked, engine->hints, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    if (!cast || !karst_engine_cast_into_stores(engine, &view, &pinhole, error) ||
+    if (!cast || !karst_engine_cast_into_clear(engine, &view, &pinhole, true, error) ||
         !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
@@ -105,5 +108,7 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     stats->num_rays[KARST_STREAM_PRIMARY] = stats->num_pixels;
     stats->num_rays[KARST_STREAM_SHADOW] = engine->counted[4];
     stats->num_rays[KARST_STREAM_MIRROR] = engine->counted[5];
+    stats->num_rays[KARST_STREAM_CLEAR] = engine->counted[KARST_CLEAR_COUNT_RAYS];
+    stats->num_rays_cut = engine->counted[KARST_CLEAR_COUNT_CUT];
     return true;
 }

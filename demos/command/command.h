@@ -147,6 +147,7 @@ typedef struct {
     uint64_t samples;
     double mirror;
     bool has_mirror;
+    uint64_t bounces; /* 0: as usual */
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
@@ -164,6 +165,9 @@ typedef struct {
     }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
+        {"bounces", 0, COMMAND_INTEGER, "N",                                                                         \
+         "surfaces of clear matter that light may meet after the first, 1 to 64 (default: 6)", &(look)->bounces,     \
+         1, 64, NULL},                                                                                               \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \
     {                                                                                                                \

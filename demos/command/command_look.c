@@ -46,6 +46,7 @@ void command_set_look(const command_look *look, karst_engine_config *config)
 {
     config->samples = (uint32_t)look->samples;
     config->mirror = command_mirror(look->mirror, look->has_mirror);
+    config->bounces = (uint32_t)look->bounces;
     config->tone = look->parsed_tone;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN

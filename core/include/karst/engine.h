@@ -22,6 +22,7 @@ typedef struct karst_engine karst_engine;
 
 #define KARST_ENGINE_MAX_SAMPLES 4096
 #define KARST_ENGINE_MAX_EXPOSURE 20 /* stops, either way */
+#define KARST_ENGINE_MAX_BOUNCES 64
 
 /* How linear light becomes bytes. */
 typedef enum {
@@ -101,6 +102,10 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
+    /* Surfaces of clear matter (`float clear(vec3 p)` of a world) that light may meet after the first, 1 to
+     * KARST_ENGINE_MAX_BOUNCES; 0: 6. What would meet more sees the sky there, and is counted
+     * (karst_stats.num_rays_cut). */
+    uint32_t bounces;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
