@@ -35,6 +35,7 @@ static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_vie
         .clear_shader = engine->shown.clear_shader,
         .voxel_m = exp2(engine->world->voxel_log2_m),
         .bounces = engine->bounces,
+        .refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
         .hits = engine->hits,
         .parts = karst_radiance_parts(engine->radiance),
         .shadow_rays = engine->shadow_rays,
@@ -62,7 +63,7 @@ bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *co
     }
     world->clear_shader = karst_clear_shader_create(context, world->file->info.has_atmosphere,
                                                     has_surface ? &surface : NULL, error);
-    return world->clear_shader != NULL;
+    return world->clear_shader && karst_engine_world_build_clear_refiner(world, context, error);
 }
 
 bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

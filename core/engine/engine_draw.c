@@ -56,8 +56,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
     karst_shade_anchor anchor = {.pad = 0};
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
-    return !engine->shown.refiner ||
-           karst_refine_hits(engine->shown.refiner, view, pinhole, &anchor, engine->hits, error);
+    return !engine->shown.refining.refiner ||
+           karst_refine_hits(engine->shown.refining.refiner, view, pinhole, &anchor, engine->hits, error);
 }
 
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */

@@ -33,8 +33,17 @@
 #define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
 
+/* A density's own surface, with its gradient: what moves hits there. Zeros: hits stay as bricks have them. */
+typedef struct {
+    karst_refiner *refiner;
+    karst_gradient_world *gradient; /* of the world file */
+    karst_world_layout layout;      /* of data */
+    karst_buffer *data;
+} karst_engine_refining;
+
 /* What a world has beside its land, as an engine has it. */
 typedef struct {
+    karst_engine_refining refining; /* of clear matter, where its gradient is not too large: normals are exact */
     karst_producer *producer;      /* NULL: none */
     karst_fingerprint fingerprint; /* as the world's own */
     karst_oracle *oracle;          /* of the values in force; NULL: none */
@@ -60,10 +69,7 @@ typedef struct {
     karst_producer *producer;      /* NULL until it is built */
     karst_shader *shader;
     karst_skies *skies;                 /* NULL: it has no atmosphere */
-    karst_refiner *refiner;             /* NULL: hits stay as bricks have them */
-    karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
-    karst_world_layout gradient_layout; /* of refine_data */
-    karst_buffer *refine_data;
+    karst_engine_refining refining;
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
 } karst_engine_world;
@@ -249,7 +255,9 @@ bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
 /* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
-/* After its values or seed changed; does nothing without a refiner. Errors: KARST_FAILED. */
+/* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
+bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
 bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error);
 void karst_engine_world_close_refiner(karst_engine_world *world);
 

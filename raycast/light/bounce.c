@@ -188,7 +188,10 @@ karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
     return (karst_bounce_stream){bounce->rays, bounce->hits, bounce->total, bounce->shadow_rays, bounce->room};
 }
 
-uint32_t karst_bounce_room(int width_px, int height_px) { return (uint32_t)num_blocks(width_px, height_px) * BLOCK_RAYS; }
+uint32_t karst_bounce_room(int width_px, int height_px)
+{
+    return (uint32_t)num_blocks(width_px, height_px) * BLOCK_RAYS;
+}
 
 void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total)
 {

@@ -66,7 +66,8 @@ karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmos
     shader->data = surface && surface->data ? surface->data->mem : NULL;
     bool done = !atmosphere || (shader->black = karst_buffer_create(context, "sky", KARST_SKY_FLOATS * sizeof(float),
                                                                     NULL, error));
-    done = done && (shader->program = karst_program_build(context, "raycast/light/clear.cl", options, &world, 1, error));
+    done = done &&
+           (shader->program = karst_program_build(context, "raycast/light/clear.cl", options, &world, 1, error));
     for (int i = 0; done && i < NUM_KERNELS; i++)
         done = (shader->kernels[i] = karst_program_kernel(shader->program, kernel_names[i], error)) != NULL;
     if (done)
@@ -137,7 +138,8 @@ void karst_clear_destroy(karst_clear *clear)
 
 #define BLOCK_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
 #define RAY_BYTES \
-    (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + KARST_CLEAR_MATTER_PLANES * sizeof(float))
+    (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + \
+     KARST_CLEAR_MATTER_PLANES * sizeof(float))
 
 double karst_clear_bytes(int width_px, int height_px, bool sun)
 {
@@ -228,6 +230,21 @@ static bool check_room(const karst_clear *clear, const karst_pinhole *pinhole, k
                       pinhole->width_px, pinhole->height_px);
 }
 
+static bool refine_camera(karst_clear *clear, const karst_clear_picture *picture, karst_error *error)
+{
+    return !picture->refiner ||
+           karst_refine_camera(picture->refiner, picture->pinhole, picture->is_inside, &picture->clear_shader->anchor,
+                               true, clear->first_hits, error);
+}
+
+static bool refine_stream(karst_clear *clear, const karst_clear_picture *picture, const karst_bounce_stream *stream,
+                          karst_error *error)
+{
+    return !picture->refiner ||
+           karst_refine_rays(picture->refiner, stream->rays, stream->total, stream->room,
+                             &picture->clear_shader->anchor, true, clear->over_hits, error);
+}
+
 bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *picture, bool keeps, karst_error *error)
 {
     const karst_pinhole *pinhole = picture->pinhole;
@@ -235,7 +252,8 @@ bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *pict
     if (!check_room(clear, pinhole, error))
         return false;
     if (!picture->is_inside)
-        return karst_cast_pinhole(picture->clear, picture->view, pinhole, hits, error);
+        return karst_cast_pinhole(picture->clear, picture->view, pinhole, hits, error) &&
+               (!keeps || refine_camera(clear, picture, error));
     const cl_kernel kernel = picture->clear_shader->kernels[CAMERA];
     const uint32_t packets = num_packets(pinhole);
     const uint32_t num_rays = (uint32_t)pinhole->width_px * (uint32_t)pinhole->height_px;
@@ -243,7 +261,8 @@ bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *pict
     return KARST_ARGUMENTS(kernel, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(rays),
                            KARST_VALUE_ARG(packets)) &&
            launch_packets(clear, kernel, packets, error) &&
-           karst_cast_rays(picture->clear, picture->view, rays, num_rays, false, hits, error);
+           karst_cast_rays(picture->clear, picture->view, rays, num_rays, false, hits, error) &&
+           (!keeps || refine_camera(clear, picture, error));
 }
 
 static const karst_sky *sky_of(const karst_clear_shader *shader)
@@ -352,7 +371,7 @@ static bool cast(karst_clear *clear, const karst_clear_picture *picture, const k
                        (turn(clear, picture, stream, error) &&
                         karst_cast_stream(picture->clear, picture->view, stream->rays, stream->room, stream->total,
                                           clear->over_hits, error) &&
-                        turn(clear, picture, stream, error)));
+                        refine_stream(clear, picture, stream, error) && turn(clear, picture, stream, error)));
     karst_profile_set_stream(clear->context, KARST_NUM_STREAMS);
     return done;
 }

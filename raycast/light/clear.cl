@@ -1,5 +1,5 @@
-/* Entry points of rays through clear matter: see raycast/light/clear.h. Blocks are those of raycast/light/blocks.clh, and
- * as many neighbours of a stream. */
+/* Entry points of rays through clear matter: see raycast/light/clear.h. Blocks are those of raycast/light/blocks.clh,
+ * and as many neighbours of a stream. */
 #include "raycast/cast/packing.clh"
 #include "raycast/light/clear_shared.h"
 #include "raycast/light/light.clh"
@@ -520,11 +520,13 @@ __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const kars
 }
 
 /* Which of the lanes' rays go on reflected: for pictures of samples by a hash of pixel, sample, branch and bounce; else
- * those of which more is. */
+ * by the bounce alone, evenly over bounces, so that none stays in matter for ever; first those of which more is. */
 #define CHOICE 0x68bc21ebu
+#define GOLDEN 0.618034f
 RAY_INLINE vint reflects(const karst_clear_task *task, vint pixel, vfloat reflected)
 {
-    vfloat u = (vfloat)(0.5f);
+    const float turn = 0.5f + GOLDEN * (float)(task->bounce - 1);
+    vfloat u = (vfloat)(turn - (float)(int)turn);
     if (task->sample)
         u = jitter_of((pixel & 0xffff) + task->x0_px, (pixel >> 16) + task->y0_px, task->sample,
                       CHOICE + (2u * task->bounce + task->branch) * 0x9e3779b9u)

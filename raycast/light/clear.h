@@ -1,14 +1,17 @@
 /* Clear matter: what a picture's rays that meet it become, surface by surface.
  *
- * Clear matter lies in a store of its own, so each ray is cast twice: into the land and into clear matter. The nearer hit
- * counts; land where both are met at once. What a surface of clear matter does follows from Fresnel's equations and
+ * Clear matter lies in a store of its own, so each ray is cast twice: into the land and into clear matter. The nearer
+ * hit counts; land where both are met at once. What a surface of clear matter does follows from Fresnel's equations and
  * Snell's law, exactly, and what is lost on a way inside from Beer's and Lambert's (raycast/light/dielectric.clh).
  *
  * From the first surface both rays go on, as two branches, each a stream with one ray a pixel at most: first all that
- * was reflected (and what land mirrors), then all that was refracted. From each later surface one ray goes on, with all of the light: of a
- * picture of samples the one that a hash of pixel, sample, branch and bounce chooses, reflected as often as light is;
- * of pixels' centres the one of which more is. So streams never grow, nothing is lost or added, and what a picture
- * shows depends on its samples alone. Total reflection is no choice.
+ * was reflected (and what land mirrors), then all that was refracted. From each later surface one ray goes on, with all
+ * of the light: of a picture of samples the one that a hash of pixel, sample, branch and bounce chooses, reflected as
+ * often as light is; of pixels' centres by the bounce alone, the first time the one of which more is. So streams never
+ * grow, nothing is lost or added, and what a picture shows depends on its samples alone. Total reflection is no choice.
+ *
+ * Surfaces and normals are those of the true density where its gradient is at hand (raycast/cast/refine.h): what 16
+ * bits leave of a brick's would turn rays by 3e-4 rad, and more at coarse levels.
  *
  * What is approximate: the sun reaches what lies in or behind clear matter straight, as if that were not there; haze is
  * taken to lie in clear matter, too, between the surfaces that rays meet there; rays that are cut off see the sky.
@@ -17,6 +20,7 @@
 #ifndef KARST_RAYCAST_CLEAR_H
 #define KARST_RAYCAST_CLEAR_H
 
+#include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear_shared.h"
 
@@ -51,6 +55,7 @@ typedef struct {
                             followed alone */
     karst_shader *shader; /* the land's, with mirrors */
     karst_clear_shader *clear_shader;
+    karst_refiner *refiner; /* of clear matter, for rays; NULL: its surfaces are as bricks have them */
     bool is_inside;          /* the eye is in clear matter */
     float absorption_per_m[3]; /* there */
     double voxel_m;
@@ -59,8 +64,8 @@ typedef struct {
     karst_buffer *counters;                   /* up to KARST_CLEAR_COUNT_CUT */
 } karst_clear_picture;
 
-/* Casts the camera's rays into clear matter. `keeps`: its hits are those of the picture from now on; else it is for what
- * they ask for. Asynchronous, as all that follow. Errors: KARST_FAILED. */
+/* Casts the camera's rays into clear matter. `keeps`: its hits are those of the picture from now on; else it is for
+ * what they ask for. Asynchronous, as all that follow. Errors: KARST_FAILED. */
 bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *picture, bool keeps, karst_error *error);
 /* After karst_shade_pixels, before shadows are cast: takes back what was shaded behind clear matter. */
 bool karst_clear_cover(karst_clear *clear, const karst_clear_picture *picture, karst_error *error);

@@ -22,7 +22,8 @@ enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
             fail_msg("%s: %s", #call, error.message); \
     } while (0)
 
-/* A wall behind what there is of clear matter gives off light that says where it was seen. Nothing else shines. */
+/* A wall behind what there is of clear matter gives off light that says where it was seen. The sun's glow in the sky
+ * is nothing beside it. */
 #define HEAD                                                                                                     \
     "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"                 \
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                              \
@@ -30,7 +31,7 @@ enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
 #define WALL                                                                                \
     "float density(vec3 p) { return p.z - 8.0; }\n"                                         \
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0);\n"                \
-    "    m.emission = vec3(p.x + 100.0, p.y + 100.0, 100.0); return m; }\n"
+    "    m.emission = 1000.0 * vec3(p.x + 30.0, p.y + 30.0, 30.0); return m; }\n"
 #define GLASS                                                                              \
     "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n"
 #define WALL_Z 8.0L
@@ -199,7 +200,8 @@ static int compare(const void *a, const void *b)
     return d < 0 ? -1 : d > 0;
 }
 
-static int measure(body b, const picture *p, int within, long double *worst, long double *median, long double absorption)
+static int measure(body b, const picture *p, int within, long double *worst, long double *median,
+                   long double absorption)
 {
     static long double off[NUM];
     int num = 0;
@@ -209,13 +211,16 @@ static int measure(body b, const picture *p, int within, long double *worst, lon
             long double share = 1, way;
             if (!through(b, &o, &d, &share, &way) || d.z < 0.3L)
                 continue;
+            /* Nearer to a ball's rim what is reflected meets the wall, too. */
+            if (b >= BALL && hypot(x + 0.5 - WIDTH / 2, y + 0.5 - HEIGHT / 2) > 14)
+                continue;
             const long double t = (WALL_Z - o.z) / d.z;
             const vec wall = add(o, d, t);
             const float *light = p->light + 3 * (y * WIDTH + x);
-            const long double weight = (long double)light[2] / 100;
+            const long double weight = (long double)light[2] / 30000;
             /* What is seen is right to within the rest of a voxel; and the light that is left. */
-            const long double seen_x = (long double)light[0] / weight - 100,
-                              seen_y = (long double)light[1] / weight - 100;
+            const long double seen_x = (long double)light[0] / weight / 1000 - 30,
+                              seen_y = (long double)light[1] / weight / 1000 - 30;
             if (absorption > 0)
                 share *= expl(-absorption * way);
             if (fabsl(weight - share) > 2e-3L)
@@ -250,25 +255,28 @@ static void rays_leave_bodies_where_they_should(void **state)
         body body;
         int within;
         long double most, absorption;
-    } bodies[] = {{"slab", slab, SLAB, 20, 1e-4L, 0},       {"prism", prism, PRISM, 20, 1e-4L, 0},
-                  {"ball", ball, BALL, 14, 2e-3L, 0},       {"hollow ball", hollow, HOLLOW, 6, 4e-3L, 0},
-                  {"green ball", green, BALL, 14, 2e-3L, 0.7L}};
+    } bodies[] = {{"slab", slab, SLAB, 20, 2e-6L, 0},       {"prism", prism, PRISM, 20, 2e-6L, 0},
+                  {"ball", ball, BALL, 14, 2e-6L, 0},       {"hollow ball", hollow, HOLLOW, 6, 2e-6L, 0},
+                  {"green ball", green, BALL, 14, 1e-5L, 0.7L}};
     for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
         long double worst, median;
         const karst_engine_config config = {.bounces = 8};
         take(bodies[i].text, &config, &one);
         const int num = measure(bodies[i].body, &one, bodies[i].within, &worst, &median, bodies[i].absorption);
-        print_message("%s: %d rays, off by %.2Lg rad at most, %.2Lg in the middle\n", bodies[i].name, num, worst, median);
+        print_message("%s: %d rays, off by %.2Lg rad at most, %.2Lg in the middle\n", bodies[i].name, num, worst,
+                      median);
         assert_true(num > 100);
         assert_true(worst < bodies[i].most);
     }
 }
 
+/* A shell of land all around that gives off as much light everywhere. */
 #define UNIFORM                                                                                  \
     "/*{ \"voxel\": 0.015625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"   \
-    "\"sky\": { \"zenith\": [0.5, 0.5, 0.5], \"horizon\": [0.5, 0.5, 0.5], \"haze\": 1e12 },\n"  \
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"              \
     "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 40 } }*/\n"                    \
-    "float density(vec3 p) { return -1.0; }\n" GLASS
+    "float density(vec3 p) { return length(p) - 20.0; }\n"                                       \
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(0.5); return m; }\n" GLASS
 static const char *const furnaces[] = {
     UNIFORM "float clear(vec3 p) { return 1.0 - length(p); }\n",
     UNIFORM "float clear(vec3 p) { return min(1.0 - length(p), length(p) - 0.5); }\n",
@@ -284,15 +292,16 @@ static void nothing_is_lost_or_added(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof furnaces / sizeof *furnaces; i++)
         for (uint32_t samples = 1; samples <= 4; samples += 3) {
-            const karst_engine_config config = {.samples = samples};
-            float worst = 0;
+            const karst_engine_config config = {.samples = samples, .bounces = 64};
+            int num_off = 0;
             take(furnaces[i], &config, &one);
             for (int k = 0; k < 3 * NUM; k++)
-                worst = fmaxf(worst, fabsf(one.light[k] / 0.5f - 1));
-            print_message("furnace %zu, %u samples: off by %.2g, %d rays, %d cut off\n", i, samples, (double)worst,
+                num_off += fabsf(one.light[k] / 0.5f - 1) > 1.0f / 255;
+            print_message("furnace %zu, %u samples: %d values are off, %d rays, %d cut off\n", i, samples, num_off,
                           (int)one.stats.num_rays[KARST_STREAM_CLEAR], (int)one.stats.num_rays_cut);
             assert_true(one.stats.num_rays[KARST_STREAM_CLEAR] > 200);
-            assert_true(worst < 1.0f / 255);
+            /* In a cube's corners a ray may be reflected totally for longer than is followed. */
+            assert_true(num_off <= (i == 2 ? 3 * NUM / 200 : 0));
         }
 }
 
@@ -341,7 +350,8 @@ static void what_is_cut_off_is_counted(void **state)
 /* A pool of water: land under it, the eye in it. */
 static const char water[] =
     "/*{ \"voxel\": 0.015625, \"view\": 60, \"sun\": { \"azimuth\": 60, \"elevation\": 40 },\n"
-    "\"sky\": { \"haze\": 1e12 }, \"camera\": { \"position\": [\"0\", \"1\", \"-4\"], \"pitch\": 15, \"fov\": 70 } "
+    "\"sky\": { \"zenith\": [0.1, 0.2, 0.4], \"horizon\": [0.4, 0.5, 0.6], \"haze\": 1e12 },\n"
+    "\"camera\": { \"position\": [\"0\", \"1\", \"-4\"], \"pitch\": 15, \"fov\": 70 } "
     "}*/\n"
     "float density(vec3 p) { return 0.4 * sin(p.x) * sin(0.7 * p.z) - p.y; }\n"
     "float clear(vec3 p) { return 2.0 + 0.05 * sin(3.0 * p.x + p.z) - p.y; }\n"
