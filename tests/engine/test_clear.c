@@ -300,8 +300,8 @@ static void nothing_is_lost_or_added(void **state)
             print_message("furnace %zu, %u samples: %d values are off, %d rays, %d cut off\n", i, samples, num_off,
                           (int)one.stats.num_rays[KARST_STREAM_CLEAR], (int)one.stats.num_rays_cut);
             assert_true(one.stats.num_rays[KARST_STREAM_CLEAR] > 200);
-            /* In a cube's corners a ray may be reflected totally for longer than is followed. */
-            assert_true(num_off <= (i == 2 ? 3 * NUM / 200 : 0));
+            /* In a cube's corners, and along a ring, a ray may be reflected totally for longer than is followed. */
+            assert_true(num_off <= (i == 2 || i == 3 ? 3 * NUM / 200 : 0));
         }
 }
 
