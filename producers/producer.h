@@ -71,6 +71,7 @@ typedef struct {
     uint32_t num_lights;
     karst_world_light lights[KARST_WORLD_MAX_LIGHTS];
     bool has_air;          /* a medium fills the space outside matter */
+    bool has_clear;        /* there is clear matter */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
     bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
     double dust;            /* as there */

@@ -35,6 +35,8 @@ const char *karst_stream_name(karst_stream stream)
         return "shadow";
     case KARST_STREAM_MIRROR:
         return "mirror";
+    case KARST_STREAM_CLEAR:
+        return "clear";
     case KARST_NUM_STREAMS:
         break;
     }

@@ -8,7 +8,7 @@ bool karst_engine_look_again(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     return karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error) &&
-           karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+           karst_engine_cast_into_clear(engine, &view, &pinhole, false, error) &&
            karst_engine_look_at_media(engine, &view, &pinhole, error);
 }
 
@@ -23,5 +23,6 @@ bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error
                                                          engine->shadows_asked, error)) &&
            (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, error) &&
                                 karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error))) &&
-           karst_engine_look_at_paths(engine, &view, &pinhole, error);
+           karst_engine_look_at_paths(engine, &view, &pinhole, error) &&
+           karst_engine_trace_clear(engine, &view, &pinhole, true, error);
 }

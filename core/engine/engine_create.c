@@ -14,6 +14,7 @@
 #define DEFAULT_BUDGET_BRICKS 4096u
 #define MAX_BUDGET_BRICKS 8192u
 #define MAX_BUDGET_MS 60000.0
+#define DEFAULT_CLEAR_BOUNCES 6u
 /* Fewer slots than these cannot hold even the coarsest picture: the eight root bricks, their stand-ins and the way to
  * them. */
 #define MIN_TILES 32u
@@ -89,7 +90,7 @@ unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_
     if (config->integrator == KARST_INTEGRATOR_FULL)
         return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS;
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
-                        (world->has_own_mirror && config->mirror >= 0);
+                        (world->has_own_mirror && config->mirror >= 0) || world->has_clear;
     const bool lights = world->num_lights > 0;
     const bool radiance = mirror || lights || world->has_air || config->samples > 1 ||
                           config->tone != KARST_TONE_OF_PLAIN || config->exposure;
@@ -176,9 +177,11 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     engine->shadows = !config->no_shadows;
     engine->mirror = config->mirror;
     engine->integrator = config->integrator;
-    engine->bounces = config->bounces;
     engine->media_mode = config->media;
     engine->samples = config->samples ? config->samples : 1;
+    engine->bounces = config->bounces                              ? config->bounces
+                      : config->integrator == KARST_INTEGRATOR_FULL ? KARST_ENGINE_DEFAULT_BOUNCES
+                                                                    : DEFAULT_CLEAR_BOUNCES;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
     engine->has_sun = config->has_sun;
@@ -261,7 +264,11 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
         !(engine->radiance =
               karst_radiance_create(engine->context, engine->shadows, engine->shade & KARST_SHADE_MIRROR, error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_MIRROR) &&
+    const bool has_clear =
+        engine->stores[KARST_CONTENT_CLEAR].store != NULL && config->integrator != KARST_INTEGRATOR_FULL;
+    if (has_clear && !(engine->clear = karst_clear_create(engine->context, engine->shadows, error)))
+        goto failed;
+    if ((engine->shade & KARST_SHADE_MIRROR) && !has_clear &&
         !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
     if ((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error)))
@@ -310,6 +317,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
     karst_paths_destroy(engine->paths);
+    karst_clear_destroy(engine->clear);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

@@ -20,11 +20,14 @@ void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, 
 
 /* Bounces of the picture's rays: they themselves; once they want nothing those that start where they end, to the sun
  * and mirrored; and once these do not either those to the sun from where mirrored ones end. Paths are followed
- * whole from the hits: one that lacks something ends there. */
-typedef enum { PICTURE, FROM_HITS, FROM_MIRRORED } sure_rays;
+ * whole from the hits: one that lacks something ends there. Of clear matter all that follow one another, of which only
+ * those go on that want nothing. */
+typedef enum { PICTURE, FROM_HITS, FROM_MIRRORED, THROUGH_CLEAR } sure_rays;
 
 static sure_rays last_rays(const karst_engine *engine)
 {
+    if (engine->clear)
+        return THROUGH_CLEAR;
     if (engine->shadows && engine->bounce)
         return FROM_MIRRORED;
     return engine->shadows || engine->bounce || engine->paths ? FROM_HITS : PICTURE;
@@ -37,12 +40,14 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     view.ends_at_missing = 1;
+    if (rays == THROUGH_CLEAR)
+        return karst_engine_trace_clear(engine, &view, &pinhole, true, error);
     if (rays == FROM_MIRRORED)
         return karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error);
     if (rays == PICTURE)
         return (again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
                       : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)) &&
-               karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+               karst_engine_cast_into_clear(engine, &view, &pinhole, false, error) &&
                karst_engine_look_at_media(engine, &view, &pinhole, error);
     const karst_light light = karst_engine_light(engine);
     const bool cast = !engine->shadows ||
@@ -115,7 +120,7 @@ bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work
             break;
         if (made && !draw_anew(engine, error))
             return false;
-        rays = made ? PICTURE : (sure_rays)(rays + 1);
+        rays = made ? PICTURE : rays == FROM_HITS && engine->clear ? THROUGH_CLEAR : (sure_rays)(rays + 1);
         again = made = false;
     }
     return true;

@@ -13,7 +13,9 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
     karst_buffer *parts = engine->radiance ? karst_radiance_parts(engine->radiance) : NULL;
     const cl_mem shaded = engine->radiance ? karst_radiance_marks(engine->radiance)->mem : pixels;
     if (!karst_shade_pixels(engine->shader, view, pinhole, light, engine->hits, engine->shadow_rays, shaded, parts,
-                            engine->counters, error))
+                            engine->counters, error) ||
+        !karst_engine_draw_lights(engine, view, pinhole, light, false, error) ||
+        !karst_engine_cover_by_clear(engine, view, pinhole, light, error))
         return false;
     karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
     const bool shadowed =
@@ -22,10 +24,10 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
                                                         shaded, engine->shadows_asked, engine->shadow_hints, error));
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     /* Media lie before what they dim, and say how much of what is mirrored comes through. */
-    return shadowed && karst_engine_draw_lights(engine, view, pinhole, light, false, error) &&
-           karst_engine_draw_media(engine, view, pinhole, light, error) &&
+    return shadowed && karst_engine_draw_media(engine, view, pinhole, light, error) &&
            (!engine->bounce || (karst_engine_draw_mirrored(engine, view, pinhole, light, error) &&
-                                karst_engine_draw_lights(engine, view, pinhole, light, true, error)));
+                                karst_engine_draw_lights(engine, view, pinhole, light, true, error))) &&
+           karst_engine_trace_clear(engine, view, pinhole, false, error);
 }
 
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
@@ -66,8 +68,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
     karst_shade_anchor anchor = {.pad = 0};
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
-    return !engine->shown.refiner ||
-           karst_refine_hits(engine->shown.refiner, view, pinhole, &anchor, engine->hits, error);
+    return !engine->shown.refining.refiner ||
+           karst_refine_hits(engine->shown.refining.refiner, view, pinhole, &anchor, engine->hits, error);
 }
 
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
@@ -85,7 +87,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     const bool cast = karst_cast_picture(counting ? engine->counting : engine->caster, &view, &pinhole, engine->hits,
                                          engine->asked, engine->hints, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    if (!cast || !karst_engine_cast_into_stores(engine, &view, &pinhole, error) ||
+    if (!cast || !karst_engine_cast_into_clear(engine, &view, &pinhole, true, error) ||
         !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
@@ -118,5 +120,7 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     stats->num_rays[KARST_STREAM_PRIMARY] = stats->num_pixels;
     stats->num_rays[KARST_STREAM_SHADOW] = engine->counted[4];
     stats->num_rays[KARST_STREAM_MIRROR] = engine->counted[5];
+    stats->num_rays[KARST_STREAM_CLEAR] = engine->counted[KARST_CLEAR_COUNT_RAYS];
+    stats->num_rays_cut = engine->counted[KARST_CLEAR_COUNT_CUT];
     return true;
 }

@@ -65,7 +65,7 @@ karst_light karst_engine_light(const karst_engine *engine)
         eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;
     karst_light_set_haze(&light, &haze, eye_m, voxel_m);
     light.shadow_distance = (float)engine->view_distance_voxels;
-    const bool mirrors = engine->bounce || engine->integrator == KARST_INTEGRATOR_FULL;
+    const bool mirrors = engine->bounce || engine->clear || engine->integrator == KARST_INTEGRATOR_FULL;
     light.mirror = mirrors ? (float)karst_engine_mirror_share(engine->mirror, world) : 0;
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);

@@ -18,25 +18,37 @@
 #include "producers/language/fingerprint.h"
 #include "producers/language/graph/derive.h"
 #include "producers/density/world_file.h"
+#include "producers/language/oracle/oracle.h"
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "raycast/cast/cast.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
+#include "raycast/light/clear.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
 #include "raycast/media/media.h"
 
-#define KARST_ENGINE_NUM_COUNTERS KARST_SHADE_COUNTERS
+#define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
+
+/* A density's own surface, with its gradient: what moves hits there. Zeros: hits stay as bricks have them. */
+typedef struct {
+    karst_refiner *refiner;
+    karst_gradient_world *gradient; /* of the world file */
+    karst_world_layout layout;      /* of data */
+    karst_buffer *data;
+} karst_engine_refining;
 
 /* What a world has beside its land, as an engine has it. */
 typedef struct {
+    karst_engine_refining refining; /* of clear matter, where its gradient is not too large: normals are exact */
     karst_producer *producer;      /* NULL: none */
     karst_fingerprint fingerprint; /* as the world's own */
+    karst_oracle *oracle;          /* of the values in force; NULL: none */
 } karst_engine_content;
 
 /* The store of such a content, which lives as long as the engine; zeros: it has none of that. */
@@ -59,12 +71,10 @@ typedef struct {
     karst_producer *producer;      /* NULL until it is built */
     karst_shader *shader;
     karst_skies *skies;                 /* NULL: it has no atmosphere */
-    karst_refiner *refiner;             /* NULL: hits stay as bricks have them */
-    karst_gradient_world *gradient;     /* of the world file; NULL without a refiner */
-    karst_world_layout gradient_layout; /* of refine_data */
-    karst_buffer *refine_data;
+    karst_engine_refining refining;
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_layer *models; /* NULL: it has none, or they are not loaded yet */
+    karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -122,10 +132,11 @@ struct karst_engine {
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
-    karst_bounce *bounce;     /* NULL: no land mirrors */
+    karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
+    karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
     karst_integrator integrator;
-    uint32_t bounces;         /* of paths, as configured */
+    uint32_t bounces; /* of paths, or of rays through clear matter */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -262,7 +273,9 @@ bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
 /* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
-/* After its values or seed changed; does nothing without a refiner. Errors: KARST_FAILED. */
+/* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
+bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
 bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error);
 void karst_engine_world_close_refiner(karst_engine_world *world);
 
@@ -404,6 +417,18 @@ bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *vie
 /* Likewise from where mirrored rays end. */
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
                                           const karst_pinhole *pinhole, karst_error *error);
+
+/* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
+bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
+                                    const karst_engine_wishes *wishes, karst_error *error);
+/* As karst_clear_cast_camera, karst_clear_cover and karst_clear_trace; nothing is done where there is no clear matter.
+ */
+bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                  bool keeps, karst_error *error);
+bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                 const karst_light *light, karst_error *error);
+bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              bool again, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

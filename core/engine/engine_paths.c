@@ -120,7 +120,7 @@ static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool m
         return karst_paths_add_lamps(engine->paths, picture, error);
     const karst_bounce_stream stream = karst_bounce_get_stream(engine->bounce);
     picture->mirrors = false; /* nothing is seen in two of them */
-    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.count, stream.hits, error);
+    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.total, stream.hits, error);
 }
 
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

@@ -5,56 +5,87 @@
 #include "core/engine/engine_parts.h"
 #include "producers/language/emit/emit.h"
 
-bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error)
+static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
 {
-    if (!world->refine_data)
+    if (!refining->data)
         return true;
-    const karst_world_layout *layout = &world->gradient_layout;
+    const karst_world_layout *layout = &refining->layout;
     size_t size_bytes = layout->num_words * sizeof(uint64_t);
     uint64_t *words = calloc(1, size_bytes);
     bool done =
         words && karst_world_data_fill(layout, world->values, world->seed, world->file->info.voxel_log2_m, words)
-            ? karst_buffer_write(world->refine_data, 0, words, size_bytes, error)
+            ? karst_buffer_write(refining->data, 0, words, size_bytes, error)
             : karst_fail(error, KARST_FAILED, "out of memory");
     free(words);
     return done;
 }
 
-static karst_refiner *build(const karst_engine_world *world, karst_context *context, karst_error *error)
+bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error)
+{
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++)
+        if (!update(&world->content[i].refining, world, error))
+            return false;
+    return update(&world->refining, world, error);
+}
+
+static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, bool for_rays,
+                                   karst_context *context, karst_error *error)
 {
     char *source = NULL;
-    if (!karst_emit_surface(&world->gradient_layout, &source, error))
+    if (!karst_emit_surface(&refining->layout, &source, error))
         return NULL;
     const karst_refine_world refined = {.source = source,
                                         .options = "-DWORLD_HAS_DATA",
-                                        .data = world->refine_data,
-                                        .voxel_m = ldexp(1, world->file->info.voxel_log2_m)};
-    karst_refiner *refiner = karst_refiner_create(context, &refined, error);
+                                        .data = refining->data,
+                                        .voxel_m = ldexp(1, file->info.voxel_log2_m)};
+    karst_refiner *refiner = for_rays ? karst_refiner_create_for_rays(context, &refined, error)
+                                      : karst_refiner_create(context, &refined, error);
     free(source);
     return refiner;
 }
 
+static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
+                  bool for_rays, karst_context *context, karst_error *error)
+{
+    refining->gradient = karst_derive(&file->program->world, error);
+    if (!refining->gradient)
+        return false;
+    if (!karst_world_layout_init(&refining->layout, &refining->gradient->world))
+        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", file->info.name);
+    refining->data =
+        karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
+    if (!refining->data || !update(refining, world, error))
+        return false;
+    refining->refiner = make_refiner(refining, file, for_rays, context, error);
+    return refining->refiner != NULL;
+}
+
+static void finish(karst_engine_refining *refining)
+{
+    karst_refiner_destroy(refining->refiner);
+    karst_buffer_destroy(refining->data);
+    karst_gradient_world_destroy(refining->gradient);
+    *refining = (karst_engine_refining){.refiner = NULL};
+}
+
 bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
 {
-    world->gradient = karst_derive(&world->file->program->world, error);
-    if (!world->gradient)
-        return false;
-    if (!karst_world_layout_init(&world->gradient_layout, &world->gradient->world))
-        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", world->file->info.name);
-    world->refine_data =
-        karst_buffer_create(context, "refine", world->gradient_layout.num_words * sizeof(uint64_t), NULL, error);
-    if (!world->refine_data || !karst_engine_world_update_refiner(world, error))
-        return false;
-    world->refiner = build(world, context, error);
-    return world->refiner != NULL;
+    return build(&world->refining, world, world->file, false, context, error);
+}
+
+bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    karst_engine_refining *refining = &world->content[KARST_CONTENT_CLEAR].refining;
+    const karst_world_file *file = world->file->content[KARST_CONTENT_CLEAR];
+    karst_error why = {0};
+    if (!file || build(refining, world, file, true, context, &why))
+        return true;
+    finish(refining);
+    return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
-    karst_refiner_destroy(world->refiner);
-    karst_buffer_destroy(world->refine_data);
-    karst_gradient_world_destroy(world->gradient);
-    world->refiner = NULL;
-    world->refine_data = NULL;
-    world->gradient = NULL;
+    finish(&world->refining);
+    finish(&world->content[KARST_CONTENT_CLEAR].refining);
 }

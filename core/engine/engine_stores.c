@@ -108,6 +108,7 @@ void karst_engine_world_close_contents(karst_engine_world *world)
 {
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
         karst_producer_destroy(world->content[i].producer);
+        karst_oracle_destroy(world->content[i].oracle);
         karst_fingerprint_finish(&world->content[i].fingerprint);
     }
 }
@@ -123,6 +124,11 @@ bool karst_engine_world_mark_contents(karst_engine_world *world, const karst_num
             return false;
         karst_fingerprint_finish(&world->content[i].fingerprint);
         world->content[i].fingerprint = fingerprint;
+        karst_oracle_destroy(world->content[i].oracle);
+        world->content[i].oracle =
+            karst_oracle_create(&file->program->world, values, seed, world->file->info.voxel_log2_m, NULL);
+        if (!world->content[i].oracle)
+            return false;
     }
     return true;
 }
@@ -217,19 +223,22 @@ bool karst_engine_set_content_parameters(karst_engine *engine, const karst_numbe
 {
     karst_engine_world *shown = &engine->shown;
     engine->media_is_stale = true;
+    karst_engine_world before = {.file = NULL};
+    bool changed[KARST_NUM_CONTENTS];
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
-        karst_engine_content *content = &shown->content[i];
+        before.content[i].fingerprint = shown->content[i].fingerprint;
+        shown->content[i].fingerprint = (karst_fingerprint){0};
+    }
+    const bool marked = karst_engine_world_mark_contents(shown, values, shown->seed);
+    karst_engine_changed_contents(&before, shown, changed);
+    karst_engine_world_close_contents(&before);
+    if (!marked)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
         const karst_world_file *file = shown->file->content[i];
-        karst_fingerprint fingerprint;
-        if (!karst_engine_has_content(engine, i))
-            continue;
-        if (!karst_fingerprint_init(&fingerprint, file->program, values, shown->seed))
-            return karst_fail(error, KARST_FAILED, "out of memory");
-        const bool same = karst_fingerprint_same(&content->fingerprint, &fingerprint);
-        karst_fingerprint_finish(&content->fingerprint);
-        content->fingerprint = fingerprint;
-        if (!karst_world_file_set_parameters(content->producer, file, values, shown->seed, error) ||
-            (!same && !karst_store_forget(engine->stores[i].store, error)))
+        if (karst_engine_has_content(engine, i) &&
+            (!karst_world_file_set_parameters(shown->content[i].producer, file, values, shown->seed, error) ||
+             (changed[i] && !karst_store_forget(engine->stores[i].store, error))))
             return false;
     }
     return true;

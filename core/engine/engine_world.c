@@ -65,6 +65,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 void karst_engine_world_close(karst_engine_world *world)
 {
     karst_engine_world_close_refiner(world);
+    karst_clear_shader_destroy(world->clear_shader);
     karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
@@ -107,6 +108,8 @@ bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *co
         world->skies = karst_skies_create(context, info->haze_globe_m, info->dust, error);
     if (world->skies)
         karst_shader_set_skies(world->shader, world->skies);
+    if (world->skies && world->clear_shader)
+        karst_clear_shader_set_skies(world->clear_shader, world->skies);
     return world->skies != NULL;
 }
 
@@ -125,6 +128,7 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
                         ? karst_engine_world_shader(world, context, wishes->shade, world->producer->data[0], error)
                         : NULL;
     return world->shader && karst_engine_world_build_contents(world, context, buffers, wishes, error) &&
+           karst_engine_world_build_clear(world, context, wishes, error) &&
            karst_engine_world_build_skies(world, context, error) &&
            (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
 }

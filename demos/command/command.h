@@ -198,7 +198,7 @@ typedef struct {
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
         {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
          &(look)->light, 0, 0, NULL},                                                                                \
-        {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that full light leaves at most (default: 64)",                  \
+        {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that light meets: full 64, clear matter 6 by default",          \
          &(look)->bounces, 1, KARST_ENGINE_MAX_BOUNCES, NULL},                                                       \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \

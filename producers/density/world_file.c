@@ -310,6 +310,7 @@ static void set_info(karst_world_file *file)
         .mirror = header->mirror,
         .has_own_mirror = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
         .has_air = karst_has_output(file->program->world.root, KARST_OUTPUT_EXTINCTION),
+        .has_clear = karst_has_output(file->program->world.root, KARST_OUTPUT_CLEAR),
     };
     if (header->has_sky) {
         set_colours(file->info.sky_zenith, header->sky_zenith);

@@ -37,6 +37,10 @@ typedef struct {
     int level;
     vint lanes;                       /* whose hits blend */
     float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
+#ifdef REFINE_STREAM
+    const vector3 *origin; /* of the rays, from the anchor */
+    vfloat sign;           /* -1 of rays that leave matter: to them it is air */
+#endif
 } refine_field;
 
 typedef struct {
@@ -63,21 +67,38 @@ RAY_INLINE vfloat field_weight(const refine_field *field, vfloat t)
     return v_select(field->lanes, w, (vfloat)(0.0f));
 }
 
+#ifdef REFINE_STREAM
+#define SIGNED(d) ((d)*field->sign)
+#else
+#define SIGNED(d) (d)
+#endif
+
+RAY_INLINE void field_places(world_point_at *place, const refine_field *field, vfloat t)
+{
+#ifdef REFINE_STREAM
+    exact_place(place, 0, field->anchor, k_fma(field->direction->x, t, field->origin->x));
+    exact_place(place, 1, field->anchor, k_fma(field->direction->y, t, field->origin->y));
+    exact_place(place, 2, field->anchor, k_fma(field->direction->z, t, field->origin->z));
+#else
+    exact_places(place, field->anchor, field->direction, t);
+#endif
+}
+
 RAY_INLINE vfloat field_density(const refine_field *field, vfloat t)
 {
     world_point_at place;
-    exact_places(&place, field->anchor, field->direction, t);
+    field_places(&place, field, t);
     vfloat d = density_at(field->data, &place, field->level), w = field_weight(field, t);
     vint blended = v_gt(w, (vfloat)(0.0f));
     if (v_any(blended))
         d = v_select(blended, k_fma(w, density_at(field->data, &place, field->level + 1) - d, d), d);
-    return d;
+    return SIGNED(d);
 }
 
 RAY_INLINE vfloat field_surface(const refine_field *field, vfloat t, vfloat gradient[3])
 {
     world_point_at place;
-    exact_places(&place, field->anchor, field->direction, t);
+    field_places(&place, field, t);
     vfloat d = surface_at(field->data, &place, field->level, gradient), w = field_weight(field, t);
     vint blended = v_gt(w, (vfloat)(0.0f));
     if (v_any(blended)) {
@@ -86,7 +107,11 @@ RAY_INLINE vfloat field_surface(const refine_field *field, vfloat t, vfloat grad
         for (int i = 0; i < 3; i++)
             gradient[i] = v_select(blended, k_fma(w, next[i] - gradient[i], gradient[i]), gradient[i]);
     }
-    return d;
+#ifdef REFINE_STREAM
+    for (int i = 0; i < 3; i++)
+        gradient[i] *= field->sign;
+#endif
+    return SIGNED(d);
 }
 
 /* For lanes of `m`, whose density is d0 at t and d1 at t1: the change of sign that lies nearest, backward from solid
@@ -218,6 +243,88 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
         hit->normal[2] = OF_LANE(normal.z, l);           \
     }
 
+#ifdef REFINE_STREAM
+/* A normal that the brick's does not agree with is of another surface, beside an edge. */
+#define LEAST_AGREEMENT 0.5f
+
+/* Hits of rays in lanes, at `at` in the list: where they are and their normals, or the latter alone. */
+RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction, vint back, vint at, vint valid,
+                                 const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float voxels_per_m,
+                                 int moves, K_GLOBAL karst_hit *hits)
+{
+    vint record = at * (int)(sizeof(karst_hit) / sizeof(int));
+    vint word = HIT_WORD(1), kind = word & 0xff, level = word >> 8 & 0xff;
+    vint left = valid & (v_eq(kind, (vint)((int)KARST_HIT_SURFACE)) | v_eq(kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+    if (!v_any(left))
+        return;
+    const vfloat one = (vfloat)(1.0f), sign = v_select(back, -one, one);
+    const vector3 before = {v_as_float(HIT_WORD(4)), v_as_float(HIT_WORD(5)), v_as_float(HIT_WORD(6))};
+    vfloat t = v_select(left, v_as_float(HIT_WORD(0)), (vfloat)(0.0f));
+    vint found = (vint)(0);
+    vector3 normal = *direction;
+    while (v_any(left)) {
+        const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
+        vint mine = left & v_eq(level, (vint)(here));
+        const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign};
+        refined r;
+        if (moves) {
+            r = refine_lanes(&field, t, voxels_per_m, mine);
+            field_surface(&field, r.t, r.gradient);
+        } else {
+            field_surface(&field, t, r.gradient);
+            r.t = t;
+            r.found = mine;
+        }
+        for (int i = 0; i < 3; i++)
+            r.gradient[i] *= sign;
+        vector3 down = {before.x, before.y, before.z};
+        vint good = r.found & normal_of_gradient(r.gradient, &down);
+        good &= v_gt(k_fma(down.x, before.x, k_fma(down.y, before.y, down.z * before.z)), (vfloat)(LEAST_AGREEMENT));
+        t = v_select(good, r.t, t);
+        normal.x = v_select(good, down.x, normal.x);
+        normal.y = v_select(good, down.y, normal.y);
+        normal.z = v_select(good, down.z, normal.z);
+        found |= good;
+        left &= ~mine;
+    }
+    EACH_LANE(STORE_REFINED_)
+}
+
+/* Of the rays of a stream. */
+__kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count, karst_shade_anchor anchor,
+                                 K_GLOBAL const ulong *data, float voxels_per_m, int moves, K_GLOBAL karst_hit *hits)
+{
+    const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
+    if (lowest >= num_rays)
+        return;
+    const vint valid = v_lt(V_LANE + (int)lowest, (vint)((int)num_rays));
+    const vint lane = v_select(valid, V_LANE + (vint)(0), (vint)(0));
+    K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + lowest);
+    const vint first = lane * (int)(sizeof(karst_ray) / sizeof(float));
+    const vector3 origin = {v_gather_float(words, first), v_gather_float(words, first + 1),
+                            v_gather_float(words, first + 2)};
+    const vector3 direction = {v_gather_float(words, first + 4), v_gather_float(words, first + 5),
+                               v_gather_float(words, first + 6)};
+    const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
+    refine_ray_lanes(&origin, &direction, v_eq(side, (vint)((int)KARST_SIDE_BACK)), lane, valid, &anchor, data,
+                     voxels_per_m, moves, hits + lowest);
+}
+
+/* Of a camera's, in packet order. */
+__kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_shade_anchor anchor,
+                                   K_GLOBAL const ulong *data, float voxels_per_m, int moves, K_GLOBAL karst_hit *hits)
+{
+    vint x, y;
+    vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vector3 direction = pinhole_direction(&pinhole, x, y);
+    const vector3 origin = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
+    const vint at = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+    refine_ray_lanes(&origin, &direction, (vint)(is_inside ? -1 : 0), at, valid, &anchor, data, voxels_per_m, moves,
+                     hits);
+}
+#else
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
                                  float voxels_per_m, float footprint, float blend, K_GLOBAL karst_hit *hits)
 {
@@ -257,3 +364,4 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
     word &= ~(int)KARST_HIT_UNBLENDED; /* the true density has both levels */
     EACH_LANE(STORE_REFINED_)
 }
+#endif

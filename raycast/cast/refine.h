@@ -27,11 +27,22 @@ typedef struct {
 
 /* Errors: KARST_FAILED. */
 karst_refiner *karst_refiner_create(karst_context *context, const karst_refine_world *world, karst_error *error);
+/* The same for rays that start anywhere, and leave matter as well as enter it (karst_ray.side). */
+karst_refiner *karst_refiner_create_for_rays(karst_context *context, const karst_refine_world *world,
+                                             karst_error *error);
 void karst_refiner_destroy(karst_refiner *refiner); /* NULL is fine */
 
 /* Refines the hits of a cast with this view and pinhole in place: t and the normal. Asynchronous on the context's
  * queue. Errors: KARST_FAILED (also: hits too small). */
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
+
+/* With a refiner for rays: refines the hits of a stream, of as many as the word `count` holds (max_rays at most), or of
+ * a camera's rays, which start in matter if is_inside. `moves`: t and the normal; else the normal alone, for a third of
+ * the time. No levels are blended. Likewise. */
+bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
+                       const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error);
+bool karst_refine_camera(karst_refiner *refiner, const karst_pinhole *pinhole, bool is_inside,
+                         const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error);
 
 #endif

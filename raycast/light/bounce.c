@@ -154,11 +154,6 @@ bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_c
                              error);
 }
 
-karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
-{
-    return (karst_bounce_stream){.rays = bounce->rays, .count = bounce->total, .hits = bounce->hits};
-}
-
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error)
@@ -186,4 +181,23 @@ bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, ka
                            KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
                            KARST_BUFFER_ARG(bounce->suns), KARST_BUFFER_ARG(bounce->marks), KARST_BUFFER_ARG(parts)) &&
            karst_launch(bounce->context, bounce->add_sun, KARST_STAGE_SHADE, room / lanes, local_size, error);
+}
+
+karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
+{
+    return (karst_bounce_stream){bounce->rays, bounce->hits, bounce->total, bounce->shadow_rays, bounce->room};
+}
+
+uint32_t karst_bounce_room(int width_px, int height_px)
+{
+    return (uint32_t)num_blocks(width_px, height_px) * BLOCK_RAYS;
+}
+
+void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total)
+{
+    karst_buffer *own_rays = bounce->rays, *own_total = bounce->total;
+    bounce->rays = *rays;
+    bounce->total = *total;
+    *rays = own_rays;
+    *total = own_total;
 }

@@ -5,25 +5,7 @@
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #include "raycast/shadow_shared.h"
-#include "raycast/light/surface.clh"
-
-#define GROUPS(size_px) (((uint)(size_px) + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE)
-#define GROUP_ITEMS (KARST_PACKET_RAYS * KARST_GROUP_PACKETS / LANES)
-#define BLOCK_GROUPS (KARST_BEAM_ACROSS * KARST_BEAM_DOWN)
-#define BLOCK_ITEMS (GROUP_ITEMS * BLOCK_GROUPS)
-#define BLOCK_RAYS (BLOCK_ITEMS * LANES)
-
-/* The pixels of item i of a block, and which of them lie in the picture. */
-RAY_INLINE vint block_pixels(uint block, uint i, int width_px, int height_px, vint *x, vint *y)
-{
-    const uint across = GROUPS(width_px), blocks = (across + KARST_BEAM_ACROSS - 1) / KARST_BEAM_ACROSS;
-    const uint group = i / GROUP_ITEMS;
-    const uint column = block % blocks * KARST_BEAM_ACROSS + group % KARST_BEAM_ACROSS,
-               row = block / blocks * KARST_BEAM_DOWN + group / KARST_BEAM_ACROSS;
-    if (column >= across || row >= GROUPS(height_px))
-        return (vint)(0);
-    return packet_pixels((row * across + column) * GROUP_ITEMS + i % GROUP_ITEMS, width_px, height_px, x, y);
-}
+#include "raycast/light/blocks.clh"
 
 /* The lanes that mirror anything. */
 RAY_INLINE vint mirrors(K_GLOBAL const float *shares, vint order, vint valid, vfloat *share)
@@ -62,39 +44,6 @@ __kernel void bounce_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint 
     }
     *total = sum;
     counters[5] += sum;
-}
-
-/* The square of how far the normals of two pixels are apart; of pixels outside the picture and misses: MOST_APART. */
-#define MOST_APART 4.0f
-RAY_INLINE vfloat normals_apart(K_GLOBAL const karst_hit *hits, const karst_pinhole *pinhole, vint x, vint y,
-                                const vector3 *normal)
-{
-    const vint inside = v_mask(v_ge(x, (vint)(0))) & v_mask(v_ge(y, (vint)(0))) &
-                        v_mask(v_lt(x, (vint)(pinhole->width_px))) & v_mask(v_lt(y, (vint)(pinhole->height_px)));
-    const vint order = packet_order(v_select(inside, x, (vint)(0)), v_select(inside, y, (vint)(0)), pinhole->width_px,
-                                    pinhole->height_px);
-    K_GLOBAL const float *words = (K_GLOBAL const float *)hits;
-    const vint record = order * (int)(sizeof(karst_hit) / sizeof(float)) + 4;
-    const vfloat nx = v_gather_float(words, record), ny = v_gather_float(words, record + 1),
-                 nz = v_gather_float(words, record + 2);
-    const vint known = inside & v_mask(v_gt(k_fma(nx, nx, k_fma(ny, ny, nz * nz)), (vfloat)(0.0f)));
-    const vfloat dx = nx - normal->x, dy = ny - normal->y, dz = nz - normal->z;
-    return v_select(known, k_fma(dx, dx, k_fma(dy, dy, dz * dz)), (vfloat)(MOST_APART));
-}
-
-/* How fast footprints grow along rays that a surface mirrors: as the camera's do, and by how much the surface turns
- * them from pixel to pixel. Of two neighbours across, and of two up and down, the one whose normal is nearer counts, as
- * the other may belong to another surface. */
-#define MOST_CONE 1.0f
-RAY_INLINE vfloat mirrored_cone(K_GLOBAL const karst_hit *hits, const karst_pinhole *pinhole, vint x, vint y,
-                                const vector3 *normal)
-{
-    const vfloat across =
-        lane_min(normals_apart(hits, pinhole, x - 1, y, normal), normals_apart(hits, pinhole, x + 1, y, normal));
-    const vfloat along =
-        lane_min(normals_apart(hits, pinhole, x, y - 1, normal), normals_apart(hits, pinhole, x, y + 1, normal));
-    return lane_min(k_fma(k_sqrt(lane_max(across, along)), (vfloat)(2.0f), (vfloat)(pinhole->cone)),
-                    (vfloat)(MOST_CONE));
 }
 
 /* Where a packet's rays start and go, and which there are. */

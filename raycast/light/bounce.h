@@ -28,11 +28,6 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 /* Casts them; `again`: for stamps and wishes alone. Asynchronous. Errors: KARST_FAILED. */
 bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view, bool again,
                        karst_error *error);
-/* The stream, as many of its rays as the word `count` holds, and their hits: the bounce's own. */
-typedef struct {
-    const karst_buffer *rays, *count, *hits;
-} karst_bounce_stream;
-karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
 /* Adds what they see without the sun to the parts; makes their shadow rays. As karst_shade_rays. */
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
@@ -41,5 +36,17 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error);
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error);
+
+/* The buffers of the stream, which are the bounce's until there is other room: as many rays as the word `total` holds,
+ * and their hits; and rays that a picture of that size may have, in whole blocks of a beam's. */
+typedef struct {
+    karst_buffer *rays, *hits, *total;
+    karst_buffer *shadow_rays; /* NULL without a sun */
+    uint32_t room;
+} karst_bounce_stream;
+karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
+uint32_t karst_bounce_room(int width_px, int height_px);
+/* Takes rays, and the word that counts them, of another stream with as much room, and gives its own. */
+void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total);
 
 #endif

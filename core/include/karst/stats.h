@@ -29,9 +29,10 @@ typedef enum {
     KARST_STREAM_PRIMARY, /* from the camera */
     KARST_STREAM_SHADOW,  /* to the sun, from what the others hit */
     KARST_STREAM_MIRROR,  /* mirrored by land; only with karst_engine_config.mirror */
+    KARST_STREAM_CLEAR,   /* reflected and refracted by clear matter, and of a world with such mirrored by land */
     KARST_NUM_STREAMS
 } karst_stream;
-/* "primary", "shadow", "mirror"; "unknown" of other numbers. Static. Thread-safe. */
+/* "primary", "shadow", "mirror", "clear"; "unknown" of other numbers. Static. Thread-safe. */
 const char *karst_stream_name(karst_stream stream);
 
 typedef struct {
@@ -82,6 +83,7 @@ typedef struct {
     uint64_t num_changed_pixels;             /* against the frame before; counted only if the engine was asked to */
     uint64_t num_rays[KARST_NUM_STREAMS];    /* of the picture */
     uint64_t stream_ns[KARST_NUM_STREAMS];   /* device time for casting them, part of time_ns[KARST_STAGE_CAST] */
+    uint64_t num_rays_cut; /* of those in clear matter, that met more surfaces than karst_engine_config.bounces */
     uint64_t num_coarser; /* hits on coarser levels than detail_asked_px stands for, for whatever reason */
     /* Pixels per voxel: as set, and as this frame's rays asked for. More than set where the pools do not hold the view,
      * or production is behind a budget in ms. */

@@ -27,8 +27,8 @@
     X(CLEAR_MIRROR, "mirror", 1, 0.0, false)         \
     X(CLEAR_GLOSS, "gloss", 1, 0.0, false)           \
     X(CLEAR_EMISSION, "emission", 3, 0.0, false)     \
-    X(CLEAR_IOR, "ior", 1, 1.33, false)              \
-    X(CLEAR_ABSORPTION, "absorption", 3, 0.0, false) \
+    X(CLEAR_IOR, "ior", 1, 1.33, true)               \
+    X(CLEAR_ABSORPTION, "absorption", 3, 0.0, true)  \
     X(CLEAR_TRANSPARENCY, "transparency", 1, 0.0, false) \
     X(EXTINCTION, "extinction", 1, 0.0, true)        \
     X(AIR_ALBEDO, "albedo", 3, 1.0, true)            \

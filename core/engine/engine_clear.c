@@ -1,0 +1,96 @@
+/* Clear matter in pictures: which rays are cast into it, and when. */
+#include <math.h>
+
+#include "core/engine/engine_parts.h"
+
+/* Whether the eye is in clear matter, by the text's own density, and what that absorbs per metre there. */
+static bool find_eye(const karst_engine *engine, float absorption_per_m[3])
+{
+    const karst_world_file *file = engine->shown.file->content[KARST_CONTENT_CLEAR];
+    karst_oracle *oracle = engine->shown.content[KARST_CONTENT_CLEAR].oracle;
+    const karst_position *at = &engine->camera.position;
+    static const float up[3] = {0, 1, 0};
+    karst_oracle_value values[KARST_NUM_ROOTS];
+    if (!(karst_oracle_density(oracle, at, -1).precise > 0))
+        return false;
+    if (karst_has_output(file->program->world.root, KARST_OUTPUT_ABSORPTION)) {
+        karst_oracle_shading(oracle, at, up, -1, values);
+        for (int c = 0; c < 3; c++)
+            absorption_per_m[c] = fmaxf(values[KARST_ROOT_ABSORPTION + c].device, 0);
+    }
+    return true;
+}
+
+static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                      const karst_light *light)
+{
+    const bool has_clear = karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
+    karst_clear_picture picture = {
+        .view = view,
+        .pinhole = pinhole,
+        .light = light,
+        .land = engine->caster,
+        .clear = has_clear ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
+        .shader = engine->shader,
+        .clear_shader = engine->shown.clear_shader,
+        .voxel_m = exp2(engine->world->voxel_log2_m),
+        .bounces = engine->bounces,
+        .refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
+        .hits = engine->hits,
+        .parts = karst_radiance_parts(engine->radiance),
+        .shadow_rays = engine->shadow_rays,
+        .counters = engine->counters,
+    };
+    picture.is_inside = has_clear && find_eye(engine, picture.absorption_per_m);
+    karst_clear_shader_set_anchor(engine->shown.clear_shader, &engine->camera.position);
+    return picture;
+}
+
+bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
+                                    const karst_engine_wishes *wishes, karst_error *error)
+{
+    const karst_world_file *file = world->file->content[KARST_CONTENT_CLEAR];
+    const karst_producer *producer = world->content[KARST_CONTENT_CLEAR].producer;
+    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    karst_shade_colour surface = {.options = options};
+    if (!(wishes->contents >> KARST_CONTENT_CLEAR & 1u))
+        return true;
+    const bool has_surface = file && producer && file->code.colour_source;
+    if (has_surface) {
+        karst_world_file_colour_options(file, options);
+        surface.source = file->code.colour_source;
+        surface.data = producer->data[0];
+    }
+    world->clear_shader = karst_clear_shader_create(context, world->file->info.has_atmosphere,
+                                                    has_surface ? &surface : NULL, error);
+    return world->clear_shader && karst_engine_world_build_clear_refiner(world, context, error);
+}
+
+bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                  bool keeps, karst_error *error)
+{
+    if (!engine->clear || !karst_engine_has_content(engine, KARST_CONTENT_CLEAR))
+        return true;
+    const karst_light light = {.pad = {0}}; /* none is looked at */
+    const karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    return karst_clear_cast_camera(engine->clear, &picture, keeps, error);
+}
+
+bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                 const karst_light *light, karst_error *error)
+{
+    if (!engine->clear)
+        return true;
+    const karst_clear_picture picture = picture_of(engine, view, pinhole, light);
+    return karst_clear_cover(engine->clear, &picture, error);
+}
+
+bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              bool again, karst_error *error)
+{
+    if (!engine->clear)
+        return true;
+    const karst_light light = karst_engine_light(engine);
+    const karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    return karst_clear_trace(engine->clear, &picture, again, error);
+}

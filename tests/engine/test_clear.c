@@ -1,0 +1,400 @@
+/* Clear matter in pictures: where rays go through it, against long double; what is lost; that nothing else is. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "karst/karst.h"
+
+enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
+
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
+
+/* A wall behind what there is of clear matter gives off light that says where it was seen. The sun's glow in the sky
+ * is nothing beside it. */
+#define HEAD                                                                                                     \
+    "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"                 \
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                              \
+    "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 30 } }*/\n"
+#define WALL                                                                                \
+    "float density(vec3 p) { return p.z - 8.0; }\n"                                         \
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0);\n"                \
+    "    m.emission = 1000.0 * vec3(p.x + 30.0, p.y + 30.0, 30.0); return m; }\n"
+#define GLASS                                                                              \
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n"
+#define WALL_Z 8.0L
+#define EYE_Z (-4.0L)
+
+typedef struct {
+    float light[3 * NUM];
+    uint8_t bytes[4 * NUM];
+    karst_stats stats;
+} picture;
+
+static karst_engine *create(const char *text, const karst_engine_config *like)
+{
+    char path[64] = "/tmp/karst-clear-XXXXXX.karst";
+    karst_error error = {0};
+    karst_engine_config config = *like;
+    int fd = mkstemps(path, 6);
+    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
+    close(fd);
+    config.world = path;
+    config.display = KARST_DISPLAY_NONE;
+    config.width_px = WIDTH;
+    config.height_px = HEIGHT;
+    config.exposure = KARST_EXPOSURE_GIVEN;
+    if (!config.num_bricks)
+        config.pool_bytes = (uint64_t)96 << 20;
+    karst_engine *engine = karst_engine_create(&config, &error);
+    unlink(path);
+    if (!engine)
+        fail_msg("%s", error.message);
+    return engine;
+}
+
+static void settle(karst_engine *engine, picture *p)
+{
+    bool settled = false;
+    assert_ok(karst_engine_settle(engine, 600, NULL, NULL, &settled, &error));
+    karst_engine_stats(engine, &p->stats);
+    assert_true(settled && p->stats.settled);
+    assert_int_equal(p->stats.num_provisional, 0);
+    assert_int_equal(p->stats.num_incomplete, 0);
+    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * NUM, &error));
+    assert_ok(karst_engine_read_pixels(engine, p->bytes, sizeof p->bytes, &error));
+}
+
+static void take(const char *text, const karst_engine_config *config, picture *p)
+{
+    karst_engine *engine = create(text, config);
+    settle(engine, p);
+    karst_engine_destroy(engine);
+}
+
+static picture one, other;
+
+/* ---- rays in long double ---- */
+
+typedef struct {
+    long double x, y, z;
+} vec;
+
+static vec add(vec a, vec b, long double scale)
+{
+    return (vec){a.x + scale * b.x, a.y + scale * b.y, a.z + scale * b.z};
+}
+static long double dot(vec a, vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static vec unit(vec a) { return add((vec){0, 0, 0}, a, 1 / sqrtl(dot(a, a))); }
+
+/* Snell's law; the normal looks against the ray. false: all is reflected. *share becomes what goes through. */
+static bool refract(vec *d, vec n, long double ratio, long double *share)
+{
+    const long double ci = -dot(*d, n), square = 1 - ratio * ratio * (1 - ci * ci);
+    if (square <= 0)
+        return false;
+    const long double ct = sqrtl(square);
+    const long double rs = (ratio * ci - ct) / (ratio * ci + ct), rp = (ratio * ct - ci) / (ratio * ct + ci);
+    *share = 1 - (rs * rs + rp * rp) / 2;
+    *d = unit(add(add((vec){0, 0, 0}, *d, ratio), n, ratio * ci - ct));
+    return true;
+}
+
+/* Where a ray meets a sphere around the origin; the nearer place or the farther one. */
+static bool meet_sphere(vec o, vec d, long double radius, bool far, long double *t)
+{
+    const long double b = dot(o, d), square = b * b - dot(o, o) + radius * radius;
+    if (square <= 0)
+        return false;
+    *t = -b + (far ? sqrtl(square) : -sqrtl(square));
+    return true;
+}
+
+/* Bodies of index 1.5 around the origin: a slab that is turned; a wedge; a sphere; a sphere with a hollow core of half
+ * its radius. `way`: how far the ray went inside. */
+typedef enum { SLAB, PRISM, BALL, HOLLOW } body;
+
+static const vec slab_normal = {0.5L, 0, -0.8660254037844386467637231707529362L};
+static const vec prism_back = {0.258819045102520762348898837624048328L, 0, 0.965925826289068286749743199728897368L};
+
+static bool cross_plane(vec *o, vec d, vec n, long double height)
+{
+    const long double t = (height - dot(*o, n)) / dot(d, n);
+    *o = add(*o, d, t);
+    return t > 0;
+}
+
+static vec towards(vec n, vec d) { return dot(n, d) > 0 ? add((vec){0, 0, 0}, n, -1) : n; }
+
+static bool through(body b, vec *o, vec *d, long double *share, long double *way)
+{
+    const long double into = 1 / 1.5L, out = 1.5L;
+    long double later, t;
+    vec start;
+    *way = 0;
+    switch (b) {
+    case SLAB:
+        cross_plane(o, *d, slab_normal, 0.25L);
+        start = *o;
+        if (!refract(d, towards(slab_normal, *d), into, share))
+            return false;
+        cross_plane(o, *d, slab_normal, -0.25L);
+        *way = sqrtl(dot(add(*o, start, -1), add(*o, start, -1)));
+        return refract(d, towards(slab_normal, *d), out, &later);
+    case PRISM:
+        cross_plane(o, *d, (vec){0, 0, -1}, 0.25L);
+        start = *o;
+        if (!refract(d, (vec){0, 0, -1}, into, share))
+            return false;
+        cross_plane(o, *d, prism_back, 0.25L);
+        *way = sqrtl(dot(add(*o, start, -1), add(*o, start, -1)));
+        return refract(d, towards(prism_back, *d), out, &later);
+    case BALL:
+    case HOLLOW:
+        if (!meet_sphere(*o, *d, 1, false, &t))
+            return false;
+        *o = add(*o, *d, t);
+        if (!refract(d, unit(*o), into, share))
+            return false;
+        if (b == HOLLOW && meet_sphere(*o, *d, 0.5L, false, &t)) {
+            *o = add(*o, *d, t);
+            *way += t;
+            if (!refract(d, unit(*o), out, &later))
+                return false;
+            meet_sphere(*o, *d, 0.5L, true, &t);
+            *o = add(*o, *d, t);
+            if (!refract(d, towards(unit(*o), *d), into, &later))
+                return false;
+        }
+        meet_sphere(*o, *d, 1, true, &t);
+        *o = add(*o, *d, t);
+        *way += t;
+        return refract(d, towards(unit(*o), *d), out, &later);
+    }
+    return false;
+}
+
+static vec pixel_ray(int x, int y)
+{
+    const long double half = tanl(15 * 3.14159265358979323846264338327950288L / 180);
+    return unit((vec){((x + 0.5L) * 2 / WIDTH - 1) * half, (1 - (y + 0.5L) * 2 / HEIGHT) * half, 1});
+}
+
+/* How far the rays that the picture's pixels saw the wall by are from the true ones, in radians, at worst and in the
+ * middle of the list; of pixels that are `within` so much of the picture's middle. */
+static int compare(const void *a, const void *b)
+{
+    const long double d = *(const long double *)a - *(const long double *)b;
+    return d < 0 ? -1 : d > 0;
+}
+
+static int measure(body b, const picture *p, int within, long double *worst, long double *median,
+                   long double absorption)
+{
+    static long double off[NUM];
+    int num = 0;
+    for (int y = HEIGHT / 2 - within; y < HEIGHT / 2 + within; y++)
+        for (int x = WIDTH / 2 - within; x < WIDTH / 2 + within; x++) {
+            vec o = {0, 0, EYE_Z}, d = pixel_ray(x, y);
+            long double share = 1, way;
+            if (!through(b, &o, &d, &share, &way) || d.z < 0.3L)
+                continue;
+            /* Nearer to a ball's rim what is reflected meets the wall, too. */
+            if (b >= BALL && hypot(x + 0.5 - WIDTH / 2, y + 0.5 - HEIGHT / 2) > 14)
+                continue;
+            const long double t = (WALL_Z - o.z) / d.z;
+            const vec wall = add(o, d, t);
+            const float *light = p->light + 3 * (y * WIDTH + x);
+            const long double weight = (long double)light[2] / 30000;
+            /* What is seen is right to within the rest of a voxel; and the light that is left. */
+            const long double seen_x = (long double)light[0] / weight / 1000 - 30,
+                              seen_y = (long double)light[1] / weight / 1000 - 30;
+            if (absorption > 0)
+                share *= expl(-absorption * way);
+            if (fabsl(weight - share) > 2e-3L)
+                fail_msg("pixel %d,%d: %.5Lf of the light is left, not %.5Lf", x, y, weight, share);
+            /* Across the ray, seen from where it left. */
+            const vec apart = {seen_x - wall.x, seen_y - wall.y, 0};
+            const vec across = add(apart, d, -dot(apart, d));
+            off[num++] = sqrtl(dot(across, across)) / t;
+        }
+    qsort(off, (size_t)num, sizeof *off, compare);
+    *worst = off[num - 1];
+    *median = off[num / 2];
+    return num;
+}
+
+static const char slab[] = HEAD WALL GLASS
+    "float clear(vec3 p) { return 0.25 - abs(dot(p, vec3(0.5, 0.0, -0.8660254037844386))); }\n";
+static const char prism[] = HEAD WALL GLASS
+    "float clear(vec3 p) { return min(0.25 + p.z, 0.25 - dot(p, vec3(0.25881904510252074, 0.0, "
+    "0.9659258262890683))); }\n";
+static const char ball[] = HEAD WALL GLASS "float clear(vec3 p) { return 1.0 - length(p); }\n";
+static const char hollow[] = HEAD WALL GLASS "float clear(vec3 p) { return min(1.0 - length(p), length(p) - 0.5); }\n";
+static const char green[] = HEAD WALL
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; m.absorption = vec3(0.7); return m; }\n"
+    "float clear(vec3 p) { return 1.0 - length(p); }\n";
+
+static void rays_leave_bodies_where_they_should(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name, *text;
+        body body;
+        int within;
+        long double most, absorption;
+    } bodies[] = {{"slab", slab, SLAB, 20, 2e-6L, 0},       {"prism", prism, PRISM, 20, 2e-6L, 0},
+                  {"ball", ball, BALL, 14, 2e-6L, 0},       {"hollow ball", hollow, HOLLOW, 6, 2e-6L, 0},
+                  {"green ball", green, BALL, 14, 1e-5L, 0.7L}};
+    for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
+        long double worst, median;
+        const karst_engine_config config = {.bounces = 8};
+        take(bodies[i].text, &config, &one);
+        const int num = measure(bodies[i].body, &one, bodies[i].within, &worst, &median, bodies[i].absorption);
+        print_message("%s: %d rays, off by %.2Lg rad at most, %.2Lg in the middle\n", bodies[i].name, num, worst,
+                      median);
+        assert_true(num > 100);
+        assert_true(worst < bodies[i].most);
+    }
+}
+
+/* A shell of land all around that gives off as much light everywhere. */
+#define UNIFORM                                                                                  \
+    "/*{ \"voxel\": 0.015625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"   \
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"              \
+    "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 40 } }*/\n"                    \
+    "float density(vec3 p) { return length(p) - 20.0; }\n"                                       \
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(0.5); return m; }\n" GLASS
+static const char *const furnaces[] = {
+    UNIFORM "float clear(vec3 p) { return 1.0 - length(p); }\n",
+    UNIFORM "float clear(vec3 p) { return min(1.0 - length(p), length(p) - 0.5); }\n",
+    UNIFORM "float clear(vec3 p) { vec3 q = abs(vec3(0.8 * p.x + 0.6 * p.z, p.y, 0.8 * p.z - 0.6 * p.x)); "
+            "return 0.7 - max(q.x, max(q.y, q.z)); }\n",
+    UNIFORM "float clear(vec3 p) { return 0.35 - length(vec2(length(p.xy) - 0.9, p.z)); }\n",
+    UNIFORM "float clear(vec3 p) { return 6.0 - length(p); }\n", /* the eye is in it */
+};
+
+/* Clear matter that absorbs nothing is invisible where all directions are as bright. */
+static void nothing_is_lost_or_added(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < sizeof furnaces / sizeof *furnaces; i++)
+        for (uint32_t samples = 1; samples <= 4; samples += 3) {
+            const karst_engine_config config = {.samples = samples, .bounces = 64};
+            int num_off = 0;
+            take(furnaces[i], &config, &one);
+            for (int k = 0; k < 3 * NUM; k++)
+                num_off += fabsf(one.light[k] / 0.5f - 1) > 1.0f / 255;
+            print_message("furnace %zu, %u samples: %d values are off, %d rays, %d cut off\n", i, samples, num_off,
+                          (int)one.stats.num_rays[KARST_STREAM_CLEAR], (int)one.stats.num_rays_cut);
+            assert_true(one.stats.num_rays[KARST_STREAM_CLEAR] > 200);
+            /* In a cube's corners, and along a ring, a ray may be reflected totally for longer than is followed. */
+            assert_true(num_off <= (i == 2 || i == 3 ? 3 * NUM / 200 : 0));
+        }
+}
+
+/* The same bits with 16 lanes and with 1, and whatever was looked at before. */
+static void pictures_depend_on_the_view_alone(void **state)
+{
+    (void)state;
+    for (uint32_t samples = 1; samples <= 3; samples += 2) {
+        karst_engine_config config = {.samples = samples};
+        take(hollow, &config, &one);
+        config.lanes = 1;
+        take(hollow, &config, &other);
+        assert_memory_equal(one.light, other.light, sizeof one.light);
+        config.lanes = 0;
+        karst_engine *engine = create(hollow, &config);
+        karst_camera camera = karst_engine_default_camera(engine), back = camera;
+        back.yaw_deg = 25;
+        assert_ok(karst_engine_set_camera(engine, &back, &error));
+        settle(engine, &other);
+        assert_ok(karst_engine_set_camera(engine, &camera, &error));
+        settle(engine, &other);
+        assert_memory_equal(one.light, other.light, sizeof one.light);
+        karst_engine_destroy(engine);
+    }
+}
+
+/* Fewer bounces cut rays off, and say how many. */
+static void what_is_cut_off_is_counted(void **state)
+{
+    (void)state;
+    karst_engine_config config = {.bounces = 1};
+    take(hollow, &config, &one);
+    assert_true(one.stats.num_rays_cut > 300);
+    config.bounces = 12;
+    take(hollow, &config, &other);
+    print_message("of 1 bounce %d rays are cut off, of 12 %d\n", (int)one.stats.num_rays_cut,
+                  (int)other.stats.num_rays_cut);
+    assert_true(other.stats.num_rays_cut < one.stats.num_rays_cut / 20);
+    karst_error error = {0};
+    config.bounces = 65;
+    config.world = "hills";
+    assert_null(karst_engine_create(&config, &error));
+    assert_int_equal(error.status, KARST_USAGE);
+}
+
+/* A pool of water: land under it, the eye in it. */
+static const char water[] =
+    "/*{ \"voxel\": 0.015625, \"view\": 60, \"sun\": { \"azimuth\": 60, \"elevation\": 40 },\n"
+    "\"sky\": { \"zenith\": [0.1, 0.2, 0.4], \"horizon\": [0.4, 0.5, 0.6], \"haze\": 1e12 },\n"
+    "\"camera\": { \"position\": [\"0\", \"1\", \"-4\"], \"pitch\": 15, \"fov\": 70 } "
+    "}*/\n"
+    "float density(vec3 p) { return 0.4 * sin(p.x) * sin(0.7 * p.z) - p.y; }\n"
+    "float clear(vec3 p) { return 2.0 + 0.05 * sin(3.0 * p.x + p.z) - p.y; }\n"
+    "material clear_surface(vec3 p, vec3 n) { material m; m.absorption = vec3(0.1, 0.04, 0.03); return m; }\n";
+
+static void an_eye_in_water_sees_no_holes_in_pools_of_any_size(void **state)
+{
+    (void)state;
+    const karst_engine_config config = {.samples = 1, .tone = KARST_TONE_OF_FILM};
+    take(water, &config, &one);
+    const uint32_t bricks = (uint32_t)(one.stats.bricks.num_used), tiles = (uint32_t)one.stats.tiles.num_used,
+                   clear = (uint32_t)one.stats.stores[0].bricks.num_used;
+    const uint32_t all = bricks > 2 * clear ? bricks : 2 * clear;
+    static const uint32_t percents[] = {100, 50, 25, 10};
+    double given_px = 0;
+    for (int i = 0; i < 4; i++) {
+        const karst_engine_config small = {.num_bricks = 34 + all * percents[i] / 100,
+                                           .num_tiles = 48 + tiles * percents[i] / 100,
+                                           .tone = KARST_TONE_OF_FILM};
+        take(water, &small, &other);
+        int num_black = 0;
+        for (int k = 0; k < NUM; k++)
+            num_black += other.light[3 * k] + other.light[3 * k + 1] + other.light[3 * k + 2] <= 0;
+        print_message("%u %%: %d bricks of water, %d of land, %.2f px, %d pixels are black\n", percents[i],
+                      (int)other.stats.stores[0].bricks.num_used, (int)other.stats.bricks.num_used,
+                      other.stats.detail_given_px, num_black);
+        assert_int_equal(num_black, 0);
+        assert_true(other.stats.detail_given_px >= given_px);
+        given_px = other.stats.detail_given_px;
+        if (percents[i] == 100)
+            assert_memory_equal(one.light, other.light, sizeof one.light);
+    }
+    assert_true(given_px > 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rays_leave_bodies_where_they_should),
+        cmocka_unit_test(nothing_is_lost_or_added),
+        cmocka_unit_test(pictures_depend_on_the_view_alone),
+        cmocka_unit_test(what_is_cut_off_is_counted),
+        cmocka_unit_test(an_eye_in_water_sees_no_holes_in_pools_of_any_size),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
