@@ -62,7 +62,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
     cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
@@ -177,8 +177,8 @@ $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 
 # libFuzzer brings main.
-FUZZER := $(OBJ)/tests/fuzz/fuzz_language
-$(FUZZER): $(FUZZER).o $(LIBRARY)
+FUZZERS := $(patsubst %.c,$(OBJ)/%,$(wildcard tests/fuzz/fuzz_*.c))
+$(FUZZERS): %: %.o $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(LIBRARY) $(KLIBS) -o $@
 
@@ -211,6 +211,10 @@ fuzz:
 	    $(HOSTILE) write $(FUZZ_CORPUS)
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2000 \
 	    -max_len=8000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_points
+	$(Q)mkdir -p $(FUZZ_CORPUS)-points
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_points -max_total_time=$(FUZZ_SECONDS) -timeout=2 -rss_limit_mb=500 \
+	    -max_len=4000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/points- $(FUZZ_CORPUS)-points tests/fuzz/points
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND) docs-view
@@ -305,7 +309,7 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
-	@echo 'make fuzz            fuzz the world language with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
+	@echo 'make fuzz            fuzz the world language and files of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'

@@ -14,6 +14,9 @@
 /* What a world may have beside its land, each in a store of its own (producers/stores.h). */
 typedef enum {
     KARST_CONTENT_CLEAR, /* clear matter */
+    KARST_CONTENT_AIR,   /* a medium that fills the space outside matter: the density is its extinction, per metre;
+                          * colour, mirror and emission are its albedo, g and emission. Its producers are built with
+                          * KARST_MEDIUM_OPTION */
     KARST_NUM_CONTENTS
 } karst_content;
 extern const char *const karst_content_names[KARST_NUM_CONTENTS]; /* of their stores, too */

@@ -2,7 +2,8 @@
 #include "raycast/shade_shared.h"
 #include "raycast/light/light.clh"
 #include "raycast/shadow_shared.h"
-#ifdef SHADE_MIRROR
+#if defined(SHADE_MIRROR) || defined(SHADE_PATHS)
+#define SHADE_STREAMS
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #endif
@@ -52,7 +53,7 @@
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
 
-#if defined(SHADE_MIRROR) && defined(WORLD_OUTPUT_MIRROR)
+#if defined(SHADE_STREAMS) && defined(WORLD_OUTPUT_MIRROR)
 #define OWN_MIRROR
 #define OWN_MIRROR_TAKEN , vfloat *mirror
 #define OWN_MIRROR_OF(mirror) , &mirror
@@ -207,7 +208,7 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 }
 #endif
 
-#ifdef SHADE_MIRROR
+#ifdef SHADE_STREAMS
 #define NUM_COUNTS 9 /* as KARST_SHADE_COUNTERS */
 #define MIRRORED 5   /* those of a stream: the same numbers from here on */
 #define NO_COUNTS                 \
@@ -589,4 +590,8 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     add_group_counts(counters, counts, sums);
 #endif
 }
+#endif
+
+#ifdef SHADE_PATHS
+#include "raycast/light/paths.clh"
 #endif
