@@ -252,16 +252,14 @@ bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const 
     const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units
                                        : (max_rays + local_size - 1) / local_size * local_size;
     const cl_mem sky_mem = sky_table(shader);
-    const karst_argument arguments[] = {
+    karst_argument arguments[18 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(streams->lamps), KARST_BUFFER_ARG(streams->rays),
         KARST_BUFFER_ARG(streams->count), KARST_BUFFER_ARG(streams->hits), KARST_BUFFER_ARG(streams->next),
         KARST_BUFFER_ARG(streams->to_lamps), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
         KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
-        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets),
-        /* of an atmosphere alone */
-        KARST_VALUE_ARG(*sky_of(shader)), KARST_VALUE_ARG(sky_mem)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (shader->atmosphere ? 0 : 2);
+        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 18 + add_last(shader, &sky_mem, arguments + 18);
     return check_size(parts, KARST_RADIANCE_PLANES * sizeof(float), pinhole, error) &&
            karst_arguments(shader->paths, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->paths, KARST_STAGE_SHADE, global_size, local_size, error);
