@@ -40,7 +40,7 @@ static bool make_schedule(const command_flight *flight, const karst_path *path, 
 bool command_flight_count(const command_flight *flight, size_t *num, karst_error *error)
 {
     schedule plan = {0};
-    /* Its times alone count here, but keyframes must not fall on one another: so with fine voxels, if these reach so far. */
+    /* Its times alone count here, but keyframes must not fall on one another: fine voxels, if they reach so far. */
     karst_path *path = karst_path_load(flight->file, 0, NULL);
     if (!path)
         path = karst_path_load(flight->file, KARST_VOXEL_LOG2_MAX, error);
