@@ -27,8 +27,8 @@ Q := @
 say = @printf '  %-6s %s\n'
 endif
 
-WARN   := -Wall -Wextra -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
-PKGS   := libpng jansson sqlite3
+WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
+PKGS   := libpng libtiff-4 jansson sqlite3
 # What the command needs beyond the library's.
 COMMAND_PKGS := cairo glfw3 zlib
 CFLAGS_release := -O2 -g
@@ -58,6 +58,7 @@ HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/command/karst.c demos/command/plot.c \
     $(sort $(wildcard demos/command/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
+WORLD_DATA := $(sort $(wildcard demos/worlds/data/*.png))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
 # A test or benchmark is one file with a main(); what several of them share stands in tests/support/.
@@ -65,7 +66,7 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/saved.sh \
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
     cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/cold.sh cli/tutorial.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
@@ -180,8 +181,8 @@ $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 
 # libFuzzer brings main.
-FUZZER := $(OBJ)/tests/fuzz/fuzz_language
-$(FUZZER): $(FUZZER).o $(LIBRARY)
+FUZZERS := $(patsubst %.c,$(OBJ)/%,$(wildcard tests/fuzz/fuzz_*.c))
+$(FUZZERS): %: %.o $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(LIBRARY) $(KLIBS) -o $@
 
@@ -209,11 +210,17 @@ FUZZ_CORPUS = $(BUILD)/fuzz/corpus
 HOSTILE = $(BUILD)/release/tests/language/test_hostile
 fuzz:
 	$(Q)$(MAKE) CONFIG=release $(HOSTILE)
-	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_language $(BUILD)/fuzz/tests/fuzz/fuzz_samples
 	$(Q)mkdir -p $(FUZZ_CORPUS) && cp demos/worlds/*.karst tests/language/pasted/*.karst $(FUZZ_CORPUS) && \
 	    $(HOSTILE) write $(FUZZ_CORPUS)
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_language -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2000 \
 	    -max_len=8000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)
+	$(Q)mkdir -p $(FUZZ_CORPUS)-samples && $(BUILD)/fuzz/tests/fuzz/fuzz_samples -max_total_time=$(FUZZ_SECONDS) -timeout=10 \
+	    -rss_limit_mb=500 -malloc_limit_mb=2000 -max_len=6000 -artifact_prefix=$(BUILD)/fuzz/ $(FUZZ_CORPUS)-samples tests/fuzz/samples
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_points
+	$(Q)mkdir -p $(FUZZ_CORPUS)-points
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_points -max_total_time=$(FUZZ_SECONDS) -timeout=2 -rss_limit_mb=500 \
+	    -max_len=4000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/points- $(FUZZ_CORPUS)-points tests/fuzz/points
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND) docs-view
@@ -285,6 +292,7 @@ install: all $(OUT)/karst.1
 	    chmod 644 $(call below,$(LIBDIR)/cmake/karst/)$$file || exit; done
 ifneq ($(WORLDS),)
 	$(Q)install -d $(call below,share/karst/worlds) && install -m 644 $(WORLDS) $(call below,share/karst/worlds)
+	$(Q)install -d $(call below,share/karst/worlds/data) && install -m 644 $(WORLD_DATA) $(call below,share/karst/worlds/data)
 endif
 	$(Q)install -d $(call below,share/karst/paths) && install -m 644 $(PATHS) $(call below,share/karst/paths)
 	$(Q)$(foreach d,$(DESKTOP),install -D -m 644 $(firstword $(subst :, ,$(d))) $(call desktop_target,$(d)) &&) true
@@ -294,9 +302,10 @@ uninstall:
 	$(Q)rm -f $(foreach f,bin/karst $(addprefix $(LIBDIR)/,libkarst.a libkarst.so libkarst.so.$(SOVERSION) pkgconfig/karst.pc \
 	    cmake/karst/karst-config.cmake cmake/karst/karst-config-version.cmake) \
 	    $(addprefix include/karst/,$(notdir $(HEADERS))) $(addprefix share/karst/worlds/,$(notdir $(WORLDS))) \
+	    $(addprefix share/karst/worlds/data/,$(notdir $(WORLD_DATA))) \
 	    $(addprefix share/karst/paths/,$(notdir $(PATHS))),$(call below,$(f))) \
 	    $(foreach d,$(DESKTOP),$(call desktop_target,$(d)))
-	$(Q)rmdir $(call below,include/karst) $(call below,$(LIBDIR)/cmake/karst) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
+	$(Q)rmdir $(call below,include/karst) $(call below,$(LIBDIR)/cmake/karst) $(call below,share/karst/worlds/data) $(call below,share/karst/worlds) $(call below,share/karst/paths) \
 	    $(call below,share/karst) 2>/dev/null || true
 
 check-install: all
@@ -327,7 +336,7 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
-	@echo 'make fuzz            fuzz the world language with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
+	@echo 'make fuzz            fuzz the world language, files of samples and of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'

@@ -8,6 +8,7 @@
 #define KARST_PRODUCERS_PRODUCER_H
 
 #include "cache/cache.h"
+#include "karst/position.h"
 
 typedef struct karst_producer karst_producer;
 
@@ -38,6 +39,17 @@ struct karst_producer {
 bool karst_producer_answer(karst_producer *producer, const karst_cache_buffers *cache, const karst_work *work,
                            karst_error *error);
 
+/* A light beside the sun: as karst_header_light. */
+typedef enum { KARST_WORLD_SUN, KARST_WORLD_POINT, KARST_WORLD_SPOT } karst_world_light_kind;
+typedef struct {
+    karst_world_light_kind kind;
+    karst_position position;
+    float colour[3];
+    double azimuth_deg, elevation_deg, size_deg, radius_m, angle_deg, soft;
+    bool shadow;
+} karst_world_light;
+#define KARST_WORLD_MAX_LIGHTS 16
+
 /* How to look at a world. */
 typedef struct {
     const char *name;
@@ -54,6 +66,11 @@ typedef struct {
     double exposure_stops; /* of pictures, where it is said */
     double mirror;         /* the share of light that land mirrors */
     bool has_own_mirror;   /* its surfaces say so each for itself */
+    bool has_sun_colour;
+    float sun_colour[3];
+    uint32_t num_lights;
+    karst_world_light lights[KARST_WORLD_MAX_LIGHTS];
+    bool has_air;          /* a medium fills the space outside matter */
     double haze_globe_m;    /* radius of a globe round the origin from whose surface heights count; 0: none */
     bool has_atmosphere;    /* sky, haze and the sun's colour are those of raycast/light/atmosphere.h */
     double dust;            /* as there */

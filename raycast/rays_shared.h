@@ -32,7 +32,7 @@ typedef struct {
     uint pixel;  /* whatever the stream's maker wants back */
     uint side;   /* KARST_SIDE_* */
     float throughput[3]; /* the share of its light that reaches the pixel, of red, green and blue */
-    uint pad;
+    uint flags;          /* of the stream's maker */
 } karst_ray;
 K_ASSERT_SIZE(karst_ray, 64);
 

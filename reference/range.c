@@ -381,6 +381,32 @@ static karst_node_range steep_range(const karst_ranger *r, const octave_pass *pa
     return n;
 }
 
+/* An image over the piece: by the value at the middle and how steep it is at most along each axis. */
+static karst_node_range image_range(const karst_ranger *r, const octave_pass *pass, const karst_octave *octave)
+{
+    const karst_image_header *image = image_of(octave);
+    const interval all = interval_of((double)image->low, (double)image->high);
+    karst_oracle_cell at[2];
+    double slope = 0, steepest = 0;
+    for (int i = 0; i < 2; i++) {
+        const double most = fmax(-(double)image->slope[2 * i], (double)image->slope[2 * i + 1]);
+        at[i] = (karst_oracle_cell){pass->place[i].cell, pass->place[i].fraction};
+        slope += most * interval_most(pass->rate[i]);
+        steepest += most;
+    }
+    const double error = steepest * pass->unsure + 0x1p-40 * fmax(fabs(all.lo), fabs(all.hi));
+    interval value = interval_widen(interval_thin(karst_oracle_image(octave, at, r->level, -1)), error);
+    karst_node_range n = moving(r, value, interval_of(-slope, slope));
+    n.value = interval_meet(n.value, interval_widen(all, error));
+    if (r->half > 0)
+        return n;
+    n.slope = interval_thin(0);
+    for (int i = 0; i < 2; i++)
+        n.slope =
+            interval_add(n.slope, interval_scale(pass->rate[i], karst_oracle_image(octave, at, r->level, i)));
+    return n;
+}
+
 static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
 {
     const karst_expr_node *n = &r->graph->nodes[e];
@@ -395,8 +421,10 @@ static karst_node_range noise_range(const karst_ranger *r, karst_expr e)
         double weight = (double)octave_weight_at(octave, r->level).weight;
         octave_pass pass;
         karst_node_range one = {{0, 0}, {0, 0}, {0, 0}};
-        if (weight != 0 && !pass_octave(r, n, octave, scale, &pass))
+        if ((weight != 0 || noise->image) && !pass_octave(r, n, octave, scale, &pass))
             return unknown;
+        if (noise->image)
+            return image_range(r, &pass, octave);
         if (weight != 0)
             one = noise->base == KARST_NOISE_GRADIENT ? gradient_range(r, &pass, octave->seed)
                                                       : steep_range(r, &pass, noise->base, octave->seed);

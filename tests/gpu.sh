@@ -120,6 +120,7 @@ for word; do
     --cflags) flags=yes ;;
     --libs) libs=yes ;;
     libpng) list="${list:-} -lpng16" ;;
+    libtiff-4) list="${list:-} -ltiff" ;;
     jansson) list="${list:-} -ljansson" ;;
     cairo) list="${list:-} -lcairo" ;;
     OpenCL) list="${list:-} -lOpenCL" ;;

@@ -200,9 +200,12 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
         return false;
     engine->path = NULL;
 
+    if (!karst_engine_end_media(engine, error))
+        return false;
     bool rung_moved = step_ladder(engine, &work), pace_changed = step_pace(engine, &work, moved);
-    engine->complete = work.num_requests == 0 && stats->num_produced == 0 && stats->num_evicted == 0 && !rung_moved &&
-                     !pace_changed && karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
+    engine->complete = work.num_requests == 0 && !engine->media_lacks && stats->num_produced == 0 &&
+                       stats->num_evicted == 0 && !rung_moved && !pace_changed &&
+                       karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
     if (!karst_engine_end_sample(engine, engine->complete, rung_moved || pace_changed, error))
         return false;
     stats->settled = engine->complete && engine->num_summed == engine->samples &&

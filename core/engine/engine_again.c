@@ -8,7 +8,8 @@ bool karst_engine_look_again(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     return karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error) &&
-           karst_engine_cast_into_stores(engine, &view, &pinhole, error);
+           karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+           karst_engine_look_at_media(engine, &view, &pinhole, error);
 }
 
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error)
@@ -21,5 +22,6 @@ bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error
     return (!engine->shadows || karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                          engine->shadows_asked, error)) &&
            (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, error) &&
-                                karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error)));
+                                karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error))) &&
+           karst_engine_look_at_paths(engine, &view, &pinhole, error);
 }

@@ -30,5 +30,6 @@ bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cas
 {
     const karst_light light = karst_engine_light(engine);
     return !engine->shadows ||
-           karst_bounce_cast_shadows(engine->bounce, engine->caster, view, pinhole, &light, true, error);
+           (karst_bounce_cast_shadows(engine->bounce, engine->caster, view, pinhole, &light, true, error) &&
+            karst_engine_look_at_mirrored_lights(engine, view, pinhole, error));
 }

@@ -51,7 +51,8 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     const karst_world_info *info = &world->file->info;
     if (!karst_engine_set_view_distance(engine, info, error))
         return false;
-    bool same = karst_fingerprint_same(&engine->shown.fingerprint, &world->fingerprint);
+    bool same = karst_fingerprint_same(&engine->shown.fingerprint, &world->fingerprint) &&
+                karst_engine_world_same_models(&engine->shown, world);
     bool changed[KARST_NUM_CONTENTS];
     karst_engine_changed_contents(&engine->shown, world, changed);
     karst_finish(engine->context, NULL); /* nothing may run of what goes */
@@ -204,7 +205,8 @@ void karst_prepared_world_destroy(karst_prepared_world *world)
 
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error)
 {
-    bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error);
+    bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error) &&
+                karst_engine_colour_models(engine, error);
     karst_prepared_world_destroy(world);
     return done;
 }
@@ -227,6 +229,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         world->file->info.has_atmosphere ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
+        !karst_engine_world_same_models(old, world) ||
         !karst_engine_set_view_distance(engine, &world->file->info, error))
         return true;
     bool is_same = false;
@@ -237,6 +240,8 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         return karst_engine_set_view_distance(engine, engine->world, error);
     world->producer = old->producer;
     old->producer = NULL;
+    world->models = old->models;
+    old->models = NULL;
     world->shader = karst_engine_tape_shader(engine->context, engine->shade, world->producer->data[0], error);
     karst_engine_world_close(old);
     karst_engine_adopt_world(engine, world);

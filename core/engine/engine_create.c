@@ -60,7 +60,8 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t num_sto
 void karst_engine_cast_options(const karst_engine_config *config, const karst_world_info *world, char *text,
                                size_t size_bytes)
 {
-    const bool has_streams = karst_engine_shade_ways(config, world) & KARST_SHADE_MIRROR;
+    const unsigned of_streams = KARST_SHADE_MIRROR | KARST_SHADE_PATHS;
+    const bool has_streams = karst_engine_shade_ways(config, world) & of_streams;
     int length =
         snprintf(text, size_bytes, "%s%s%s%s", has_streams ? "" : KARST_CAST_NO_STREAMS,
                  config->no_shadows ? " " KARST_CAST_NO_SHADOWS : "", config->no_beam ? " " KARST_CAST_NO_BEAM : "",
@@ -85,11 +86,15 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
 
 unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
 {
+    if (config->integrator == KARST_INTEGRATOR_FULL)
+        return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS;
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
                         (world->has_own_mirror && config->mirror >= 0);
-    const bool radiance = mirror || config->samples > 1 || config->tone != KARST_TONE_OF_PLAIN || config->exposure;
+    const bool lights = world->num_lights > 0;
+    const bool radiance = mirror || lights || world->has_air || config->samples > 1 ||
+                          config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
-           (mirror ? KARST_SHADE_MIRROR : 0u);
+           (mirror ? KARST_SHADE_MIRROR : 0u) | (lights ? KARST_SHADE_PATHS : 0u);
 }
 
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
@@ -144,8 +149,14 @@ static bool open_context(karst_engine *engine, const karst_engine_config *config
     return engine->context != NULL;
 }
 
-karst_engine *karst_engine_create(const karst_engine_config *config, karst_error *error)
+karst_engine *karst_engine_create(const karst_engine_config *given, karst_error *error)
 {
+    karst_engine_config own = *given;
+    const karst_engine_config *config = &own;
+    if (!karst_engine_check_paths(given, error))
+        return NULL;
+    /* Paths look for the sun by rays of their own. */
+    own.no_shadows |= given->integrator == KARST_INTEGRATOR_FULL;
     karst_engine *engine = calloc(1, sizeof *engine);
     if (!engine) {
         karst_fail(error, KARST_FAILED, "out of memory");
@@ -164,6 +175,9 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     engine->budget_bricks = config->budget_bricks ? config->budget_bricks : DEFAULT_BUDGET_BRICKS;
     engine->shadows = !config->no_shadows;
     engine->mirror = config->mirror;
+    engine->integrator = config->integrator;
+    engine->bounces = config->bounces;
+    engine->media_mode = config->media;
     engine->samples = config->samples ? config->samples : 1;
     engine->tone = config->tone;
     engine->exposure = config->exposure;
@@ -250,6 +264,8 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     if ((engine->shade & KARST_SHADE_MIRROR) &&
         !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
+    if ((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error)))
+        goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
                                   error) ||
@@ -258,6 +274,10 @@ karst_engine *karst_engine_create(const karst_engine_config *config, karst_error
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
+    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_models(engine, error)) {
+        karst_engine_destroy(engine);
+        return NULL;
+    }
     if (!config->edits || karst_engine_load_edits(engine, config->edits, error))
         return engine;
     karst_engine_destroy(engine);
@@ -283,10 +303,12 @@ void karst_engine_destroy(karst_engine *engine)
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
     karst_engine_destroy_stores(engine);
+    karst_media_destroy(engine->media);
     karst_sunward_destroy(engine->sunward);
     karst_views_destroy(engine->views);
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
+    karst_paths_destroy(engine->paths);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     karst_context_destroy(engine->context);

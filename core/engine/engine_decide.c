@@ -19,12 +19,15 @@ void karst_engine_usable_slots(const karst_engine *engine, uint32_t *num_tiles, 
 }
 
 /* Bounces of the picture's rays: they themselves; once they want nothing those that start where they end, to the sun
- * and mirrored; and once these do not either those to the sun from where mirrored ones end. */
+ * and mirrored; and once these do not either those to the sun from where mirrored ones end. Paths are followed
+ * whole from the hits: one that lacks something ends there. */
 typedef enum { PICTURE, FROM_HITS, FROM_MIRRORED } sure_rays;
 
 static sure_rays last_rays(const karst_engine *engine)
 {
-    return !engine->shadows ? (engine->bounce ? FROM_HITS : PICTURE) : engine->bounce ? FROM_MIRRORED : FROM_HITS;
+    if (engine->shadows && engine->bounce)
+        return FROM_MIRRORED;
+    return engine->shadows || engine->bounce || engine->paths ? FROM_HITS : PICTURE;
 }
 
 /* `again`: only those that wanted anything, as far as that is known. */
@@ -39,14 +42,16 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     if (rays == PICTURE)
         return (again ? karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)
                       : karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)) &&
-               karst_engine_cast_into_stores(engine, &view, &pinhole, error);
+               karst_engine_cast_into_stores(engine, &view, &pinhole, error) &&
+               karst_engine_look_at_media(engine, &view, &pinhole, error);
     const karst_light light = karst_engine_light(engine);
     const bool cast = !engine->shadows ||
                       (again ? karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                         engine->shadows_asked, error)
                              : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                           NULL, engine->shadows_asked, NULL, error));
-    return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, error));
+    return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, error)) &&
+           karst_engine_look_at_paths(engine, &view, &pinhole, error);
 }
 
 static bool round_of_sure_rays(karst_engine *engine, sure_rays rays, bool again, karst_allowance *left,

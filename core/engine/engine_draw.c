@@ -6,23 +6,34 @@
 #include "raycast/light/light.h"
 #include "raycast/cast/pinhole.h"
 
+/* By sun, sky and mirrors. */
+static bool shade(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                  const karst_light *light, cl_mem pixels, karst_error *error)
+{
+    karst_buffer *parts = engine->radiance ? karst_radiance_parts(engine->radiance) : NULL;
+    const cl_mem shaded = engine->radiance ? karst_radiance_marks(engine->radiance)->mem : pixels;
+    if (!karst_shade_pixels(engine->shader, view, pinhole, light, engine->hits, engine->shadow_rays, shaded, parts,
+                            engine->counters, error))
+        return false;
+    karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
+    const bool shadowed =
+        !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light->sun_direction, error)) &&
+                             karst_cast_picture_shadows(engine->caster, view, pinhole, light, engine->shadow_rays,
+                                                        shaded, engine->shadows_asked, engine->shadow_hints, error));
+    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
+    return shadowed && karst_engine_draw_media(engine, view, pinhole, light, error) &&
+           (!engine->bounce || karst_engine_draw_mirrored(engine, view, pinhole, light, error)) &&
+           (!engine->paths || karst_engine_draw_lights(engine, view, pinhole, light, error));
+}
+
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,
                   karst_error *error)
 {
     const karst_light light = karst_engine_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
-    karst_buffer *parts = engine->radiance ? karst_radiance_parts(engine->radiance) : NULL;
-    const cl_mem shaded = engine->radiance ? karst_radiance_marks(engine->radiance)->mem : pixels;
-    if (!karst_shade_pixels(engine->shader, view, pinhole, &light, engine->hits, engine->shadow_rays, shaded, parts,
-                            engine->counters, error))
-        return false;
-    karst_profile_set_stream(engine->context, KARST_STREAM_SHADOW);
-    const bool shadowed =
-        !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light.sun_direction, error)) &&
-                             karst_cast_picture_shadows(engine->caster, view, pinhole, &light, engine->shadow_rays,
-                                                        shaded, engine->shadows_asked, engine->shadow_hints, error));
-    karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    if (!shadowed || (engine->bounce && !karst_engine_draw_mirrored(engine, view, pinhole, &light, error)))
+    if (!(engine->integrator == KARST_INTEGRATOR_FULL
+              ? karst_engine_draw_paths(engine, view, pinhole, &light, error)
+              : shade(engine, view, pinhole, &light, pixels, error)))
         return false;
     if (engine->radiance && !karst_engine_show_radiance(engine, pixels, error))
         return false;

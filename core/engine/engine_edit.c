@@ -1,4 +1,4 @@
-/* Layers of an engine's scene, which are edits as yet: see karst/edit.h. */
+/* Layers of an engine's scene: its world's models, then edits (karst/edit.h). */
 #include <stdlib.h>
 
 #include "core/engine/engine_parts.h"
@@ -16,21 +16,28 @@ static bool drop_dirty(karst_engine *engine, karst_error *error)
     return karst_cache_drop(engine->cache, boxes, num, engine->serial, &engine->dropped, error);
 }
 
-bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error)
+bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error)
 {
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
                                      .finalise_options =
                                          karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
-    if (!engine->edits)
-        return true;
-    if (world->file->info.voxel_log2_m != karst_edits_list(engine->edits)->voxel_log2_m)
+    karst_layer *layers[2];
+    size_t num = 0;
+    if (!karst_engine_world_load_models(engine, world, error))
+        return false;
+    if (world->models)
+        layers[num++] = world->models;
+    if (engine->edits && world->file->info.voxel_log2_m != karst_edits_list(engine->edits)->voxel_log2_m)
         return karst_fail(error, KARST_USAGE,
                           "%s has voxels of 2^%d m, and the edits were made in voxels of 2^%d m: undo them first, or "
                           "give the world the same voxel",
                           world->file->info.name, world->file->info.voxel_log2_m,
                           karst_edits_list(engine->edits)->voxel_log2_m);
-    return karst_finish(engine->context, error) &&
-           karst_world_file_set_layers(world->producer, world->file, &build, &engine->edits, 1, engine->colours, error);
+    if (engine->edits)
+        layers[num++] = engine->edits;
+    return num == 0 || (karst_finish(engine->context, error) &&
+                        karst_world_file_set_layers(world->producer, world->file, &build, layers, num,
+                                                    engine->colours, error));
 }
 
 static bool make_layer(karst_engine *engine, karst_error *error)
@@ -54,10 +61,10 @@ static bool make_layer(karst_engine *engine, karst_error *error)
 static bool make_colours(karst_engine *engine, karst_error *error)
 {
     const karst_cache_buffers *bricks = karst_cache_get_buffers(engine->cache);
+    if (engine->edits && !karst_edits_allow_colours(engine->edits, error))
+        return false;
     if (engine->colours)
         return true;
-    if (!karst_edits_allow_colours(engine->edits, error))
-        return false;
     karst_colours *colours = karst_colours_create(engine->context, bricks, error);
     karst_shader *shader =
         colours ? karst_engine_world_shader(&engine->shown, engine->context, engine->shade | KARST_SHADE_PAINT,
@@ -76,6 +83,11 @@ static bool make_colours(karst_engine *engine, karst_error *error)
     karst_shader_set_colours(shader, colours, bricks);
     karst_shader_set_skies(shader, engine->shown.skies);
     return true;
+}
+
+bool karst_engine_colour_models(karst_engine *engine, karst_error *error)
+{
+    return !karst_engine_world_has_coloured_models(&engine->shown) || make_colours(engine, error);
 }
 
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error)

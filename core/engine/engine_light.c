@@ -45,7 +45,10 @@ bool karst_engine_set_sun(karst_engine *engine, const karst_sun *sun, karst_erro
 static karst_light sunlight(const karst_engine *engine)
 {
     const karst_sun sun = karst_engine_get_sun(engine);
-    return karst_light_of_sun(sun.azimuth_deg, sun.elevation_deg);
+    karst_light light = karst_light_of_sun(sun.azimuth_deg, sun.elevation_deg);
+    if (engine->world->has_sun_colour)
+        memcpy(light.sun_colour, engine->world->sun_colour, sizeof engine->world->sun_colour);
+    return light;
 }
 
 karst_light karst_engine_light(const karst_engine *engine)
@@ -62,7 +65,8 @@ karst_light karst_engine_light(const karst_engine *engine)
         eye_m[axis] = (double)engine->camera.position.voxel[axis] * voxel_m;
     karst_light_set_haze(&light, &haze, eye_m, voxel_m);
     light.shadow_distance = (float)engine->view_distance_voxels;
-    light.mirror = engine->bounce ? (float)karst_engine_mirror_share(engine->mirror, world) : 0;
+    const bool mirrors = engine->bounce || engine->integrator == KARST_INTEGRATOR_FULL;
+    light.mirror = mirrors ? (float)karst_engine_mirror_share(engine->mirror, world) : 0;
     memcpy(light.sky_zenith, world->sky_zenith, sizeof world->sky_zenith);
     memcpy(light.sky_horizon, world->sky_horizon, sizeof world->sky_horizon);
     memcpy(light.ground_flat, world->ground_flat, sizeof world->ground_flat);

@@ -24,9 +24,11 @@
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
+#include "raycast/light/paths.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
+#include "raycast/media/media.h"
 
 #define KARST_ENGINE_NUM_COUNTERS KARST_SHADE_COUNTERS
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
@@ -62,6 +64,7 @@ typedef struct {
     karst_world_layout gradient_layout; /* of refine_data */
     karst_buffer *refine_data;
     karst_engine_content content[KARST_NUM_CONTENTS];
+    karst_layer *models; /* NULL: it has none, or they are not loaded yet */
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -107,6 +110,10 @@ struct karst_engine {
     karst_surface *surface;
     karst_cache *cache;
     karst_engine_store stores[KARST_NUM_CONTENTS];
+    karst_media *media; /* what is seen of the air's; NULL until it is seen */
+    const karst_producer *media_of; /* whom it was made for */
+    karst_media_mode media_mode;
+    bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
     karst_colours *colours; /* NULL: no layer had any yet */
@@ -116,6 +123,9 @@ struct karst_engine {
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors */
+    karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_integrator integrator;
+    uint32_t bounces;         /* of paths, as configured */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -216,9 +226,18 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
 
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
-/* Makes the engine's layers part of what an open world's producer makes; does nothing without layers.
- * Errors: KARST_USAGE (voxels of another size), KARST_FAILED. */
-bool karst_engine_world_set_layers(karst_engine *engine, const karst_engine_world *world, karst_error *error);
+/* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
+ * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
+bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
+/* If the shown world's models have colours: room for them, and a shader that shows them. Errors: KARST_FAILED. */
+bool karst_engine_colour_models(karst_engine *engine, karst_error *error);
+/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
+ * KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
+bool karst_engine_world_has_models(const karst_engine_world *world);
+bool karst_engine_world_has_coloured_models(const karst_engine_world *world); /* of those that are loaded */
+/* Whether two worlds of one voxel have the same models in the same places. */
+bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
@@ -326,6 +345,16 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
 
+/* engine_media.c; all do nothing where the world has no air. Lays media before the sample that was shaded, and makes
+ * what light needs to come through them. */
+bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error);
+/* The picture's rays ask for what they lack of media. */
+bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
+/* Once a picture is ended: whether its media lacked anything. */
+bool karst_engine_end_media(karst_engine *engine, karst_error *error);
+
 /* engine_decide.c. Rounds by rays that are sure, in place of the picture's own, until engine->verdict says whether the
  * ladder's rung fits the pools, or the frame's budget ends; `work` is the last round. */
 bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error);
@@ -358,6 +387,20 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
 bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
+
+/* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
+bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
+/* In place of shading, shadows and mirrors; or after these, what a world's own lights add. */
+bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error);
+bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, karst_error *error);
+/* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
+bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
+/* Likewise from where mirrored rays end. */
+bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
+                                          const karst_pinhole *pinhole, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

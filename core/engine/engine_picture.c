@@ -46,8 +46,9 @@ static bool check_room(const karst_engine *engine, karst_error *error)
     double hits = num_pixels * sizeof(karst_hit), held = 0,
            shadows = engine->shadows ? (double)karst_cast_shadow_bytes(engine->width_px, engine->height_px) : 0;
     const double mirrored =
-        engine->bounce ? karst_bounce_bytes(engine->width_px, engine->height_px, engine->shadows) : 0;
-    double largest = fmax(engine->bounce ? num_pixels * sizeof(karst_ray) : hits, shadows),
+        (engine->bounce ? karst_bounce_bytes(engine->width_px, engine->height_px, engine->shadows) : 0) +
+        (engine->paths ? karst_paths_bytes((size_t)num_pixels) : 0);
+    double largest = fmax(engine->bounce || engine->paths ? num_pixels * sizeof(karst_ray) : hits, shadows),
            sum = hits + shadows + mirrored + 4 * num_pixels;
     for (const karst_buffer *b = context->buffers; b; b = b->next)
         held += (double)b->size_bytes;
@@ -92,7 +93,8 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
                             karst_cast_asked_bytes(engine->context, engine->width_px, engine->height_px), NULL, error);
     if (!engine->surface || !engine->hits || !engine->asked ||
         (engine->radiance && !karst_radiance_set_room(engine->radiance, num_pixels, error)) ||
-        (engine->bounce && !karst_bounce_set_room(engine->bounce, engine->width_px, engine->height_px, error)))
+        (engine->bounce && !karst_bounce_set_room(engine->bounce, engine->width_px, engine->height_px, error)) ||
+        (engine->paths && !karst_paths_set_room(engine->paths, num_pixels, error)))
         return false;
     size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
                                               engine->width_px, engine->height_px);

@@ -78,7 +78,7 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
  * and once they end where they should, those to the sun and those that are mirrored. */
 static bool follow_up(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
-    const bool sunwards = (engine->shadows || engine->bounce) && engine->counted[1] == 0;
+    const bool sunwards = (engine->shadows || engine->bounce || engine->paths) && engine->counted[1] == 0;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
         uint64_t start_ns = karst_engine_cpu_ns(engine);
         if (!(sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again)(engine, error) ||

@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/steps/medium.h"
 #include "producers/stores.h"
 
 /* While a store lacked something in its last round, the others leave it so much of what a round may make. */
@@ -46,6 +47,11 @@ bool karst_engine_create_stores(karst_engine *engine, const karst_engine_config 
         if (!engine->shown.file->content[i])
             continue;
         of->store = karst_cache_add_store(engine->cache, &store, error);
+        if (i == KARST_CONTENT_AIR) { /* rays march through it in their own way: engine_media.c */
+            if (!of->store)
+                return false;
+            continue;
+        }
         of->caster = of->store ? karst_caster_create_with(engine->context, karst_store_get_buffers(of->store),
                                                           cast_options, error)
                                : NULL;
@@ -63,8 +69,14 @@ void karst_engine_destroy_stores(karst_engine *engine)
 
 /* ---- what fills them ---- */
 
-static karst_world_build build_of(const karst_cache_buffers *buffers, const karst_engine_wishes *wishes)
+/* `finalise` holds its options, which are borrowed. */
+static karst_world_build build_of(const karst_cache_buffers *buffers, const karst_engine_wishes *wishes, int content,
+                                  char finalise[64])
 {
+    snprintf(finalise, 64, "%s " KARST_MEDIUM_OPTION, karst_cache_brick_option(buffers));
+    if (content == KARST_CONTENT_AIR)
+        return (karst_world_build){
+            .shape = KARST_SHAPE_AUTO, .options = KARST_MEDIUM_OPTION, .finalise_options = finalise};
     return (karst_world_build){.shape = KARST_SHAPE_AUTO,
                                .finalise_options = karst_cache_brick_option(buffers),
                                .start_on_host = wishes->start_on_host};
@@ -74,8 +86,9 @@ bool karst_engine_world_build_contents(karst_engine_world *world, karst_context 
                                        const karst_cache_buffers *buffers, const karst_engine_wishes *wishes,
                                        karst_error *error)
 {
-    const karst_world_build build = build_of(buffers, wishes);
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
+        char finalise[64];
+        const karst_world_build build = build_of(buffers, wishes, i, finalise);
         const karst_world_file *file = world->file->content[i];
         if (!file || !(wishes->contents >> i & 1u))
             continue;
@@ -170,7 +183,7 @@ bool karst_engine_cast_into_stores(karst_engine *engine, const karst_cast_view *
                                    karst_error *error)
 {
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
-        if (karst_engine_has_content(engine, i) &&
+        if (karst_engine_has_content(engine, i) && engine->stores[i].caster &&
             !karst_cast_pinhole(engine->stores[i].caster, view, pinhole, NULL, error))
             return false;
     return true;
@@ -180,6 +193,7 @@ bool karst_engine_cast_into_stores(karst_engine *engine, const karst_cast_view *
 
 bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST_NUM_CONTENTS], karst_error *error)
 {
+    engine->media_is_stale = true;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (changed[i] && engine->stores[i].store && !karst_store_forget(engine->stores[i].store, error))
             return false;
@@ -198,6 +212,7 @@ void karst_engine_changed_contents(const karst_engine_world *from, const karst_e
 bool karst_engine_set_content_parameters(karst_engine *engine, const karst_number *values, karst_error *error)
 {
     karst_engine_world *shown = &engine->shown;
+    engine->media_is_stale = true;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
         karst_engine_content *content = &shown->content[i];
         const karst_world_file *file = shown->file->content[i];

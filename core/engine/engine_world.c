@@ -17,6 +17,12 @@ static bool remember_values(karst_engine_world *world, const karst_world_config 
            karst_fail(error, KARST_FAILED, "out of memory");
 }
 
+static void show_what_samples_miss(karst_world_file *file, karst_thin thin)
+{
+    karst_world_file_raise_thin(file, thin);
+    karst_world_file_smooth_jumps(file);
+}
+
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
                              karst_error *error)
 {
@@ -24,7 +30,7 @@ bool karst_engine_world_open(karst_engine_world *world, const karst_world_config
     *world = (karst_engine_world){.thin = thin};
     world->file = karst_world_find(config, path, error);
     if (world->file)
-        karst_world_file_raise_thin(world->file, thin);
+        show_what_samples_miss(world->file, thin);
     if (world->file && remember_values(world, config, error))
         return true;
     karst_engine_world_close(world);
@@ -49,7 +55,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
                                            source->length - source->user_begin, given, num_given, NULL, error);
     free(given);
     if (world->file)
-        karst_world_file_raise_thin(world->file, world->thin);
+        show_what_samples_miss(world->file, world->thin);
     if (world->file && remember_values(world, &config, error))
         return true;
     karst_engine_world_close(world);
@@ -63,6 +69,8 @@ void karst_engine_world_close(karst_engine_world *world)
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
     karst_producer_destroy(world->producer);
+    if (world->models)
+        world->models->ops->destroy(world->models);
     karst_fingerprint_finish(&world->fingerprint);
     free(world->values);
     karst_world_file_destroy(world->file);
@@ -105,10 +113,11 @@ bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *co
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
+    const bool has_layers = wishes->has_layers || karst_engine_world_has_models(world);
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
                                      .finalise_options = karst_cache_brick_option(buffers),
-                                     .in_two_steps = wishes->has_layers,
-                                     .start_on_host = wishes->start_on_host && !wishes->has_layers};
+                                     .in_two_steps = has_layers,
+                                     .start_on_host = wishes->start_on_host && !has_layers};
     world->producer =
         karst_world_file_producer_built(context, world->file, world->seed, wishes->max_loads, &build, error);
     /* After the producer, whose data a world's colours read. */

@@ -26,6 +26,7 @@
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
  *   command_edit.c     karst edit
+ *   command_import.c   karst import
  *   command_info.c     karst info, karst --version
  */
 #ifndef KARST_DEMOS_COMMAND_H
@@ -160,9 +161,14 @@ typedef struct {
     uint64_t samples;
     double mirror;
     bool has_mirror;
+    const char *light; /* NULL: direct */
+    uint64_t bounces;
+    karst_integrator parsed_light;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
     const char *sun;      /* NULL: where the world says */
+    const char *media;    /* NULL: full */
+    karst_media_mode parsed_media;
     karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
@@ -177,6 +183,10 @@ typedef struct {
     }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
+        {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
+         &(look)->light, 0, 0, NULL},                                                                                \
+        {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that full light leaves at most (default: 64)",                  \
+         &(look)->bounces, 1, KARST_ENGINE_MAX_BOUNCES, NULL},                                                       \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \
     {                                                                                                                \
@@ -188,6 +198,11 @@ typedef struct {
         "sun", 0, COMMAND_TEXT, "AZIMUTH,ELEVATION",                                                                 \
             "where the sun stands, in degrees: a compass bearing, and how high (default: the world's)",              \
             &(look)->sun, 0, 0, NULL                                                                                 \
+    },                                                                                                               \
+    {                                                                                                                \
+        "media", 0, COMMAND_TEXT, "MODE",                                                                            \
+            "light in clouds, fog and smoke: full, shadow (land knows nothing of it) or basic (default: full)",      \
+            &(look)->media, 0, 0, NULL                                                                               \
     }
 
 /* Errors: KARST_USAGE. */
@@ -228,6 +243,11 @@ bool command_print_saved(const char *name, bool json, command_talk *talk, karst_
 /* The edits of a file of edits or of a saved world: karst_edits_load, karst_saved_load_edits. */
 karst_edit *command_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
                                karst_error *error);
+
+/* ---- command_import.c ---- */
+
+/* What imported points hold, for karst info. */
+bool command_print_points(const char *name, bool json, karst_error *error);
 
 /* ---- command_world.c ---- */
 
@@ -392,6 +412,7 @@ bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);
 

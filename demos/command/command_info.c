@@ -32,10 +32,13 @@ bool command_info(int argc, char **argv, command_talk *talk, karst_error *error)
     if (help) {
         puts("karst info: lists devices, ways to display and limits, and says how to mend what is missing.\n"
              "karst info FILE.karstdb: what a saved world holds.\n"
+             "karst info FILE.karstpoints: what imported points hold.\n"
              "\nOptions:");
         command_print_options(stdout, options, 1);
         return true;
     }
+    if (num_words && karst_points_is_name(name))
+        return command_print_points(name, json, error);
     if (num_words)
         return command_print_saved(name, json, talk, error);
     command_open_driver(talk);

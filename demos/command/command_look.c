@@ -26,8 +26,12 @@ bool command_check_look(command_look *look, karst_error *error)
 {
     if (look->sun && !parse_sun(look->sun, &look->parsed_sun, error))
         return false;
+    if (look->light && !karst_integrator_parse(look->light, &look->parsed_light, error))
+        return false;
     look->parsed_tone = KARST_TONE_OF_FILM;
     if (look->tone && !karst_tone_parse(look->tone, &look->parsed_tone, error))
+        return false;
+    if (look->media && !karst_media_mode_parse(look->media, &look->parsed_media, error))
         return false;
     look->has_exposure = look->exposure != NULL;
     look->auto_exposure = look->exposure && strcmp(look->exposure, "auto") == 0;
@@ -46,7 +50,10 @@ void command_set_look(const command_look *look, karst_engine_config *config)
 {
     config->samples = (uint32_t)look->samples;
     config->mirror = command_mirror(look->mirror, look->has_mirror);
+    config->integrator = look->parsed_light;
+    config->bounces = (uint32_t)look->bounces;
     config->tone = look->parsed_tone;
+    config->media = look->parsed_media;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN
                                             : KARST_EXPOSURE_OF_WORLD;

@@ -17,6 +17,7 @@ static const command commands[] = {
     {"heights", "a map of heights: the topmost surface under each pixel", command_heights},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},
     {"verify", "whether the pictures of a job are all there and right", command_verify},
+    {"import", "a file of points (PLY, OBJ, LAS, XYZ) becomes a model for worlds", command_import},
     {"info", "devices, ways to display, limits; how to mend what is missing", command_info},
 };
 #define NUM_COMMANDS (sizeof commands / sizeof *commands)

@@ -1,7 +1,6 @@
 /* The world's parameters, to be moved with mouse and keys. */
 #include "demos/view/view.h"
 
-#include <errno.h>
 #include <math.h>
 #include <string.h>
 

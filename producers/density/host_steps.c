@@ -10,6 +10,9 @@
 #define WORLD_HAS_DATA
 #define WORLD_MAY_BE_THIN
 #define WORLD_RAISES_THIN(data) (((const karst_data_header *)(data))->raises_thin != 0u)
+#define WORLD_MAY_JUMP
+#define WORLD_SMOOTHS_JUMPS(data) (((const karst_data_header *)(data))->smooths_jumps != 0u)
+#define WORLD_VOXEL_LOG2(data) (((const karst_data_header *)(data))->voxel_log2_m)
 #define TAPE_SLOTS KARST_TAPE_MOST_SLOTS
 /* The one channel, as karst_channels_lay_out places it. */
 #define STAGING_STRIDE KARST_BRICK_PADDED

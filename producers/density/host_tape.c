@@ -269,7 +269,7 @@ K_INLINE void add_noise(block *b, uint n, const karst_instruction *in, int *to)
     FOR_EACH sum[i] = 0.0f;
     for (uint k = 0; k < in->count; k++) {
         octave_weight weight = octave_weight_at(octaves + k, b->level);
-        for (int j = 0; j < 3 && weight.weight != 0.0f; j++) {
+        for (int j = 0; j < 3 && (weight.weight != 0.0f || weight.image); j++) {
             place_coordinates(b, n, &octaves[k].lattice[j], j);
             if (in->arg[j] == TAPE_NOTHING)
                 continue;

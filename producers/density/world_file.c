@@ -27,12 +27,13 @@ const char karst_tape_colours_options[] = "-DWORLD_HAS_DATA " SLOTS_OPTION(TAPE_
 
 /* ---- what a world has beside its land ---- */
 
-const char *const karst_content_names[KARST_NUM_CONTENTS] = {"clear"};
+const char *const karst_content_names[KARST_NUM_CONTENTS] = {"clear", "air"};
 
 /* The entries that give a content's density, and its surface as the land's is given: colour, mirror and so on. */
 static const struct {
     karst_entry density, surface;
-} content_entries[KARST_NUM_CONTENTS] = {{KARST_ENTRY_CLEAR, KARST_ENTRY_CLEAR_SURFACE}};
+} content_entries[KARST_NUM_CONTENTS] = {{KARST_ENTRY_CLEAR, KARST_ENTRY_CLEAR_SURFACE},
+                                         {KARST_ENTRY_AIR, KARST_ENTRY_AIR}};
 
 /* The first root of an entry, and how many it has. */
 static uint32_t roots_of(karst_entry entry, uint32_t *num)
@@ -43,9 +44,24 @@ static uint32_t roots_of(karst_entry entry, uint32_t *num)
     return first->root;
 }
 
+/* A medium's values, by what stands for them. */
+static karst_resolved_world world_of_air(const karst_resolved_world *world)
+{
+    karst_resolved_world of = {.graph = world->graph,
+                               .root[KARST_ROOT_DENSITY] = world->root[KARST_ROOT_EXTINCTION],
+                               .root[KARST_ROOT_MIRROR] = world->root[KARST_ROOT_AIR_G]};
+    for (int i = 0; i < 3; i++) {
+        of.root[KARST_ROOT_COLOUR + i] = world->root[KARST_ROOT_AIR_ALBEDO + i];
+        of.root[KARST_ROOT_EMISSION + i] = world->root[KARST_ROOT_AIR_EMISSION + i];
+    }
+    return of;
+}
+
 /* The same resolved graph with a content's values in the land's place. */
 static karst_resolved_world world_of_content(const karst_resolved_world *world, karst_content content)
 {
+    if (content == KARST_CONTENT_AIR)
+        return world_of_air(world);
     uint32_t num;
     const uint32_t density = roots_of(content_entries[content].density, &num),
                    surface = roots_of(content_entries[content].surface, &num);
@@ -113,7 +129,9 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .colour_code = (uint32_t)code_word(colour, colour_word),
                                 .colour_constants = (uint32_t)colour_word,
                                 .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
-                                .raises_thin = file->raises_thin};
+                                .raises_thin = file->raises_thin,
+                                .smooths_jumps = file->smooths_jumps,
+                                .voxel_log2_m = file->info.voxel_log2_m};
     if (num_more(colour)) {
         header.more_outputs = (uint32_t)end_word(colour, colour_word);
         memcpy(data + 8 * (size_t)header.more_outputs, colour->output + colour->num_outputs - num_more(colour),
@@ -133,8 +151,15 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     bool is_cheap = !facts.has_noise && !file->code.is_tape;
     file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
-        if (file->content[i])
+        if (file->content[i] && i != KARST_CONTENT_AIR) /* which has no surface */
             karst_world_file_raise_thin(file->content[i], thin);
+}
+
+void karst_world_file_smooth_jumps(karst_world_file *file)
+{
+    const karst_resolved_world *world = &file->layout.world;
+    file->smooths_jumps =
+        !file->code.is_tape && karst_graph_thin_facts(world->graph, world->root[KARST_ROOT_DENSITY]).may_jump;
 }
 
 /* ---- how to look at it ---- */
@@ -225,6 +250,31 @@ static void look_around(karst_world_file *file)
 /* Where no sun reaches, so much more light from the sky shows what there is. */
 #define INDOORS_SKY 4.0f
 
+static void set_lights(karst_world_file *file)
+{
+    const karst_world_header *header = &file->program->header;
+    karst_world_info *info = &file->info;
+    info->has_sun_colour = header->has_sun_colour;
+    set_colours(info->sun_colour, header->sun_colour);
+    info->num_lights = header->num_lights;
+    for (uint32_t i = 0; i < header->num_lights; i++) {
+        const karst_header_light *from = &header->lights[i];
+        karst_world_light *to = &info->lights[i];
+        *to = (karst_world_light){.kind = (karst_world_light_kind)from->kind,
+                                  .azimuth_deg = from->azimuth_deg,
+                                  .elevation_deg = from->elevation_deg,
+                                  .size_deg = from->size_deg,
+                                  .radius_m = from->radius_m,
+                                  .angle_deg = from->angle_deg,
+                                  .soft = from->soft,
+                                  .shadow = from->shadow};
+        set_colours(to->colour, from->colour);
+        for (int axis = 0; axis < 3; axis++) /* which the header has looked at */
+            karst_coordinate_parse(from->position[axis], header->voxel_log2_m, &to->position.voxel[axis],
+                                   &to->position.fraction[axis], NULL);
+    }
+}
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -259,6 +309,7 @@ static void set_info(karst_world_file *file)
         .exposure_stops = header->exposure_stops,
         .mirror = header->mirror,
         .has_own_mirror = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
+        .has_air = karst_has_output(file->program->world.root, KARST_OUTPUT_EXTINCTION),
     };
     if (header->has_sky) {
         set_colours(file->info.sky_zenith, header->sky_zenith);
@@ -269,6 +320,7 @@ static void set_info(karst_world_file *file)
         file->info.has_atmosphere = header->has_atmosphere;
         file->info.dust = header->dust;
     }
+    set_lights(file);
     for (int i = 0; i < 3 && file->is_indoors; i++) {
         file->info.sky_zenith[i] *= INDOORS_SKY;
         file->info.sky_horizon[i] *= INDOORS_SKY;
@@ -453,8 +505,11 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
 {
     char tape_options[KARST_TAPE_OPTIONS_BYTES];
     karst_tape_options(&file->tape, tape_options, sizeof tape_options);
-    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s %s",
-             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", tape_options);
+    char jumps[64] = "";
+    if (file->smooths_jumps)
+        snprintf(jumps, sizeof jumps, " -DWORLD_MAY_JUMP -DWORLD_VOXEL_LOG2_M=%d", file->info.voxel_log2_m);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s %s",
+             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", jumps, tape_options);
     *program = (karst_density_program){.name = file->info.name,
                                        .source = file->code.source,
                                        .bounds_source = file->code.is_gradient_noise_alone

@@ -14,6 +14,9 @@
 /* What a world may have beside its land, each in a store of its own (producers/stores.h). */
 typedef enum {
     KARST_CONTENT_CLEAR, /* clear matter */
+    KARST_CONTENT_AIR,   /* a medium that fills the space outside matter: the density is its extinction, per metre;
+                          * colour, mirror and emission are its albedo, g and emission. Its producers are built with
+                          * KARST_MEDIUM_OPTION */
     KARST_NUM_CONTENTS
 } karst_content;
 extern const char *const karst_content_names[KARST_NUM_CONTENTS]; /* of their stores, too */
@@ -29,7 +32,8 @@ struct karst_world_file {
     size_t data_bytes;
     karst_world_info info; /* its strings live in the file */
     char camera[640];
-    bool raises_thin; /* see karst_world_file_raise_thin */
+    bool raises_thin;   /* see karst_world_file_raise_thin */
+    bool smooths_jumps; /* see karst_world_file_smooth_jumps */
     bool is_indoors; /* of a text without a header: no sun reaches what is seen */
     /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
      * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
@@ -48,12 +52,15 @@ karst_world_file *karst_world_file_compile(const char *name, const char *text, s
 /* Whether its producers show matter thinner than a voxel (steps/raise.clh): at first they do not, and never where the
  * world has none. Before any is made. */
 void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);
+/* Has its producers say where the density jumps over 0 (steps/jump.clh), where the text may do so: at first they do
+ * not, and never where the density runs on its tape. */
+void karst_world_file_smooth_jumps(karst_world_file *file);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
 /* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */
 void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error);
 /* Its density program, for producers of other shapes; max_loads is the caller's to fill. Borrows all three. */
-#define KARST_WORLD_FILE_OPTIONS_BYTES 256
+#define KARST_WORLD_FILE_OPTIONS_BYTES 352
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
 /* Options to build its colours with. */

@@ -106,6 +106,24 @@ static void say_parameters(const report *r)
 }
 
 /* What entries that give several values give, and what of it is not used. */
+/* What files a world uses, and what of them stands in memory, for values and for bounds. */
+static void say_data(const report *r)
+{
+    for (const karst_world_image *i = r->program->images; i; i = i->next) {
+        double bytes = 0, bound_bytes = 0;
+        for (uint32_t c = 0; c < i->num_channels; c++) {
+            bytes += 8.0 * i->channel[c].num_words;
+            bound_bytes += i->channel[c].bound_bytes;
+        }
+        char apart[64] = "";
+        if (i->data->size_m[0] > 0)
+            snprintf(apart, sizeof apart, ", %.3g x %.3g m apart", i->data->size_m[0] / i->width,
+                     i->data->size_m[1] / i->height);
+        say(r, "  data %s: %.200s (%s), %u x %u samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
+            i->data->file, i->kind, i->width, i->height, apart, bytes / 1e6, bound_bytes / 1e6);
+    }
+}
+
 static void say_entries(const report *r)
 {
     const karst_program_graph *p = r->program;
@@ -151,6 +169,7 @@ static const char *why_not_separable(const report *r, const karst_expr_node *n)
             return "not affine in the position";
     }
     return r->graph->noises[n->extra].base == KARST_NOISE_GRADIENT ? "its arguments mix the axes"
+           : r->graph->noises[n->extra].image                        ? "samples of a file"
                                                                    : "of another kind than gradient noise";
 }
 
@@ -158,6 +177,8 @@ static const char *noise_name(const karst_noise *n)
 {
     static const char *const bases[] = {"gradient noise", "value noise", "simplex noise", "worley F1", "worley F2"};
     static const char *const shapes[] = {"fbm", "ridged", "billow", "turbulence"};
+    if (n->image)
+        return "an image";
     if (n->base == KARST_NOISE_GRADIENT && (n->num_octaves > 1 || n->shape != KARST_NOISE_SUM))
         return shapes[n->shape];
     return bases[n->base];
@@ -442,6 +463,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
             print(user, d->text);
         say_head(&r);
         say_parameters(&r);
+        say_data(&r);
         say_entries(&r);
         say_noises(&r);
         say_bounds(&r);

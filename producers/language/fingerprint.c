@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "producers/language/image/image.h"
+
 typedef struct {
     unsigned char *bytes; /* NULL while only counting */
     size_t length;
@@ -47,6 +49,8 @@ static void put_node(writer *to, const karst_graph *graph, const karst_expr_node
         const uint32_t fields[] = {noise->base,        noise->shape, noise->derivative, noise->num_octaves,
                                    noise->seed_offset, noise->gain,  noise->lacunarity};
         put(to, fields, sizeof fields);
+        if (noise->image)
+            put_word(to, noise->image->digest);
         break;
     }
     default:

@@ -216,6 +216,18 @@ static void list_parameters(compilation *c)
     }
 }
 
+static void warn_of_unused_data(compilation *c)
+{
+    const karst_world_header *h = &c->program->header;
+    for (uint32_t i = 0; i < h->num_data; i++) {
+        const karst_world_image *image = c->lowering.images;
+        while (image && image->data != &h->data[i])
+            image = image->next;
+        if (!image)
+            karst_source_warn(&c->source, h->data[i].where, NULL, "data '%s' is not used", h->data[i].name);
+    }
+}
+
 static void compile(compilation *c, const char *name, const char *text, size_t length,
                     const karst_parameter_value *given, size_t num_given)
 {
@@ -228,8 +240,10 @@ static void compile(compilation *c, const char *name, const char *text, size_t l
     c->lowering.names = &c->names;
     c->lowering.parser = &c->parser;
     c->lowering.graph = &c->raw;
+    c->lowering.header = &c->program->header;
     karst_graph_init(&c->raw, &c->program->arena, KARST_MAX_RAW_NODES, NULL, NULL);
     karst_lower(&c->lowering);
+    warn_of_unused_data(c);
     extract(c);
     list_parameters(c);
     resolve(c);
@@ -264,6 +278,7 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
     program->name = "";
     karst_arena_init(&program->arena, KARST_LANGUAGE_ARENA_BYTES, arena_full, c);
     *ok = compile_guarded(c, name, text, length, given, num_given);
+    program->images = c->lowering.images;
     program->source = c->source;
     program->source.escape = NULL;
     program->diagnostics = c->source.first;
@@ -277,7 +292,8 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
             karst_fail(error, KARST_BAD_WORLD, "%s: the world needs more than %zu MiB to compile", name,
                        KARST_LANGUAGE_ARENA_BYTES >> 20);
         else
-            karst_fail(error, KARST_BAD_WORLD, "%.300s:%u:%u: %.600s", name, last->line, last->column, last->message);
+            karst_fail(error, c->source.is_data_error ? KARST_BAD_DATA : KARST_BAD_WORLD,
+                       "%.300s:%u:%u: %.600s", name, last->line, last->column, last->message);
     }
     program->arena.full = NULL; /* the way back is gone */
     program->graph.full = program->resolved.full = NULL;
@@ -365,6 +381,7 @@ void karst_program_graph_destroy(karst_program_graph *program)
 {
     if (!program)
         return;
+    karst_world_images_free(program->images);
     karst_arena arena = program->arena; /* what it holds is all there is */
     karst_arena_finish(&arena);
     free(program);

@@ -4,7 +4,7 @@
 
 #include "karst/error.h"
 #include "producers/language/graph/data.h"
-#include "producers/language/front/header.h"
+#include "producers/language/front/images.h"
 #include "producers/language/base/source.h"
 
 #define KARST_LANGUAGE_ARENA_BYTES ((size_t)256 << 20)
@@ -29,6 +29,7 @@ typedef struct {
     karst_source source; /* its text: places in it are the `where` of nodes */
     const char *name;    /* of the file */
     karst_world_header header;
+    karst_world_image *images; /* the data that the text uses */
     karst_graph graph; /* canonical, only what the roots reach; positions are KARST_OP_POSITION, in metres */
     karst_expr root[KARST_NUM_ROOTS];  /* floats: what its entries give (entries.h) */
     bool has_entry[KARST_NUM_ENTRIES]; /* those that the text has and that run */
@@ -53,8 +54,9 @@ typedef struct {
 /* Compiles `length` bytes of text. `name` stands in messages. `given` overrides the header's values (clamped to their
  * ranges; unknown names are an error). Always returns a program, unless memory is out (NULL, KARST_FAILED): on a bad
  * world its graph is empty, its diagnostics say why, *ok is false and *error is KARST_BAD_WORLD with the first line of
- * the error. Never crashes and never runs long, whatever the text: the caps stand in source.h, lexer.h, macro.h,
- * lower.h and types.h. Thread-safe. */
+ * the error, or KARST_BAD_DATA where a file that the text names as data is missing or damaged (such files are looked
+ * for from the folder of `name` on). Never crashes and never runs long, whatever the text: the caps stand in source.h,
+ * lexer.h, macro.h, lower.h and types.h. Thread-safe. */
 karst_program_graph *karst_language_compile(const char *name, const char *text, size_t length,
                                             const karst_parameter_value *given, size_t num_given, bool *ok,
                                             karst_error *error);

@@ -4,10 +4,10 @@
 #include "world.clh"
 #include "producers/steps/load_shared.h"
 
-#if KARST_GROUP == 1
+#if KARST_GROUP == 1 && !defined(KARST_MEDIUM)
 
 #include "producers/steps/evaluate.clh"
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
 
 /* CPU: work-item i fills brick i. */
 K_WIDE __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
@@ -23,12 +23,15 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
         return;
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
     evaluate_brick(WORLD_DATA(data, origin, loads[brick].level, samples));
-    RAISE_BRICK(data, origin, loads[brick].level, samples, scrubs + brick);
+    MEND_BRICK(data, origin, loads[brick].level, samples, scrubs + brick);
 }
 
 #else
 
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
+#ifdef KARST_MEDIUM
+#include "producers/steps/medium.clh"
+#endif
 
 /* GPU: work-group i fills brick i; its work-items take samples (LANES of them) in turn, each from its own coordinates.
  */
@@ -46,6 +49,10 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
         return;
     K_GLOBAL float *samples = staging + (ulong)brick * STAGING_STRIDE + CHANNEL_DENSITY_STAGING;
     int level = loads[brick].level;
+#ifdef KARST_MEDIUM
+    uint num_negative = 0;
+    barrier(CLK_GLOBAL_MEM_FENCE); /* the count has begun */
+#endif
     for (int first = (int)get_local_id(0) * LANES; first < KARST_BRICK_SAMPLES; first += KARST_GROUP * LANES) {
         vint sample = v_min((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES - 1));
         vint row = (sample * 7711) >> 17; /* sample / 17, exact for these */
@@ -57,20 +64,27 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
             at.voxel[axis] = (vlong)(loads[brick].origin[axis]) + v_int_to_long(steps[axis]) * (vlong)(1L << level);
             at.fraction[axis] = (vuint)(0);
         }
+#ifdef KARST_MEDIUM
+        const vint valid = v_lt((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES));
+        v_store_float(medium_point(WORLD_DATA(data, &at, level, valid, &num_negative)), values);
+#else
         v_store_float(world_point(WORLD_DATA(data, &at, level)), values);
+#endif
         for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++)
             samples[first + lane] = values[lane];
     }
-#ifdef WORLD_MAY_BE_THIN
-    __local raise_list list;
+#ifdef KARST_MEDIUM
+    if (num_negative)
+        atomic_add(&scrubs[brick].raised, num_negative);
+#endif
+#ifdef MEND_SAMPLES
+    __local beside_list list;
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    if (WORLD_RAISES_THIN(data)) {
-        long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
-        raise_samples(data, origin, level, samples, &list);
-        if (get_local_id(0) == 0) {
-            scrubs[brick].raised = list.num_raised;
-            scrubs[brick].given_up = list.num_given_up;
-        }
+    long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
+    mend_samples(data, origin, level, samples, &list);
+    if (get_local_id(0) == 0) {
+        scrubs[brick].raised = list.num_raised;
+        scrubs[brick].given_up = list.num_given_up;
     }
 #endif
 }

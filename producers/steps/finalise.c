@@ -49,15 +49,23 @@ void karst_finaliser_move(karst_finaliser *finaliser, karst_context *context)
     karst_program_move(finaliser->program, context);
 }
 
-static bool launch(karst_finaliser *finaliser, const karst_cache_buffers *cache, const karst_work *work, uint32_t first,
-                   uint32_t count, karst_buffer *loads, karst_buffer *staging, karst_buffer *scrubs, cl_mem total,
-                   uint32_t num_groups, karst_error *error)
+/* A chunk of loads on its way into bricks. */
+typedef struct {
+    const karst_cache_buffers *cache;
+    const karst_work *work;
+    uint32_t first, count;
+    karst_buffer *loads, *staging, *scrubs;
+} chunk;
+
+static bool launch(karst_finaliser *finaliser, const chunk *c, cl_mem total, uint32_t num_groups, karst_error *error)
 {
+    const karst_cache_buffers *cache = c->cache;
     karst_buffer *const *b = cache->bricks;
-    return KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(loads), KARST_BUFFER_ARG(staging),
-                           KARST_VALUE_ARG(first), KARST_VALUE_ARG(count), KARST_BUFFER_ARG(work->load_slots),
-                           KARST_BUFFER_ARG(work->load_results), KARST_BUFFER_ARG(cache->brick_info),
-                           KARST_BUFFER_ARG(scrubs), KARST_VALUE_ARG(total), KARST_VALUE_ARG(cache->bricks_per_segment),
+    return KARST_ARGUMENTS(finaliser->bricks, error, KARST_BUFFER_ARG(c->loads), KARST_BUFFER_ARG(c->staging),
+                           KARST_VALUE_ARG(c->first), KARST_VALUE_ARG(c->count), KARST_BUFFER_ARG(c->work->load_slots),
+                           KARST_BUFFER_ARG(c->work->load_results), KARST_BUFFER_ARG(cache->brick_info),
+                           KARST_BUFFER_ARG(c->scrubs), KARST_VALUE_ARG(total),
+                           KARST_VALUE_ARG(cache->bricks_per_segment),
                            KARST_BUFFER_ARG(b[0]), KARST_BUFFER_ARG(b[1]), KARST_BUFFER_ARG(b[2]),
                            KARST_BUFFER_ARG(b[3]), KARST_BUFFER_ARG(b[4]), KARST_BUFFER_ARG(b[5]),
                            KARST_BUFFER_ARG(b[6]), KARST_BUFFER_ARG(b[7])) &&
@@ -69,6 +77,6 @@ bool karst_finalise_bricks(karst_finaliser *finaliser, const karst_cache_buffers
                            uint32_t first, uint32_t count, karst_buffer *loads, karst_buffer *staging,
                            karst_buffer *scrubs, karst_buffer *total, karst_error *error)
 {
-    return launch(finaliser, cache, work, first, count, loads, staging, scrubs, NULL, count, error) &&
-           launch(finaliser, cache, work, first, count, loads, staging, scrubs, total->mem, 1, error);
+    const chunk c = {cache, work, first, count, loads, staging, scrubs};
+    return launch(finaliser, &c, NULL, count, error) && launch(finaliser, &c, total->mem, 1, error);
 }

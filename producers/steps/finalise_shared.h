@@ -5,7 +5,11 @@
 #include "producers/steps/load_shared.h"
 
 /* What a sample that is not finite becomes: air, as little as can be told from 0. */
+#ifdef KARST_MEDIUM
+#define KARST_SCRUBBED 0.0f
+#else
 #define KARST_SCRUBBED (-KARST_MIN_RANGE)
+#endif
 /* Longer safe steps than this leave the brick anyway. */
 #define KARST_MAX_SAFE_CELLS 32.0f
 
@@ -30,6 +34,9 @@ K_INLINE uint karst_state_from_samples(float least, int any_solid, int any_air, 
 {
 #ifdef KARST_MUTANT_SAMPLING /* what the proof is there to avoid; tests build it to see that it is caught */
     doubt = 0.0f;
+#endif
+#ifdef KARST_MEDIUM /* producers/steps/medium.h: bounds alone prove anything */
+    return any_solid ? KARST_STATE_BRICK : KARST_STATE_CLEAR_AIR;
 #endif
     int proven = num_scrubbed == 0u && least > doubt && any_solid != any_air;
     if (proven)

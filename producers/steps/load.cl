@@ -9,8 +9,11 @@
 #define SAMPLES_SPACE K_PRIVATE
 #define SAMPLES_ARE_SPENT
 #include "producers/steps/evaluate.clh"
-#include "producers/steps/raise.clh"
+#include "producers/steps/mend.clh"
 #include "producers/steps/finalise.clh"
+#ifdef KARST_MEDIUM
+#include "producers/steps/medium.clh"
+#endif
 
 FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick_places *at))
 {
@@ -19,9 +22,14 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
     for (int i = KARST_BRICK_SAMPLES; i < KARST_BRICK_PADDED; i++)
         density[i] = 0.0f; /* the slot's padding is the same whatever was there before */
     fetch_slot(at->q); /* from afar; once more when it is about to be written */
+#ifdef KARST_MEDIUM
+    at->scrub->raised = evaluate_medium(WORLD_DATA(data, origin, level, density));
+    at->scrub->given_up = 0u;
+#else
     evaluate_brick(WORLD_DATA(data, origin, level, density));
     at->scrub->raised = at->scrub->given_up = 0u;
-    RAISE_BRICK(data, origin, level, density, at->scrub);
+    MEND_BRICK(data, origin, level, density, at->scrub);
+#endif
     at->samples = density;
     finalise_brick(at);
 }

@@ -10,6 +10,9 @@
 K_INLINE uint karst_state_from_bounds(float lo, float hi)
 {
     int finite = lo > -INFINITY && hi < INFINITY;
+#ifdef KARST_MEDIUM /* producers/steps/medium.h */
+    return finite && hi <= 0.0f ? KARST_STATE_AIR : KARST_STATE_UNKNOWN;
+#endif
     return finite && lo > 0.0f ? KARST_STATE_SOLID : finite && hi <= 0.0f ? KARST_STATE_AIR : KARST_STATE_UNKNOWN;
 }
 

@@ -154,6 +154,11 @@ bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_c
                              error);
 }
 
+karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
+{
+    return (karst_bounce_stream){.rays = bounce->rays, .count = bounce->total, .hits = bounce->hits};
+}
+
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error)

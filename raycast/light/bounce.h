@@ -28,6 +28,11 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 /* Casts them; `again`: for stamps and wishes alone. Asynchronous. Errors: KARST_FAILED. */
 bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view, bool again,
                        karst_error *error);
+/* The stream, as many of its rays as the word `count` holds, and their hits: the bounce's own. */
+typedef struct {
+    const karst_buffer *rays, *count, *hits;
+} karst_bounce_stream;
+karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
 /* Adds what they see without the sun to the parts; makes their shadow rays. As karst_shade_rays. */
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,

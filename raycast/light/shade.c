@@ -17,6 +17,7 @@ struct karst_shader {
     karst_program *program;
     cl_kernel pixels;
     cl_kernel rays; /* NULL: surfaces do not mirror */
+    cl_kernel paths; /* NULL: no paths are followed */
     bool shadows, radiance, mirror, atmosphere, paint;
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
@@ -68,9 +69,10 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->mirror = ways & KARST_SHADE_MIRROR;
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
     shader->paint = ways & KARST_SHADE_PAINT;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
              shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
+             ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
@@ -84,7 +86,9 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
         shader->pixels = karst_program_kernel(shader->program, "shade_pixels", error);
     if (shader->pixels && shader->mirror)
         shader->rays = karst_program_kernel(shader->program, "shade_rays", error);
-    if (!shader->pixels || (shader->mirror && !shader->rays)) {
+    if (shader->pixels && (ways & KARST_SHADE_PATHS))
+        shader->paths = karst_program_kernel(shader->program, "shade_paths", error);
+    if (!shader->pixels || (shader->mirror && !shader->rays) || ((ways & KARST_SHADE_PATHS) && !shader->paths)) {
         karst_shader_destroy(shader);
         return NULL;
     }
@@ -99,6 +103,8 @@ void karst_shader_destroy(karst_shader *shader)
         clReleaseKernel(shader->pixels);
     if (shader->rays)
         clReleaseKernel(shader->rays);
+    if (shader->paths)
+        clReleaseKernel(shader->paths);
     karst_program_destroy(shader->program);
     karst_buffer_destroy(shader->taken);
     karst_buffer_destroy(shader->black);
@@ -224,4 +230,37 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
     return check_size(parts, (KARST_RADIANCE_MIRROR_PLANE + 1) * sizeof(float), pinhole, error) &&
            karst_arguments(shader->rays, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->rays, KARST_STAGE_SHADE, global_size, local_size, error);
+}
+
+bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                       const karst_light *light, const karst_path_task *task, const karst_path_streams *streams,
+                       karst_buffer *parts, karst_buffer *counters, karst_error *error)
+{
+    const uint32_t max_rays = streams->max_rays;
+    if (!shader->paths)
+        return karst_fail(error, KARST_FAILED, "the shader was made without paths");
+    if (streams->rays->size_bytes / sizeof(karst_ray) < max_rays ||
+        streams->hits->size_bytes / sizeof(karst_hit) < max_rays ||
+        streams->next->size_bytes / sizeof(karst_ray) < max_rays ||
+        streams->to_lamps->size_bytes / sizeof(karst_ray) < max_rays ||
+        streams->lamps->size_bytes / sizeof(karst_lamp) < task->num_lamps)
+        return karst_fail(error, KARST_FAILED, "there is no room for %u paths", max_rays);
+    const uint32_t num_packets = (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
+    const uint32_t part_packets = part_size(shader->context, num_packets);
+    const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
+    const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units
+                                       : (max_rays + local_size - 1) / local_size * local_size;
+    const cl_mem sky_mem = sky_table(shader);
+    karst_argument arguments[18 + MAX_LAST_ARGUMENTS] = {
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
+        KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(streams->lamps), KARST_BUFFER_ARG(streams->rays),
+        KARST_BUFFER_ARG(streams->count), KARST_BUFFER_ARG(streams->hits), KARST_BUFFER_ARG(streams->next),
+        KARST_BUFFER_ARG(streams->to_lamps), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
+        KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
+        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 18 + add_last(shader, &sky_mem, arguments + 18);
+    return check_size(parts, KARST_RADIANCE_PLANES * sizeof(float), pinhole, error) &&
+           karst_arguments(shader->paths, arguments, num_arguments, error) &&
+           karst_launch(shader->context, shader->paths, KARST_STAGE_SHADE, global_size, local_size, error);
 }

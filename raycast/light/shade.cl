@@ -2,7 +2,8 @@
 #include "raycast/shade_shared.h"
 #include "raycast/light/light.clh"
 #include "raycast/shadow_shared.h"
-#ifdef SHADE_MIRROR
+#if defined(SHADE_MIRROR) || defined(SHADE_PATHS)
+#define SHADE_STREAMS
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #endif
@@ -52,10 +53,18 @@
 /* Shadow rays leave the surface by this many voxels of its level: the facets of a coarser level reach that high. */
 #define SHADOW_OFFSET 1.5f
 
-#if defined(SHADE_MIRROR) && defined(WORLD_OUTPUT_MIRROR)
+#if defined(SHADE_STREAMS) && defined(WORLD_OUTPUT_MIRROR)
 #define OWN_MIRROR
+#if defined(SHADE_PATHS) && defined(WORLD_OUTPUT_GLOSS)
+#define OWN_GLOSS
+#define OWN_MIRROR_IS(mirror) vfloat mirror = (vfloat)(0.0f), mirror##_gloss = (vfloat)(0.0f)
+#define OWN_MIRROR_TAKEN , vfloat *mirror, vfloat *gloss
+#define OWN_MIRROR_OF(mirror) , &mirror, &mirror##_gloss
+#else
+#define OWN_MIRROR_IS(mirror) vfloat mirror = (vfloat)(0.0f)
 #define OWN_MIRROR_TAKEN , vfloat *mirror
 #define OWN_MIRROR_OF(mirror) , &mirror
+#endif
 #else
 #define OWN_MIRROR_TAKEN
 #define OWN_MIRROR_OF(mirror)
@@ -100,6 +109,9 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
 #endif
 #ifdef OWN_MIRROR
         *mirror = k_fma(share, lane_unit(values[WORLD_OUTPUT_MIRROR]), *mirror);
+#endif
+#ifdef OWN_GLOSS
+        *gloss = k_fma(share, lane_unit(values[WORLD_OUTPUT_GLOSS]), *gloss);
 #endif
         own &= ~from_own;
         next &= ~from_next;
@@ -207,7 +219,7 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 }
 #endif
 
-#ifdef SHADE_MIRROR
+#ifdef SHADE_STREAMS
 #define NUM_COUNTS 9 /* as KARST_SHADE_COUNTERS */
 #define MIRRORED 5   /* those of a stream: the same numbers from here on */
 #define NO_COUNTS                 \
@@ -260,7 +272,7 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             vfloat lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
             colour glow = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
 #ifdef OWN_MIRROR
-            vfloat mirror = (vfloat)(0.0f);
+            OWN_MIRROR_IS(mirror);
 #elif defined(SHADE_MIRROR)
             const vfloat mirror = (vfloat)(light->mirror);
 #endif
@@ -484,7 +496,7 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
         const vfloat per = 1.0f / seen.t;
         const vector3 way = {to.x * per, to.y * per, to.z * per};
 #ifdef OWN_MIRROR
-        vfloat mirror = (vfloat)(0.0f); /* which nothing sees a second time */
+        OWN_MIRROR_IS(mirror); /* which nothing sees a second time */
 #endif
         colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
 #else
@@ -589,4 +601,8 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     add_group_counts(counters, counts, sums);
 #endif
 }
+#endif
+
+#ifdef SHADE_PATHS
+#include "raycast/light/paths.clh"
 #endif

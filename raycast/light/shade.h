@@ -4,6 +4,7 @@
 
 #include "cache/colours.h"
 #include "raycast/cast/cast.h"
+#include "raycast/light/paths_shared.h"
 #include "raycast/light/skies.h"
 #include "raycast/shade_shared.h"
 
@@ -37,6 +38,7 @@ typedef struct {
 #define KARST_SHADE_MIRROR 4u
 #define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
+#define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -76,5 +78,20 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
                       const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
                       const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
                       karst_buffer *parts, karst_buffer *counters, karst_error *error);
+
+/* Surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
+ * raycast/light/paths_shared.h. Adds to parts (three planes) what they see of sky and emission, and leaves in
+ * `to_lamps` and, unless it is the last generation, in `next` a ray for each of them, which may be idle: to a lamp,
+ * whose light is its throughput, and on from the surface. lamps: task->num_lamps of karst_lamp. Adds to counters: of
+ * the first generation as karst_shade_pixels, of others 6 to 8; and rays to lamps to 4. For shaders for paths.
+ * Asynchronous. Errors: KARST_FAILED. */
+typedef struct {
+    const karst_buffer *rays, *count, *hits, *lamps;
+    uint32_t max_rays;
+    karst_buffer *next, *to_lamps;
+} karst_path_streams;
+bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
+                       const karst_light *light, const karst_path_task *task, const karst_path_streams *streams,
+                       karst_buffer *parts, karst_buffer *counters, karst_error *error);
 
 #endif

@@ -91,6 +91,8 @@ complains 2 "none" "an unknown way to display" render hills --display x11
 complains 2 "1 to 4096|from 1 to 4096" "no samples" render hills --samples 0
 complains 2 "plain, filmic" "an unknown tone" render hills --tone vivid
 complains 2 "0 to 1" "more than a mirror" render hills --mirror 1.01
+complains 2 "direct, full" "a light that there is not" render hills --light fill
+complains 2 "leave one of them out" "full light without shadows" render hills --light full --no-shadows
 complains 2 "auto, or stops" "an exposure that is none" render hills --exposure nan
 complains 2 "two numbers of degrees" "a sun in one number" render hills --sun 120
 complains 2 "two numbers of degrees" "a sun above the zenith" render hills --sun 120,91

@@ -49,6 +49,55 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* What was hit, on which levels, and what the last cast stamped. */
+static void report(scene *s, const karst_cast_view *view, karst_buffer *hits, size_t num_pixels)
+{
+    karst_error error = {0};
+    karst_hit *h = malloc(num_pixels * sizeof(karst_hit));
+    scene_check(karst_buffer_read(hits, 0, h, num_pixels * sizeof(karst_hit), &error), &error);
+    uint32_t count[4] = {0}, levels[12] = {0}, sum = 0;
+    for (size_t i = 0; i < num_pixels; i++) {
+        count[KARST_HIT_KIND(h[i].kind)]++;
+        levels[KARST_HIT_LEVEL(h[i].kind) < 12 ? KARST_HIT_LEVEL(h[i].kind) : 11]++;
+        uint32_t words[8];
+        memcpy(words, &h[i], 32);
+        for (int k = 0; k < 8; k++)
+            sum = sum * 31 + words[k];
+    }
+    printf("miss %u surface %u provisional %u solid %u; levels", count[0], count[1], count[2], count[3]);
+    for (int i = 0; i < 12; i++)
+        printf(" %u", levels[i]);
+    printf("; hash %08x\n", sum);
+    uint32_t *stamps = malloc(s->num_bricks * 4), marched = 0, walked = 0;
+    scene_check(karst_buffer_read(s->buffers.brick_stamp, 0, stamps, s->num_bricks * 4, &error), &error);
+    for (uint32_t i = 0; i < s->num_bricks; i++)
+        marched += stamps[i] == view->serial - 1;
+    stamps = realloc(stamps, s->num_tiles * 4);
+    scene_check(karst_buffer_read(s->buffers.tile_stamp, 0, stamps, s->num_tiles * 4, &error), &error);
+    for (uint32_t i = 0; i < s->num_tiles; i++)
+        walked += stamps[i] == view->serial - 1;
+    printf("marched %u bricks, walked %u tiles\n", marched, walked);
+    free(stamps);
+    free(h);
+}
+
+/* As PPM. */
+static void dump(const char *path, karst_buffer *pixels, int width, int height)
+{
+    karst_error error = {0};
+    const size_t num_pixels = (size_t)width * (size_t)height;
+    FILE *out = fopen(path, "wb");
+    if (!out)
+        return;
+    uint8_t *rgba = malloc(num_pixels * 4);
+    scene_check(karst_buffer_read(pixels, 0, rgba, num_pixels * 4, &error), &error);
+    fprintf(out, "P6\n%d %d\n255\n", width, height);
+    for (size_t i = 0; i < num_pixels; i++)
+        fwrite(rgba + 4 * i, 3, 1, out);
+    free(rgba);
+    fclose(out);
+}
+
 int main(int argc, char **argv)
 {
     int width = argc > 2 ? atoi(argv[1]) : 800, height = argc > 2 ? atoi(argv[2]) : 600,
@@ -91,31 +140,7 @@ int main(int argc, char **argv)
     }
     printf("settled after %u rounds, %.1f s: %u tiles, %u bricks\n", rounds, (double)(clock() - start) / CLOCKS_PER_SEC,
            s.num_tiles, s.num_bricks);
-    karst_hit *h = malloc((size_t)width * height * sizeof(karst_hit));
-    scene_check(karst_buffer_read(hits, 0, h, (size_t)width * height * sizeof(karst_hit), &error), &error);
-    uint32_t count[4] = {0}, levels[12] = {0}, sum = 0;
-    for (int i = 0; i < width * height; i++) {
-        count[KARST_HIT_KIND(h[i].kind)]++;
-        levels[KARST_HIT_LEVEL(h[i].kind) < 12 ? KARST_HIT_LEVEL(h[i].kind) : 11]++;
-        uint32_t words[8];
-        memcpy(words, &h[i], 32);
-        for (int k = 0; k < 8; k++)
-            sum = sum * 31 + words[k];
-    }
-    printf("miss %u surface %u provisional %u solid %u; levels", count[0], count[1], count[2], count[3]);
-    for (int i = 0; i < 12; i++)
-        printf(" %u", levels[i]);
-    printf("; hash %08x\n", sum);
-    uint32_t *stamps = malloc(s.num_bricks * 4), marched = 0, walked = 0;
-    scene_check(karst_buffer_read(s.buffers.brick_stamp, 0, stamps, s.num_bricks * 4, &error), &error);
-    for (uint32_t i = 0; i < s.num_bricks; i++)
-        marched += stamps[i] == view.serial - 1;
-    stamps = realloc(stamps, s.num_tiles * 4);
-    scene_check(karst_buffer_read(s.buffers.tile_stamp, 0, stamps, s.num_tiles * 4, &error), &error);
-    for (uint32_t i = 0; i < s.num_tiles; i++)
-        walked += stamps[i] == view.serial - 1;
-    printf("marched %u bricks, walked %u tiles\n", marched, walked);
-    free(stamps);
+    report(&s, &view, hits, (size_t)width * height);
 
     karst_floor *f = karst_floor_create(context, width, height, &error);
     scene_check(f, &error);
@@ -177,17 +202,8 @@ int main(int argc, char **argv)
     qsort(floor_ms, 41, sizeof(double), compare);
     printf("cast: best %.2f median %.2f ms; floor: best %.2f median %.2f ms; ratio best %.2f median %.2f\n", cast_ms[0],
            cast_ms[20], floor_ms[0], floor_ms[20], cast_ms[0] / floor_ms[0], cast_ms[20] / floor_ms[20]);
-    if (getenv("DUMP")) {
-        FILE *out = fopen(getenv("DUMP"), "wb");
-        uint8_t *rgba = malloc(num_pixels * 4);
-        scene_check(karst_buffer_read(pixels, 0, rgba, num_pixels * 4, &error), &error);
-        fprintf(out, "P6\n%d %d\n255\n", width, height);
-        for (size_t i = 0; i < num_pixels; i++)
-            fwrite(rgba + 4 * i, 3, 1, out);
-        free(rgba);
-        fclose(out);
-    }
-    free(h);
+    if (getenv("DUMP"))
+        dump(getenv("DUMP"), pixels, width, height);
     karst_floor_destroy(f);
     karst_shader_destroy(shader);
     karst_caster_destroy(caster);

@@ -17,10 +17,12 @@ static const golden_hashes golden[] = {
     {"hills", 0x99693168f9bf77f8, 0x2c5c0d99ef88c20b},
     {"islands", 0xa8d2ed1dec98662c, 0xc69a1c4c8f490229},
     {"karst", 0xc83c2d09163d38cb, 0x336e1c38159e2673},
+    {"lanterns", 0xa167af5b4c2c646b, 0xbd1053268c2198c6},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
+    {"survey", 0x737a2faf390fcab2, 0xc3e6357a1c01a74c},
     {"thesis", 0x14f12d3d02c31b8b, 0x08fd86af7b1c978c},
 };
 

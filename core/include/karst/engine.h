@@ -29,6 +29,15 @@ typedef enum {
     KARST_TONE_OF_FILM,  /* the strongest channel by that curve, the others in proportion: colours keep their hue */
     KARST_NUM_TONES
 } karst_tone;
+/* What light does in what fills the space outside matter, in worlds that say so (`medium air(vec3 p)`). */
+typedef enum {
+    KARST_MEDIA_MODE_FULL,   /* it is lost on its way from the sun; land shadows media, and media shadow land */
+    KARST_MEDIA_MODE_SHADOW, /* it is lost on its way through the medium, and land knows nothing of that */
+    KARST_MEDIA_MODE_BASIC,  /* the sun shines everywhere in it as if nothing were there */
+    KARST_NUM_MEDIA_MODES
+} karst_media_mode;
+/* "full", "shadow", "basic". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_error *error);
 /* How bright pictures are. */
 typedef enum {
     KARST_EXPOSURE_OF_WORLD,   /* what its header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
@@ -38,6 +47,19 @@ typedef enum {
 } karst_exposure;
 /* "plain", "filmic". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_tone_parse(const char *name, karst_tone *tone, karst_error *error);
+
+/* What light does in pictures. */
+typedef enum {
+    KARST_INTEGRATOR_DIRECT, /* sun, sky and mirrors, each by a rule of its own: what one sample shows well */
+    KARST_INTEGRATOR_FULL,   /* from surface to surface, as it is: paths by chance, whose mean over samples tends to the
+                              * truth. See docs/LIGHT.md */
+    KARST_NUM_INTEGRATORS
+} karst_integrator;
+/* "direct", "full". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_integrator_parse(const char *name, karst_integrator *integrator, karst_error *error);
+
+#define KARST_ENGINE_MAX_BOUNCES 1024
+#define KARST_ENGINE_DEFAULT_BOUNCES 64 /* of KARST_INTEGRATOR_FULL */
 
 /* Where the sun stands: a compass bearing, and how high, in degrees. */
 typedef struct {
@@ -97,10 +119,15 @@ typedef struct {
     karst_tone tone; /* KARST_TONE_OF_PLAIN */
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
+    karst_media_mode media; /* KARST_MEDIA_MODE_FULL */
     /* The share of light that land mirrors, 0 to 1: it goes to one mirrored ray for each pixel, and the rest is land as
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
+    karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
+    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly
+     * any light is left; to KARST_ENGINE_MAX_BOUNCES. */
+    uint32_t bounces;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the

@@ -16,6 +16,7 @@
 #include "karst/measure.h"
 #include "karst/mesh.h"
 #include "karst/path.h"
+#include "karst/points.h"
 #include "karst/position.h"
 #include "karst/query.h"
 #include "karst/reference.h"

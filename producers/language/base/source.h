@@ -38,6 +38,7 @@ typedef struct {
     uint32_t blame;      /* the place in the user's text that the prelude works for: pointed at in its stead */
     karst_diagnostic *first, *last;
     uint32_t num_warnings;
+    bool is_data_error; /* what ended it is not the text's fault, but that of a file which it names */
     jmp_buf *escape;
 } karst_source;
 

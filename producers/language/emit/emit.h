@@ -46,6 +46,8 @@ typedef struct {
 /* What stands at the head of programs of worlds with no noise but gradient noise: others take time to compile
  * (octave.clh). */
 #define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
+/* And of worlds with images; as options of a build have it, too. */
+#define KARST_EMIT_HAS_IMAGES "#define OCTAVE_HAS_IMAGES 1\n"
 
 /* Whether the density is too large for text, so that karst_emit_world writes the tape's interpreter. Errors:
  * KARST_FAILED (memory). Thread-safe. */

@@ -97,6 +97,12 @@ static uint8_t shape_of(const karst_emit *emit, karst_expr e)
     return emit->graph->noises[emit->graph->nodes[e].extra].shape;
 }
 
+/* Noises, but not images, whose places are computed one by one. */
+static bool steps_along_bricks(const karst_emit *emit, karst_expr e)
+{
+    return emit->graph->nodes[e].op == KARST_OP_NOISE && !emit->graph->noises[emit->graph->nodes[e].extra].image;
+}
+
 static void declare_axes(karst_emit *emit)
 {
     karst_text *text = &emit->text;
@@ -104,7 +110,7 @@ static void declare_axes(karst_emit *emit)
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
         const karst_emit_node *node = &emit->nodes[e];
         const char *name = karst_emit_axes_name(node->axes);
-        if (node->needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
+        if (node->needs && steps_along_bricks(emit, e))
             karst_text_add(text, "    emit_octave n%u[%u];\n", e, num_octaves(emit, e));
         if (node->is_tensor)
             karst_text_add(text, "#ifdef EMIT_HOISTED\n    vfloat s%u[EMIT_TENSOR_SUMS];\n#endif\n", e);
@@ -178,7 +184,7 @@ static void prepare(karst_emit *emit)
         "{\n    axes->data = data;\n    axes->origin[0] = x;\n    axes->origin[1] = y;\n"
         "    axes->origin[2] = z;\n    axes->level = level;\n    axes->plane = -1;\n");
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE)
+        if (emit->nodes[e].needs && steps_along_bricks(emit, e))
             karst_text_add(text,
                            "    for (int k = 0; k < %u; k++)\n"
                            "        axes->n%u[k] = emit_octave_at(EMIT_OCTAVE(data, %u) + k, axes->origin, level);\n",

@@ -78,10 +78,27 @@ static void table_line(karst_emit *emit, karst_expr e)
                        e, karst_emit_shape_name(noise->shape), way, e, noise->base, noise->shape, e);
 }
 
+/* At places that are computed one by one: a level's steps along a brick may be any number of cells. */
+static void image_lines(karst_emit *emit, karst_expr e)
+{
+    karst_text *text = &emit->text;
+    karst_text_add(text,
+                   "    vfloat v%u;\n    {\n"
+                   "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u);\n"
+                   "        const octave_weight weight = octave_weight_at(octave, %s);\n",
+                   e, emit->layout->word[e], emit->block.is_point ? "level" : "axes->level");
+    karst_emit_place(emit, e);
+    karst_text_add(text, "        v%u = octave_image(&q, &weight, %u);\n    }\n", e, noise_of(emit, e)->derivative);
+}
+
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
     karst_text *text = &emit->text;
+    if (noise->image) {
+        image_lines(emit, e);
+        return;
+    }
     if (karst_emit_is_worley(emit, e)) {
         karst_emit_worley_lines(emit, e);
         return;
@@ -133,7 +150,7 @@ void karst_emit_near_octaves(karst_emit *emit)
         const karst_expr *arg = emit->graph->nodes[e].arg;
         const uint32_t octaves = noise_of(emit, e)->num_octaves;
         int axis[3];
-        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES;
+        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES && !noise_of(emit, e)->image;
         for (int i = 0; i < 3; i++) {
             axis[i] = karst_emit_axis_of(emit, arg[i], i);
             is_near = is_near && axis[i] >= 0;

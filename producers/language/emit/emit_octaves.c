@@ -4,8 +4,8 @@
 #include "producers/language/ops/octave.clh"
 
 static const char *const shape_names[] = {"sum", "ridged", "billow", "turbulence"};
-static const char *const way_names[] = {"gradient", "value", "simplex", "f1", "f2", "level"};
-_Static_assert(sizeof way_names / sizeof *way_names == OCTAVE_LEVEL + 1, "karst_noise_way's names");
+static const char *const way_names[] = {"gradient", "value", "simplex", "f1", "f2", "level", "image"};
+_Static_assert(sizeof way_names / sizeof *way_names == OCTAVE_IMAGE + 1, "karst_noise_way's names");
 
 const char *karst_emit_shape_name(uint8_t shape) { return shape_names[shape]; }
 
@@ -83,6 +83,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
 {
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
+    bool is_point = emit->block.is_point || noise_of(emit, noise)->image;
     karst_expr by = karst_noise_moved_by(emit->graph, emit->graph->nodes[noise].arg[i]);
     bool by_pair = by && emit->graph->nodes[by].kind == KARST_KIND_WIDE;
     int steps = steps_along(emit, emit->graph->nodes[noise].arg[i]);
@@ -91,7 +92,7 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     if (emit->block.is_near && emit->nodes[noise].near)
         karst_text_add(text, "near_coordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])", i,
                        karst_emit_axis_of(emit, emit->graph->nodes[noise].arg[i], i), i);
-    else if (emit->block.is_point)
+    else if (is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
     else if (emit->block.is_sample)
         karst_text_add(text, "%s(emit_steps_any(&octave->arg[%d], ix, iy, iz)", at, i);
@@ -103,13 +104,13 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
                        axes & KARST_DEPENDS_Z ? "iz" : "0", steps);
     else
         karst_text_add(text, "%s(emit_steps_z(&octave->arg[%d], 0, 0, lane, %d)", at, i, steps);
-    if (by && !by_pair && !emit->block.is_point)
+    if (by && !by_pair && !is_point)
         karst_text_add(text, ", %s * (vfloat)(weight.scale)", karst_emit_operand(emit, by).text);
-    karst_text_add(text, emit->block.is_point ? ";\n" : ");\n");
+    karst_text_add(text, is_point ? ";\n" : ");\n");
     if (by_pair)
         karst_text_add(text, "        q.axis[%d] = wide_move(q.axis[%d], %s, weight.scale);\n", i, i,
                        karst_emit_wide_operand(emit, by).text);
-    else if (by && emit->block.is_point)
+    else if (by && is_point)
         karst_text_add(text, "        q.axis[%d] = noise_coordinate_move(q.axis[%d], %s * (vfloat)(weight.scale));\n",
                        i, i, karst_emit_operand(emit, by).text);
 }

@@ -22,7 +22,7 @@ static void function_name(const karst_emit *emit, karst_expr e, char *name, size
     uint8_t from = node_of(emit, n->arg[0])->type;
     const char *op = karst_op_name(n->op);
     *swapped = false;
-    switch (n->op) {
+    switch ((karst_op)n->op) {
     case KARST_OP_LENGTH:
         snprintf(name, size_bytes, "op_length%d", n->arg[3] ? 4 : n->arg[2] ? 3 : 2);
         break;
@@ -62,7 +62,53 @@ static void function_name(const karst_emit *emit, karst_expr e, char *name, size
                  : n->type == KARST_TYPE_FLOAT ? "op_bits_to_float"
                                                : " ");
         break;
-    default:
+    case KARST_OP_ADD:
+    case KARST_OP_SUBTRACT:
+    case KARST_OP_MULTIPLY:
+    case KARST_OP_DIVIDE:
+    case KARST_OP_FMA:
+    case KARST_OP_NEGATE:
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+    case KARST_OP_ABS:
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_FRACT:
+    case KARST_OP_MOD:
+    case KARST_OP_MIX:
+    case KARST_OP_SQRT:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+    case KARST_OP_EXP2:
+    case KARST_OP_LOG:
+    case KARST_OP_ATAN:
+    case KARST_OP_NOT:
+    case KARST_OP_AND:
+    case KARST_OP_OR:
+    case KARST_OP_INT_ADD:
+    case KARST_OP_INT_SUBTRACT:
+    case KARST_OP_INT_MULTIPLY:
+    case KARST_OP_BIT_AND:
+    case KARST_OP_BIT_OR:
+    case KARST_OP_BIT_XOR:
+    case KARST_OP_BIT_NOT:
+    case KARST_OP_SHIFT_LEFT:
+        snprintf(name, size_bytes, "op_%s", op);
+        break;
+    case KARST_OP_NONE: /* operands, or lines of their own */
+    case KARST_OP_CONSTANT:
+    case KARST_OP_PARAMETER:
+    case KARST_OP_POSITION:
+    case KARST_OP_NORMAL:
+    case KARST_OP_FOOTPRINT:
+    case KARST_OP_AFFINE:
+    case KARST_OP_SHIFTED:
+    case KARST_OP_SIN_TURNS:
+    case KARST_OP_COS_TURNS:
+    case KARST_OP_NOISE:
+    case KARST_OP_CELL:
+    case KARST_NUM_OPS:
         snprintf(name, size_bytes, "op_%s", op);
         break;
     }

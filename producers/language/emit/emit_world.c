@@ -36,19 +36,32 @@ static bool is_gradient_noise_alone(const karst_emit *emit)
 {
     for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
         if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE &&
-            emit->graph->noises[emit->graph->nodes[e].extra].base != KARST_NOISE_GRADIENT)
+            emit->graph->noises[emit->graph->nodes[e].extra].base != KARST_NOISE_GRADIENT &&
+            !emit->graph->noises[emit->graph->nodes[e].extra].image)
             return false;
     return true;
 }
 
-static const char *only_gradient(const karst_emit *emit)
+static bool has_images(const karst_emit *emit)
 {
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE &&
+            emit->graph->noises[emit->graph->nodes[e].extra].image)
+            return true;
+    return false;
+}
+
+/* What octave.clh is told. */
+static const char *definitions(const karst_emit *emit)
+{
+    if (has_images(emit))
+        return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_IMAGES : KARST_EMIT_HAS_IMAGES;
     return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT : "";
 }
 
 static void preamble(karst_emit *emit)
 {
-    karst_text_add(&emit->text, "%s#include \"producers/language/emit/emit.clh\"\n\n", only_gradient(emit));
+    karst_text_add(&emit->text, "%s#include \"producers/language/emit/emit.clh\"\n\n", definitions(emit));
 }
 
 static bool take_text(karst_emit *emit, char **to, karst_error *error)
@@ -72,7 +85,7 @@ static bool write_density(karst_emit *emit, karst_emitted *emitted, karst_error 
         karst_emit_bricks(emit, emitted);
     } else if (why.status == KARST_BAD_WORLD) {
         emitted->is_tape = true;
-        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_world.clh\"\n", only_gradient(emit));
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_world.clh\"\n", definitions(emit));
     } else {
         return karst_fail(error, why.status, "%s", why.message);
     }
@@ -95,7 +108,7 @@ static bool write_shading(karst_emit *emit, karst_emitted *emitted, karst_error 
     } else if (why.status == KARST_BAD_WORLD) {
         emitted->is_colour_tape = true;
         karst_emit_output_names(emit);
-        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_colour.clh\"\n", only_gradient(emit));
+        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_colour.clh\"\n", definitions(emit));
     } else {
         return karst_fail(error, why.status, "%s", why.message);
     }
@@ -106,7 +119,7 @@ static bool begin(karst_emit *emit, const karst_world_layout *layout, karst_erro
 {
     *emit = (karst_emit){.layout = layout, .graph = layout->world.graph};
     emit->nodes = calloc(emit->graph->num_nodes, sizeof *emit->nodes);
-    emit->placed = calloc(layout->num_words + 1u, sizeof *emit->placed);
+    emit->placed = calloc(layout->num_record_words + 1u, sizeof *emit->placed);
     return (emit->nodes && emit->placed) || karst_fail(error, KARST_FAILED, "out of memory");
 }
 

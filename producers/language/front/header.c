@@ -16,6 +16,7 @@ typedef struct {
     karst_source *source;
     karst_world_header *header;
     uint32_t begin, end; /* the object's text */
+    uint32_t part;       /* where of it what is read just now begins */
     json_t *root;
 } reader;
 
@@ -31,7 +32,7 @@ static uint32_t place_of(const reader *r, const char *key, uint32_t from)
 
 static _Noreturn void fail(reader *r, const char *key, const char *hint, const char *message)
 {
-    uint32_t where = place_of(r, key, r->begin);
+    uint32_t where = place_of(r, key, r->part > r->begin ? r->part : r->begin);
     json_decref(r->root);
     karst_source_error(r->source, where, hint, "%s", message);
 }
@@ -95,10 +96,10 @@ static void read_colour(reader *r, json_t *value, const char *key, double rgb[3]
         rgb[i] = number_of(r, json_array_get(value, i), key, 0, 1000);
 }
 
-/* Exact decimals of any length, in a form whose length is bounded. */
-static const char *coordinate_of(reader *r, json_t *value)
+/* Exact decimals of any length, in a form whose length is bounded. `key`: what they are of. */
+static const char *coordinate_of(reader *r, json_t *value, const char *key)
 {
-    const char *text = json_is_string(value) ? text_of(r, value, "position")
+    const char *text = json_is_string(value) ? text_of(r, value, key)
                        : json_is_integer(value)
                            ? karst_format(r->source->arena, "%lld", (long long)json_integer_value(value))
                        : json_is_real(value) ? karst_format(r->source->arena, "%.17g", json_real_value(value))
@@ -108,11 +109,11 @@ static const char *coordinate_of(reader *r, json_t *value)
     uint32_t fraction;
     karst_error why = {0};
     if (!karst_coordinate_parse(text, voxel_log2_m, &voxel, &fraction, &why))
-        fail(r, "position", "write [\"0\", \"320\", \"0\"]",
-             karst_format(r->source->arena, "\"position\" is three decimals, in metres: %s", why.message));
+        fail(r, key, "write [\"0\", \"320\", \"0\"]",
+             karst_format(r->source->arena, "\"%s\" is three decimals, in metres: %s", key, why.message));
     if (voxel > MAX_CAMERA_VOXEL || voxel < -MAX_CAMERA_VOXEL)
-        fail(r, "position", "come nearer, or make the voxel larger",
-             "this \"position\" lies beyond 2^61 voxels from the origin");
+        fail(r, key, "come nearer, or make the voxel larger",
+             karst_format(r->source->arena, "this \"%s\" lies beyond 2^61 voxels from the origin", key));
     char *exact = karst_arena_alloc(r->source->arena, COORDINATE_BYTES);
     karst_coordinate_format(voxel, fraction, voxel_log2_m, exact, COORDINATE_BYTES);
     return exact;
@@ -127,7 +128,7 @@ static void read_camera(reader *r, json_t *camera)
     if (position && (!json_is_array(position) || json_array_size(position) != 3))
         fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
     for (size_t i = 0; position && i < 3; i++)
-        h->camera_position[i] = coordinate_of(r, json_array_get(position, i));
+        h->camera_position[i] = coordinate_of(r, json_array_get(position, i), "position");
     if ((v = json_object_get(camera, "yaw")))
         h->camera_yaw_deg = number_of(r, v, "yaw", -36000, 36000);
     if ((v = json_object_get(camera, "pitch")))
@@ -165,11 +166,13 @@ static void read_light(reader *r)
     json_t *sun = json_object_get(r->root, "sun"), *sky = json_object_get(r->root, "sky"), *v;
     if (sun) {
         h->has_sun = true;
-        warn_unknown(r, object_of(r, sun, "sun"), "the sun", "azimuth elevation");
+        warn_unknown(r, object_of(r, sun, "sun"), "the sun", "azimuth elevation colour");
         if ((v = json_object_get(sun, "azimuth")))
             h->sun_azimuth_deg = number_of(r, v, "azimuth", -36000, 36000);
         if ((v = json_object_get(sun, "elevation")))
             h->sun_elevation_deg = number_of(r, v, "elevation", -90, 90);
+        if ((h->has_sun_colour = (v = json_object_get(sun, "colour")) != NULL))
+            read_colour(r, v, "colour", h->sun_colour);
     }
     if (sky) {
         h->has_sky = true;
@@ -185,6 +188,96 @@ static void read_light(reader *r)
         if ((v = json_object_get(sky, "haze_globe")))
             h->haze_globe_m = number_of(r, v, "haze_globe", 0, DBL_MAX);
         read_model(r, sky);
+    }
+}
+
+/* Where element i of a list of objects begins, from a place before the list. */
+static uint32_t place_of_element(const reader *r, uint32_t from, size_t i)
+{
+    const char *text = r->source->text;
+    int depth = 0;
+    uint32_t at = from;
+    while (at < r->end && text[at] != '[')
+        at++;
+    for (; at < r->end; at++) {
+        if (text[at] == '"')
+            for (at++; at < r->end && text[at] != '"'; at++)
+                at += text[at] == '\\';
+        else if (text[at] == '{' && depth++ == 0 && i-- == 0)
+            return at;
+        else if (text[at] == '}')
+            depth--;
+    }
+    return from;
+}
+
+static void read_light_of(reader *r, json_t *light, karst_header_light *l)
+{
+    static const char *const kinds[KARST_NUM_HEADER_LIGHTS] = {"sun", "point", "spot"};
+    static const char *const keys[KARST_NUM_HEADER_LIGHTS] = {
+        "kind colour shadow azimuth elevation size", "kind colour shadow position radius",
+        "kind colour shadow position radius azimuth elevation angle soft"};
+    json_t *v = json_object_get(object_of(r, light, "lights"), "kind");
+    const char *kind = v ? text_of(r, v, "kind") : "point";
+    *l = (karst_header_light){.colour = {1, 1, 1}, .position = {"0", "0", "0"}, .elevation_deg = 40, .size_deg = 0.53,
+                              .radius_m = 0.05, .angle_deg = 40, .soft = 0.25, .shadow = true};
+    while (l->kind < KARST_NUM_HEADER_LIGHTS && strcmp(kinds[l->kind], kind) != 0)
+        l->kind++;
+    if (l->kind == KARST_NUM_HEADER_LIGHTS)
+        fail(r, "kind", "write \"sun\", \"point\" or \"spot\"",
+             karst_format(r->source->arena, "no light is a \"%s\"", kind));
+    if (l->kind == KARST_HEADER_SPOT)
+        l->elevation_deg = -90;
+    warn_unknown(r, light, "this light", keys[l->kind]);
+    if ((v = json_object_get(light, "colour")))
+        read_colour(r, v, "colour", l->colour);
+    if ((v = json_object_get(light, "shadow"))) {
+        if (!json_is_boolean(v))
+            fail(r, "shadow", NULL, "\"shadow\" is true or false");
+        l->shadow = json_is_true(v);
+    }
+    if ((v = json_object_get(light, "azimuth")))
+        l->azimuth_deg = number_of(r, v, "azimuth", -36000, 36000);
+    if ((v = json_object_get(light, "elevation")))
+        l->elevation_deg = number_of(r, v, "elevation", -90, 90);
+    if ((v = json_object_get(light, "size")))
+        l->size_deg = number_of(r, v, "size", 0, 90);
+    if ((v = json_object_get(light, "radius")))
+        l->radius_m = number_of(r, v, "radius", 0, 1e12);
+    if ((v = json_object_get(light, "angle")))
+        l->angle_deg = number_of(r, v, "angle", 0.1, 180);
+    if ((v = json_object_get(light, "soft")))
+        l->soft = number_of(r, v, "soft", 0, 1);
+    if ((v = json_object_get(light, "position"))) {
+        if (!json_is_array(v) || json_array_size(v) != 3)
+            fail(r, "position", "write [\"0\", \"320\", \"0\"]", "\"position\" is three decimals, in metres");
+        for (size_t i = 0; i < 3; i++)
+            l->position[i] = coordinate_of(r, json_array_get(v, i), "position");
+    } else if (l->kind != KARST_HEADER_SUN) {
+        fail(r, "kind", "write \"position\": [\"0\", \"320\", \"0\"]", "this light has no \"position\"");
+    }
+}
+
+static void read_lights(reader *r, json_t *lights)
+{
+    karst_world_header *h = r->header;
+    const uint32_t place = place_of(r, "lights", r->begin);
+    uint32_t num_shadows = 0;
+    if (!json_is_array(lights))
+        fail(r, "lights", "write [{ \"kind\": \"point\", \"position\": [0, 3, 0] }]", "\"lights\" is a list");
+    if (json_array_size(lights) > KARST_HEADER_MAX_LIGHTS)
+        fail(r, "lights", NULL,
+             karst_format(r->source->arena, "%zu lights: a world may have %u beside its sun", json_array_size(lights),
+                          KARST_HEADER_MAX_LIGHTS));
+    for (size_t i = 0; i < json_array_size(lights); i++) {
+        r->part = place_of_element(r, place, i);
+        read_light_of(r, json_array_get(lights, i), &h->lights[i]);
+        num_shadows += h->lights[i].shadow;
+        r->part = 0;
+        if (num_shadows > KARST_HEADER_MAX_SHADOWS)
+            fail(r, "lights", "write \"shadow\": false in the weaker ones",
+                 karst_format(r->source->arena, "more than %u lights cast shadows", KARST_HEADER_MAX_SHADOWS));
+        h->num_lights++;
     }
 }
 
@@ -233,6 +326,65 @@ static void read_parameter(reader *r, const char *name, json_t *value)
     h->parameters[h->num_parameters++] = p;
 }
 
+static void read_pair(reader *r, json_t *value, const char *key, double low, double high, double pair[2])
+{
+    if (!json_is_array(value) || json_array_size(value) != 2)
+        fail(r, key, "write [1000, 1000]", karst_format(r->source->arena, "\"%s\" is two numbers", key));
+    for (size_t i = 0; i < 2; i++)
+        pair[i] = number_of(r, json_array_get(value, i), key, low, high);
+}
+
+static karst_wrap wrap_of(reader *r, json_t *value)
+{
+    static const char *const names[] = {"clamp", "repeat", "mirror"};
+    const char *name = text_of(r, value, "wrap");
+    for (int i = 0; i < 3; i++)
+        if (!strcmp(name, names[i]))
+            return (karst_wrap)i;
+    fail(r, "wrap", "write \"clamp\", \"repeat\" or \"mirror\"",
+         karst_format(r->source->arena, "no way of going on beyond edges is called \"%.60s\"", name));
+}
+
+static void read_data(reader *r, const char *name, json_t *value)
+{
+    karst_world_header *h = r->header;
+    json_t *v;
+    double pair[2];
+    if (!is_identifier(name))
+        fail(r, name, "use letters, digits and _", "the name of data is a word that the functions can use");
+    if (h->num_data == KARST_HEADER_MAX_DATA)
+        fail(r, name, NULL,
+             karst_format(r->source->arena, "a world may use %u files of data", KARST_HEADER_MAX_DATA));
+    karst_header_data *d = &h->data[h->num_data];
+    *d = (karst_header_data){.name = karst_format(r->source->arena, "%s", name),
+                             .where = place_of(r, name, place_of(r, "data", r->begin))};
+    warn_unknown(r, object_of(r, value, name), "a file of data", "file size range wrap format shape");
+    if (!(v = json_object_get(value, "file")))
+        fail(r, name, "write { \"file\": \"heights.png\", \"size\": [1000, 1000] }",
+             karst_format(r->source->arena, "data \"%s\" has no file", name));
+    d->file = text_of(r, v, "file");
+    if ((v = json_object_get(value, "size")))
+        read_pair(r, v, "size", 1e-6, 1e15, d->size_m);
+    if ((v = json_object_get(value, "range"))) {
+        read_pair(r, v, "range", -1e15, 1e15, pair);
+        d->form.has_range = true;
+        d->form.low = pair[0];
+        d->form.high = pair[1];
+    }
+    if ((v = json_object_get(value, "wrap")))
+        d->wrap = wrap_of(r, v);
+    if ((v = json_object_get(value, "format"))) {
+        d->form.format = text_of(r, v, "format");
+        if (!(v = json_object_get(value, "shape")))
+            fail(r, name, "write \"shape\": [512, 512]: how many in a row, and how many rows",
+                 "raw numbers have a \"shape\"");
+        read_pair(r, v, "shape", 1, KARST_SAMPLES_MOST_SIDE, pair);
+        d->form.shape[0] = (uint32_t)pair[0];
+        d->form.shape[1] = (uint32_t)pair[1];
+    }
+    h->num_data++;
+}
+
 static void read_voxel(reader *r, json_t *value)
 {
     double voxel = json_is_number(value) ? json_number_value(value) : 0;
@@ -248,13 +400,52 @@ static void read_voxel(reader *r, json_t *value)
     r->header->voxel_log2_m = k > 40 ? 40 : k;
 }
 
+static karst_header_model read_point_model(reader *r, json_t *object)
+{
+    karst_header_model model = {.at = {"0", "0", "0"}, .scale = 1};
+    json_t *v = json_object_get(object_of(r, object, "models"), "points");
+    warn_unknown(r, object, "a model", "points at turn scale as");
+    if (!v)
+        fail(r, "models", "write { \"points\": \"rabbit.karstpoints\", \"at\": [\"0\", \"1\", \"0\"] }",
+             "a model has \"points\": the name of an imported file");
+    model.points = text_of(r, v, "points");
+    if ((v = json_object_get(object, "at")) && (!json_is_array(v) || json_array_size(v) != 3))
+        fail(r, "at", "write [\"0\", \"320\", \"0\"]", "\"at\" is three decimals, in metres");
+    for (size_t i = 0; v && i < 3; i++)
+        model.at[i] = coordinate_of(r, json_array_get(v, i), "at");
+    if ((v = json_object_get(object, "turn")) && (!json_is_array(v) || json_array_size(v) != 3))
+        fail(r, "turn", "write [0, 90, 0]", "\"turn\" is three angles about x, y and z, in degrees");
+    for (size_t i = 0; v && i < 3; i++)
+        model.turn_deg[i] = number_of(r, json_array_get(v, i), "turn", -36000, 36000);
+    if ((v = json_object_get(object, "scale")))
+        model.scale = number_of(r, v, "scale", 1e-30, 1e30);
+    if ((v = json_object_get(object, "as")) && strcmp(text_of(r, v, "as"), "surface") != 0)
+        fail(r, "as", "write \"surface\", or leave it out",
+             karst_format(r->source->arena, "models are not shown as \"%.60s\"", json_string_value(v)));
+    return model;
+}
+
+static void read_point_models(reader *r, json_t *list)
+{
+    size_t num = json_array_size(list);
+    if (!json_is_array(list) || num > KARST_HEADER_MAX_MODELS)
+        fail(r, "models", "write [{ \"points\": \"rabbit.karstpoints\" }]",
+             karst_format(r->source->arena, "\"models\" is a list in brackets of %u models at most",
+                          KARST_HEADER_MAX_MODELS));
+    karst_header_model *models = karst_arena_alloc(r->source->arena, (num + 1) * sizeof *models);
+    for (size_t i = 0; i < num; i++)
+        models[i] = read_point_model(r, json_array_get(list, i));
+    r->header->models = models;
+    r->header->num_models = (uint32_t)num;
+}
+
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror");
+                 "mirror data lights models");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -287,10 +478,19 @@ static void read_root(reader *r)
     if ((v = json_object_get(r->root, "camera")))
         read_camera(r, v);
     read_light(r);
+    if ((v = json_object_get(r->root, "lights")))
+        read_lights(r, v);
+    if ((v = json_object_get(r->root, "models")))
+        read_point_models(r, v);
     if ((v = json_object_get(r->root, "params"))) {
         const char *name;
         json_t *value;
         json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
+    }
+    if ((v = json_object_get(r->root, "data"))) {
+        const char *name;
+        json_t *value;
+        json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
     }
 }
 

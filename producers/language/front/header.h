@@ -2,10 +2,22 @@
 #ifndef KARST_LANGUAGE_HEADER_H
 #define KARST_LANGUAGE_HEADER_H
 
+#include "core/files/samples.h"
 #include "producers/language/base/number.h"
 #include "producers/language/base/source.h"
+#include "producers/language/image/image.h"
 
 #define KARST_HEADER_MAX_PARAMETERS 64u
+#define KARST_HEADER_MAX_DATA 16u
+
+/* A file of samples that functions of the text look up by its name. */
+typedef struct {
+    const char *name, *file; /* file: as the header has it */
+    double size_m[2];        /* that all samples together take along each axis; 0: not said */
+    karst_samples_form form;
+    karst_wrap wrap; /* clamp */
+    uint32_t where;
+} karst_header_data;
 
 typedef struct {
     const char *name;
@@ -15,8 +27,36 @@ typedef struct {
     uint32_t where;
 } karst_header_parameter;
 
+#define KARST_HEADER_MAX_MODELS 256u
+
+/* A model made of points (docs/POINTS.md). */
+typedef struct {
+    const char *points; /* an imported file, as the header has it */
+    const char *at[3];  /* of its centre: decimal text, metres; "0" */
+    double turn_deg[3]; /* about x, then y, then z; 0 */
+    double scale;       /* 1 */
+} karst_header_model;
+
 /* All optional; has_ fields say what was given, everything else holds its default. Strings are never NULL and live in
  * the source's arena. */
+#define KARST_HEADER_MAX_LIGHTS 16u
+#define KARST_HEADER_MAX_SHADOWS 8u /* lights that cast shadows */
+typedef enum {
+    KARST_HEADER_SUN,
+    KARST_HEADER_POINT,
+    KARST_HEADER_SPOT,
+    KARST_NUM_HEADER_LIGHTS
+} karst_header_light_kind;
+/* A light beside the sun: another sun, a ball that shines all around, or in a cone. */
+typedef struct {
+    karst_header_light_kind kind;
+    double colour[3];                         /* linear RGB, of a white surface that faces it, 1 m away but of suns */
+    const char *position[3];                  /* decimal text, metres; "0" */
+    double azimuth_deg, elevation_deg;        /* where a sun stands, or a spot shines; 0, 40; -90 */
+    double size_deg, radius_m, angle_deg, soft; /* 0.53; 0.05; 40; 0.25 */
+    bool shadow;                              /* it casts one */
+} karst_header_light;
+
 typedef struct {
     bool is_given; /* there is a header */
     const char *name, *author, *description;
@@ -31,6 +71,10 @@ typedef struct {
     double camera_yaw_deg, camera_pitch_deg, camera_fov_deg; /* 0, 0, 60 */
     bool has_sun;
     double sun_azimuth_deg, sun_elevation_deg; /* 135, 40 */
+    bool has_sun_colour;
+    double sun_colour[3]; /* linear RGB */
+    uint32_t num_lights;
+    karst_header_light lights[KARST_HEADER_MAX_LIGHTS];
     bool has_sky;
     double sky_zenith[3], sky_horizon[3], haze_distance_m; /* linear RGB; 0: no haze */
     double haze_height_m, haze_globe_m;                    /* 0: not said */
@@ -40,8 +84,12 @@ typedef struct {
     double exposure_stops; /* of pictures */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
+    uint32_t num_models;
+    const karst_header_model *models; /* in the source's arena */
     uint32_t num_parameters;
     karst_header_parameter parameters[KARST_HEADER_MAX_PARAMETERS];
+    uint32_t num_data;
+    karst_header_data data[KARST_HEADER_MAX_DATA];
 } karst_world_header;
 
 /* Reads the header if the user's text begins with a comment that holds an object ("/" "*{ ... }*" "/"). Unknown keys

@@ -246,7 +246,7 @@ static void run_entry(karst_lower_state *s, karst_entry entry, karst_ast_functio
     karst_value value = karst_lower_function(s, f, arguments, NULL, f->where);
     memcpy(s->io->root + karst_outputs[e->first].root, value.e, value.type->num_scalars * sizeof *value.e);
     for (int o = (int)e->first + 1; o <= (int)e->last; o++)
-        if (is_usual(s, &karst_outputs[o]))
+        if (o != KARST_OUTPUT_AIR_ALBEDO && is_usual(s, &karst_outputs[o])) /* of shading there is always a colour */
             memset(s->io->root + karst_outputs[o].root, 0, karst_outputs[o].num_floats * sizeof(karst_expr));
     s->io->has_entry[entry] = true;
 }
@@ -291,7 +291,11 @@ void karst_lower(karst_lowering *io)
                              .names = io->names,
                              .parser = io->parser,
                              .arena = io->source->arena,
-                             .graph = io->graph};
+                             .graph = io->graph,
+                             .rules = {.expression = karst_rule_expression,
+                                       .whole = karst_rule_whole,
+                                       .initialiser = karst_rule_initialiser,
+                                       .body = karst_rule_body}};
     s->array_types.arena = s->arena;
     s->slots = karst_arena_alloc(s->arena, KARST_MAX_SLOTS * sizeof *s->slots);
     s->stamps = karst_arena_alloc(s->arena, KARST_MAX_SLOTS * sizeof *s->stamps);

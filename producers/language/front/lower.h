@@ -4,6 +4,7 @@
 #ifndef KARST_LANGUAGE_LOWER_H
 #define KARST_LANGUAGE_LOWER_H
 
+#include "producers/language/front/images.h"
 #include "producers/language/front/parser.h"
 #include "producers/language/graph/entries.h"
 
@@ -32,6 +33,8 @@ typedef struct {
     karst_graph *graph; /* empty */
     karst_lower_parameter parameters[KARST_MAX_PARAMETERS + 16];
     uint32_t num_parameters;
+    const karst_world_header *header; /* whose data the text may name */
+    karst_world_image *images; /* the files that it does name, latest first; the caller's to free, whatever comes */
     /* out */
     karst_expr root[KARST_NUM_ROOTS];  /* KARST_NO_EXPR: no entry gives it, or the usual number is all that it is */
     bool has_entry[KARST_NUM_ENTRIES]; /* which of them run */

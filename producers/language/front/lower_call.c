@@ -3,19 +3,6 @@
 
 #include <string.h>
 
-const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count)
-{
-    char *text = karst_format(s->arena, "(");
-    for (uint32_t i = 0; i < count && i < 8; i++)
-        text = karst_format(s->arena, "%s%s%s", text, i ? ", " : "", arguments[i].type->name);
-    return karst_format(s->arena, "%s%s)", text, count > 8 ? ", ..." : "");
-}
-
-const char *karst_a_type(karst_lower_state *s, const karst_type *type)
-{
-    return karst_format(s->arena, "%s%s", karst_type_article(type), type->name);
-}
-
 /* ---- constructors ---- */
 
 static karst_value construct_matrix(karst_lower_state *s, const karst_type *type, const karst_value *arguments,
@@ -177,7 +164,7 @@ static _Noreturn void no_fit(karst_lower_state *s, uint32_t name, bool in_prelud
 static const struct {
     const char *name, *instead;
 } refused[] = {
-    {"texture", "use noise(p) or write a function"},
+    {"texture", "use noise(p), or name a file in the header's \"data\""},
     {"texture2D", "use noise(p) or write a function"},
     {"textureLod", "use noise(p) or write a function"},
     {"texelFetch", "use noise(p) or write a function"},
@@ -308,9 +295,66 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
     return result;
 }
 
+/* Functions of data: the first argument is a name of the header's, no value. */
+static const struct {
+    const char *name;
+    uint32_t num_arguments; /* behind the data's name */
+    uint8_t size[3];        /* of each */
+    const char *wanted[3];
+} of_data[] = {
+    {"image", 1, {2}, {"the place in an image"}},
+    {"texture", 3, {3, 3, 1}, {"the place of a texture", "the normal of a texture", "the size of a texture"}},
+};
+enum { DATA_IMAGE, DATA_TEXTURE, NUM_DATA_FUNCTIONS };
+
+/* Which of them a call is; NUM_DATA_FUNCTIONS: none. Textures are other things to texts that have no data. */
+static size_t data_function(const karst_lower_state *s, const karst_ast_expr *e)
+{
+    const char *name = karst_lower_name(s, e->name);
+    size_t which = 0;
+    while (which < NUM_DATA_FUNCTIONS && strcmp(name, of_data[which].name) != 0)
+        which++;
+    if (karst_in_prelude(s) || (which == DATA_TEXTURE && !s->io->header->num_data))
+        return NUM_DATA_FUNCTIONS;
+    for (const karst_ast_function *f = s->parser->functions; f && which < NUM_DATA_FUNCTIONS; f = f->next)
+        if (f->name == e->name && !f->is_prelude)
+            return NUM_DATA_FUNCTIONS; /* the user's functions hide all others of that name */
+    return which;
+}
+
+static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, size_t which)
+{
+    const karst_ast_expr *data = e->a, *a = data ? data->next : NULL;
+    const char *name = data && data->kind == KARST_AST_NAME ? karst_lower_name(s, data->name) : NULL;
+    karst_expr arguments[3][3] = {{s->zero, s->zero, s->zero}, {s->zero, s->zero, s->zero}, {s->zero}}, value[3];
+    for (uint32_t i = 0; name && i < of_data[which].num_arguments; i++, a = a->next) {
+        if (!a)
+            karst_source_error(s->source, e->where, NULL, "write %s(%s, %s", of_data[which].name, name,
+                               which == DATA_IMAGE ? "p), p of two components" : "p, n, size), p and n of three");
+        karst_value v = karst_lower_convert(s, karst_lower_expression(s, a),
+                                            karst_type_vector(KARST_TYPE_FLOAT, of_data[which].size[i]),
+                                            of_data[which].wanted[i], a->where);
+        memcpy(arguments[i], v.e, of_data[which].size[i] * sizeof *v.e);
+    }
+    if (name && a)
+        karst_source_error(s->source, a->where, NULL, "%s(%s, ...) takes no more than %u arguments behind the name",
+                           of_data[which].name, name, of_data[which].num_arguments);
+    s->graph->where = e->where;
+    const uint32_t where = data ? data->where : e->where;
+    const uint32_t count =
+        which == DATA_IMAGE ? karst_lower_image(s, name, where, arguments[0], value)
+                            : karst_lower_texture(s, name, where, arguments[0], arguments[1], arguments[2][0], value);
+    karst_value result = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, count), e->where);
+    memcpy(result.e, value, count * sizeof *value);
+    return result;
+}
+
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value arguments[KARST_MAX_ARGUMENTS], result;
+    const size_t of_file = data_function(s, e);
+    if (of_file < NUM_DATA_FUNCTIONS)
+        return call_of_data(s, e, of_file);
     if (!is_function(s, e->name))
         unknown_function(s, e->name, e->where);
     karst_argument_place places[KARST_MAX_ARGUMENTS];

@@ -1,79 +1,7 @@
-/* Expressions: operators, conversions, choices, assignments. */
+/* Expressions: operators, choices, assignments. */
 #include "producers/language/front/lower_internal.h"
 
-#include "producers/language/graph/uniform.h"
-
 #include <string.h>
-
-/* ---- constants ---- */
-
-/* `reads` notes the parameters that decide it. */
-static bool known_value(karst_lower_state *s, karst_expr e, bool *reads, karst_number *number)
-{
-    karst_number values[KARST_MAX_PARAMETERS + 16];
-    for (uint32_t i = 0; i < s->io->num_parameters; i++)
-        values[i] = s->io->parameters[i].value;
-    return karst_graph_is_uniform(s->graph, e) && karst_uniform_value(s->graph, e, values, reads, number);
-}
-
-bool karst_lower_is_known(karst_lower_state *s, karst_expr e)
-{
-    bool reads[KARST_MAX_PARAMETERS + 16] = {false};
-    karst_number number;
-    return known_value(s, e, reads, &number);
-}
-
-bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *number)
-{
-    const karst_number *known = karst_graph_constant(s->graph, e);
-    if (known) {
-        *number = *known;
-        return true;
-    }
-    bool reads[KARST_MAX_PARAMETERS + 16] = {false};
-    if (!known_value(s, e, reads, number))
-        return false;
-    for (uint32_t i = 0; i < s->io->num_parameters; i++)
-        s->io->parameters[i].is_structural |= reads[i];
-    return true;
-}
-
-karst_number karst_lower_constant(karst_lower_state *s, karst_expr e, const char *what, uint32_t where)
-{
-    karst_number n;
-    if (!karst_lower_try_constant(s, e, &n))
-        karst_source_error(s->source, where, "use a number, a const or a parameter",
-                           "%s must not depend on the position", what);
-    return n;
-}
-
-/* ---- conversions ---- */
-
-karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const karst_type *to, const char *context,
-                                uint32_t where)
-{
-    int cost = karst_type_conversion(value.type, to);
-    if (cost < 0) {
-        const char *hint = NULL;
-        if (value.type->shape == KARST_SHAPE_VOID)
-            karst_source_error(s->source, where, NULL, "%s needs %s, but this gives no value", context,
-                               karst_a_type(s, to));
-        if (karst_type_is_plain(value.type) && karst_type_is_plain(to) && value.type->size == to->size)
-            hint = karst_format(s->arena, "write %s(...)", to->name);
-        else if (karst_type_is_plain(value.type) && karst_type_is_plain(to) && value.type->size > to->size)
-            hint = karst_format(s->arena, "take a part of it, such as .%.*s", (int)to->size, "xyz");
-        else if (karst_type_is_plain(to) && value.type->shape == KARST_SHAPE_SCALAR)
-            hint = karst_format(s->arena, "write %s(...)", to->name);
-        karst_source_error(s->source, where, hint, "%s needs %s, not %s", context, karst_a_type(s, to),
-                           karst_a_type(s, value.type));
-    }
-    if (cost == 0)
-        return value;
-    karst_value r = karst_value_new(s, to, where);
-    for (uint32_t i = 0; i < to->num_scalars; i++)
-        r.e[i] = karst_expr_convert(s->graph, to->scalar, value.e[i]);
-    return r;
-}
 
 karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, const char *context)
 {
@@ -87,7 +15,7 @@ karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, 
     return v.e[0];
 }
 
-karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type)
+karst_value karst_rule_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type)
 {
     if (e->kind != KARST_AST_LIST)
         return karst_lower_convert(s, karst_lower_expression(s, e), type, "this variable", e->where);
@@ -517,7 +445,7 @@ static bool find_variable(karst_lower_state *s, const karst_ast_expr *e, karst_v
     return true;
 }
 
-karst_value karst_lower_whole(karst_lower_state *s, const karst_ast_expr *e)
+karst_value karst_rule_whole(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value value;
     return e->kind == KARST_AST_NAME && find_variable(s, e, &value) ? value : karst_lower_expression(s, e);
@@ -608,7 +536,7 @@ static karst_value lower_inner(karst_lower_state *s, const karst_ast_expr *e)
     return karst_lower_expression(s, chain[n]);
 }
 
-karst_value karst_lower_expression(karst_lower_state *s, const karst_ast_expr *e)
+karst_value karst_rule_expression(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_lower_enter(s, e->where);
     karst_value value = lower_inner(s, e);

@@ -49,7 +49,18 @@ typedef struct {
     bool ready, busy, written, warned;
 } karst_global;
 
+typedef struct karst_lower_state karst_lower_state;
+
+/* What the lower parts call that lies above them: places, calls and types hold expressions, which hold them again, and
+ * a call executes the statements of a body. */
 typedef struct {
+    karst_value (*expression)(karst_lower_state *s, const karst_ast_expr *e);
+    karst_value (*whole)(karst_lower_state *s, const karst_ast_expr *e);
+    karst_value (*initialiser)(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type);
+    void (*body)(karst_lower_state *s, const karst_ast_statement *body);
+} karst_lower_rules;
+
+struct karst_lower_state {
     karst_lowering *io;
     karst_source *source;
     karst_names *names;
@@ -71,7 +82,24 @@ typedef struct {
     karst_frame frame;
     uint32_t steps, depth, inlined, iterations;
     karst_expr no, yes, zero; /* constants */
-} karst_lower_state;
+    karst_lower_rules rules;
+};
+
+static inline karst_value karst_lower_expression(karst_lower_state *s, const karst_ast_expr *e)
+{
+    return s->rules.expression(s, e);
+}
+/* The same, but a variable's value is not copied: valid until the variable changes. */
+static inline karst_value karst_lower_whole(karst_lower_state *s, const karst_ast_expr *e)
+{
+    return s->rules.whole(s, e);
+}
+static inline karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type)
+{
+    return s->rules.initialiser(s, e, type);
+}
+/* Executes the body of a function, with its parameters declared, as the only thing in `s->frame`. */
+static inline void karst_lower_body(karst_lower_state *s, const karst_ast_statement *body) { s->rules.body(s, body); }
 
 /* ---- lower_state.c ---- */
 karst_expr *karst_slots_push(karst_lower_state *s, uint32_t count, uint32_t where);
@@ -97,9 +125,6 @@ void karst_branch_merge(karst_lower_state *s, karst_expr condition, size_t first
 karst_variable *karst_variable_declare(karst_lower_state *s, uint32_t name, const karst_type *type, bool is_const,
                                        uint32_t where);
 karst_variable *karst_variable_find(karst_lower_state *s, uint32_t name);
-karst_global *karst_global_find(karst_lower_state *s, uint32_t name); /* evaluates its initialiser at the first call */
-const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
-                                   uint32_t where);
 /* Whose text is being executed: names are looked up in the prelude alone while its own functions run. */
 static inline bool karst_in_prelude(const karst_lower_state *s)
 {
@@ -107,10 +132,7 @@ static inline bool karst_in_prelude(const karst_lower_state *s)
 }
 const char *karst_lower_name(const karst_lower_state *s, uint32_t name);
 
-/* ---- lower_expr.c ---- */
-karst_value karst_lower_expression(karst_lower_state *s, const karst_ast_expr *e);
-/* The same, but a variable's value is not copied: valid until the variable changes. */
-karst_value karst_lower_whole(karst_lower_state *s, const karst_ast_expr *e);
+/* ---- lower_convert.c ---- */
 /* An int or float that is known now; `what` begins the error: "the size of an array". Parameters that decide it become
  * structural. */
 karst_number karst_lower_constant(karst_lower_state *s, karst_expr e, const char *what, uint32_t where);
@@ -120,7 +142,20 @@ bool karst_lower_try_constant(karst_lower_state *s, karst_expr e, karst_number *
 /* `value` as `to`, or an error that names both: "cannot use a vec3 as float". */
 karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const karst_type *to, const char *context,
                                 uint32_t where);
-karst_value karst_lower_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type);
+/* "an int", for messages. */
+const char *karst_a_type(karst_lower_state *s, const karst_type *type);
+/* "(vec3, float)", for messages. */
+const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count);
+
+/* ---- lower_global.c ---- */
+karst_global *karst_global_find(karst_lower_state *s, uint32_t name); /* evaluates its initialiser at the first call */
+const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
+                                   uint32_t where);
+
+/* ---- lower_expr.c ---- */
+karst_value karst_rule_expression(karst_lower_state *s, const karst_ast_expr *e);
+karst_value karst_rule_whole(karst_lower_state *s, const karst_ast_expr *e);
+karst_value karst_rule_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type);
 karst_value karst_lower_arithmetic(karst_lower_state *s, uint32_t op, karst_value a, karst_value b, uint32_t where);
 karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, const char *context);
 
@@ -158,10 +193,6 @@ bool karst_is_builtin(const char *name);
 /* Each in turn, from 0; NULL past the last. What the prelude defines is not among them. */
 const char *karst_builtin_name(size_t number);
 void karst_offer_builtins(karst_nearest *nearest);
-/* "an int", for messages. */
-const char *karst_a_type(karst_lower_state *s, const karst_type *type);
-/* "(vec3, float)", for messages. */
-const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, uint32_t count);
 
 /* ---- lower_range.c ---- */
 /* Whether the condition of a loop is false whatever the choices in it come to. */
@@ -169,9 +200,18 @@ bool karst_lower_never_holds(const karst_lower_state *s, karst_expr condition);
 /* Whether it compares what is known with a choice of numbers. */
 bool karst_lower_has_bound(const karst_lower_state *s, karst_expr condition);
 
+/* ---- lower_image.c ---- */
+/* The channels, 1 or 3, of the data of that name (NULL: it is none) at a place in metres; returns how many there are.
+ * `where` is that of the name. Errors: no such data, or a file that cannot be read. */
+uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[2],
+                           karst_expr value[3]);
+/* The same in space, from three sides as the normal has it, as if all samples of a row took `size` metres. Errors also:
+ * it does not repeat. */
+uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3],
+                             const karst_expr normal[3], karst_expr size, karst_expr value[3]);
+
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);
-/* Executes the body of a function, with its parameters declared, as the only thing in `s->frame`. */
-void karst_lower_body(karst_lower_state *s, const karst_ast_statement *body);
+void karst_rule_body(karst_lower_state *s, const karst_ast_statement *body);
 
 #endif

@@ -477,7 +477,7 @@ static void lower_statement(karst_lower_state *s, const karst_ast_statement *st)
     karst_lower_leave(s);
 }
 
-void karst_lower_body(karst_lower_state *s, const karst_ast_statement *body)
+void karst_rule_body(karst_lower_state *s, const karst_ast_statement *body)
 {
     s->frame.returned = karst_slot_index(s, karst_slots_push(s, 1, body->where));
     s->slots[s->frame.returned] = s->no;

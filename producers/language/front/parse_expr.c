@@ -1,9 +1,48 @@
-/* Expressions, by precedence climbing. */
+/* Types, and expressions by precedence climbing: each may stand in the other. */
 #include "producers/language/front/parser.h"
 
 #include <string.h>
 
 static karst_ast_expr *parse_unary(karst_parser *p);
+
+void karst_parse_array_size(karst_parser *p, karst_ast_type *type)
+{
+    uint32_t where = karst_parser_peek(p)->where;
+    if (!karst_parser_accept(p, '['))
+        return;
+    if (type->size || type->unsized)
+        karst_source_error(p->source, where, "use one array and compute the index", "there are no arrays of arrays");
+    if (karst_parser_accept(p, ']')) {
+        type->unsized = true;
+    } else {
+        type->size = karst_parse_expression(p);
+        karst_parser_expect(p, ']', "behind the array's size");
+    }
+    if (karst_token_is(karst_parser_peek(p), '['))
+        karst_source_error(p->source, where, "use one array and compute the index", "there are no arrays of arrays");
+}
+
+karst_ast_type karst_parse_type(karst_parser *p)
+{
+    karst_ast_type type = {0};
+    const karst_token *t = karst_parser_peek(p);
+    if (t->kind != KARST_TOKEN_NAME)
+        karst_source_error(p->source, t->where, NULL, "expected a type, not %s", karst_parser_spell(p, t));
+    const char *name = karst_name_text(p->names, t->what);
+    karst_keyword keyword = karst_parser_keyword(p, t);
+    if (keyword == KARST_KEYWORD_TYPE) {
+        type.base = karst_type_named(name);
+    } else if (keyword == KARST_KEYWORD_UNSUPPORTED_TYPE) {
+        type.unsupported = name;
+    } else if (!(type.structure = karst_parser_find_struct(p, t->what))) {
+        karst_nearest nearest = karst_nearest_begin(name, strlen(name));
+        karst_parser_offer_types(p, &nearest);
+        karst_source_error(p->source, t->where, karst_nearest_hint(&nearest, p->arena), "there is no type '%s'", name);
+    }
+    p->at++;
+    karst_parse_array_size(p, &type);
+    return type;
+}
 
 static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where, karst_ast_expr *a, karst_ast_expr *b,
                             karst_ast_expr *c)

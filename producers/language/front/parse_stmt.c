@@ -49,6 +49,46 @@ karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, 
     return first;
 }
 
+void karst_parse_struct(karst_parser *p)
+{
+    karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
+    p->at++;
+    s->where = karst_parser_peek(p)->where;
+    s->name = karst_parser_name(p, "the name of the struct");
+    const karst_ast_struct *same = p->structs;
+    while (same != p->outer_structs && same->name != s->name)
+        same = same->next;
+    if (same != p->outer_structs)
+        karst_source_error(p->source, s->where, "rename one of them", "there are two structs called '%s'",
+                           karst_name_text(p->names, s->name));
+    karst_parser_expect(p, '{', "behind the struct's name");
+    karst_ast_variable **link = &s->fields;
+    uint32_t num_fields = 0;
+    karst_parser_count(p, &p->num_structs, KARST_MAX_STRUCTS, "structs", s->where);
+    while (!karst_parser_accept(p, '}')) {
+        while (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
+            p->at++;
+        *link = karst_parse_variables(p, karst_parse_type(p), false);
+        while (*link) {
+            karst_parser_count(p, &num_fields, KARST_MAX_FIELDS, "fields in this struct", (*link)->where);
+            if ((*link)->value)
+                karst_source_error(p->source, (*link)->where, "set it where a variable is made",
+                                   "a field has no value of its own");
+            for (karst_ast_variable *other = s->fields; other != *link; other = other->next)
+                if (other->name == (*link)->name)
+                    karst_source_error(p->source, (*link)->where, "rename one of them",
+                                       "this struct has two fields called '%s'",
+                                       karst_name_text(p->names, other->name));
+            link = &(*link)->next;
+        }
+        karst_parser_expect(p, ';', "behind the field");
+    }
+    if (!s->fields)
+        karst_source_error(p->source, s->where, NULL, "struct '%s' has no fields", karst_name_text(p->names, s->name));
+    s->next = p->structs;
+    p->structs = s;
+}
+
 /* A declaration, if the tokens look like one: [const] TYPE NAME, or TYPE[3] NAME. */
 static bool at_declaration(const karst_parser *p)
 {

@@ -61,7 +61,7 @@ void karst_parse_file(karst_parser *parser, const karst_tokens *tokens, bool is_
 /* Parses the body of a function that has one. */
 void karst_parse_body(karst_parser *parser, karst_ast_function *function);
 
-/* ---- shared by parser.c, parse_expr.c and parse_stmt.c ---- */
+/* ---- parse_tokens.c ---- */
 static inline const karst_token *karst_parser_peek(const karst_parser *p) { return &p->tokens.items[p->at]; }
 /* The token n further on, or the END. */
 const karst_token *karst_parser_ahead(const karst_parser *p, size_t n);
@@ -74,11 +74,19 @@ const char *karst_parser_spell(const karst_parser *p, const karst_token *token);
 void karst_parser_enter(karst_parser *p); /* one level deeper, bounded */
 static inline void karst_parser_leave(karst_parser *p) { p->depth--; }
 bool karst_parser_at_type(const karst_parser *p);
+karst_ast_struct *karst_parser_find_struct(const karst_parser *p, uint32_t name); /* NULL: there is none */
+void karst_parser_offer_types(const karst_parser *p, karst_nearest *nearest);
+/* Counts one more of something that there may be `most` of. */
+void karst_parser_count(karst_parser *p, uint32_t *count, uint32_t most, const char *what, uint32_t where);
+
+/* ---- parse_expr.c ---- */
 karst_ast_type karst_parse_type(karst_parser *p);
-void karst_parse_struct(karst_parser *p); /* becomes p->structs */
 void karst_parse_array_size(karst_parser *p, karst_ast_type *type);
 karst_ast_expr *karst_parse_expression(karst_parser *p); /* with commas */
 karst_ast_expr *karst_parse_assignment(karst_parser *p); /* without */
+
+/* ---- parse_stmt.c ---- */
+void karst_parse_struct(karst_parser *p); /* becomes p->structs */
 karst_ast_statement *karst_parse_block(karst_parser *p);
 /* "float a = 1., b[3]" up to, not including, the ';'. */
 karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, bool is_const);

@@ -6,6 +6,7 @@
 
 #include "noise/gradient.clh"
 #include "producers/language/graph/affine.h"
+#include "producers/language/image/image.h"
 #include "producers/language/ops/octave.clh"
 #include "producers/language/graph/uniform.h"
 
@@ -16,7 +17,8 @@ _Static_assert(sizeof(karst_linear) == 8 * LINEAR_WORDS && sizeof(karst_lattice)
 
 _Static_assert((int)OCTAVE_GRADIENT == KARST_NOISE_GRADIENT && (int)OCTAVE_VALUE == KARST_NOISE_VALUE &&
                    (int)OCTAVE_SIMPLEX == KARST_NOISE_SIMPLEX && (int)OCTAVE_WORLEY_F1 == KARST_NOISE_WORLEY_F1 &&
-                   (int)OCTAVE_WORLEY_F2 == KARST_NOISE_WORLEY_F2 && (int)OCTAVE_LEVEL == KARST_NUM_NOISE_BASES,
+                   (int)OCTAVE_WORLEY_F2 == KARST_NOISE_WORLEY_F2 && (int)OCTAVE_LEVEL == KARST_NUM_NOISE_BASES &&
+                   (int)OCTAVE_IMAGE == KARST_NOISE_IMAGE,
                "octave.clh has graph.h's bases");
 _Static_assert(OCTAVE_SUM == KARST_NOISE_SUM && OCTAVE_RIDGED == KARST_NOISE_RIDGED &&
                    OCTAVE_BILLOW == KARST_NOISE_BILLOW && OCTAVE_TURBULENCE == KARST_NOISE_TURBULENCE,
@@ -153,6 +155,31 @@ static void lay_out(karst_world_layout *layout, record_chains *chains, const uin
 /* Values are counted in steps of these. */
 #define VALUES_STEP 32u
 
+/* Each image once, behind everything else. False: words cannot be counted any more. */
+static bool lay_out_images(karst_world_layout *layout)
+{
+    const karst_graph *graph = layout->world.graph;
+    layout->image_word = karst_arena_alloc(graph->arena, (graph->num_noises + 1u) * sizeof *layout->image_word);
+    if (!layout->image_word)
+        return false;
+    for (karst_expr e = 1; e < graph->num_nodes; e++) {
+        const karst_expr_node *n = &graph->nodes[e];
+        if (n->op != KARST_OP_NOISE || layout->word[e] == KARST_NO_WORD || !graph->noises[n->extra].image ||
+            layout->image_word[n->extra])
+            continue;
+        const karst_samples_image *image = graph->noises[n->extra].image;
+        for (uint32_t i = 0; i < graph->num_noises && !layout->image_word[n->extra]; i++)
+            if (graph->noises[i].image == image)
+                layout->image_word[n->extra] = layout->image_word[i];
+        if (layout->image_word[n->extra])
+            continue;
+        if (image->num_words > INT32_MAX - layout->num_words)
+            return false;
+        layout->image_word[n->extra] = take_words(layout, image->num_words);
+    }
+    return true;
+}
+
 bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world)
 {
     const karst_graph *graph = world->graph;
@@ -191,10 +218,26 @@ bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
     layout->values_word = layout->num_words;
     layout->num_words += layout->num_values;
     lay_out(layout, &chains, needed, false);
-    return true;
+    layout->num_record_words = layout->num_words;
+    return lay_out_images(layout);
 }
 
 /* ---- filling ---- */
+
+/* The octave of an image, whose header lies so many words from it. What has no lattice, being too fine for one, is the
+ * middle of its coarsest level. */
+static void fill_image(const karst_samples_image *image, uint32_t distance_words, karst_octave *octave)
+{
+    octave->image = distance_words;
+    octave->seed = IMAGE_FADED;
+    if (octave->frequency == KARST_OCTAVE_FADED) {
+        for (int i = 0; i < 2; i++)
+            octave->lattice[i] = (karst_lattice){.cell = image->size[i] / 2};
+        return;
+    }
+    uint64_t below = octave->frequency > 1 ? (uint64_t)octave->frequency - 1 : 0;
+    octave->seed = below >> 32 ? 64u - (uint32_t)k_clz((uint)(below >> 32)) : 32u - (uint32_t)k_clz((uint)below);
+}
 
 static karst_number value_or_zero(const karst_number *values, const uint8_t *known, karst_expr e)
 {
@@ -213,7 +256,8 @@ static karst_affine_value affine_value(const karst_graph *graph, const karst_num
 }
 
 static void fill_octaves(const karst_graph *graph, const karst_expr_node *n, const karst_number *values,
-                         const uint8_t *known, uint32_t seed, int voxel_log2_m, void *record)
+                         const uint8_t *known, uint32_t seed, int voxel_log2_m, uint32_t distance_words,
+                         void *record)
 {
     const karst_noise *noise = &graph->noises[n->extra];
     karst_affine_value argument[3];
@@ -229,6 +273,8 @@ static void fill_octaves(const karst_graph *graph, const karst_expr_node *n, con
         octaves[k] = karst_octave_of(argument, value_or_zero(values, known, noise->lacunarity),
                                      value_or_zero(values, known, noise->gain),
                                      noise_call_seed(seed, noise->seed_offset), k, voxel_log2_m);
+    if (noise->image)
+        fill_image(noise->image, distance_words, octaves);
 }
 
 static void fill_record(const karst_world_layout *layout, karst_expr e, const karst_number *values, uint32_t seed,
@@ -237,7 +283,8 @@ static void fill_record(const karst_world_layout *layout, karst_expr e, const ka
     const karst_graph *graph = layout->world.graph;
     const karst_expr_node *n = &graph->nodes[e];
     if (n->op == KARST_OP_NOISE) {
-        fill_octaves(graph, n, values, layout->is_known, seed, voxel_log2_m, record);
+        uint32_t distance_words = graph->noises[n->extra].image ? layout->image_word[n->extra] - layout->word[e] : 0;
+        fill_octaves(graph, n, values, layout->is_known, seed, voxel_log2_m, distance_words, record);
         return;
     }
     karst_affine_value form = affine_value(graph, values, layout->is_known, n->op == KARST_OP_AFFINE ? e : n->arg[0]);
@@ -279,7 +326,7 @@ bool karst_world_data_fill(const karst_world_layout *layout, const karst_number 
     bool done = values && known;
     if (done) {
         karst_uniform_evaluate(graph, parameters, values, known);
-        memset(words, 0, layout->num_words * sizeof(uint64_t));
+        memset(words, 0, layout->num_record_words * sizeof(uint64_t));
         uint32_t *value_bits = (uint32_t *)word_at(words, layout->values_word);
         for (karst_expr e = 1; e < graph->num_nodes; e++) {
             if (layout->word[e] == KARST_NO_WORD)
@@ -290,6 +337,10 @@ bool karst_world_data_fill(const karst_world_layout *layout, const karst_number 
             } else
                 fill_record(layout, e, values, seed, voxel_log2_m, word_at(words, layout->word[e]));
         }
+        for (uint32_t i = 0; i < graph->num_noises; i++)
+            if (layout->image_word[i])
+                memcpy(word_at(words, layout->image_word[i]), graph->noises[i].image->words,
+                       graph->noises[i].image->num_words * sizeof(uint64_t));
     }
     free(values);
     free(known);

@@ -43,9 +43,11 @@ typedef struct {
      * What the density needs stands where it stands whatever shading needs, unless that have very many values. */
     uint8_t *is_known;
     uint32_t *word;
+    uint32_t *image_word; /* of each noise of the graph that is an image which the roots reach: where that begins; 0 */
     uint32_t values_word; /* where the values begin */
     uint32_t num_values;
-    uint32_t num_words; /* of all; not 0 */
+    uint32_t num_record_words; /* of all but images, which stand behind them */
+    uint32_t num_words;        /* of all; not 0 */
 } karst_world_layout;
 
 /* Words at the beginning that a layout leaves to others (bounds_shared.h). */

@@ -422,7 +422,7 @@ static karst_expr slope_of_function(derivation *d, karst_expr e, const karst_exp
     karst_expr a = n->arg[0];
     if (!da)
         return da;
-    switch (n->op) {
+    switch ((karst_op)n->op) {
     case KARST_OP_NEGATE:
         return karst_expr_1(g, KARST_OP_NEGATE, da);
     case KARST_OP_ABS:
@@ -454,7 +454,7 @@ static karst_expr slope_of(derivation *d, karst_expr e, int axis)
         return KARST_NO_EXPR;
     if (n.type != KARST_TYPE_FLOAT || n.kind == KARST_KIND_STEPS)
         return d->side == SIDE_TAKEN ? KARST_NO_EXPR : slope_of_steps(d, e, &n, axis);
-    switch (n.op) {
+    switch ((karst_op)n.op) {
     case KARST_OP_AFFINE:
         return d->graph->affines[n.extra].coefficient[axis];
     case KARST_OP_ADD:
@@ -489,9 +489,33 @@ static karst_expr slope_of(derivation *d, karst_expr e, int axis)
     case KARST_OP_SIN_TURNS:
     case KARST_OP_COS_TURNS:
         return slope_of_turns(d, &n, axis);
-    default:
+    case KARST_OP_NEGATE:
+    case KARST_OP_ABS:
+    case KARST_OP_FRACT:
+    case KARST_OP_SQRT:
+    case KARST_OP_SIN:
+    case KARST_OP_COS:
+    case KARST_OP_EXP2:
+    case KARST_OP_LOG:
         return slope_of_function(d, e, &n, da);
+    case KARST_OP_NONE: /* the same everywhere, or nearly: steps were told before */
+    case KARST_OP_CONSTANT:
+    case KARST_OP_PARAMETER:
+    case KARST_OP_POSITION:
+    case KARST_OP_NORMAL:
+    case KARST_OP_FOOTPRINT:
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_CONVERT:
+    case KARST_OP_BITS:
+    case KARST_OP_CELL:
+    case KARST_NUM_OPS:
+    KARST_OP_CASES_OF_COMPARISONS
+    KARST_OP_CASES_OF_INTS
+        break;
     }
+    return KARST_NO_EXPR;
 }
 
 /* ---- the whole ---- */

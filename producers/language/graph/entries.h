@@ -17,7 +17,7 @@
     X(DENSITY, "density", 1, 0.0, true)              \
     X(COLOUR, "colour", 3, 0.5, true)                \
     X(MIRROR, "mirror", 1, 0.0, true)                \
-    X(GLOSS, "gloss", 1, 0.0, false)                 \
+    X(GLOSS, "gloss", 1, 0.0, true)                  \
     X(EMISSION, "emission", 3, 0.0, true)            \
     X(IOR, "ior", 1, 1.33, false)                    \
     X(ABSORPTION, "absorption", 3, 0.0, false)       \
@@ -29,7 +29,11 @@
     X(CLEAR_EMISSION, "emission", 3, 0.0, false)     \
     X(CLEAR_IOR, "ior", 1, 1.33, false)              \
     X(CLEAR_ABSORPTION, "absorption", 3, 0.0, false) \
-    X(CLEAR_TRANSPARENCY, "transparency", 1, 0.0, false)
+    X(CLEAR_TRANSPARENCY, "transparency", 1, 0.0, false) \
+    X(EXTINCTION, "extinction", 1, 0.0, true)        \
+    X(AIR_ALBEDO, "albedo", 3, 1.0, true)            \
+    X(AIR_G, "g", 1, 0.0, true)                      \
+    X(AIR_EMISSION, "emission", 3, 0.0, true)
 
 /* Entries: enumerator, name, another spelling of it (or NULL), type of the result, its first and last output, its
  * inputs, the program that runs it, whether it is softened (soften.h). The result is a built-in type, or a struct that
@@ -41,7 +45,8 @@
     X(SURFACE, "surface", NULL, "material", COLOUR, TRANSPARENCY, KARST_INPUT_PLACE_AND_NORMAL, SHADING, true) \
     X(CLEAR, "clear", NULL, "float", CLEAR, CLEAR, KARST_INPUT_PLACE, CLEAR_BRICKS, false)                     \
     X(CLEAR_SURFACE, "clear_surface", NULL, "material", CLEAR_COLOUR, CLEAR_TRANSPARENCY,                      \
-      KARST_INPUT_PLACE_AND_NORMAL, CLEAR_SHADING, true)
+      KARST_INPUT_PLACE_AND_NORMAL, CLEAR_SHADING, true)                                                       \
+    X(AIR, "air", NULL, "medium", EXTINCTION, AIR_EMISSION, KARST_INPUT_PLACE, AIR, false)
 
 /* How many parameters, each a vec3: the place, and the normal towards the air. */
 enum { KARST_INPUT_PLACE = 1, KARST_INPUT_PLACE_AND_NORMAL = 2 };
@@ -52,7 +57,8 @@ typedef enum {
     /* The same of clear matter: programs of their own, which are made of these outputs as of the land's
      * (producers/density/world_content.c). */
     KARST_PROGRAM_CLEAR_BRICKS,
-    KARST_PROGRAM_CLEAR_SHADING
+    KARST_PROGRAM_CLEAR_SHADING,
+    KARST_PROGRAM_AIR /* and of what fills the space outside matter: its extinction is that of bricks */
 } karst_entry_program;
 
 #define KARST_OUTPUT_ENUMERATOR_(id, ...) KARST_OUTPUT_##id,

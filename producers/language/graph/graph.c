@@ -186,7 +186,7 @@ karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a
         const karst_noise *n = &graph->noises[i];
         if (n->base == noise.base && n->shape == noise.shape && n->derivative == noise.derivative &&
             n->num_octaves == noise.num_octaves && n->seed_offset == noise.seed_offset && n->gain == noise.gain &&
-            n->lacunarity == noise.lacunarity)
+            n->lacunarity == noise.lacunarity && n->image == noise.image)
             break;
     }
     if (i == graph->num_noises) {

@@ -63,7 +63,9 @@ typedef enum {
     KARST_NOISE_SIMPLEX,
     KARST_NOISE_WORLEY_F1,
     KARST_NOISE_WORLEY_F2, /* distance to the nearest, second nearest point */
-    KARST_NUM_NOISE_BASES
+    KARST_NUM_NOISE_BASES,
+    /* samples of a file: one octave, of shape SUM, of the first two arguments (image_shared.h) */
+    KARST_NOISE_IMAGE = KARST_NUM_NOISE_BASES + 1
 } karst_noise_base;
 typedef enum {
     KARST_NOISE_SUM,       /* sum of amplitude_i * n_i: noise, fbm */
@@ -79,6 +81,7 @@ typedef struct {
     uint16_t num_octaves; /* 1 to 512 */
     uint32_t seed_offset;
     karst_expr gain, lacunarity; /* uniform floats */
+    const struct karst_samples_image *image; /* of KARST_NOISE_IMAGE; outlives the graph */
 } karst_noise;
 
 /* offset + sum of coefficient[i] * p[i], metres; each a uniform float node (KARST_NO_EXPR: 0). */

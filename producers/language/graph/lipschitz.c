@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "noise/bounds.clh"
+#include "producers/language/image/image.h"
 
 /* Of one octave, per cell: suprema of |gradient| (noise/bounds.clh; 3.75 for gradient and value noise). */
 static const double noise_steepness_per_cell[KARST_NUM_NOISE_BASES] = {3.76, 3.76, NOISE_SIMPLEX_STEEPNESS, 1, 1};
@@ -56,12 +57,14 @@ static double noise_steepness(const analysis *a, const karst_expr_node *n)
     const karst_noise *noise = &a->graph->noises[n->extra];
     if (noise->derivative)
         return (double)INFINITY;
+    karst_expr row[3] = {n->arg[0], n->arg[1], n->arg[2]};
+    if (noise->image)
+        return times(karst_samples_image_steepness(noise->image), jacobian_norm(a, row, 2));
     double gain = magnitude(a->ranges[noise->gain]), lacunarity = magnitude(a->ranges[noise->lacunarity]), factor = 1,
            sum = 0;
     for (int k = 0; k < noise->num_octaves; k++, factor *= gain * lacunarity)
         sum += factor;
     /* a SHIFTED moves by its shift on top of its form */
-    karst_expr row[3] = {n->arg[0], n->arg[1], n->arg[2]};
     bool doubled = noise->shape == KARST_NOISE_RIDGED || noise->shape == KARST_NOISE_BILLOW;
     return times(noise_steepness_per_cell[noise->base] * sum * (doubled ? 2 : 1), jacobian_norm(a, row, 3));
 }

@@ -107,6 +107,31 @@ typedef enum {
     KARST_OP_CLASS_OTHER       /* as karst_graph_check has it */
 } karst_op_class;
 
+/* In a switch over karst_op without a default: cases for all ops of a class. What has no case, its own or one of these,
+ * fails to compile (-Werror=switch), so that no room is left without a rule for a new op. Those of class OTHER are each
+ * named. */
+#define KARST_OP_CASES_OF_FLOATS KARST_OPS(KARST_OP_FLOAT_CASE_)
+#define KARST_OP_CASES_OF_COMPARISONS KARST_OPS(KARST_OP_COMPARISON_CASE_)
+#define KARST_OP_CASES_OF_INTS KARST_OPS(KARST_OP_INT_CASE_) /* and bools */
+#define KARST_OP_FLOAT_CASE_(id, name, least, most, class, tape) KARST_OP_##class##_FLOAT_(id)
+#define KARST_OP_COMPARISON_CASE_(id, name, least, most, class, tape) KARST_OP_##class##_COMPARISON_(id)
+#define KARST_OP_INT_CASE_(id, name, least, most, class, tape) KARST_OP_##class##_INT_(id)
+#define KARST_OP_FLOAT_FLOAT_(id) case KARST_OP_##id:
+#define KARST_OP_COMPARISON_FLOAT_(id)
+#define KARST_OP_BOOL_FLOAT_(id)
+#define KARST_OP_INT_FLOAT_(id)
+#define KARST_OP_OTHER_FLOAT_(id)
+#define KARST_OP_FLOAT_COMPARISON_(id)
+#define KARST_OP_COMPARISON_COMPARISON_(id) case KARST_OP_##id:
+#define KARST_OP_BOOL_COMPARISON_(id)
+#define KARST_OP_INT_COMPARISON_(id)
+#define KARST_OP_OTHER_COMPARISON_(id)
+#define KARST_OP_FLOAT_INT_(id)
+#define KARST_OP_COMPARISON_INT_(id)
+#define KARST_OP_BOOL_INT_(id) case KARST_OP_##id:
+#define KARST_OP_INT_INT_(id) case KARST_OP_##id:
+#define KARST_OP_OTHER_INT_(id)
+
 #define KARST_OP_ENUMERATOR_(id, ...) KARST_OP_##id,
 typedef enum { KARST_OPS(KARST_OP_ENUMERATOR_) KARST_NUM_OPS } karst_op;
 

@@ -8,6 +8,7 @@
 
 #include "noise/bounds.clh"
 #include "noise/worley.clh"
+#include "producers/language/image/image.h"
 
 static const karst_range everything = {-(double)INFINITY, (double)INFINITY};
 
@@ -56,6 +57,11 @@ static karst_range quotient(karst_range a, karst_range b)
 /* What a noise gives at most: octave by octave. */
 static karst_range noise_range(const karst_noise *noise, const karst_range *ranges)
 {
+    if (noise->image) {
+        const double steepest = karst_samples_image_steepness(noise->image);
+        return noise->derivative ? range_of(-steepest, steepest)
+                                 : range_of((double)noise->image->low, (double)noise->image->high);
+    }
     bool doubled = noise->shape == KARST_NOISE_RIDGED || noise->shape == KARST_NOISE_BILLOW;
     double ratio = magnitude(ranges[noise->gain]), amplitude = 1, all = 0;
     if (noise->derivative)

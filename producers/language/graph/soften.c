@@ -1,4 +1,5 @@
 #include "producers/language/graph/soften.h"
+#include "producers/language/image/image.h"
 
 #include <string.h>
 
@@ -73,6 +74,8 @@ static karst_expr noise_steepness(softener *s, const karst_expr_node *n)
     karst_expr row = hypotenuse(s, parts, 3);
     if (row == NOT_KNOWN || noise.derivative)
         return NOT_KNOWN;
+    if (noise.image)
+        return times(s, row, number(s, karst_samples_image_steepness(noise.image)));
     for (int i = 0; i < noise.num_octaves && i < SLOPE_OCTAVES; i++) {
         total = add(s, total, amplitude);
         amplitude = times(s, amplitude, times(s, noise.gain, noise.lacunarity));

@@ -41,6 +41,8 @@ karst_thin_facts karst_graph_thin_facts(const karst_graph *graph, karst_expr den
             continue;
         facts.may_be_thin = facts.may_be_thin || !is_plain(graph, n);
         facts.has_noise = facts.has_noise || n->op == KARST_OP_NOISE;
+        facts.may_jump = facts.may_jump || n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL ||
+                         n->op == KARST_OP_RINT || n->op == KARST_OP_SELECT || n->op == KARST_OP_CONVERT;
         for (int k = 0; k < 4; k++)
             is_used[n->arg[k]] |= n->arg[k] != KARST_NO_EXPR;
     }

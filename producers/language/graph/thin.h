@@ -1,4 +1,4 @@
-/* Whether a world can hold matter that is thinner than the detail which is asked for. */
+/* Whether a world can hold matter that is thinner than the detail which is asked for, and where it may jump. */
 #ifndef KARST_LANGUAGE_THIN_H
 #define KARST_LANGUAGE_THIN_H
 
@@ -9,6 +9,7 @@
 typedef struct {
     bool may_be_thin; /* false of sums of noise and linear forms: what is narrower than a voxel has faded out of such */
     bool has_noise;
+    bool may_jump; /* it asks on which side of something a place is, or for a whole number */
 } karst_thin_facts;
 
 karst_thin_facts karst_graph_thin_facts(const karst_graph *resolved, karst_expr density);

@@ -61,7 +61,7 @@ typedef struct {
     float scale;     /* lacunarity^k */
     float amplitude; /* gain^k */
     uint seed;
-    uint unused;
+    uint image; /* of an image (image_shared.h): words from this record to its header; 0: a noise */
     long frequency; /* Q8.56: largest sum of |frequency[i]| over the arguments: what the band limit goes by; or
                        KARST_OCTAVE_FADED */
 } karst_octave;

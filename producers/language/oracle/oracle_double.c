@@ -193,6 +193,8 @@ static double noise_double(const karst_oracle *o, karst_expr e)
                 op == KARST_OP_AFFINE ? 0 : double_of(o, op == KARST_OP_SHIFTED ? node_of(o, by)->arg[1] : by);
             p[i] = moved(place_in(&o->at, &octave->lattice[i]), offset * scale);
         }
+        if (noise->image)
+            return karst_oracle_image(octave, p, o->level, noise->derivative - 1);
         sum +=
             amplitude * octave_double(noise, p, octave->seed, (double)octave_weight_at(octave, o->level).weight, scale);
         amplitude *= double_of(o, noise->gain);
@@ -240,7 +242,7 @@ static double length(const karst_oracle *o, const karst_expr_node *n)
 static double plain_double(const karst_oracle *o, const karst_expr_node *n)
 {
     double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
-    switch (n->op) {
+    switch ((karst_op)n->op) {
     case KARST_OP_FOOTPRINT:
         return (double)op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
@@ -286,9 +288,26 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
         return karst_double_atan(a, b);
     case KARST_OP_SELECT:
         return o->slots[n->arg[0]].i ? b : c;
-    default:
-        return (double)NAN; /* not reached: the rest is piecewise constant */
+    case KARST_OP_FLOOR: /* piecewise constant: the float's value is taken */
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_CONVERT:
+    case KARST_OP_BITS:
+    KARST_OP_CASES_OF_COMPARISONS
+    KARST_OP_CASES_OF_INTS
+    case KARST_OP_NONE: /* known before, or found elsewhere */
+    case KARST_OP_CONSTANT:
+    case KARST_OP_PARAMETER:
+    case KARST_OP_POSITION:
+    case KARST_OP_AFFINE:
+    case KARST_OP_NOISE:
+    case KARST_OP_SIN_TURNS:
+    case KARST_OP_COS_TURNS:
+    case KARST_OP_CELL:
+    case KARST_NUM_OPS:
+        break;
     }
+    return (double)NAN;
 }
 
 void karst_oracle_step_double(karst_oracle *o, karst_expr e)

@@ -217,7 +217,7 @@ static vfloat plain_float(const karst_oracle *o, const karst_expr_node *n)
            d = float_of(o, n->arg[3]);
     vint i = o->slots[n->arg[0]].i;
     uint8_t from = node_of(o, n->arg[0])->type;
-    switch (n->op) {
+    switch ((karst_op)n->op) {
     case KARST_OP_FOOTPRINT:
         return op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
@@ -273,9 +273,23 @@ static vfloat plain_float(const karst_oracle *o, const karst_expr_node *n)
         return from == KARST_TYPE_BOOL   ? op_bool_to_float(i)
                : from == KARST_TYPE_UINT ? op_uint_to_float(i)
                                          : op_int_to_float(i);
-    default:
-        return op_bits_to_float(i); /* BITS */
+    case KARST_OP_BITS:
+        return op_bits_to_float(i);
+    case KARST_OP_NONE: /* known before, or found elsewhere */
+    case KARST_OP_CONSTANT:
+    case KARST_OP_PARAMETER:
+    case KARST_OP_POSITION:
+    case KARST_OP_AFFINE:
+    case KARST_OP_NOISE:
+    case KARST_OP_SIN_TURNS:
+    case KARST_OP_COS_TURNS:
+    case KARST_OP_CELL:
+    case KARST_NUM_OPS:
+    KARST_OP_CASES_OF_COMPARISONS
+    KARST_OP_CASES_OF_INTS
+        break;
     }
+    return NAN;
 }
 
 /* ---- ints and bools ---- */
@@ -319,7 +333,7 @@ static vint plain_int(const karst_oracle *o, const karst_expr_node *n)
 {
     vint a = o->slots[n->arg[0]].i, b = o->slots[n->arg[1]].i, c = o->slots[n->arg[2]].i;
     bool is_uint = n->type == KARST_TYPE_UINT;
-    switch (n->op) {
+    switch ((karst_op)n->op) {
     case KARST_OP_LESS:
     case KARST_OP_LESS_EQUAL:
     case KARST_OP_EQUAL:
@@ -357,9 +371,16 @@ static vint plain_int(const karst_oracle *o, const karst_expr_node *n)
         return is_uint ? op_uint_shift_right(a, b) : op_int_shift_right(a, b);
     case KARST_OP_CONVERT:
         return converted(o, n);
-    default: /* BITS */
+    case KARST_OP_BITS:
         return node_of(o, n->arg[0])->type == KARST_TYPE_FLOAT ? op_float_to_bits(float_of(o, n->arg[0])) : a;
+    case KARST_OP_NONE: /* known before, or found elsewhere */
+    case KARST_OP_CONSTANT:
+    case KARST_OP_CELL:
+    case KARST_NUM_OPS:
+    KARST_OP_CASES_OF_FLOATS
+        break;
     }
+    return 0;
 }
 
 void karst_oracle_step_float(karst_oracle *o, karst_expr e)

@@ -19,7 +19,8 @@ typedef struct {
     uint colour_output[3];
     uint raises_thin;  /* 1: thin matter is to be shown (producers/steps/raise.clh) */
     uint more_outputs; /* operands of what the shading's tape gives besides; 0: nothing */
-    uint unused[2];
+    uint smooths_jumps; /* 1: samples tell how far jumps are (producers/steps/jump.clh) */
+    int voxel_log2_m;   /* a voxel of level 0 is 2^that metres wide */
 } karst_data_header;
 K_ASSERT_SIZE(karst_data_header, 64);
 

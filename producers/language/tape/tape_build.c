@@ -117,6 +117,7 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
         i.argument_type = (uint8_t)karst_noise_way(b->graph, e);
         i.type = noise->shape;
         i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
+        b->tape->has_images |= noise->image != NULL;
     }
     if (b->with_curves)
         i.flags |= (uint8_t)(b->is_curve[e] == 1 ? TAPE_IS_CURVE : b->is_seen[e] ? 0 : TAPE_IS_PASSED);
@@ -201,9 +202,9 @@ void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes
         slots *= 2;
     snprintf(options, size_bytes,
              "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
-             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d",
+             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s",
              slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
-             tape->has_curves);
+             tape->has_curves, tape->has_images ? " -DOCTAVE_HAS_IMAGES=1" : "");
 }
 
 void karst_tape_finish(karst_tape *tape)

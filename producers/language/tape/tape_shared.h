@@ -11,7 +11,7 @@
 #include "core/device/dialect.h"
 
 /* The ops of graph.h that a tape may hold; arguments as there. */
-enum {
+typedef enum {
     TAPE_AFFINE, /* its float */
     TAPE_NORMAL,    /* along axis `count` */
     TAPE_FOOTPRINT, /* of the level asked for, in metres; a voxel of level 0 is 2^(int)count of them wide */
@@ -68,7 +68,42 @@ enum {
     TAPE_PLACE_CELL, /* of the exact place at `word`; a: the offset, b: the modulus; `count`: towards 0 */
     TAPE_CURVE, /* head of a curve, see below */
     TAPE_NUM_OPS
-};
+} tape_code;
+
+/* In a switch by TAPE_SWITCH each op has a case, or the host's compiler fails (-Werror=switch): TAPE_OTHERS is its
+ * default, and names the ops that it is for; TAPE_NOT_HERE names those that never come. Compilers of devices see a
+ * plain switch with a default. TAPE_NO_OTHER stands behind such a switch that returns. */
+#ifdef __OPENCL_VERSION__
+#define TAPE_SWITCH(op) switch (op)
+#define TAPE_OTHERS(cases) default
+#define TAPE_NOT_HERE(cases)
+#define TAPE_NO_OTHER(value)
+#else
+#define TAPE_SWITCH(op) switch ((tape_code)(op))
+#define TAPE_OTHERS(cases) cases
+#define TAPE_NOT_HERE(cases) \
+    cases:                   \
+    break;
+#define TAPE_NO_OTHER(value) return value; /* not reached */
+#endif
+/* clang-format off */
+#define TAPE_CASES_OF_FLOATS \
+    case TAPE_ADD: case TAPE_SUBTRACT: case TAPE_MULTIPLY: case TAPE_DIVIDE: case TAPE_FMA: case TAPE_NEGATE: \
+    case TAPE_MIN: case TAPE_MAX: case TAPE_ABS: case TAPE_FLOOR: case TAPE_CEIL: case TAPE_RINT: case TAPE_FRACT: \
+    case TAPE_MOD: case TAPE_MIX: case TAPE_SQRT: case TAPE_LENGTH: case TAPE_SIN: case TAPE_COS: case TAPE_EXP2: \
+    case TAPE_LOG: case TAPE_ATAN
+#define TAPE_CASES_OF_ALL_TYPES \
+    case TAPE_LESS: case TAPE_LESS_EQUAL: case TAPE_EQUAL: case TAPE_NOT_EQUAL: case TAPE_SELECT: case TAPE_CONVERT: \
+    case TAPE_BITS
+#define TAPE_CASES_OF_INTS \
+    case TAPE_NOT: case TAPE_AND: case TAPE_OR: case TAPE_INT_ADD: case TAPE_INT_SUBTRACT: case TAPE_INT_MULTIPLY: \
+    case TAPE_INT_DIVIDE: case TAPE_INT_MODULO: case TAPE_BIT_AND: case TAPE_BIT_OR: case TAPE_BIT_XOR: \
+    case TAPE_BIT_NOT: case TAPE_SHIFT_LEFT: case TAPE_SHIFT_RIGHT
+#define TAPE_CASES_OF_INPUTS /* which read more than their arguments */ \
+    case TAPE_AFFINE: case TAPE_NORMAL: case TAPE_FOOTPRINT: case TAPE_PLACE_FLOOR: case TAPE_PLACE_FRACT: \
+    case TAPE_PLACE_MOD: case TAPE_SIN_TURNS: case TAPE_COS_TURNS: case TAPE_NOISE: case TAPE_PLACE_CELL: \
+    case TAPE_CURVE: case TAPE_NUM_OPS
+/* clang-format on */
 
 /* The ops that a tape runs, so that interpreters are compiled for no others: a whole one takes seconds. Bit sets, as
  * options of a build; without them, all. Ops that are TAPE_IS_WIDE stand in the second pair of sets alone. */

@@ -1,0 +1,103 @@
+/* Media in pictures: what fills the space outside matter, from the world's store of air. */
+#include <math.h>
+#include <string.h>
+
+#include "core/engine/engine_parts.h"
+
+/* Voxels of media are so many times as wide as those of land: they are soft, and rays pass through all that there are
+ * before what is behind. */
+#define MEDIA_DETAIL 3.0f
+
+static uint32_t mode_of(karst_media_mode mode)
+{
+    return mode == KARST_MEDIA_MODE_BASIC    ? KARST_MEDIA_BASIC
+           : mode == KARST_MEDIA_MODE_SHADOW ? KARST_MEDIA_SHADOW
+                                             : KARST_MEDIA_FULL;
+}
+
+/* Those of the world that is shown, as its content is now. */
+static bool prepare(karst_engine *engine, karst_error *error)
+{
+    const karst_producer *producer = engine->shown.content[KARST_CONTENT_AIR].producer;
+    if (engine->media && engine->media_of == producer) {
+        const bool stale = engine->media_is_stale;
+        engine->media_is_stale = false;
+        return !stale || karst_media_forget(engine->media, error);
+    }
+    const karst_world_file *file = engine->shown.file->content[KARST_CONTENT_AIR];
+    char options[KARST_WORLD_FILE_OPTIONS_BYTES];
+    karst_world_file_colour_options(file, options);
+    const karst_media_config config = {
+        .air = karst_store_get_buffers(engine->stores[KARST_CONTENT_AIR].store),
+        .land = engine->shadows ? karst_cache_get_buffers(engine->cache) : NULL,
+        .mode = mode_of(engine->media_mode),
+        .has_atmosphere = engine->shown.skies != NULL,
+        .look = {.source = file->code.colour_source, .options = options, .data = producer->data[0]}};
+    if (!karst_finish(engine->context, error))
+        return false;
+    karst_media_destroy(engine->media);
+    engine->media = karst_media_create(engine->context, &config, error);
+    engine->media_of = producer;
+    engine->media_is_stale = false;
+    return engine->media != NULL;
+}
+
+/* Of the sample that was drawn last. */
+static karst_media_picture picture_of(const karst_engine *engine, const karst_cast_view *view,
+                                      const karst_pinhole *pinhole, const karst_light *light)
+{
+    return (karst_media_picture){.view = view,
+                                 .pinhole = pinhole,
+                                 .light = light,
+                                 .anchor = &engine->camera.position,
+                                 .skies = engine->shown.skies,
+                                 .metres = exp2f((float)engine->world->voxel_log2_m),
+                                 .detail = MEDIA_DETAIL,
+                                 .hits = engine->hits,
+                                 .parts = karst_radiance_parts(engine->radiance),
+                                 .has_sun = engine->shadows,
+                                 .has_mirror = engine->bounce != NULL};
+}
+
+bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error)
+{
+    uint32_t num_lacking, num_made;
+    if (!karst_engine_has_content(engine, KARST_CONTENT_AIR))
+        return true;
+    const karst_media_picture picture = picture_of(engine, view, pinhole, light);
+    return prepare(engine, error) && karst_media_take_counts(engine->media, &num_lacking, &num_made, error) &&
+           karst_media_pixels(engine->media, &picture, error) &&
+           karst_media_survey_sun(engine->media, &picture, error);
+}
+
+bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error)
+{
+    if (!karst_engine_has_content(engine, KARST_CONTENT_AIR) || !engine->media)
+        return true;
+    const karst_media_picture picture = picture_of(engine, view, pinhole, NULL);
+    return karst_media_look(engine->media, &picture, error);
+}
+
+bool karst_engine_end_media(karst_engine *engine, karst_error *error)
+{
+    uint32_t num_lacking = 0, num_made = 0;
+    if (engine->media && karst_engine_has_content(engine, KARST_CONTENT_AIR) &&
+        !karst_media_take_counts(engine->media, &num_lacking, &num_made, error))
+        return false;
+    engine->media_lacks = num_lacking + num_made > 0;
+    return true;
+}
+
+static const char *const mode_names[KARST_NUM_MEDIA_MODES] = {"full", "shadow", "basic"};
+
+bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_error *error)
+{
+    for (int i = 0; i < KARST_NUM_MEDIA_MODES; i++)
+        if (strcmp(name, mode_names[i]) == 0) {
+            *mode = (karst_media_mode)i;
+            return true;
+        }
+    return karst_fail(error, KARST_USAGE, "media are shown in no mode '%.40s'; there are: full, shadow, basic", name);
+}

@@ -1,0 +1,160 @@
+/* Pictures of paths (karst_engine_config.integrator). */
+#include <math.h>
+#include <string.h>
+
+#include "core/engine/engine_parts.h"
+#include "raycast/light/light.h"
+#include "raycast/shadow_shared.h"
+
+static const char *const integrator_names[KARST_NUM_INTEGRATORS] = {"direct", "full"};
+
+bool karst_integrator_parse(const char *name, karst_integrator *integrator, karst_error *error)
+{
+    for (int i = 0; i < KARST_NUM_INTEGRATORS; i++)
+        if (strcmp(name, integrator_names[i]) == 0) {
+            *integrator = (karst_integrator)i;
+            return true;
+        }
+    return karst_fail(error, KARST_USAGE, "no light is called '%.40s'; there are: direct, full", name);
+}
+
+bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error)
+{
+    if ((unsigned)config->integrator >= KARST_NUM_INTEGRATORS)
+        return karst_fail(error, KARST_USAGE, "there is no integrator number %d", (int)config->integrator);
+    if (config->bounces > KARST_ENGINE_MAX_BOUNCES)
+        return karst_fail(error, KARST_USAGE, "%u bounces: it may be 1 to %d", config->bounces,
+                          KARST_ENGINE_MAX_BOUNCES);
+    return config->integrator != KARST_INTEGRATOR_FULL || !config->no_shadows ||
+           karst_fail(error, KARST_USAGE, "full light without shadows is none: leave one of them out");
+}
+
+/* The sun as a lamp. */
+static karst_lamp sun_of(const karst_light *light)
+{
+    karst_lamp sun = {.kind = KARST_LAMP_SUN, .shadow = 1};
+    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    sun.direction[3] = 0.5f * KARST_SUN_CONE;
+    memcpy(sun.colour, light->sun_colour, 3 * sizeof(float));
+    return sun;
+}
+
+static karst_lamp lamp_of(const karst_engine *engine, const karst_world_light *from)
+{
+    static const uint32_t kinds[] = {[KARST_WORLD_SUN] = KARST_LAMP_SUN,
+                                     [KARST_WORLD_POINT] = KARST_LAMP_POINT,
+                                     [KARST_WORLD_SPOT] = KARST_LAMP_SPOT};
+    const double degree = M_PI / 180, half_rad = from->angle_deg * degree / 2;
+    const karst_light towards = karst_light_of_sun(from->azimuth_deg, from->elevation_deg);
+    karst_lamp lamp = {.kind = kinds[from->kind], .shadow = from->shadow};
+    double away_m[3], strength = 1;
+    memcpy(lamp.direction, towards.sun_direction, 3 * sizeof(float));
+    lamp.direction[3] = (float)tan(from->size_deg * degree / 2);
+    if (from->kind != KARST_WORLD_SUN) {
+        const int voxel_log2_m = engine->world->voxel_log2_m;
+        karst_position_difference_m(engine->camera.position, from->position, voxel_log2_m, away_m);
+        for (int axis = 0; axis < 3; axis++)
+            lamp.place[axis] = (float)ldexp(away_m[axis], -voxel_log2_m);
+        lamp.place[3] = (float)ldexp(from->radius_m, -voxel_log2_m);
+        strength = ldexp(1, -2 * voxel_log2_m); /* of a metre's distance, at a voxel's */
+    }
+    /* A soft cone begins to fade within its angle, which stays some: kernels divide by it. */
+    lamp.dark = (float)cos(half_rad);
+    lamp.bright = (float)fmax(cos(half_rad * (1 - from->soft)), lamp.dark + 1e-5);
+    for (int c = 0; c < 3; c++)
+        lamp.colour[c] = (float)(strength * from->colour[c]);
+    return lamp;
+}
+
+/* The world's own after `num` that are there. */
+static uint32_t own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOST_LAMPS], uint32_t num)
+{
+    for (uint32_t i = 0; i < engine->world->num_lights; i++)
+        lamps[num++] = lamp_of(engine, &engine->world->lights[i]);
+    return num;
+}
+
+/* What there is to be followed of the picture at hand; `again`: for what it asks for. */
+static karst_path_picture path_picture(const karst_engine *engine, const karst_cast_view *view,
+                                       const karst_pinhole *pinhole, const karst_light *light, bool again)
+{
+    const karst_world_info *world = engine->world;
+    return (karst_path_picture){.caster = engine->caster,
+                                .shader = engine->shader,
+                                .view = view,
+                                .pinhole = pinhole,
+                                .light = light,
+                                .hits = engine->hits,
+                                .parts = karst_radiance_parts(engine->radiance),
+                                .counters = engine->counters,
+                                .again = again,
+                                .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
+                                           (world->has_own_mirror && engine->mirror >= 0)};
+}
+
+static bool follow(karst_engine *engine, const karst_path_picture *picture, karst_error *error)
+{
+    /* With all samples a frame is for the pixels' centres, and adds no light. */
+    if (engine->samples > 1 && engine->num_summed == engine->samples)
+        return karst_paths_set_lamps(engine->paths, NULL, 0, error) &&
+               karst_paths_follow(engine->paths, picture, 0, error);
+    karst_lamp lamps[KARST_MOST_LAMPS] = {sun_of(picture->light)};
+    const float *sun = lamps[0].colour;
+    const uint32_t num = own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
+    return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
+           karst_paths_follow(engine->paths, picture,
+                              engine->bounces ? engine->bounces : KARST_ENGINE_DEFAULT_BOUNCES, error);
+}
+
+/* To the picture's surfaces, or those that they mirror. */
+static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool mirrored, karst_error *error)
+{
+    karst_lamp lamps[KARST_MOST_LAMPS];
+    const uint32_t num = own_lamps(engine, lamps, 0);
+    /* As the sun does, they shine through matter where pictures are without shadows. */
+    for (uint32_t i = 0; i < num; i++)
+        lamps[i].shadow = lamps[i].shadow && engine->shadows;
+    if (!karst_paths_set_lamps(engine->paths, lamps, num, error))
+        return false;
+    if (!mirrored)
+        return karst_paths_add_lamps(engine->paths, picture, error);
+    const karst_bounce_stream stream = karst_bounce_get_stream(engine->bounce);
+    picture->mirrors = false; /* nothing is seen in two of them */
+    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.count, stream.hits, error);
+}
+
+bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                             const karst_light *light, karst_error *error)
+{
+    const karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    return follow(engine, &picture, error);
+}
+
+bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, karst_error *error)
+{
+    karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    return add_lights(engine, &picture, false, error) &&
+           (!engine->bounce || add_lights(engine, &picture, true, error));
+}
+
+bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
+                                          const karst_pinhole *pinhole, karst_error *error)
+{
+    if (!engine->paths)
+        return true;
+    const karst_light light = karst_engine_light(engine);
+    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    return add_lights(engine, &picture, true, error);
+}
+
+bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error)
+{
+    if (!engine->paths)
+        return true;
+    const karst_light light = karst_engine_light(engine);
+    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    return engine->integrator == KARST_INTEGRATOR_FULL ? follow(engine, &picture, error)
+                                                       : add_lights(engine, &picture, false, error);
+}

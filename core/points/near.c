@@ -1,0 +1,337 @@
+/* What lies around each point: its nearest neighbours, the radius that they span, and the plane that they lie in.
+ *
+ * Points in Morton order have a tree without links: a leaf is 16 points that follow one another, a node is 8 leaves or
+ * nodes that do. A leaf's points look for their neighbours together, in the leaf's box and a reach around it; the reach
+ * is guessed by the leaf before and grows until it holds all that are nearest. Neighbours are exact, whatever the
+ * guess. The plane is that of the least squares, by the eigenvector of the least eigenvalue of the covariance (H. Hoppe
+ * and others: Surface Reconstruction from Unorganized Points, 1992). */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/points/import_internal.h"
+
+#define LEAF 16u
+#define FAN 8u
+#define MAX_TREE_LEVELS 12
+#define BLOCK 4096u           /* points that a thread takes at a time */
+#define MANY_CANDIDATES 6000u /* more than that, and a leaf is looked at point by point */
+
+typedef struct {
+    int32_t min[3], max[3];
+} box;
+
+typedef struct {
+    karst_point *points;
+    uint32_t num, *links;
+    int num_levels;
+    uint32_t counts[MAX_TREE_LEVELS];
+    box *nodes[MAX_TREE_LEVELS]; /* level 0: of leaves */
+    float first_reach;
+    bool failed; /* memory: set by any thread, never cleared */
+} surroundings;
+
+/* ---- the tree ---- */
+
+static void grow(box *b, const box *other)
+{
+    for (int a = 0; a < 3; a++) {
+        b->min[a] = other->min[a] < b->min[a] ? other->min[a] : b->min[a];
+        b->max[a] = other->max[a] > b->max[a] ? other->max[a] : b->max[a];
+    }
+}
+
+static box box_of(const karst_point *points, uint32_t begin, uint32_t end)
+{
+    box b = {{INT32_MAX, INT32_MAX, INT32_MAX}, {INT32_MIN, INT32_MIN, INT32_MIN}};
+    for (uint32_t i = begin; i < end; i++) {
+        box of_point;
+        memcpy(of_point.min, points[i].at, sizeof of_point.min);
+        memcpy(of_point.max, points[i].at, sizeof of_point.max);
+        grow(&b, &of_point);
+    }
+    return b;
+}
+
+static bool build_tree(surroundings *s, karst_error *error)
+{
+    uint32_t count = (s->num + LEAF - 1) / LEAF;
+    for (s->num_levels = 0; s->num_levels < MAX_TREE_LEVELS; count = (count + FAN - 1) / FAN) {
+        int level = s->num_levels++;
+        s->counts[level] = count;
+        s->nodes[level] = malloc(count * sizeof(box));
+        if (!s->nodes[level])
+            return karst_fail(error, KARST_FAILED, "out of memory for %u points", s->num);
+        for (uint32_t i = 0; i < count; i++) {
+            uint32_t begin = i * (level ? FAN : LEAF), of = level ? s->counts[level - 1] : s->num;
+            uint32_t end = of - begin < (level ? FAN : LEAF) ? of : begin + (level ? FAN : LEAF);
+            if (level == 0) {
+                s->nodes[0][i] = box_of(s->points, begin, end);
+                continue;
+            }
+            s->nodes[level][i] = s->nodes[level - 1][begin];
+            for (uint32_t k = begin + 1; k < end; k++)
+                grow(&s->nodes[level][i], &s->nodes[level - 1][k]);
+        }
+        if (count == 1)
+            return true;
+    }
+    return true;
+}
+
+/* ---- candidates ---- */
+
+/* Points in a box, as offsets from a place. */
+typedef struct {
+    float *at[3], *square;
+    uint32_t *index;
+    uint32_t num, capacity;
+    int32_t origin[3];
+} candidates;
+
+static bool make_room(candidates *c, uint32_t num)
+{
+    if (num <= c->capacity)
+        return true;
+    uint32_t capacity = c->capacity ? c->capacity : 1024;
+    while (capacity < num)
+        capacity *= 2;
+    void **arrays[] = {(void **)&c->at[0], (void **)&c->at[1], (void **)&c->at[2], (void **)&c->square,
+                       (void **)&c->index};
+    for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
+        void *grown = realloc(*arrays[i], (size_t)capacity * sizeof(float));
+        if (!grown)
+            return false;
+        *arrays[i] = grown;
+    }
+    c->capacity = capacity;
+    return true;
+}
+
+static bool meets(const box *a, const box *b)
+{
+    for (int axis = 0; axis < 3; axis++)
+        if (a->min[axis] > b->max[axis] || a->max[axis] < b->min[axis])
+            return false;
+    return true;
+}
+
+static bool add_leaf(const surroundings *s, const box *wanted, uint32_t leaf, candidates *c)
+{
+    uint32_t begin = leaf * LEAF, end = s->num - begin < LEAF ? s->num : begin + LEAF;
+    if (!make_room(c, c->num + LEAF))
+        return false;
+    for (uint32_t i = begin; i < end; i++) {
+        const karst_point *p = &s->points[i];
+        bool inside = true;
+        for (int a = 0; a < 3; a++)
+            inside = inside && p->at[a] >= wanted->min[a] && p->at[a] <= wanted->max[a];
+        if (!inside)
+            continue;
+        for (int a = 0; a < 3; a++)
+            c->at[a][c->num] = (float)(p->at[a] - c->origin[a]);
+        c->index[c->num++] = i;
+    }
+    return true;
+}
+
+/* All points in a box, in their order; stops when there are more than `most`. */
+static bool gather(const surroundings *s, const box *wanted, uint32_t most, candidates *c)
+{
+    int level = s->num_levels - 1;
+    uint32_t i = 0;
+    c->num = 0;
+    while (c->num <= most && level >= 0 && i < s->counts[level]) {
+        if (meets(&s->nodes[level][i], wanted)) {
+            if (level > 0) {
+                level--;
+                i *= FAN;
+                continue;
+            }
+            if (!add_leaf(s, wanted, i, c))
+                return false;
+        }
+        i++;
+        while (level + 1 < s->num_levels && (i % FAN == 0 || i == s->counts[level])) {
+            i = (i + FAN - 1) / FAN;
+            level++;
+        }
+    }
+    return true;
+}
+
+/* ---- planes ---- */
+
+/* The direction in which a symmetric matrix (xx xy xz yy yz zz) stretches least. */
+static void least_direction(const double m[6], double direction[3])
+{
+    double mean = (m[0] + m[3] + m[5]) / 3, a = m[0] - mean, b = m[3] - mean, c = m[5] - mean;
+    double p = sqrt((a * a + b * b + c * c + 2 * (m[1] * m[1] + m[2] * m[2] + m[4] * m[4])) / 6);
+    double determinant = a * (b * c - m[4] * m[4]) - m[1] * (m[1] * c - m[4] * m[2]) + m[2] * (m[1] * m[4] - b * m[2]);
+    double r = p > 0 ? determinant / (2 * p * p * p) : 0;
+    double least = mean + 2 * p * cos(acos(fmin(fmax(r, -1), 1)) / 3 + 2.0943951023931953);
+    const double rows[3][3] = {{m[0] - least, m[1], m[2]}, {m[1], m[3] - least, m[4]}, {m[2], m[4], m[5] - least}};
+    double best = 0;
+    direction[0] = direction[2] = 0;
+    direction[1] = 1;
+    for (int i = 0; i < 3; i++) {
+        const double *u = rows[i], *v = rows[(i + 1) % 3];
+        const double cross[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+        double square = cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2];
+        if (!(square > best))
+            continue;
+        best = square;
+        for (int k = 0; k < 3; k++)
+            direction[k] = cross[k] / sqrt(square);
+    }
+}
+
+typedef struct {
+    float square[POINTS_NEAREST + 1];
+    uint32_t candidate[POINTS_NEAREST + 1];
+    uint32_t num;
+} nearest;
+
+static void find_nearest(candidates *c, const float at[3], nearest *n)
+{
+    const float *x = c->at[0], *y = c->at[1], *z = c->at[2];
+    float *restrict square = c->square;
+    for (uint32_t i = 0; i < c->num; i++) {
+        float dx = x[i] - at[0], dy = y[i] - at[1], dz = z[i] - at[2];
+        square[i] = dx * dx + dy * dy + dz * dz;
+    }
+    n->num = 0;
+    for (uint32_t i = 0; i < c->num; i++) {
+        if (n->num == POINTS_NEAREST + 1 && square[i] >= n->square[POINTS_NEAREST])
+            continue;
+        uint32_t k = n->num < POINTS_NEAREST + 1 ? n->num++ : POINTS_NEAREST;
+        for (; k > 0 && n->square[k - 1] > square[i]; k--) {
+            n->square[k] = n->square[k - 1];
+            n->candidate[k] = n->candidate[k - 1];
+        }
+        n->square[k] = square[i];
+        n->candidate[k] = i;
+    }
+}
+
+static void fit_plane(const candidates *c, const nearest *n, int16_t normal[3])
+{
+    double mean[3] = {0}, m[6] = {0}, direction[3];
+    for (uint32_t k = 0; k < n->num; k++)
+        for (int a = 0; a < 3; a++)
+            mean[a] += (double)c->at[a][n->candidate[k]] / n->num;
+    for (uint32_t k = 0; k < n->num; k++) {
+        double d[3];
+        for (int a = 0; a < 3; a++)
+            d[a] = (double)c->at[a][n->candidate[k]] - mean[a];
+        m[0] += d[0] * d[0];
+        m[1] += d[0] * d[1];
+        m[2] += d[0] * d[2];
+        m[3] += d[1] * d[1];
+        m[4] += d[1] * d[2];
+        m[5] += d[2] * d[2];
+    }
+    least_direction(m, direction);
+    for (int a = 0; a < 3; a++)
+        normal[a] = (int16_t)rint(direction[a] * 32767);
+}
+
+/* ---- the points ---- */
+
+static bool has_normal(const karst_point *p) { return p->normal[0] || p->normal[1] || p->normal[2]; }
+
+/* Notes what was found of point `i`. */
+static void note(surroundings *s, uint32_t i, const candidates *c, const nearest *n)
+{
+    karst_point *made = &s->points[i];
+    uint32_t *links = s->links + (size_t)i * POINTS_LINKS;
+    uint32_t last = n->num - 1 < POINTS_RADIUS_OF ? n->num - 1 : POINTS_RADIUS_OF;
+    made->radius = sqrtf(n->square[last]);
+    if (!has_normal(made)) {
+        fit_plane(c, n, made->normal);
+        made->is_found = 1;
+    }
+    for (uint32_t k = 0; k < POINTS_LINKS; k++)
+        links[k] = k + 1 < n->num ? c->index[n->candidate[k + 1]] : UINT32_MAX;
+}
+
+static int32_t clamp(double v) { return v > 0x1p30 ? 1 << 30 : v < -0x1p30 ? -(1 << 30) : (int32_t)v; }
+
+/* Points [begin, end), which lie near one another. *reach: a guess, and a better one for what comes next. */
+static bool look_around(surroundings *s, uint32_t begin, uint32_t end, float *reach, candidates *c)
+{
+    const box own = box_of(s->points, begin, end);
+    uint32_t wanted = s->num < POINTS_NEAREST + 1 ? s->num : POINTS_NEAREST + 1;
+    for (int a = 0; a < 3; a++)
+        c->origin[a] = own.min[a] / 2 + own.max[a] / 2;
+    for (float guess = *reach;; guess *= 1.6f) {
+        box around = own;
+        for (int a = 0; a < 3; a++) {
+            around.min[a] = clamp(floor((double)own.min[a] - (double)guess));
+            around.max[a] = clamp(ceil((double)own.max[a] + (double)guess));
+        }
+        if (!gather(s, &around, end - begin > 1 ? MANY_CANDIDATES : s->num, c))
+            return false;
+        if (c->num > MANY_CANDIDATES && end - begin > 1) {
+            for (uint32_t i = begin; i < end; i++) {
+                *reach = guess / 4;
+                if (!look_around(s, i, i + 1, reach, c))
+                    return false;
+            }
+            return true;
+        }
+        bool is_all = guess > 0x1p31f, is_enough = true;
+        float farthest = 0;
+        nearest n[LEAF];
+        for (uint32_t i = begin; i < end && is_enough; i++) {
+            float at[3];
+            for (int a = 0; a < 3; a++)
+                at[a] = (float)(s->points[i].at[a] - c->origin[a]);
+            nearest *of = &n[i - begin];
+            find_nearest(c, at, of);
+            is_enough = is_all || (of->num >= wanted && of->square[wanted - 1] <= guess * guess);
+            farthest = of->num && of->square[of->num - 1] > farthest ? of->square[of->num - 1] : farthest;
+        }
+        if (!is_enough)
+            continue;
+        for (uint32_t i = begin; i < end; i++)
+            note(s, i, c, &n[i - begin]);
+        *reach = sqrtf(farthest) * 1.1f + 1;
+        return true;
+    }
+}
+
+static void look_at_block(void *user, uint64_t begin, uint64_t end)
+{
+    surroundings *s = user;
+    candidates c = {0};
+    float reach = s->first_reach;
+    bool done = true;
+    for (uint64_t at = begin; done && at < end; at += LEAF)
+        done = look_around(s, (uint32_t)at, (uint32_t)(end - at < LEAF ? end : at + LEAF), &reach, &c);
+    if (!done)
+        __atomic_store_n(&s->failed, true, __ATOMIC_RELAXED);
+    for (int a = 0; a < 3; a++)
+        free(c.at[a]);
+    free(c.square);
+    free(c.index);
+}
+
+bool karst_points_look_around(points_import *import, karst_point *points, uint32_t num, uint32_t *links,
+                              karst_error *error)
+{
+    surroundings s = {.points = points, .num = num, .links = links};
+    bool done = build_tree(&s, error);
+    if (done) {
+        const box *all = &s.nodes[s.num_levels - 1][0];
+        double side = 0;
+        for (int a = 0; a < 3; a++)
+            side = fmax(side, (double)all->max[a] - all->min[a]);
+        s.first_reach = (float)(4 * side / sqrt(num)) + 1;
+        done = karst_points_in_parallel(import, "neighbours", num, BLOCK, look_at_block, &s, error) &&
+               (!s.failed || karst_fail(error, KARST_FAILED, "out of memory for neighbours"));
+    }
+    for (int i = 0; i < s.num_levels; i++)
+        free(s.nodes[i]);
+    return done;
+}

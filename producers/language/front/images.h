@@ -1,0 +1,18 @@
+/* The data of a header that a text uses, read. */
+#ifndef KARST_LANGUAGE_IMAGES_H
+#define KARST_LANGUAGE_IMAGES_H
+
+#include "producers/language/front/header.h"
+
+typedef struct karst_world_image karst_world_image;
+struct karst_world_image {
+    karst_world_image *next;
+    const karst_header_data *data;
+    uint32_t width, height, num_channels; /* of the file */
+    char kind[40];                        /* "PNG, 16 bits" */
+    karst_samples_image channel[3];
+};
+
+void karst_world_images_free(karst_world_image *list);
+
+#endif

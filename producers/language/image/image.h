@@ -1,0 +1,42 @@
+/* Images: samples of a file made ready for kernels (ops/image_shared.h). */
+#ifndef KARST_LANGUAGE_IMAGE_H
+#define KARST_LANGUAGE_IMAGE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "karst/error.h"
+#include "producers/language/ops/image_shared.h"
+
+/* How an image goes on beyond its edges: with what they have, again, or again and mirrored. */
+typedef enum { KARST_WRAP_CLAMP, KARST_WRAP_REPEAT, KARST_WRAP_MIRROR } karst_wrap;
+
+#define KARST_IMAGE_MOST_SIDE 32768u
+/* Coefficients of one image, once it is mirrored or made a power of two wide: its data are then 480 MiB. */
+#define KARST_IMAGE_MOST_SAMPLES ((size_t)1 << 26)
+
+/* Immutable: any number of threads may read it. */
+typedef struct karst_samples_image {
+    uint64_t *words; /* a karst_image_header and what it points to; malloc'ed */
+    uint32_t num_words;
+    uint32_t size[2];     /* coefficients of level 0 along each axis */
+    uint32_t period[2];   /* samples after which it comes again; 0: it does not */
+    float low, high;      /* of all values of all levels */
+    uint64_t digest;      /* of all words */
+    uint32_t bound_bytes; /* of that for bounds */
+} karst_samples_image;
+
+/* The interpolating spline of width x height samples, finite and row by row, `stride` floats from one to the next, with
+ * its pyramids. Sample i lies at the whole coordinate i along each axis; where the image repeats and its sides are no
+ * powers of two, it is resampled, so that the number of samples along a side is image->size. Sides are 1 to
+ * KARST_IMAGE_MOST_SIDE. Errors: KARST_FAILED (memory), KARST_BAD_DATA (too many samples). Thread-safe. Free with
+ * karst_samples_image_finish. */
+bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
+                               uint32_t stride, karst_wrap wrap, karst_error *error);
+void karst_samples_image_finish(karst_samples_image *image); /* a zeroed one is fine */
+
+/* At most how fast its value changes, per cell and in any direction. */
+double karst_samples_image_steepness(const karst_samples_image *image);
+
+#endif

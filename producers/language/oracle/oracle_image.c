@@ -1,0 +1,56 @@
+/* Images in double, by the definition of B-splines: no code is shared with what devices run. */
+#include "producers/language/oracle/oracle_internal.h"
+
+#include <math.h>
+
+/* The cubic B-spline of knots at whole numbers, or its derivative. */
+static double spline(double x, bool is_slope)
+{
+    const double a = fabs(x), sign = x < 0 ? -1 : 1;
+    if (a >= 2)
+        return 0;
+    if (a >= 1)
+        return is_slope ? -sign * (2 - a) * (2 - a) / 2 : (2 - a) * (2 - a) * (2 - a) / 6;
+    return is_slope ? sign * a * (1.5 * a - 2) : 2. / 3 - a * a + a * a * a / 2;
+}
+
+static int index_of(int64_t i, int size, bool repeats)
+{
+    if (!repeats)
+        return i < 0 ? 0 : i >= size ? size - 1 : (int)i;
+    return (int)((i % size + size) % size);
+}
+
+static int level_of(const karst_octave *octave, const karst_image_header *image, int level)
+{
+    const int last = (int)image->num_levels - 1;
+    if (octave->frequency == KARST_OCTAVE_FADED)
+        return last;
+    int m = 0;
+    while (level >= 0 && m < last && ldexp((double)octave->frequency, level - 56) > ldexp(1, m))
+        m++;
+    return m;
+}
+
+double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[2], int level, int along)
+{
+    const karst_image_header *image = image_of(octave);
+    if (along >= 0 && octave->frequency == KARST_OCTAVE_FADED)
+        return 0;
+    const int m = level_of(octave, image, level);
+    const karst_image_level *l = &image->level[m];
+    const float *values = (const float *)image + l->values;
+    double t[2], sum = 0;
+    int64_t cell[2];
+    for (int i = 0; i < 2; i++) {
+        const int64_t whole = (int)at[i].cell;
+        cell[i] = (int64_t)floor(ldexp((double)whole, -m));
+        t[i] = ldexp((double)(whole - cell[i] * ((int64_t)1 << m)) + at[i].fraction, -m);
+    }
+    for (int y = -1; y <= 2; y++)
+        for (int x = -1; x <= 2; x++)
+            sum += spline(t[0] - x, along == 0) * spline(t[1] - y, along == 1) *
+                   (double)values[(size_t)index_of(cell[1] + y, l->size[1], image->repeats) * (size_t)l->size[0] +
+                                  (size_t)index_of(cell[0] + x, l->size[0], image->repeats)];
+    return along < 0 ? sum : sum / ldexp(1, m);
+}

@@ -1,0 +1,73 @@
+/* Models of points as devices read them. Compiled twice: see core/device/dialect.h.
+ *
+ * A model's places are whole units from its centre (core/points/points_file.h), at most 2^27 of them along each axis. A
+ * world's place becomes a model's by integers: the voxels from where the model stands, times a matrix in fixed point.
+ * So far out there is nothing to lose, and each instance of a model looks at the same points. */
+#ifndef KARST_PRODUCERS_POINTS_SHARED_H
+#define KARST_PRODUCERS_POINTS_SHARED_H
+
+#include "core/device/dialect.h"
+
+/* A point and its support: the ball in which it has a say. */
+typedef struct {
+    int at[3];
+    int reach; /* radius of the support, rounded up */
+    float normal[3];
+    uint colour; /* red, green and blue, the roots of linear ones: 10 bits each from the lowest on */
+} karst_model_point;
+K_ASSERT_SIZE(karst_model_point, 32);
+
+/* The hull of eight points that follow one another, or of eight such nodes. */
+#define POINTS_FAN 8u
+#define POINTS_MAX_TREE 11
+typedef struct {
+    int min[3], max[3]; /* of places, without supports */
+    int reach;          /* the largest */
+    /* Of the points that these are averages of, at any finer level: no support goes farther from these than `cover`,
+     * and no place lies farther from them than `spread`. */
+    int cover, spread;
+    int pad;
+} karst_model_node;
+K_ASSERT_SIZE(karst_model_node, 40);
+
+/* A level of a model; offsets in 64-bit words from the buffer's begin. */
+typedef struct {
+    uint num_points, num_levels; /* levels of nodes; level 0 has the leaves' */
+    uint counts[POINTS_MAX_TREE];
+    float spacing;            /* units: it serves samples up to POINTS_SPACINGS of them apart */
+    int reach, cover, spread; /* the largest */
+    int pad;
+    ulong points, nodes[POINTS_MAX_TREE];
+} karst_model_level;
+K_ASSERT_SIZE(karst_model_level, 168);
+
+/* A model that stands somewhere. Lengths are level-0 voxels but where it says units. */
+typedef struct {
+    long at[3];     /* the voxel that its centre lies in */
+    long extent[3]; /* around it, the box of its points */
+    long matrix[9]; /* from voxels to units, times 2^shift: row by row */
+    long offset[3]; /* the centre's fraction, in the same */
+    int shift;
+    uint first_level, num_levels; /* of karst_model_level */
+    float units_per_voxel, m_per_unit;
+    uint has_colours;
+} karst_model_record;
+K_ASSERT_SIZE(karst_model_record, 168);
+
+typedef struct {
+    uint num_models, pad;
+    float voxel_m;
+    uint pad2;
+    ulong models, levels;
+} karst_models_head;
+K_ASSERT_SIZE(karst_models_head, 32);
+
+/* Both samples of an edge that a surface crosses must have points in reach, so that it is not lost: a support is this
+ * many voxels wide at least (its radius), which is an edge and what points may be apart. */
+#define POINTS_LEAST_REACH 2.2f
+/* A level's supports reach three spacings, so this is how far apart its samples may be for the same. */
+#define POINTS_SPACINGS 1.36f
+/* With samples farther apart than this at its coarsest level, a model is not shown: it is some three voxels wide. */
+#define POINTS_MOST_SPACINGS 2.0f
+
+#endif

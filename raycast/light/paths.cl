@@ -1,0 +1,96 @@
+/* Entry points of paths, but for what happens at surfaces (raycast/light/paths.clh): the first rays, what comes of
+ * rays to lamps, and the next stream without gaps. See raycast/light/paths.h. */
+#include "raycast/light/path_rays.clh"
+
+/* Rays of a stream that a work-item counts, and moves. */
+#define BLOCK_RAYS 256u
+
+/* A ray for each pixel, in packet order; and no light yet, unless parts are kept. */
+__kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays, K_GLOBAL float *parts,
+                                 uint keep_parts, K_GLOBAL uint *count)
+{
+    const vfloat zero = (vfloat)(0.0f), one = (vfloat)(1.0f);
+    const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
+    path_rays r;
+    vint x, y;
+    if (get_global_id(0) == 0)
+        *count = (uint)plane;
+    r.valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(r.valid))
+        return;
+    r.lanes = mask_bits(r.valid);
+    r.index = packet_order(x, y, pinhole.width_px, pinhole.height_px);
+    r.origin.x = r.origin.y = r.origin.z = zero;
+    r.direction = pinhole_direction(&pinhole, x, y);
+    r.t_max = (vfloat)(pinhole.t_max);
+    r.width = zero;
+    r.cone = (vfloat)(pinhole.cone);
+    r.throughput.r = r.throughput.g = r.throughput.b = one;
+    r.pixel = y << 16 | x;
+    r.flags = (vint)((int)KARST_PATH_SEES_SUN);
+    store_paths(rays, &r, KARST_SIDE_ANY);
+    if (keep_parts)
+        return;
+    store_ordered(parts, r.index, r.valid, zero);
+    store_ordered(parts + plane, r.index, r.valid, zero);
+    store_ordered(parts + 2 * plane, r.index, r.valid, zero);
+}
+
+/* Adds the light of lamps that nothing hides: of the rays to them, one for each of the stream, those that ended at
+ * nothing; hits 0: all. LANES of them for each work-item. */
+__kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
+                               K_GLOBAL const karst_hit *hits, K_GLOBAL float *parts)
+{
+    const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
+    if (lowest >= num_rays)
+        return;
+    const path_rays r = load_paths(rays, lowest, num_rays);
+    const vint record = v_select(r.valid, r.index, (vint)(0)) * (int)(sizeof(karst_hit) / sizeof(int));
+    vint lit = r.valid & v_gt(r.t_max, (vfloat)(0.0f));
+    if (hits)
+        lit &= v_eq(v_gather_int((K_GLOBAL const int *)hits, record + 1) & 0xff, (vint)((int)KARST_HIT_MISS));
+    const colour whole = {(vfloat)(1.0f), (vfloat)(1.0f), (vfloat)(1.0f)};
+    if (v_any(lit))
+        add_paths(parts, (size_t)width_px * (size_t)height_px, width_px, height_px, &r, mask_bits(lit), &whole);
+}
+
+/* How many rays of each block go on: one work-item for each. */
+__kernel void paths_count(K_GLOBAL const karst_ray *next, K_GLOBAL const uint *count, K_GLOBAL uint *counts,
+                          uint num_blocks)
+{
+    const uint block = (uint)get_global_id(0), first = block * BLOCK_RAYS, num_rays = *count;
+    if (block >= num_blocks)
+        return;
+    uint num = 0;
+    for (uint i = first; i < first + BLOCK_RAYS && i < num_rays; i++)
+        num += next[i].t_max > 0.0f;
+    counts[block] = num;
+}
+
+/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
+__kernel void paths_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *next_count, K_GLOBAL uint *counters,
+                         uint again)
+{
+    uint sum = 0;
+    for (uint i = 0; i < num_blocks; i++) {
+        const uint here = counts[i];
+        counts[i] = sum;
+        sum += here;
+    }
+    *next_count = sum;
+    if (!again)
+        counters[5] += sum;
+}
+
+/* Moves them there, in their order. */
+__kernel void paths_pack(K_GLOBAL const karst_ray *next, K_GLOBAL const uint *count, K_GLOBAL const uint *begins,
+                         uint num_blocks, K_GLOBAL karst_ray *rays)
+{
+    const uint block = (uint)get_global_id(0), first = block * BLOCK_RAYS, num_rays = *count;
+    if (block >= num_blocks)
+        return;
+    K_GLOBAL karst_ray *out = rays + begins[block];
+    for (uint i = first; i < first + BLOCK_RAYS && i < num_rays; i++)
+        if (next[i].t_max > 0.0f)
+            *out++ = next[i];
+}

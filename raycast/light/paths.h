@@ -1,0 +1,55 @@
+/* Paths: light that goes from surface to surface, by chance, as it is (raycast/light/paths.clh has what happens at
+ * surfaces).
+ *
+ * A sample of a picture is one path for each pixel. All paths go on together, a generation at a time: a stream of rays
+ * is cast, shading makes of each hit one ray to a lamp and one that goes on, and those that do go on are packed without
+ * gaps, in their order, by prefix sums. Random numbers follow from the pixel, the sample's number and the generation
+ * alone. Where paths end is by chance, so that the mean of samples tends to what all orders of light add up to (J.
+ * Kajiya, "The rendering equation", 1986; direct light as P. Shirley, C. Wang and K. Zimmerman, "Monte Carlo techniques
+ * for direct lighting calculations", 1996). */
+#ifndef KARST_RAYCAST_PATHS_H
+#define KARST_RAYCAST_PATHS_H
+
+#include "raycast/cast/cast.h"
+#include "raycast/light/shade.h"
+
+typedef struct karst_paths karst_paths;
+
+/* Errors: KARST_FAILED. */
+karst_paths *karst_paths_create(karst_context *context, karst_error *error);
+void karst_paths_destroy(karst_paths *paths); /* NULL is fine */
+/* Room for pictures of so many pixels. Errors: KARST_FAILED. */
+bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error);
+/* What that takes. Thread-safe. */
+double karst_paths_bytes(size_t num_pixels);
+/* What shines from now on, KARST_MOST_LAMPS at most: copied. Errors: KARST_FAILED. */
+bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t num, karst_error *error);
+
+/* The picture that paths are of: what they are cast and shaded by, and where their light goes (three planes of parts,
+ * raycast/light/radiance_shared.h). */
+typedef struct {
+    karst_caster *caster;
+    karst_shader *shader;
+    const karst_cast_view *view;
+    const karst_pinhole *pinhole;
+    const karst_light *light;
+    const karst_buffer *hits; /* of the pinhole's rays */
+    karst_buffer *parts, *counters;
+    bool mirrors; /* surfaces do, if they say so */
+    bool again;   /* for stamps and wishes alone: parts and counters stay as they are */
+} karst_path_picture;
+
+/* Follows one path for each pixel, sample max(1, pinhole->sample), beyond at most max_bounces surfaces, and overwrites
+ * the parts with its light. counters as karst_shade_paths; and rays that go on are added to counters[5]. Waits now and
+ * then for how many do. Errors: KARST_FAILED. */
+bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces,
+                        karst_error *error);
+
+/* Adds to the parts, which shading has written, what each lamp does to surfaces, one after the other: to those of the
+ * picture; or of a stream, whose rays are of no more than its pixels, each times its throughput. Asynchronous. Errors:
+ * KARST_FAILED. */
+bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error);
+bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                              const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
+#endif

@@ -1,0 +1,43 @@
+/* Paths of light and the lamps that they look for, as kernels and host see them. Compiled twice: see
+ * core/device/dialect.h. */
+#ifndef KARST_RAYCAST_PATHS_SHARED_H
+#define KARST_RAYCAST_PATHS_SHARED_H
+
+#include "core/device/dialect.h"
+
+/* In karst_ray.flags: what the ray sees of lamps that have a place in the sky is its own, since the surface that it
+ * comes from did not look for them. */
+#define KARST_PATH_SEES_SUN 1u
+
+/* What shines on surfaces beside sky and emission. */
+#define KARST_LAMP_SUN 0u   /* from a disc in the sky */
+#define KARST_LAMP_POINT 1u /* from a ball, all around */
+#define KARST_LAMP_SPOT 2u  /* from a ball, in a cone */
+typedef struct {
+    float place[4];     /* of a point or a spot: from the anchor, level-0 voxels; [3]: the ball's radius */
+    float direction[4]; /* unit; to a sun, or where a spot shines; [3]: radius of a sun's disc, as seen at distance 1 */
+    float colour[4];    /* of a white surface that faces it; unless it is a sun, one voxel away. [3] unused */
+    float dark, bright; /* of a spot: the cosines to its direction where its light ends, and from where it is whole */
+    uint kind;          /* KARST_LAMP_* */
+    uint shadow;        /* 0: its light goes through matter */
+} karst_lamp;
+K_ASSERT_SIZE(karst_lamp, 64);
+#define KARST_MOST_LAMPS 17 /* the sun, and sixteen of a world's own */
+
+/* One generation of paths. */
+typedef struct {
+    uint bounce;    /* surfaces that its paths have left before */
+    uint is_last;   /* no ray leaves the surfaces that it meets */
+    uint sample;    /* of the pixels, from 1; 0: lamps are looked for in their middle */
+    uint num_lamps;
+    uint lamp;      /* all but this one's light is left out, sky and emission too; KARST_PATH_ALL_LIGHT: nothing is */
+    uint mirrors;   /* 0: surfaces do not mirror, whatever they say */
+    uint again;     /* 1: for stamps and wishes alone: no light is added, and nothing is counted */
+    uint pad;
+} karst_path_task;
+K_ASSERT_SIZE(karst_path_task, 32);
+#define KARST_PATH_ALL_LIGHT 0xffffffffu
+/* Of a lamp by itself, less than this at a pixel is not looked for: a third of a step of its byte. */
+#define KARST_LAMP_LEAST (1.0f / 8192.0f)
+
+#endif

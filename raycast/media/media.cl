@@ -1,0 +1,144 @@
+/* Entry points of media: depths of rays, and depth towards the sun beside bricks. See raycast/media/media.h. */
+#include "raycast/media/march.clh"
+
+/* Two rays a word apart, and so on: word w of ray `ray`. */
+#define RAY_WORD(w) v_gather_float((K_GLOBAL const float *)rays, at + (w))
+
+/* Optical depths of a stream's rays, from where they start to t_max. */
+__kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+                                K_GLOBAL const karst_ray *rays, uint num_rays, K_GLOBAL float *depths,
+                                K_GLOBAL uint *counters)
+{
+    const pools pool = POOL_FIELDS;
+    const uint first = (uint)get_global_id(0) * LANES;
+    if (first >= num_rays)
+        return;
+    const vint lanes = v_lt(V_LANE, (vint)((int)(num_rays - first)));
+    const vint at = v_select(lanes, V_LANE + (int)first, (vint)((int)first)) * (int)(sizeof(karst_ray) / sizeof(float));
+    const media_rays way = {{RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)},
+                            {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)},
+                            RAY_WORD(3),
+                            RAY_WORD(7),
+                            RAY_WORD(8) * task.detail,
+                            RAY_WORD(9) * task.detail};
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting light;
+    light.most_depth = task.most_depth;
+    light.metres = task.metres;
+    media_frame_of_view(&frame, view);
+    walk_depth(&pool, &frame, &way, lanes, &light, &sums);
+    float depth[LANES];
+    v_store_float(sums.tau, depth);
+    for (uint lane = 0; lane < LANES && first + lane < num_rays; lane++)
+        depths[first + lane] = depth[lane];
+    const uint num_missing = (uint)count_lanes(sums.missing & lanes);
+    if (num_missing)
+        atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
+}
+
+/* The pools of the land. */
+#define LAND_PARAMETERS                                                                                              \
+    K_GLOBAL const karst_node *l_nodes, K_GLOBAL const karst_brick_info *l_brick_info,                               \
+        K_GLOBAL const karst_brick_sample *l0, K_GLOBAL const karst_brick_sample *l1,                                \
+        K_GLOBAL const karst_brick_sample *l2, K_GLOBAL const karst_brick_sample *l3,                                \
+        K_GLOBAL const karst_brick_sample *l4, K_GLOBAL const karst_brick_sample *l5,                                \
+        K_GLOBAL const karst_brick_sample *l6, K_GLOBAL const karst_brick_sample *l7, uint l_bricks_per_segment,     \
+        K_GLOBAL uint *l_tile_stamp, K_GLOBAL uint *l_brick_stamp, K_GLOBAL uint *l_brick_fallback,                  \
+        K_GLOBAL uint *l_want_brick, K_GLOBAL uint *l_want_children, K_GLOBAL uint *l_want_chunk,                    \
+        K_GLOBAL uint *l_want_rays, K_GLOBAL const karst_tile_info *l_tile_info, K_GLOBAL uint *l_asked
+#define LAND_FIELDS                                                                                                  \
+    {                                                                                                                \
+        l_nodes, l_brick_info, {{l0, l1, l2, l3, l4, l5, l6, l7}, l_bricks_per_segment}, l_tile_stamp,               \
+            l_brick_stamp, l_brick_fallback, l_want_brick, l_want_children, l_want_chunk, l_want_rays, l_tile_info,  \
+            l_asked, 0                                                                                               \
+    }
+
+/* How voxels grow towards the sun, per unit of t: as wide as the sun and its glare are, and no finer than what a place
+ * of the grid stands for. */
+#define SUN_DEPTH_CONE 0.06f
+
+/* What the pixels of a picture ask for, with nothing drawn. */
+__kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+                                karst_pinhole pinhole, K_GLOBAL const karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    vint x, y;
+    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vint order = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0)) *
+                       (int)(sizeof(karst_hit) / sizeof(float));
+    const vfloat none = (vfloat)(0.0f);
+    const media_rays way = {{none, none, none},
+                            pinhole_direction(&pinhole, x, y),
+                            none,
+                            v_gather_float((K_GLOBAL const float *)hits, order),
+                            none,
+                            (vfloat)(pinhole.cone * task.detail)};
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting light;
+    light.most_depth = task.most_depth;
+    light.metres = task.metres;
+    media_frame_of_view(&frame, view);
+    walk_depth(&pool, &frame, &way, valid, &light, &sums);
+}
+
+/* Bricks that a picture looked at and whose grids are not whole: each is made by one work-item. */
+__kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const karst_cast_view *view,
+                               karst_media_task task, karst_shade_anchor anchor, float4 to_sun, float most_t,
+                               uint num_slots, uint with_land, K_GLOBAL const uint *used,
+                               K_GLOBAL const karst_brick_owner *owners,
+                               K_GLOBAL uint *grids, K_GLOBAL karst_sun_depth *states, K_GLOBAL uint *counters)
+{
+    const pools pool = POOL_FIELDS, land = LAND_FIELDS;
+    const uint slot = (uint)get_global_id(0);
+    if (slot >= num_slots || used[slot] != view->serial)
+        return;
+    const karst_brick_owner owner = owners[slot];
+    karst_sun_depth state = states[slot];
+    if (owner.owner == KARST_NO_NODE || (state.is_whole && state.sun == task.sun && state.owner == owner.owner &&
+                                         state.owner_generation == owner.owner_generation))
+        return;
+    K_GLOBAL const karst_tile_info *info = tile_info + owner.owner / KARST_TILE_NODES;
+    const int level = info->level;
+    long corner[3];
+    for (int axis = 0; axis < 3; axis++)
+        corner[axis] = (info->corner[axis] + (long)(owner.owner >> axis & 1u)) << (level + KARST_BRICK_CELLS_LOG2);
+    media_frame frame;
+    media_frame_of_corner(&frame, view, &anchor, corner);
+    const float apart = level_voxel(level) * (float)KARST_SUN_DEPTH_CELLS;
+    media_lighting light;
+    light.most_depth = 64.0f;
+    light.metres = task.metres;
+    vint missing = (vint)(0);
+    for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += LANES) {
+        const vint lanes = v_lt(V_LANE + first, (vint)(KARST_SUN_DEPTH_PLACES));
+        const vint place = v_select(lanes, V_LANE + first, (vint)(0)), row = place / KARST_SUN_DEPTH_SIDE;
+        const media_rays way = {{v_to_float(place - row * KARST_SUN_DEPTH_SIDE) * apart,
+                                 v_to_float(row % KARST_SUN_DEPTH_SIDE) * apart,
+                                 v_to_float(row / KARST_SUN_DEPTH_SIDE) * apart},
+                                {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
+                                (vfloat)(0.0f),
+                                (vfloat)(most_t),
+                                (vfloat)(apart),
+                                (vfloat)(SUN_DEPTH_CONE)};
+        media_sums sums = EMPTY_SUMS, hidden = EMPTY_SUMS;
+        walk_depth(&pool, &frame, &way, lanes, &light, &sums);
+        if (with_land)
+            walk_land(&land, &frame, &way, lanes, &light, &hidden);
+        missing |= (sums.missing | hidden.missing) & lanes;
+        const vint word = (v_as_int(sums.tau) & ~1) | (~hidden.done & 1);
+        int words[LANES];
+        v_store_int(word, words);
+        for (int lane = 0; lane < LANES && first + lane < KARST_SUN_DEPTH_PLACES; lane++)
+            grids[(size_t)slot * KARST_SUN_DEPTH_PLACES + (size_t)(first + lane)] = (uint)words[lane];
+    }
+    state.owner = owner.owner;
+    state.owner_generation = owner.owner_generation;
+    state.sun = task.sun;
+    state.is_whole = v_any(missing) ? 0u : 1u;
+    states[slot] = state;
+    atomic_inc(counters + KARST_MEDIA_MADE);
+}

@@ -1,0 +1,73 @@
+/* What fills the space outside matter, seen along rays: a store of extinction (cache/cache.h) whose bricks are built
+ * with KARST_MEDIUM_OPTION (producers/steps/medium.h).
+ *
+ * Optical depth is exact for the samples that there are. Light that is scattered once is summed segment by segment by
+ * the phase function of Henyey and Greenstein ("Diffuse radiation in the galaxy", 1941), with the depth towards the sun
+ * of grids beside bricks; what is scattered more often is told by three octaves of it, after Wrenninge, Kulla and
+ * Lundqvist ("Oz: the great and volumetric", 2013). Not thread-safe. */
+#ifndef KARST_RAYCAST_MEDIA_H
+#define KARST_RAYCAST_MEDIA_H
+
+#include "cache/cache.h"
+#include "raycast/cast/cast.h"
+#include "raycast/light/shade.h"
+#include "raycast/media/media_shared.h"
+
+typedef struct karst_media karst_media;
+
+/* Rays end where they came through more than this: what is behind is at most 1/4096 of what is seen. */
+#define KARST_MEDIA_MOST_DEPTH 8.3178f
+
+typedef struct {
+    const karst_cache_buffers *air;  /* the store's; borrowed */
+    const karst_cache_buffers *land; /* NULL: no land shadows media. Its samples have as many bits */
+    uint32_t mode;                   /* KARST_MEDIA_BASIC and so on */
+    bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
+    karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
+                              * is shaded, and only depths are asked for */
+} karst_media_config;
+
+/* Errors: KARST_FAILED. */
+karst_media *karst_media_create(karst_context *context, const karst_media_config *config, karst_error *error);
+void karst_media_destroy(karst_media *media); /* NULL is fine */
+
+/* Device memory that grids take for each brick of the store. */
+#define KARST_MEDIA_BRICK_BYTES (KARST_SUN_DEPTH_PLACES * 4 + 16)
+
+/* Optical depths of rays (karst_ray) of a stream, which is anchored as `view` says, into `depths` (floats). metres: in
+ * a level-0 voxel; extinction is per metre. Level l is asked for where footprint * view->detail is 2^l or more. Stamps
+ * and wants are the store's. *num_missing: rays that met what is not there yet, whose depth is what is known. Waits.
+ * Errors: KARST_FAILED. */
+bool karst_media_depths(karst_media *media, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
+                        float metres, karst_buffer *depths, uint32_t *num_missing, karst_error *error);
+
+/* The sun is there: grids of other places are made anew. */
+void karst_media_aim(karst_media *media, const float direction[3]);
+
+/* A sample of a picture as shading left it (karst_shade_pixels). All is borrowed during the calls. */
+typedef struct {
+    const karst_cast_view *view;
+    const karst_pinhole *pinhole;
+    const karst_light *light;
+    const karst_position *anchor;
+    karst_skies *skies;  /* of an atmosphere */
+    float metres, detail; /* in a level-0 voxel; voxels of media may be so many times as wide as the view's */
+    const karst_buffer *hits;
+    karst_buffer *parts;
+    bool has_sun, has_mirror; /* which planes its parts have */
+} karst_media_picture;
+
+/* Lays media before the sample. Asynchronous. Errors: KARST_FAILED. */
+bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. */
+bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* After karst_media_pixels: makes the grids of the bricks that were used and have none, or one that lacked something.
+ * Stamps and wants are the store's, and the land's. Asynchronous. Errors: KARST_FAILED. */
+bool karst_media_survey_sun(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* What the last two found: rays that lacked something, and grids that were made. Waits. A picture is whole once both
+ * are 0. Errors: KARST_FAILED. */
+bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t *num_made, karst_error *error);
+/* What is known of the sun is forgotten, as content changed. Errors: KARST_FAILED. */
+bool karst_media_forget(karst_media *media, karst_error *error);
+
+#endif
