@@ -276,7 +276,8 @@ desktop_target = $(call below,share/$(lastword $(subst :, ,$(1))))
 # From the CMake files up to the prefix, and the versions that fit one another.
 up = $(shell echo '$(LIBDIR)/cmake/karst' | sed 's|[^/][^/]*|..|g')
 series = $(shell echo '$(VERSION)' | sed 's/^\(0\.[0-9]*\).*/\1/; t; s/\..*//')
-CMAKE_VALUES = s|@VERSION@|$(VERSION)|; s|@SOVERSION@|$(SOVERSION)|; s|@SERIES@|$(series)|; s|@UP@|$(up)|
+blank := $(subst ,, )
+CMAKE_VALUES = s|@VERSION@|$(VERSION)|; s|@SOVERSION@|$(SOVERSION)|; s|@SERIES@|$(series)|; s|@UP@|$(up)|; s|@LIBS@|$(subst $(blank),;,$(strip $(KLIBS)))|
 
 install: all $(OUT)/karst.1
 	$(say) INSTALL $(call quoted,$(root))
