@@ -67,7 +67,7 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/cold.sh cli/tutorial.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -227,6 +227,7 @@ docs-images: $(COMMAND) docs-view
 	$(Q)mkdir -p docs/images/worlds
 	$(Q)$(COMMAND) render demos/desktop/icon.karst -q -o demos/desktop/karst.png --size 256x256 --detail 0.5
 	$(Q)$(COMMAND) render hills -q -o docs/images/hills.png --size 960x540
+	$(Q)sh demos/desktop/scales.sh $(COMMAND) docs/images/scales.png
 	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
 	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 || exit; done
 
@@ -275,7 +276,8 @@ desktop_target = $(call below,share/$(lastword $(subst :, ,$(1))))
 # From the CMake files up to the prefix, and the versions that fit one another.
 up = $(shell echo '$(LIBDIR)/cmake/karst' | sed 's|[^/][^/]*|..|g')
 series = $(shell echo '$(VERSION)' | sed 's/^\(0\.[0-9]*\).*/\1/; t; s/\..*//')
-CMAKE_VALUES = s|@VERSION@|$(VERSION)|; s|@SOVERSION@|$(SOVERSION)|; s|@SERIES@|$(series)|; s|@UP@|$(up)|
+blank := $(subst ,, )
+CMAKE_VALUES = s|@VERSION@|$(VERSION)|; s|@SOVERSION@|$(SOVERSION)|; s|@SERIES@|$(series)|; s|@UP@|$(up)|; s|@LIBS@|$(subst $(blank),;,$(strip $(KLIBS)))|
 
 install: all $(OUT)/karst.1
 	$(say) INSTALL $(call quoted,$(root))

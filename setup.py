@@ -25,6 +25,14 @@ def pkg_config(*arguments):
     return shlex.split(subprocess.run(["pkg-config", *arguments], check=True, capture_output=True, text=True).stdout)
 
 
+def libraries():
+    """What the static library needs, as the Makefile has it."""
+    text = (ROOT / "Makefile").read_text()
+    packages = re.search(r"^PKGS\s*:=(.*)$", text, re.M).group(1).split()
+    others = re.search(r"^KLIBS\s*:=.*\)(.*)$", text, re.M).group(1).split()
+    return [*pkg_config("--libs", *packages), *others]
+
+
 def static_library():
     if LIBRARY:
         return LIBRARY
@@ -47,8 +55,7 @@ class BuildExtension(build_ext):
             extension.extra_objects.append(library)
             extension.depends.append(library)
             extension.include_dirs.append("core/include")
-            extension.extra_link_args += [*pkg_config("--libs", "libpng", "jansson", "sqlite3"), "-lOpenEXRCore",
-                                          "-lOpenCL", "-ldl", "-lm", "-pthread", "-Wl,--exclude-libs,ALL"]
+            extension.extra_link_args += [*libraries(), "-Wl,--exclude-libs,ALL"]
         super().build_extension(extension)
 
 

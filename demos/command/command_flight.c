@@ -40,7 +40,10 @@ static bool make_schedule(const command_flight *flight, const karst_path *path, 
 bool command_flight_count(const command_flight *flight, size_t *num, karst_error *error)
 {
     schedule plan = {0};
-    karst_path *path = karst_path_load(flight->file, KARST_VOXEL_LOG2_MAX, error); /* takes any coordinate */
+    /* Its times alone count here, but keyframes must not fall on one another: fine voxels, if they reach so far. */
+    karst_path *path = karst_path_load(flight->file, 0, NULL);
+    if (!path)
+        path = karst_path_load(flight->file, KARST_VOXEL_LOG2_MAX, error);
     const bool made = path && make_schedule(flight, path, &plan, error);
     karst_path_destroy(path);
     *num = plan.num;

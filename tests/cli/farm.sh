@@ -47,6 +47,9 @@ cp stdout jobs
 result "--jobs prints as many commands, and draws nothing"
 [ "$(sed -n 's/.* --part \([0-9]*\)\/.*/\1/p' jobs | tr '\n' ' ')" = "$(seq -s ' ' $parts) " ]
 result "they are the parts, in their order"
+run render hills --path dive -o frames/%05d.png --jobs 2
+[ $status -eq 0 ] && [ "$(wc -l < stdout)" -eq 2 ]
+result "a path that ends nearer to its target than coarse voxels tell"
 fly -o frames/%05d.exr --jobs 1000
 [ $status -eq 0 ] && [ "$(wc -l < stdout)" -eq $frames ]
 result "no more commands than pictures"

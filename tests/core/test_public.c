@@ -118,6 +118,12 @@ static void test_names(void **state)
     assert_true(karst_mesh_format_of("c.obj", &format, NULL) && format == KARST_MESH_OBJ);
     assert_refused(karst_mesh_format_of("c.stl", &format, &error), KARST_USAGE, "glb");
     assert_refused(karst_mesh_format_of("obj", &format, &error), KARST_USAGE, "ply");
+    karst_media_mode mode = KARST_MEDIA_MODE_FULL;
+    assert_true(karst_media_mode_parse("basic", &mode, NULL) && mode == KARST_MEDIA_MODE_BASIC);
+    assert_true(karst_media_mode_parse("full", &mode, NULL) && mode == KARST_MEDIA_MODE_FULL);
+    assert_refused(karst_media_mode_parse("none", &mode, &error), KARST_USAGE, "full, shadow, basic");
+    assert_true(karst_points_is_name("a/b.karstpoints"));
+    assert_false(karst_points_is_name("b.ply") || karst_points_is_name("a.karstpoints/b") || karst_points_is_name(""));
     assert_true(karst_saved_is_name("a/b.karstdb"));
     assert_false(karst_saved_is_name("a.karstdb/b") || karst_saved_is_name("a.karst") || karst_saved_is_name(""));
 }
