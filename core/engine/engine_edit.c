@@ -13,6 +13,7 @@ static bool drop_dirty(karst_engine *engine, karst_error *error)
     size_t num = engine->edits->ops->take_dirty(engine->edits, &boxes);
     engine->dropped = (karst_dropped){0};
     engine->view_changed = true;
+    engine->media_is_stale = true; /* the land shades them */
     return karst_cache_drop(engine->cache, boxes, num, engine->serial, &engine->dropped, error);
 }
 

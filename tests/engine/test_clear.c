@@ -341,7 +341,7 @@ static void what_is_cut_off_is_counted(void **state)
                   (int)other.stats.num_rays_cut);
     assert_true(other.stats.num_rays_cut < one.stats.num_rays_cut / 20);
     karst_error error = {0};
-    config.bounces = 65;
+    config.bounces = KARST_ENGINE_MAX_BOUNCES + 1;
     config.world = "hills";
     assert_null(karst_engine_create(&config, &error));
     assert_int_equal(error.status, KARST_USAGE);

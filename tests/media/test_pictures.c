@@ -137,6 +137,22 @@ static void changes_leave_no_trace(void **state)
         settle(engine, other);
         assert_int_equal(memcmp(other, first, sizeof first) == 0, i);
     }
+    /* A wall between the sun and the ball, out of sight: its shadow in the air comes and goes. */
+    karst_edit wall = {.shape = KARST_EDIT_BOX, .mode = KARST_EDIT_ADD, .half_m = {4, 60, 60}};
+    wall.at = karst_position_add_m(wall.at, (double[]){-130, 40, 0}, karst_engine_voxel_log2_m(engine));
+    static float walled[NUM_VALUES];
+    assert_ok(karst_engine_edit(engine, &wall, 1, &error));
+    settle(engine, walled);
+    assert_memory_not_equal(walled, first, sizeof first);
+    size_t num = 1;
+    assert_ok(karst_engine_undo(engine, &num, &error));
+    settle(engine, other);
+    assert_memory_equal(other, first, sizeof first);
+    karst_engine_destroy(engine);
+    engine = create(ball, NULL);
+    assert_ok(karst_engine_edit(engine, &wall, 1, &error));
+    settle(engine, other);
+    assert_memory_equal(other, walled, sizeof walled);
     karst_engine_destroy(engine);
 }
 
