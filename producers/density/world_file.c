@@ -219,6 +219,16 @@ static void choose_camera(karst_world_file *file, double view_distance_m)
     free(values);
 }
 
+/* What a point takes, in operations: many octaves take as many as several each. */
+static uint32_t num_operations(const karst_graph *graph)
+{
+    enum { FEW_OCTAVES = 64, OPERATIONS_AN_OCTAVE = 4 };
+    uint32_t num_octaves = 0;
+    for (uint32_t i = 0; i < graph->num_noises; i++)
+        num_octaves += graph->noises[i].num_octaves;
+    return graph->num_nodes + (num_octaves > FEW_OCTAVES ? (num_octaves - FEW_OCTAVES) * OPERATIONS_AN_OCTAVE : 0);
+}
+
 /* A text without a header is a shape of unknown size. Looks at it from around the origin, and takes the camera that
  * shows most, a voxel that suits what is near to it, and a view distance that suits both. */
 static void look_around(karst_world_file *file)
@@ -229,8 +239,8 @@ static void look_around(karst_world_file *file)
     karst_oracle *oracle =
         values ? karst_oracle_create(&program->world, values, header->seed, header->voxel_log2_m, NULL) : NULL;
     karst_look look;
-    bool found = oracle && karst_look_around(oracle, program->resolved.num_nodes, header->voxel_log2_m, LOOK_NEAREST_M,
-                                             LOOK_FARTHEST_M, &look);
+    const uint32_t num = num_operations(&program->resolved);
+    bool found = oracle && karst_look_around(oracle, num, header->voxel_log2_m, LOOK_NEAREST_M, LOOK_FARTHEST_M, &look);
     karst_oracle_destroy(oracle);
     free(values);
     if (!found)

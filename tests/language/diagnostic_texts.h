@@ -250,7 +250,7 @@ static const struct {
      "world.karst:3:12: error: a world has no screen and no textures, so there is no 'texture'\n"
      "      return texture(tex, p.xz).x;\n"
      "             ^\n"
-     "  use noise(p) or write a function"},
+     "  use noise(p), or name a file in the header's \"data\""},
     {"derivative",
      "float density(vec3 p) {\n"
      "    return dFdx(p.x);\n"

@@ -18,7 +18,8 @@
 /* Land below 0, 4 per kilometre above it up to 300 m. */
 static const char text[] = "/*{ \"voxel\": 1, \"view\": 4000 }*/\n"
                            "float density(vec3 p) { return -p.y; }\n"
-                           "medium air(vec3 p) { medium m; m.extinction = clamp((300.0 - p.y) * 0.1, 0.0, 1.0) * 0.004; "
+                           "medium air(vec3 p) { medium m;\n"
+                           "m.extinction = clamp((300.0 - p.y) * 0.1, 0.0, 1.0) * 0.004;\n"
                            "m.albedo = vec3(1.0); m.g = 0.0; m.emission = vec3(0.0); return m; }\n";
 static char path[] = "/tmp/karst-ray-XXXXXX.karst";
 
