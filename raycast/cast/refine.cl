@@ -19,6 +19,8 @@
  * find. */
 #define REFINE_SEARCH_STEPS 5
 #define REFINE_NARROW_STEPS 5
+/* Of the step between two places of different signs: what is left of it after that many is a jump. */
+#define REFINE_JUMP 0.25f
 __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
 
 /* With many lanes what is large is called: one copy of the density, one of its gradient. */
@@ -46,7 +48,7 @@ typedef struct {
 typedef struct {
     vfloat t;
     vfloat gradient[3];
-    vint found;
+    vint found, jumps; /* jumps: the density does not go through 0 there, and has no slope that says how it lies */
 } refined;
 
 RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
@@ -140,8 +142,11 @@ RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat 
     }
     r.t = t;
     r.gradient[0] = r.gradient[1] = r.gradient[2] = zero;
+    r.jumps = (vint)(0);
     if (!v_any(r.found))
         return r;
+    const vfloat step = k_fabs(at_near - at_far);
+    vfloat before = at_near, behind = at_far; /* the densities themselves */
     /* False position that halves the weight of an end that stays (Illinois). */
     for (int i = 0; i < REFINE_NARROW_STEPS; i++) {
         vfloat share = at_near / (at_near - at_far);
@@ -151,10 +156,14 @@ RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat 
         vint as_far = is_positive(d) ^ is_positive(at_near);
         at_near = v_select(as_far, at_near * one_half, d);
         at_far = v_select(as_far, d, at_far * one_half);
+        before = v_select(as_far, before, d);
+        behind = v_select(as_far, d, behind);
         near = v_select(as_far, near, next);
         far = v_select(as_far, next, far);
         r.t = v_select(r.found, next, t);
     }
+    r.jumps = r.found & v_gt(k_fabs(before - behind), step * (vfloat)(REFINE_JUMP));
+    r.t = v_select(r.jumps, (near + far) * one_half, r.t);
     field_surface(field, r.t, r.gradient);
     return r;
 }
@@ -166,6 +175,7 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     const float voxel = k_as_float((uint)(field->level + 127) << 23);
     const vector3 *direction = field->direction;
     refined r;
+    r.jumps = (vint)(0);
     vfloat d0 = field_surface(field, t, r.gradient);
     /* Into solid the density rises. */
     vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
@@ -195,6 +205,7 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
         for (int i = 0; i < 3; i++)
             r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);
         r.found |= searched.found;
+        r.jumps = searched.jumps;
     }
     /* Whoever would go ahead looks on the way, and back: the surface may be there, and this one another. */
     r.found &= v_le(r.t - t, (vfloat)(REFINE_REACH * voxel));
@@ -341,7 +352,7 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         return;
     vfloat t = v_select(left, v_as_float(HIT_WORD(0)), (vfloat)(0.0f));
     vint found = (vint)(0);
-    vector3 normal = direction;
+    vector3 normal = {v_as_float(HIT_WORD(4)), v_as_float(HIT_WORD(5)), v_as_float(HIT_WORD(6))};
     while (v_any(left)) {
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
@@ -353,15 +364,16 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         }
         refined r = refine_lanes(&field, t, voxels_per_m, mine);
         vector3 down;
-        vint good = r.found & normal_of_gradient(r.gradient, &down);
-        t = v_select(good, r.t, t);
+        const vint jumps = r.found & r.jumps; /* whose normals stay the bricks' */
+        vint good = r.found & ~jumps & normal_of_gradient(r.gradient, &down);
+        t = v_select(good | jumps, r.t, t);
         normal.x = v_select(good, down.x, normal.x);
         normal.y = v_select(good, down.y, normal.y);
         normal.z = v_select(good, down.z, normal.z);
-        found |= good;
+        word &= ~(good & (int)KARST_HIT_UNBLENDED); /* the true density has both levels */
+        found |= good | jumps;
         left &= ~mine;
     }
-    word &= ~(int)KARST_HIT_UNBLENDED; /* the true density has both levels */
     EACH_LANE(STORE_REFINED_)
 }
 #endif
