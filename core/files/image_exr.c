@@ -108,9 +108,9 @@ bool karst_image_write_channels(const char *path, const karst_image_channel *cha
             if (strcmp(channels[i].name, channels[j].name) == 0)
                 return karst_fail(error, KARST_USAGE, "%s: two channels called %s", path, channels[i].name);
     char temporary[PATH_MAX];
-    /* In the same folder, by a name of its own: the picture's may be as long as the system allows. */
+    /* In the same folder, by a name of its own, which no PNG has: the picture's may be as long as the system allows. */
     const char *slash = strrchr(path, '/');
-    int length = snprintf(temporary, sizeof temporary, "%.*s.karst-%ld-%u.tmp", slash ? (int)(slash - path + 1) : 0,
+    int length = snprintf(temporary, sizeof temporary, "%.*s.karst-%ld-%u.exr.tmp", slash ? (int)(slash - path + 1) : 0,
                           path, (long)getpid(), atomic_fetch_add(&counter, 1));
     if (length < 0 || (size_t)length >= sizeof temporary)
         return karst_fail(error, KARST_FAILED, "cannot write %.80s...: the name is too long", path);

@@ -18,8 +18,8 @@ enum { WIDTH = 96, HEIGHT = 64, NUM = WIDTH * HEIGHT };
 static const double RADIUS_M = 20;
 
 /* A tower of 30 m. The density is metres above or below its floors, so it jumps by 30 at the wall. */
-static const char text[] = "/*{ \"voxel\": 0.0625, \"view\": 300, \"camera\": { \"position\": [\"0\", \"12\", \"-55\"], "
-                           "\"pitch\": -8, \"fov\": 60 } }*/\n"
+static const char text[] = "/*{ \"voxel\": 0.0625, \"view\": 300,\n"
+                           "\"camera\": { \"position\": [\"0\", \"12\", \"-55\"], \"pitch\": -8, \"fov\": 60 } }*/\n"
                            "float density(vec3 p) {\n"
                            "    return 30.0 * (1.0 - min(floor(length(p.xz) / 20.0), 1.0)) - p.y;\n"
                            "}\n";
@@ -72,8 +72,9 @@ static void look(bool refine)
         sum_deg += turned_deg;
         most_off = fmax(most_off, fabs(out_m - RADIUS_M) / voxel_m);
     }
-    print_message("# refined %d: %d pixels of the wall, at most %.3f voxels off, normals by %.2f degrees, %d by over 5\n",
-                  refine, num_wall, most_off, sum_deg / num_wall, num_turned);
+    print_message("# refined %d: %d pixels of the wall, %.3f voxels off, normals by %.2f degrees, %d by over 5\n",
+                  refine,
+                  num_wall, most_off, sum_deg / num_wall, num_turned);
     assert_true(num_wall > 1000);
     assert_true(most_off < 0.1 && sum_deg / num_wall < 1.5 && num_turned * 200 < num_wall);
     free(normal);

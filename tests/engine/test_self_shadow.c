@@ -187,7 +187,7 @@ static void convex_bodies_cast_no_shadow_on_themselves(void **state)
                               refine ? "refined " : "", convex_names[shape], distance_m, all.dark, all.lit, all.turned);
                 assert_true(all.lit > 5 * num_suns);
                 assert_int_equal(all.dark, 0);
-                assert_true(all.turned < all.lit / 50);
+                assert_true(all.turned * 50 <= all.lit);
             }
         karst_engine_destroy(engines[0]);
         karst_engine_destroy(engines[1]);

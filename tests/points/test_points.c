@@ -305,7 +305,7 @@ static void far_copies_are_the_same(void **state)
             int level = (int)random_below(6), side = (int)(3 * near.scale / VOXEL_M) + 2;
             int64_t p[3], q[3];
             for (int a = 0; a < 3; a++) {
-                p[a] = random_between(-side, side) >> level << level;
+                p[a] = (random_between(-side, side) >> level) * ((int64_t)1 << level);
                 q[a] = p[a] + far[a];
             }
             float one = karst_model_list_density(&here, p, level, -5),
