@@ -1,17 +1,14 @@
-/* The layer of edits: launches of edits.cl, and the device's copy of the list. */
+/* The layer of edits: its table, and the device's copy of the list. */
 #include "producers/edits/edits.h"
+#include "producers/steps/layer_kernels.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 typedef struct {
     karst_layer base;
     karst_context *context;
-    karst_program *program, *coloured_program;
-    cl_kernel tiles, loads, bricks;
-    cl_kernel coloured_bricks; /* NULL: no edit may have a colour */
-    size_t group_size;         /* work-items a brick */
+    karst_layer_kernels kernels;
     karst_edit_list list;
     karst_buffer *data;
     uint32_t num_sent; /* edits that the device has */
@@ -103,37 +100,22 @@ const karst_edit_list *karst_edits_list(const karst_layer *layer) { return &((co
 
 static bool bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
 {
-    edits_layer *edits = (edits_layer *)self;
-    return KARST_ARGUMENTS(edits->tiles, error, KARST_BUFFER_ARG(work->subdivide_tiles),
-                           KARST_VALUE_ARG(work->num_subdivides), KARST_BUFFER_ARG(cache->nodes),
-                           KARST_BUFFER_ARG(cache->tile_info), KARST_BUFFER_ARG(edits->data)) &&
-           karst_launch(edits->context, edits->tiles, KARST_STAGE_SUBDIVIDE,
-                        (size_t)work->num_subdivides * KARST_TILE_NODES, 1, error);
+    const edits_layer *edits = (const edits_layer *)self;
+    return karst_layer_kernels_bound_tiles(&edits->kernels, edits->data, cache, work, error);
 }
 
 static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error)
 {
-    edits_layer *edits = (edits_layer *)self;
-    return KARST_ARGUMENTS(edits->loads, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(edits->data)) &&
-           karst_launch(edits->context, edits->loads, KARST_STAGE_EVALUATE, count, 1, error);
+    const edits_layer *edits = (const edits_layer *)self;
+    return karst_layer_kernels_bound_loads(&edits->kernels, edits->data, loads, count, error);
 }
 
 static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
                      uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
 {
-    edits_layer *edits = (edits_layer *)self;
-    if (colours && edits->coloured_bricks)
-        return KARST_ARGUMENTS(edits->coloured_bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
-                               KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(stride_floats),
-                               KARST_BUFFER_ARG(colours->planes), KARST_BUFFER_ARG(colours->coloured),
-                               KARST_BUFFER_ARG(edits->data)) &&
-               karst_launch(edits->context, edits->coloured_bricks, KARST_STAGE_EVALUATE,
-                            (size_t)count * edits->group_size, edits->group_size, error);
-    return KARST_ARGUMENTS(edits->bricks, error, KARST_BUFFER_ARG(loads), KARST_VALUE_ARG(count),
-                           KARST_BUFFER_ARG(staging), KARST_VALUE_ARG(stride_floats), KARST_BUFFER_ARG(edits->data)) &&
-           karst_launch(edits->context, edits->bricks, KARST_STAGE_EVALUATE, (size_t)count * edits->group_size,
-                        edits->group_size, error);
+    const edits_layer *edits = (const edits_layer *)self;
+    return karst_layer_kernels_evaluate(&edits->kernels, edits->data, loads, count, staging, stride_floats, colours,
+                                        error);
 }
 
 static size_t take_dirty(karst_layer *self, const karst_drop_box **boxes)
@@ -153,12 +135,7 @@ static bool check(karst_layer *self, karst_error *error)
 static void destroy(karst_layer *self)
 {
     edits_layer *edits = (edits_layer *)self;
-    cl_kernel kernels[] = {edits->tiles, edits->loads, edits->bricks, edits->coloured_bricks};
-    for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
-        if (kernels[i])
-            clReleaseKernel(kernels[i]);
-    karst_program_destroy(edits->program);
-    karst_program_destroy(edits->coloured_program);
+    karst_layer_kernels_destroy(&edits->kernels);
     karst_buffer_destroy(edits->data);
     karst_edit_list_finish(&edits->list);
     free(edits->dirty);
@@ -173,21 +150,9 @@ static const karst_layer_ops edits_ops = {.kind = "edits",
                                           .check = check,
                                           .destroy = destroy};
 
-static karst_program *build(const edits_layer *edits, const char *more_options, karst_error *error)
-{
-    char options[64];
-    snprintf(options, sizeof options, "-DKARST_GROUP=%zu%s", edits->group_size, more_options);
-    return karst_program_build(edits->context, "producers/edits/edits.cl", options, NULL, 0, error);
-}
-
 bool karst_edits_allow_colours(karst_layer *layer, karst_error *error)
 {
-    edits_layer *edits = (edits_layer *)layer;
-    if (!edits->coloured_program)
-        edits->coloured_program = build(edits, " -DEDITS_COLOURED", error);
-    if (edits->coloured_program && !edits->coloured_bricks)
-        edits->coloured_bricks = karst_program_kernel(edits->coloured_program, "karst_edit_coloured_bricks", error);
-    return edits->coloured_bricks != NULL;
+    return karst_layer_kernels_build_coloured(&((edits_layer *)layer)->kernels, error);
 }
 
 karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int voxel_log2_m, karst_error *error)
@@ -199,12 +164,8 @@ karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int v
     }
     edits->base.ops = &edits_ops;
     edits->context = context;
-    edits->group_size = karst_shape_group_size(shape, context->is_cpu);
     if (karst_edit_list_init(&edits->list, voxel_log2_m, error) && send(edits, error) &&
-        (edits->program = build(edits, "", error)) &&
-        (edits->tiles = karst_program_kernel(edits->program, "karst_edit_tiles", error)) &&
-        (edits->loads = karst_program_kernel(edits->program, "karst_edit_loads", error)) &&
-        (edits->bricks = karst_program_kernel(edits->program, "karst_edit_bricks", error)))
+        karst_layer_kernels_build(&edits->kernels, context, shape, "producers/edits/edits_layer.clh", error))
         return &edits->base;
     destroy(&edits->base);
     return NULL;
