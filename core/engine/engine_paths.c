@@ -102,8 +102,7 @@ static bool follow(karst_engine *engine, const karst_path_picture *picture, kars
     const float *sun = lamps[0].colour;
     const uint32_t num = own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
     return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
-           karst_paths_follow(engine->paths, picture,
-                              engine->bounces ? engine->bounces : KARST_ENGINE_DEFAULT_BOUNCES, error);
+           karst_paths_follow(engine->paths, picture, engine->bounces, error);
 }
 
 /* To the picture's surfaces, or those that they mirror. */
