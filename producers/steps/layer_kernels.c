@@ -42,7 +42,7 @@ void karst_layer_kernels_destroy(karst_layer_kernels *kernels)
             clReleaseKernel(all[i]);
     karst_program_destroy(kernels->program);
     karst_program_destroy(kernels->coloured_program);
-    *kernels = (karst_layer_kernels){NULL};
+    *kernels = (karst_layer_kernels){0};
 }
 
 bool karst_layer_kernels_bound_tiles(const karst_layer_kernels *kernels, const karst_buffer *data,
