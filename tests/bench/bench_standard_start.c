@@ -43,7 +43,7 @@ static double cpu_seconds(void)
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
 }
 
-/* The nodes in which the camera stands, of levels among which there is one with a surface; the last is the one below, as
+/* The nodes in which the camera stands, of levels among which there is one with a surface; the last is that below, as
  * a plane at height 0 is the face of all nodes above it. */
 enum { NUM_NODES = 8, FIRST_LEVEL = 6 };
 
