@@ -22,6 +22,7 @@
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "raycast/cast/cast.h"
+#include "raycast/cast/cover.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
@@ -129,6 +130,7 @@ struct karst_engine {
     karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
+    karst_cover *cover; /* NULL: nothing is drawn before land */
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
@@ -286,6 +288,8 @@ bool karst_engine_check_window(const karst_engine_window *window, int width_px, 
 bool karst_engine_check_whole(const karst_engine *engine, karst_error *error);
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
 void karst_engine_free_picture(karst_engine *engine);
+/* engine_depth.c: nothing is drawn before land any more. */
+void karst_engine_uncover(karst_engine *engine);
 /* Fills stats.num_changed_pixels; only with count_changed_pixels. */
 bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error);
 
