@@ -273,8 +273,11 @@ void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
-/* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
-bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* engine_refine.c. Makes what refines hits of an open world; with edits, whose data are set before each use
+ * (karst_edits_data). The caller's to finish, zeros on failure. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
+                                      karst_engine_refining *refining, karst_error *error);
+void karst_engine_refining_finish(karst_engine_refining *refining);
 /* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
