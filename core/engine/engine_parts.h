@@ -160,6 +160,11 @@ struct karst_engine {
     uint32_t sample;     /* that the hits are of; 0: of the pixels' centres */
     bool kept;           /* the sample at hand was added to the sums to be read, though it is not complete */
     uint32_t num_summed; /* of this view, complete */
+    float *given_sums;   /* of its first num_given samples, by karst_engine_set_sums; NULL: none */
+    uint32_t num_given;
+    bool sums_are_new;       /* no frame has been drawn since they were given */
+    uint64_t num_metered_px; /* by karst_engine_meter, since the exposure that follows from them */
+    float metered_exposure;  /* 0: none */
     bool complete;       /* the last frame lacked nothing: with more samples, it is one of them */
     karst_tone tone;
     karst_exposure exposure;
@@ -445,6 +450,10 @@ bool karst_engine_show_radiance(karst_engine *engine, cl_mem pixels, karst_error
  * detail changed, its samples begin anew. */
 bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_changed, karst_error *error);
 
+/* None is summed but those that were given of this view; `view_changed`: it is another one. */
+bool karst_engine_restart_samples(karst_engine *engine, bool view_changed, karst_error *error);
+/* The sum of its samples, not the mean: as karst_engine_read_radiance, of a frame that was drawn. */
+bool karst_engine_read_sums(karst_engine *engine, float *rgb, karst_error *error);
 /* Before what shading left of a sample is overwritten, or its light read. */
 bool karst_engine_keep_sample(karst_engine *engine, karst_error *error);
 
