@@ -24,6 +24,13 @@ bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *pa
 /* The value in force. Errors: KARST_USAGE (no such name). */
 bool karst_engine_parameter(const karst_engine *engine, const char *name, double *value, karst_error *error);
 
+/* Sets the time in seconds, -1e9 to 1e9, from the next frame on; an engine begins at 0. It says where the particles are
+ * that a world's header names, and what iTime is in its text. What did not move stays. Of what iTime changes all is
+ * made anew. Errors: KARST_USAGE (a time out of range or not a number; particles that move too far apart for the
+ * world's voxels; a text whose compiling depends on iTime), KARST_FAILED; then the time is as it was. */
+bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *error);
+double karst_engine_time(const karst_engine *engine);
+
 /* A world made ready for an engine. */
 typedef struct karst_prepared_world karst_prepared_world;
 
