@@ -125,6 +125,7 @@ struct karst_engine {
     const karst_producer *media_of; /* whom it was made for */
     karst_media_mode media_mode;
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
+    uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
     bool media_moves;                 /* particles moved since the last picture */
     double time_s;                    /* karst_engine_set_time */
     karst_producer *producer;

@@ -185,8 +185,8 @@ static void widen(karst_drop_box *box, const int64_t origin[3], const karst_part
     }
 }
 
-/* Two of its own levels beyond the verdict of a node's parent. */
-#define MARGIN_VOXELS 8
+/* What verdicts look at around a node: 2 * PARTICLES_REACH, and what rounding adds. */
+#define MARGIN_VOXELS 4
 
 bool karst_particle_list_differ(const karst_particle_list *a, const karst_particle_list *b, karst_drop_box **boxes,
                                 size_t *num, karst_error *error)

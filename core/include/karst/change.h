@@ -31,6 +31,14 @@ bool karst_engine_parameter(const karst_engine *engine, const char *name, double
 bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *error);
 double karst_engine_time(const karst_engine *engine);
 
+/* When the sun moves, or what fills the air, each frame makes one part in `groups` of the depths towards the sun that
+ * it looks at anew: the oldest first, and of these the most visible. 1, with which an engine begins, makes all of them.
+ * A view that stands comes to rest with the same picture, some frames later; karst_engine_settle makes all at once.
+ * After the groups of Mattsson ("Simulating optical depth for participating media using ray tracing", 2022). From the
+ * next frame on. Errors: KARST_USAGE (0, or more than KARST_ENGINE_MAX_MEDIA_GROUPS). */
+#define KARST_ENGINE_MAX_MEDIA_GROUPS 1024u
+bool karst_engine_set_media_groups(karst_engine *engine, uint32_t groups, karst_error *error);
+
 /* A world made ready for an engine. */
 typedef struct karst_prepared_world karst_prepared_world;
 
