@@ -98,7 +98,8 @@ END
         line "a ball of glass over half the picture" "$(calc "$ball / $ground")" "x the frame without" 2.2 at-most
     hills=$(floors hills hills) && lake=$(floors lake lake) &&
         line "lake" "$(calc "$lake / $hills")" "x hills" 3 at-most
-    lanterns=$(floors lanterns lanterns) && line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
+    [ -n "$hills" ] && lanterns=$(floors lanterns lanterns) &&
+        line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
 fi
 
 if wants flight; then
