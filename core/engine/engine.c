@@ -183,7 +183,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     bool moved = engine->view_changed && !engine->size_changed;
     if (engine->view_changed) {
         karst_ladder_view_changed(&engine->ladder);
-        engine->num_summed = 0;
+        if (!karst_engine_restart_samples(engine, true, error))
+            return false;
     }
     engine->complete = false;
     engine->sample = karst_engine_choose_sample(engine, moved);
