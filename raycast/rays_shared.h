@@ -91,6 +91,11 @@ typedef struct {
     uint stands_for;  /* rays of the picture that each of this cast's stands for */
     uint ends_at_missing; /* 1: rays end where they lack something, in place of marching what stands in for it. So all
                            * that they stamp and want, they do in every picture that lacks nothing */
+    float blend_below; /* rays of a stream whose footprints, times detail, grow at least as fast do not blend levels; 0:
+                        * all do */
 } karst_cast_view;
+
+/* As blend_below: such rays pass a level within a brick, and would blend over a voxel of their way. */
+#define KARST_WIDE_RAYS (1.0f / KARST_BRICK_CELLS)
 
 #endif

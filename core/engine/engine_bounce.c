@@ -1,6 +1,14 @@
 /* What land mirrors: the second stream of a picture's rays, and its shadows. */
 #include "core/engine/engine_parts.h"
 
+/* For what surfaces mirror: of bumpy ones next to each other the rays part. */
+static karst_cast_view mirrored_view(const karst_cast_view *view)
+{
+    karst_cast_view wide = *view;
+    wide.blend_below = KARST_WIDE_RAYS;
+    return wide;
+}
+
 bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 const karst_light *light, karst_error *error)
 {
@@ -9,7 +17,8 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
     if (!karst_bounce_mirror(bounce, view, pinhole, engine->hits, parts, engine->counters, error))
         return false;
     karst_profile_set_stream(engine->context, KARST_STREAM_MIRROR);
-    bool done = karst_bounce_cast(bounce, engine->caster, view, false, error);
+    const karst_cast_view wide = mirrored_view(view);
+    bool done = karst_bounce_cast(bounce, engine->caster, &wide, false, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     done = done && karst_bounce_shade(bounce, engine->shader, view, pinhole, light, parts, engine->counters, error);
     if (!done || !engine->shadows)
@@ -22,7 +31,8 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
 
 bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error)
 {
-    return karst_bounce_cast(engine->bounce, engine->caster, view, true, error);
+    const karst_cast_view wide = mirrored_view(view);
+    return karst_bounce_cast(engine->bounce, engine->caster, &wide, true, error);
 }
 
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,

@@ -427,9 +427,6 @@ RAY_INLINE void mark_ended(K_GLOBAL int *marks, const beam *b, const int index[B
         }
 }
 
-/* Rays that pass a level within a brick do not blend it into the next: that would be over a voxel of their way. */
-#define STREAM_BLENDS_BELOW (1.0f / KARST_BRICK_CELLS)
-
 /* wanted: KARST_CAST_HITS and its like. */
 BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
                                   K_GLOBAL const karst_ray *rays, uint num_rays, uint wanted, uint beam_number,
@@ -462,7 +459,7 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         v_store_float(RAY_WORD(15), b.states.rise + p * LANES);
     }
     begin_without_hints(&b.hints);
-    b.blend_below = STREAM_BLENDS_BELOW;
+    b.blend_below = view->blend_below > 0.0f ? view->blend_below : 3.0e38f;
     b.found.only_whether = !hits || wanted == KARST_CAST_WHETHER;
     cast_beam(&own, view, 0, 0, &b, start);
     if (hits && wanted == KARST_CAST_WHETHER)

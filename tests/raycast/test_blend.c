@@ -225,16 +225,11 @@ static void check_hits(const ground *of, double tolerance)
     for (int i = 0; i < NUM_RAYS; i++) {
         double d[3], origin[3] = {0, 0, 0};
         random_direction(&random, d);
-        /* Flat, since wide rays do not blend. */
-        d[1] *= 0.4;
-        const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        for (int axis = 0; axis < 3; axis++)
-            d[axis] /= length;
         d[1] = -fabs(d[1]);
         rays[i] = make_ray(origin, d, 200);
         /* Most hit in the last eighth of a level, or about where one begins. */
         double hit_t = 30 / (fabs(d[1]) + 0.05), at = 0.87 + 0.15 * next_random(&random);
-        rays[i].cone = (float)fmin(ldexp(at, 1 + i % 2) / hit_t, 0.06);
+        rays[i].cone = (float)(ldexp(at, 1 + i % 2) / hit_t);
         rays[i].t_max = (float)fmin(200, 15.9 / rays[i].cone);
     }
     karst_cast_view view = scene_view(&s, anchor, 1);
@@ -406,6 +401,7 @@ static void test_wide_rays_do_not_blend(void **state)
             karst_cast_view view = scene_view(&s, anchor, 1);
             karst_hit *plain = settled_hits(&s, caster, &view, rays[wide], NUM);
             view.blend = 0.5f;
+            view.blend_below = KARST_WIDE_RAYS;
             karst_hit *hits = settled_hits(&s, caster, &view, rays[wide], NUM);
             for (int i = 0; i < NUM; i++) {
                 if (KARST_HIT_KIND(hits[i].kind) == KARST_HIT_SURFACE) {
