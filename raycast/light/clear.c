@@ -142,9 +142,10 @@ void karst_clear_destroy(karst_clear *clear)
     (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + \
      KARST_CLEAR_MATTER_PLANES * sizeof(float))
 
-double karst_clear_bytes(int width_px, int height_px, bool sun)
+double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends)
 {
-    return karst_bounce_bytes(width_px, height_px, sun) + karst_bounce_room(width_px, height_px) * (double)RAY_BYTES;
+    const double ray_bytes = (double)RAY_BYTES + (bends ? (double)KARST_BEND_RAY_BYTES : 0);
+    return karst_bounce_bytes(width_px, height_px, sun) + karst_bounce_room(width_px, height_px) * ray_bytes;
 }
 
 static karst_buffer *make(karst_clear *clear, size_t num, size_t each_bytes, karst_error *error)
