@@ -1,6 +1,7 @@
 /* What refining hits needs of a world: its gradient as generated code, and the data that this reads. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/engine/engine_parts.h"
 #include "producers/language/emit/emit.h"
@@ -88,4 +89,20 @@ void karst_engine_world_close_refiner(karst_engine_world *world)
 {
     finish(&world->refining);
     finish(&world->content[KARST_CONTENT_CLEAR].refining);
+}
+
+bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_error *error)
+{
+    return karst_engine_refine_hits(engine, view, pinhole, engine->hits, error);
+}
+
+bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              karst_buffer *hits, karst_error *error)
+{
+    karst_shade_anchor anchor = {.pad = 0};
+    memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
+    memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
+    return !engine->shown.refining.refiner ||
+           karst_refine_hits(engine->shown.refining.refiner, view, pinhole, &anchor, hits, error);
 }
