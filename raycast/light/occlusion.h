@@ -17,8 +17,8 @@
 #include "raycast/cast/cast.h"
 #include "raycast/light/occlusion_shared.h"
 
-/* Growth of footprints per unit of t: as of the rays that full light scatters. Twice as much lets light into the edges of
- * a closed box, and is hardly faster. */
+/* Growth of footprints per unit of t: as of the rays that full light scatters. Twice as much lets light into the edges
+ * of a closed box, and is hardly faster. */
 #define KARST_OCCLUSION_CONE 0.0625f
 
 typedef struct karst_occlusion karst_occlusion;
