@@ -40,7 +40,6 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
 #ifdef WORLD_NUM_OUTPUTS
     vfloat values[WORLD_NUM_OUTPUTS];
     world_outputs(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
-    look.albedo.r = values[0], look.albedo.g = values[1], look.albedo.b = values[2];
 #ifdef WORLD_OUTPUT_MIRROR
     g = lane_min(lane_max(values[WORLD_OUTPUT_MIRROR], (vfloat)(-MOST_G)), (vfloat)(MOST_G));
 #endif
@@ -50,12 +49,12 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
     look.emission.b = own_light(values[WORLD_OUTPUT_EMISSION + 2]);
 #endif
 #else
-    world_colour(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, &look.albedo.r, &look.albedo.g,
-                 &look.albedo.b);
+    vfloat values[3];
+    world_colour(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
 #endif
-    look.albedo.r = lane_unit(look.albedo.r);
-    look.albedo.g = lane_unit(look.albedo.g);
-    look.albedo.b = lane_unit(look.albedo.b);
+    look.albedo.r = lane_unit(values[0]);
+    look.albedo.g = lane_unit(values[1]);
+    look.albedo.b = lane_unit(values[2]);
     phases(g, light->to_sun, look.albedo.g, look.phase);
     return look;
 }
@@ -83,7 +82,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL float *parts, uint has_sun, uint has_mirror, karst_shade_anchor anchor,
                                   K_GLOBAL const uint *grids, K_GLOBAL const karst_sun_depth *states,
                                   K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
-                                  K_GLOBAL uint *counters,
+                                  K_GLOBAL uint *looks, K_GLOBAL uint *counters,
                                   K_GLOBAL const ulong *data
 #ifdef SHADE_ATMOSPHERE
                                   ,
@@ -115,6 +114,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.grid_states = states;
     lighting.owners = owners;
     lighting.used = used;
+    lighting.looks = looks;
     lighting.serial = view->serial;
     lighting.sun = task.sun;
     lighting.sun_colour = uniform_colour(light.sun_colour);
@@ -148,6 +148,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                    (vfloat)(LAND_CONE)};
         media_sums above = EMPTY_SUMS;
         lighting.most_depth = 16.0f;
+        lighting.used = 0;
         walk_depth(&pool, &frame, &to_sun, lit, &lighting, &above);
         missing |= above.missing & lit;
         from_sun = v_select(lit, tone_exp2_minus(above.tau * LOG2_E), from_sun);
