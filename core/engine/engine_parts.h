@@ -22,6 +22,7 @@
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "raycast/cast/cast.h"
+#include "raycast/cast/cover.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
@@ -129,6 +130,7 @@ struct karst_engine {
     karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
+    karst_cover *cover; /* NULL: nothing is drawn before land */
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
@@ -276,8 +278,11 @@ void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
-/* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
-bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* engine_refine.c. Makes what refines hits of an open world; with edits, whose data are set before each use
+ * (karst_edits_data). The caller's to finish, zeros on failure. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
+                                      karst_engine_refining *refining, karst_error *error);
+void karst_engine_refining_finish(karst_engine_refining *refining);
 /* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
@@ -291,6 +296,8 @@ bool karst_engine_check_window(const karst_engine_window *window, int width_px, 
 bool karst_engine_check_whole(const karst_engine *engine, karst_error *error);
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
 void karst_engine_free_picture(karst_engine *engine);
+/* engine_depth.c: nothing is drawn before land any more. */
+void karst_engine_uncover(karst_engine *engine);
 /* Fills stats.num_changed_pixels; only with count_changed_pixels. */
 bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error);
 
