@@ -216,6 +216,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     karst_density_producer_thin(engine->producer, &stats->num_thin_raised, &stats->num_thin_given_up);
     karst_engine_report_non_finite(engine, engine->producer, "density", &engine->reported_non_finite);
     karst_engine_end_store_stats(engine);
+    if (!karst_engine_report_index(engine, error))
+        return false;
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;

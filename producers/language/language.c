@@ -158,6 +158,8 @@ static void resolve(compilation *c)
     settings.parameter_min = low;
     settings.parameter_max = high;
     const karst_expr density = p->root[KARST_ROOT_DENSITY];
+    if (!p->num_written)
+        p->num_written = p->graph.num_nodes;
     if (p->is_deepened && !p->deep)
         p->deep = karst_deepen(&p->graph, &settings, density);
     bool differs = p->is_deepened && p->deep != density;
@@ -210,8 +212,8 @@ static void list_parameters(compilation *c)
                                                    .label = h ? h->label : from->name,
                                                    .is_implicit = from->is_implicit,
                                                    .is_structural = from->is_structural,
-                                                   .is_used = from->is_used};
-        if (h && !from->is_used)
+                                                   .is_used = from->is_used || (h && h->is_named)};
+        if (h && !p->parameters[i].is_used)
             karst_source_warn(&c->source, h->where, NULL, "parameter '%s' is not used", from->name);
     }
 }
