@@ -385,11 +385,9 @@ static bool begin_samples(render_options *o, const karst_engine_config *config, 
                           bool *is_done, karst_error *error)
 {
     const char *output = o->part_output ? o->part_output : o->output;
-    char when[640];
     if (!(o->aovs >> KARST_AOV_SUMS & 1) || o->flies)
         return true;
-    snprintf(when, sizeof when, "%s at %.17g s", camera, o->flight.world_s); /* a view is of a time, too */
-    o->note = command_describe_picture(config, o->flight.world_s != 0 ? when : camera, o->size_px, o->window_px, error);
+    o->note = command_describe_picture(config, camera, o->flight.world_s, o->size_px, o->window_px, error);
     if (!o->note || (o->goes_on && !command_begun_open(output, o->note, &o->begun, is_done, error)))
         return false;
     if (*is_done)
@@ -597,9 +595,8 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
-    if (!o.flies && !karst_engine_set_time(engine, o.flight.world_s, error))
-        goto out;
-    if (!begin_samples(&o, &config, record.camera, talk, &done, error) || done)
+    if ((!o.flies && !karst_engine_set_time(engine, o.flight.world_s, error)) ||
+        !begin_samples(&o, &config, record.camera, talk, &done, error) || done)
         goto out;
     if (!(o.flies ? command_flight_run(engine, &o.flight, o.window_px[2], o.window_px[3], talk, &record, error)
                   : render(engine, &o, talk, &record, error)) ||
