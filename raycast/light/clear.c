@@ -493,7 +493,7 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
 {
     karst_clear_task task = task_of(picture);
     if (!check_room(clear, picture->pinhole, error) ||
-        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture).room, error)))
+        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture, 0).room, error)))
         return false;
     task.adds_nothing = again;
     for (task.branch = 0; task.branch < (picture->clear ? 2u : 1u); task.branch++) {
