@@ -328,6 +328,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_occlusion_destroy(engine->occlusion);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
+    free(engine->given_sums);
     karst_context_destroy(engine->context);
     if (engine->owns_display)
         karst_display_destroy(engine->display);

@@ -81,7 +81,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
                                          engine->asked, engine->hints, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     if (!cast || !karst_engine_cast_into_clear(engine, &view, &pinhole, true, error) ||
-        !karst_engine_refine(engine, &view, &pinhole, error) || !clear_counters(engine, error))
+        !karst_engine_refine(engine, &view, &pinhole, error) ||
+        (engine->cover && !karst_cover_hits(engine->cover, engine->hits, error)) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/edits/edits.h"
 #include "producers/language/emit/emit.h"
 
 static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
@@ -26,42 +27,64 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!update(&world->content[i].refining, world, error))
             return false;
-    return update(&world->refining, world, error);
+    return update(&world->bending.index, world, error) && update(&world->refining, world, error);
 }
 
-static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, bool for_rays,
-                                   karst_context *context, karst_error *error)
+/* What a refiner is for. */
+typedef enum { OF_LAND, OF_EDITED_LAND, OF_RAYS } refiner_kind;
+
+static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file,
+                                   refiner_kind kind, karst_context *context, karst_error *error)
 {
+    static const char of_edits[] = "\n#include \"producers/edits/edits_points.clh\"\n";
     char *source = NULL;
     if (!karst_emit_surface(&refining->layout, &source, error))
         return NULL;
+    if (kind == OF_EDITED_LAND) {
+        const size_t length = strlen(source);
+        char *both = realloc(source, length + sizeof of_edits);
+        if (!both) {
+            free(source);
+            karst_fail(error, KARST_FAILED, "out of memory");
+            return NULL;
+        }
+        source = both;
+        memcpy(source + length, of_edits, sizeof of_edits);
+    }
     const karst_refine_world refined = {.source = source,
                                         .options = "-DWORLD_HAS_DATA",
                                         .data = refining->data,
-                                        .voxel_m = ldexp(1, file->info.voxel_log2_m)};
-    karst_refiner *refiner = for_rays ? karst_refiner_create_for_rays(context, &refined, error)
-                                      : karst_refiner_create(context, &refined, error);
+                                        .voxel_m = ldexp(1, file->info.voxel_log2_m),
+                                        .has_layer = kind == OF_EDITED_LAND};
+    karst_refiner *refiner = kind == OF_RAYS ? karst_refiner_create_for_rays(context, &refined, error)
+                                             : karst_refiner_create(context, &refined, error);
     free(source);
     return refiner;
 }
 
-static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
-                  bool for_rays, karst_context *context, karst_error *error)
+bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_world *world,
+                         const karst_resolved_world *density, karst_context *context, karst_error *error)
 {
-    refining->gradient = karst_derive(&file->program->world, error);
+    refining->gradient = karst_derive(density, error);
     if (!refining->gradient)
         return false;
     if (!karst_world_layout_init(&refining->layout, &refining->gradient->world))
-        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", file->info.name);
+        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", world->file->info.name);
     refining->data =
         karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
-    if (!refining->data || !update(refining, world, error))
+    return refining->data && update(refining, world, error);
+}
+
+static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
+                  refiner_kind kind, karst_context *context, karst_error *error)
+{
+    if (!karst_engine_derive(refining, world, &file->program->world, context, error))
         return false;
-    refining->refiner = make_refiner(refining, file, for_rays, context, error);
+    refining->refiner = make_refiner(refining, file, kind, context, error);
     return refining->refiner != NULL;
 }
 
-static void finish(karst_engine_refining *refining)
+void karst_engine_finish_refining(karst_engine_refining *refining)
 {
     karst_refiner_destroy(refining->refiner);
     karst_buffer_destroy(refining->data);
@@ -69,9 +92,14 @@ static void finish(karst_engine_refining *refining)
     *refining = (karst_engine_refining){.refiner = NULL};
 }
 
-bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
+                                      karst_engine_refining *refining, karst_error *error)
 {
-    return build(&world->refining, world, world->file, false, context, error);
+    *refining = (karst_engine_refining){.refiner = NULL};
+    if (build(refining, world, world->file, has_edits ? OF_EDITED_LAND : OF_LAND, context, error))
+        return true;
+    karst_engine_finish_refining(refining);
+    return false;
 }
 
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
@@ -79,16 +107,16 @@ bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_con
     karst_engine_refining *refining = &world->content[KARST_CONTENT_CLEAR].refining;
     const karst_world_file *file = world->file->content[KARST_CONTENT_CLEAR];
     karst_error why = {0};
-    if (!file || build(refining, world, file, true, context, &why))
+    if (!file || build(refining, world, file, OF_RAYS, context, &why))
         return true;
-    finish(refining);
+    karst_engine_finish_refining(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
-    finish(&world->refining);
-    finish(&world->content[KARST_CONTENT_CLEAR].refining);
+    karst_engine_finish_refining(&world->refining);
+    karst_engine_finish_refining(&world->content[KARST_CONTENT_CLEAR].refining);
 }
 
 bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -103,6 +131,8 @@ bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view,
     karst_shade_anchor anchor = {.pad = 0};
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
-    return !engine->shown.refining.refiner ||
-           karst_refine_hits(engine->shown.refining.refiner, view, pinhole, &anchor, hits, error);
+    karst_refiner *refiner = engine->shown.refining.refiner;
+    if (refiner && engine->edits)
+        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits));
+    return !refiner || karst_refine_hits(refiner, view, pinhole, &anchor, hits, error);
 }

@@ -65,6 +65,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 void karst_engine_world_close(karst_engine_world *world)
 {
     karst_engine_world_close_refiner(world);
+    karst_engine_world_close_bending(world);
     karst_clear_shader_destroy(world->clear_shader);
     karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);
@@ -130,7 +131,8 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     return world->shader && karst_engine_world_build_contents(world, context, buffers, wishes, error) &&
            karst_engine_world_build_clear(world, context, wishes, error) &&
            karst_engine_world_build_skies(world, context, error) &&
-           (!wishes->refine || karst_engine_world_build_refiner(world, context, error));
+           (!wishes->refine ||
+            karst_engine_world_make_refining(world, context, wishes->has_layers, &world->refining, error));
 }
 
 bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error)
