@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/edits/edits.h"
 #include "raycast/light/light.h"
 #include "raycast/cast/pinhole.h"
 
