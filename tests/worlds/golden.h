@@ -23,7 +23,7 @@ static const golden_hashes golden[] = {
     {"lake", 0xfc0fcc15eee89d6c, 0x620c307d0a6b3319},
     {"lanterns", 0xa167af5b4c2c646b, 0xbd1053268c2198c6},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
-    {"lens", 0xb808cb47a81a5082, 0x0096e0e13ccfa0fa},
+    {"lens", 0xf6bf7a12f492a769, 0x4a914f03d773aa5d},
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
