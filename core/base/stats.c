@@ -20,6 +20,10 @@ const char *karst_stage_name(karst_stage stage)
         return "finalise";
     case KARST_STAGE_DISPLAY:
         return "display";
+    case KARST_STAGE_MEDIA:
+        return "media";
+    case KARST_STAGE_SUN_DEPTH:
+        return "sun_depth";
     case KARST_NUM_STAGES:
         break;
     }

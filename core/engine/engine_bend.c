@@ -54,7 +54,7 @@ bool karst_engine_world_build_bending(karst_engine_world *world, karst_context *
 void karst_engine_world_close_bending(karst_engine_world *world)
 {
     karst_bender_destroy(world->bending.bender);
-    karst_engine_refining_finish(&world->bending.index);
+    karst_engine_finish_refining(&world->bending.index);
     world->bending = (karst_engine_bending){.bender = NULL};
 }
 

@@ -24,7 +24,8 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
                                          karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
     karst_layer *layers[2];
     size_t num = 0;
-    if (!karst_engine_world_load_models(engine, world, error))
+    if (!karst_engine_world_load_models(engine, world, error) ||
+        !karst_engine_world_set_particles(engine, world, error))
         return false;
     if (world->models)
         layers[num++] = world->models;
@@ -51,12 +52,12 @@ static bool make_layer(karst_engine *engine, karst_error *error)
     engine->edits = karst_edits_create(engine->context, KARST_SHAPE_AUTO, engine->world->voxel_log2_m, error);
     if (engine->edits && karst_engine_world_set_layers(engine, &engine->shown, error)) {
         if (engine->refine) {
-            karst_engine_refining_finish(shown);
+            karst_engine_finish_refining(shown);
             *shown = refining;
         }
         return true;
     }
-    karst_engine_refining_finish(&refining);
+    karst_engine_finish_refining(&refining);
     if (engine->edits)
         engine->edits->ops->destroy(engine->edits);
     engine->edits = NULL;

@@ -82,6 +82,7 @@ typedef struct {
     karst_engine_refining refining;
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_layer *models; /* NULL: it has none, or they are not loaded yet */
+    karst_layer *particles; /* the same of these, in the air */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
 } karst_engine_world;
@@ -133,6 +134,9 @@ struct karst_engine {
     const karst_producer *media_of; /* whom it was made for */
     karst_media_mode media_mode;
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
+    uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
+    bool media_moves;                 /* particles moved since the last picture */
+    double time_s;                    /* karst_engine_set_time */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
     karst_colours *colours; /* NULL: no layer had any yet */
@@ -265,6 +269,16 @@ bool karst_engine_world_has_coloured_models(const karst_engine_world *world); /*
 /* Whether two worlds of one voxel have the same models in the same places. */
 bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
+/* engine_particles.c. Makes the particles that an open world's header names part of what fills its air, at the engine's
+ * time. Errors: KARST_BAD_DATA (their files), KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_set_particles(karst_engine *engine, karst_engine_world *world, karst_error *error);
+bool karst_engine_world_has_particles(const karst_engine_world *world);
+/* The shown world's particles go where the engine's time says, or `values` of parameters; what moved is forgotten.
+ * Errors: as above; those of numbers before anything has changed. */
+bool karst_engine_move_particles(karst_engine *engine, const karst_number *values, karst_error *error);
+/* engine_stores.c. How what fills the air is built; it borrows `finalise`. */
+karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, char finalise[64]);
+
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
  * quick. Errors: KARST_FAILED. */
@@ -283,6 +297,9 @@ uint32_t karst_engine_usable_bricks(const karst_cache_buffers *buffers);
 void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *producer, const char *what,
                                     bool *reported);
 
+/* engine_change.c. Parameters take these values, malloc'ed, which it takes. Nothing is compiled. */
+bool karst_engine_take_values(karst_engine *engine, karst_number *values, karst_error *error);
+
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
@@ -290,7 +307,7 @@ bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
  * (karst_edits_data). The caller's to finish, zeros on failure. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
                                       karst_engine_refining *refining, karst_error *error);
-void karst_engine_refining_finish(karst_engine_refining *refining);
+void karst_engine_finish_refining(karst_engine_refining *refining);
 /* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */

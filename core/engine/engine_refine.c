@@ -83,7 +83,7 @@ static bool build(karst_engine_refining *refining, const karst_engine_world *wor
     return refining->refiner != NULL;
 }
 
-void karst_engine_refining_finish(karst_engine_refining *refining)
+void karst_engine_finish_refining(karst_engine_refining *refining)
 {
     karst_refiner_destroy(refining->refiner);
     karst_buffer_destroy(refining->data);
@@ -97,7 +97,7 @@ bool karst_engine_world_make_refining(const karst_engine_world *world, karst_con
     *refining = (karst_engine_refining){.refiner = NULL};
     if (build(refining, world, world->file, has_edits ? OF_EDITED_LAND : OF_LAND, context, error))
         return true;
-    karst_engine_refining_finish(refining);
+    karst_engine_finish_refining(refining);
     return false;
 }
 
@@ -108,12 +108,12 @@ bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_con
     karst_error why = {0};
     if (!file || build(refining, world, file, OF_RAYS, context, &why))
         return true;
-    karst_engine_refining_finish(refining);
+    karst_engine_finish_refining(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
-    karst_engine_refining_finish(&world->refining);
-    karst_engine_refining_finish(&world->content[KARST_CONTENT_CLEAR].refining);
+    karst_engine_finish_refining(&world->refining);
+    karst_engine_finish_refining(&world->content[KARST_CONTENT_CLEAR].refining);
 }

@@ -190,6 +190,7 @@ typedef struct {
     const char *device;
     bool json, is_later;
     const karst_log *log;
+    double time_s;
 } command_ray_look;
 /* Prints what the ray "X,Y,Z,DX,DY,DZ" passes of the world's medium. Errors: KARST_USAGE, and those of
  * karst_world_medium_depth. */
@@ -415,10 +416,11 @@ void command_pictures_discard(command_pictures *pictures);
 
 /* How to fly; zeros mean left out. */
 typedef struct {
-    const char *file; /* the path */
+    const char *file; /* the path; NULL: the camera stands still, for num_pictures */
     const char *output;
     size_t num_pictures;
     double fps, start_s, end_s;
+    double world_s, world_step_s; /* the world's time at the first picture, and from one to the next */
     bool has_start, has_end;
     bool live;           /* one frame for each picture, whatever it lacks, after having settled at the start */
     uint32_t max_frames; /* to settle a picture */

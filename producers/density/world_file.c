@@ -435,7 +435,11 @@ static bool complete(karst_world_file *file, karst_error *error)
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!make_content(file, (karst_content)i, error))
             return false;
-    return true;
+    return file->program->header.num_particles == 0 || file->content[KARST_CONTENT_AIR] ||
+           karst_fail(error, KARST_BAD_WORLD,
+                      "%.300s: its header has particles, which are in the air, and it says nothing of that: write "
+                      "medium air(vec3 p) { medium m; m.extinction = 0.0; m.albedo = vec3(0.9); return m; }",
+                      file->program->name);
 }
 
 /* What was compiled, and not the program. */

@@ -245,23 +245,25 @@ bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const 
         streams->hits->size_bytes / sizeof(karst_hit) < max_rays ||
         streams->next->size_bytes / sizeof(karst_ray) < max_rays ||
         streams->to_lamps->size_bytes / sizeof(karst_ray) < max_rays ||
-        streams->lamps->size_bytes / sizeof(karst_lamp) < task->num_lamps)
+        streams->lamps->size_bytes / sizeof(karst_lamp) < task->num_lamps || (task->each_lamp && !streams->shining))
         return karst_fail(error, KARST_FAILED, "there is no room for %u paths", max_rays);
-    const uint32_t num_packets = (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
+    const uint32_t num_packets =
+        task->each_lamp ? task->num_packets : (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
     const uint32_t part_packets = part_size(shader->context, num_packets);
     const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
     const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t num_items = task->each_lamp ? task->num_packets : max_rays;
     const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units
-                                       : (max_rays + local_size - 1) / local_size * local_size;
-    const cl_mem sky_mem = sky_table(shader);
-    karst_argument arguments[18 + MAX_LAST_ARGUMENTS] = {
+                                       : (num_items + local_size - 1) / local_size * local_size;
+    const cl_mem sky_mem = sky_table(shader), shining_mem = streams->shining ? streams->shining->mem : NULL;
+    karst_argument arguments[19 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(streams->lamps), KARST_BUFFER_ARG(streams->rays),
         KARST_BUFFER_ARG(streams->count), KARST_BUFFER_ARG(streams->hits), KARST_BUFFER_ARG(streams->next),
-        KARST_BUFFER_ARG(streams->to_lamps), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
-        KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
-        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
-    const size_t num_arguments = 18 + add_last(shader, &sky_mem, arguments + 18);
+        KARST_BUFFER_ARG(streams->to_lamps), KARST_VALUE_ARG(shining_mem), KARST_BUFFER_ARG(parts),
+        KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+        KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 19 + add_last(shader, &sky_mem, arguments + 19);
     return check_size(parts, KARST_RADIANCE_PLANES * sizeof(float), pinhole, error) &&
            karst_arguments(shader->paths, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->paths, KARST_STAGE_SHADE, global_size, local_size, error);

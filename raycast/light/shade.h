@@ -82,7 +82,11 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
                       const karst_light *light, const karst_shade_stream *stream, karst_buffer *parts,
                       karst_buffer *counters, karst_error *error);
 
-/* Surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
+/* With task->each_lamp: the light of each lamp on the surfaces of a part of the stream. Lamps that cast no shadows add
+ * theirs to parts, whether or not `next` is there. Of each other lamp, in their order, `to_lamps` has task->num_packets
+ * packets of rays, and `shining` a word for each packet: bits of the lanes that have a ray. Adds to counter 4 alone.
+ *
+ * Without: surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
  * raycast/light/paths_shared.h. Adds to parts (three planes) what they see of sky and emission, and leaves in
  * `to_lamps` and, unless it is the last generation, in `next` a ray for each of them, which may be idle: to a lamp,
  * whose light is its throughput, and on from the surface. lamps: task->num_lamps of karst_lamp. Adds to counters: of
@@ -92,6 +96,7 @@ typedef struct {
     const karst_buffer *rays, *count, *hits, *lamps;
     uint32_t max_rays;
     karst_buffer *next, *to_lamps;
+    karst_buffer *shining; /* of task->each_lamp; else NULL */
 } karst_path_streams;
 bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_light *light, const karst_path_task *task, const karst_path_streams *streams,

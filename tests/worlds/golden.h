@@ -27,6 +27,7 @@ static const golden_hashes golden[] = {
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
+    {"smoke", 0xe8cf6e2f2978d60d, 0xb38fe124d956da94},
     {"survey", 0x737a2faf390fcab2, 0xc3e6357a1c01a74c},
     {"thesis", 0x14f12d3d02c31b8b, 0x08fd86af7b1c978c},
 };

@@ -20,6 +20,8 @@ typedef enum {
     KARST_STAGE_EVALUATE,
     KARST_STAGE_FINALISE,
     KARST_STAGE_DISPLAY,
+    KARST_STAGE_MEDIA,     /* rays through what fills the air */
+    KARST_STAGE_SUN_DEPTH, /* its depth towards the sun */
     KARST_NUM_STAGES
 } karst_stage;
 const char *karst_stage_name(karst_stage stage);
