@@ -77,6 +77,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",

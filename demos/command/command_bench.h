@@ -78,7 +78,7 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     double mirror;
-    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror;
+    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;
