@@ -41,6 +41,8 @@ const char *karst_stream_name(karst_stream stream)
         return "mirror";
     case KARST_STREAM_CLEAR:
         return "clear";
+    case KARST_STREAM_OCCLUSION:
+        return "occlusion";
     case KARST_NUM_STREAMS:
         break;
     }

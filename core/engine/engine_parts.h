@@ -27,6 +27,7 @@
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
+#include "raycast/light/occlusion.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
@@ -148,6 +149,7 @@ struct karst_engine {
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
     karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
+    karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
@@ -452,6 +454,17 @@ bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
 
+/* engine_occlusion.c. Whether a picture of that world has occlusion. */
+bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst_world_info *world);
+/* The rest does nothing where it has none. What follows the picture's size, and what that takes. */
+bool karst_engine_allocate_occlusion(karst_engine *engine, karst_error *error);
+double karst_engine_occlusion_bytes(const karst_engine *engine);
+/* Of the picture's hits, before they are shaded; what its cones lack now; and as karst_engine_read_aov. */
+bool karst_engine_draw_occlusion(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                 karst_error *error);
+bool karst_engine_look_at_occlusion(karst_engine *engine, const karst_cast_view *view, karst_error *error);
+bool karst_engine_read_occlusion(karst_engine *engine, float *open, size_t num_values, karst_error *error);
+
 /* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
 bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
 /* In place of shading, shadows and mirrors; or after these, what a world's own lights add to what the picture's rays
@@ -506,6 +519,8 @@ bool karst_engine_aim_skies(karst_engine *engine, karst_error *error);
 /* Moves the hits to the true density, where that is wished for. */
 bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                          karst_error *error);
+bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              karst_buffer *hits, karst_error *error);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 /* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */

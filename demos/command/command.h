@@ -202,7 +202,7 @@ bool command_sample_ray(const karst_world *world, const char *text, const comman
 typedef struct {
     uint64_t samples;
     double mirror;
-    bool has_mirror;
+    bool has_mirror, occlusion, no_occlusion;
     const char *light; /* NULL: direct */
     uint64_t bounces;
     karst_integrator parsed_light;
@@ -223,7 +223,15 @@ typedef struct {
         "mirror", 0, COMMAND_NUMBER, "SHARE", "of its light that land mirrors, 0 to 1 (default: the world's, or 0)", \
             share, 0, 1, given                                                                                       \
     }
+#define COMMAND_OCCLUSION_OPTIONS(on, off)                                                                           \
+    {"occlusion", 0, COMMAND_FLAG, NULL, "darken what little light from all around reaches (default: the world's)",  \
+     on, 0, 0, NULL},                                                                                                \
+    {                                                                                                                \
+        "no-occlusion", 0, COMMAND_FLAG, NULL, "whatever the world says: light from all around comes everywhere",    \
+            off, 0, 0, NULL                                                                                          \
+    }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
+    COMMAND_OCCLUSION_OPTIONS(&(look)->occlusion, &(look)->no_occlusion),                                            \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
         {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
          &(look)->light, 0, 0, NULL},                                                                                \
@@ -250,6 +258,8 @@ typedef struct {
 /* Errors: KARST_USAGE. */
 bool command_check_look(command_look *look, karst_error *error);
 void command_set_look(const command_look *look, karst_engine_config *config);
+/* What karst_engine_config has for --occlusion and --no-occlusion, of which the latter counts. */
+karst_occlusion_mode command_occlusion(bool on, bool off);
 /* What karst_engine_config has for --mirror. */
 double command_mirror(double share, bool given);
 

@@ -10,7 +10,7 @@
 
 typedef struct {
     const char *json, *csv, *plot;
-    bool quick, help;
+    bool quick, samples_alone, help;
 } outputs;
 
 static void print_help(const command_option *options, size_t num_options)
@@ -25,6 +25,7 @@ static void print_help(const command_option *options, size_t num_options)
     command_print_worlds(stdout);
     puts("\nExamples:\n"
          "  karst accuracy hills\n"
+         "  karst accuracy hills --samples\n"
          "  karst accuracy alps --plot alps.svg --csv alps.csv\n"
          "  karst accuracy hills --quick --json - | jq '.settings[] | select(.default) | .depth_footprints'\n"
          "\ndepth: distance along the ray to where the reference meets the density at the ray's own footprint, one "
@@ -32,6 +33,8 @@ static void print_help(const command_option *options, size_t num_options)
          "wide and blended between levels as the default picture is; in footprints.\n"
          "missed, false: pixels where only the reference, only the engine hits.\n"
          "rms, PSNR, SSIM: a small picture against one of 16 rays a pixel of the full density.\n"
+         "samples: pictures as karst render draws them, against 1024 samples of a quarter of a pixel a voxel, "
+         "refined.\n"
          "d, p: on the front of depth error, of picture error, over time (cast, refine and shade).\n"
          "\nExit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device, 4 no such world.");
 }
@@ -43,6 +46,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, accuracy *a
         {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
          "metres, exact at any distance, and degrees (default: the world's)", &a->camera, 0, 0, NULL},
         {"quick", 0, COMMAND_FLAG, NULL, "only the default settings, refined and not", &out->quick, 0, 0, NULL},
+        {"samples", 0, COMMAND_FLAG, NULL, "only pictures of 1, 4, 16 and 64 samples, with shadows",
+         &out->samples_alone, 0, 0, NULL},
         {"frames", 0, COMMAND_INTEGER, "N", "settled frames to time each setting by (default: 9)", &a->num_frames, 1,
          100, NULL},
         {"json", 0, COMMAND_TEXT, "FILE", "the report; - is stdout, instead of the table", &out->json, 0, 0, NULL},
@@ -83,6 +88,11 @@ static bool check_options(accuracy *a, const outputs *out, karst_error *error)
             return false;
         num_stdout += paths[i] && strcmp(paths[i], "-") == 0;
     }
+    if (out->samples_alone && (out->quick || out->csv || out->plot))
+        return karst_fail(error, KARST_USAGE, "--samples and --%s: that is about settings, of which none is drawn",
+                          out->quick ? "quick"
+                          : out->csv ? "csv"
+                                     : "plot");
     if (num_stdout > 1)
         return karst_fail(error, KARST_USAGE, "only one of --json, --csv and --plot can have stdout");
     if (a->lanes != 0 && a->lanes != 1 && a->lanes != 16)
@@ -184,19 +194,24 @@ bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *er
     command_open_driver(talk);
     for (int i = 0; i < 2; i++)
         a->picture_px[i] = a->size_px[i] < PICTURE_SHARE ? 1 : a->size_px[i] / PICTURE_SHARE;
-    choose_settings(a, out.quick);
-    good = check_options(a, &out, error) && find_camera(a, error) && accuracy_trace(a, talk, error);
+    if (!out.samples_alone)
+        choose_settings(a, out.quick);
+    good =
+        check_options(a, &out, error) && find_camera(a, error) && (out.samples_alone || accuracy_trace(a, talk, error));
     uint64_t sweep_ns = command_clock_ns();
     for (size_t i = 0; good && i < a->num_settings; i++)
         good = accuracy_measure(a, i, talk, error);
     a->sweep_s = (double)(command_clock_ns() - sweep_ns) * 1e-9;
+    good = good && (out.quick || accuracy_measure_samples(a, talk, error));
     command_end_progress(talk);
     if (good) {
         accuracy_mark_fronts(a);
         bool to_stdout = (out.json && strcmp(out.json, "-") == 0) || (out.csv && strcmp(out.csv, "-") == 0) ||
                          (out.plot && strcmp(out.plot, "-") == 0);
-        if (!to_stdout)
+        if (!to_stdout && !out.samples_alone)
             print_table(a);
+        if (!to_stdout)
+            accuracy_print_samples(a);
         good = (!out.json || write_text(out.json, accuracy_json(a), error)) &&
                (!out.csv || write_text(out.csv, accuracy_csv(a), error));
         char *svg = good && out.plot ? accuracy_plot(a, error) : NULL;

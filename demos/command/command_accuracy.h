@@ -2,6 +2,7 @@
  *
  *   command_accuracy.c          options; the order of things; the table on stdout
  *   command_accuracy_measure.c  settings drawn, and what they are off the reference
+ *   command_accuracy_samples.c  pictures of more and more samples
  *   command_accuracy_report.c   the Pareto fronts; JSON, CSV and the SVG
  */
 #ifndef KARST_DEMOS_COMMAND_ACCURACY_H
@@ -39,6 +40,15 @@ typedef struct {
 
 #define ACCURACY_MAX_SETTINGS 40
 
+/* A picture of so many samples, with shadows, against one that stands for the truth. */
+typedef struct {
+    uint32_t num_samples;
+    double detail_px; /* as it was given */
+    double ms;        /* of all its samples, once the detail is there */
+    double rmse, psnr_db, ssim;
+} accuracy_samples;
+#define ACCURACY_NUM_SAMPLES 8
+
 typedef struct {
     /* as asked for */
     const char *world, *device, *camera;
@@ -60,6 +70,8 @@ typedef struct {
     accuracy_setting settings[ACCURACY_MAX_SETTINGS];
     accuracy_result results[ACCURACY_MAX_SETTINGS];
     size_t num_settings;
+    accuracy_samples truth, samples[ACCURACY_NUM_SAMPLES];
+    bool has_samples;
 } accuracy;
 
 #define ACCURACY_RAYS_PX 4 /* on the side of a pixel of the supersampled picture */
@@ -70,7 +82,17 @@ typedef struct {
 bool accuracy_trace(accuracy *a, command_talk *talk, karst_error *error);
 /* Draws setting number i and compares. */
 bool accuracy_measure(accuracy *a, size_t i, command_talk *talk, karst_error *error);
+/* Of bytes: root of the mean square, and what follows from it; structural similarity. */
+void accuracy_compare(const uint8_t *rgba, const uint8_t *truth, const int size_px[2], double *rmse, double *psnr_db,
+                      double *ssim);
 void accuracy_free(accuracy *a);
+
+/* ---- command_accuracy_samples.c ---- */
+
+/* Draws them, and the truth that they are compared with. */
+bool accuracy_measure_samples(accuracy *a, command_talk *talk, karst_error *error);
+/* Their table, if they were drawn. */
+void accuracy_print_samples(const accuracy *a);
 
 /* ---- command_accuracy_report.c ---- */
 

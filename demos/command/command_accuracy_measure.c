@@ -180,18 +180,19 @@ static double similarity(const uint8_t *a, const uint8_t *b, int width_px, int h
     return count ? sum / count : 1;
 }
 
-static void compare_pictures(const accuracy *a, const uint8_t *rgba, accuracy_result *r)
+void accuracy_compare(const uint8_t *rgba, const uint8_t *truth, const int size_px[2], double *rmse, double *psnr_db,
+                      double *ssim)
 {
-    size_t num_pixels = (size_t)a->picture_px[0] * (size_t)a->picture_px[1];
+    const size_t num_pixels = (size_t)size_px[0] * (size_t)size_px[1];
     double sum = 0;
     for (size_t i = 0; i < num_pixels * 4; i++)
         if (i % 4 != 3) {
-            double difference = (double)rgba[i] - (double)a->picture[i];
+            double difference = (double)rgba[i] - (double)truth[i];
             sum += difference * difference;
         }
-    r->rmse = sqrt(sum / (3 * (double)num_pixels));
-    r->psnr_db = 20 * log10(255 / fmax(r->rmse, 1e-3));
-    r->ssim = similarity(rgba, a->picture, a->picture_px[0], a->picture_px[1]);
+    *rmse = sqrt(sum / (3 * (double)num_pixels));
+    *psnr_db = 20 * log10(255 / fmax(*rmse, 1e-3));
+    *ssim = similarity(rgba, truth, size_px[0], size_px[1]);
 }
 
 /* ---- drawing ---- */
@@ -258,7 +259,7 @@ static bool measure_engine(accuracy *a, karst_engine *engine, accuracy_result *r
                           settle(engine, error) && karst_engine_read_pixels(engine, rgba, small_bytes, error)
                     : karst_fail(error, KARST_FAILED, "out of memory");
     if (done) {
-        compare_pictures(a, rgba, r);
+        accuracy_compare(rgba, a->picture, a->picture_px, &r->rmse, &r->psnr_db, &r->ssim);
         karst_engine_stats(engine, &stats);
         snprintf(a->device_name, sizeof a->device_name, "%s", stats.device);
         karst_camera camera = karst_engine_camera(engine);

@@ -36,6 +36,19 @@ void accuracy_mark_fronts(accuracy *a)
     }
 }
 
+static json_t *samples_json(const accuracy *a)
+{
+    json_t *pictures = json_array();
+    for (int i = 0; i < ACCURACY_NUM_SAMPLES; i++) {
+        const accuracy_samples *s = &a->samples[i];
+        json_array_append_new(pictures, json_pack("{s:I, s:f, s:f, s:f, s:f, s:f}", "samples",
+                                                  (json_int_t)s->num_samples, "detail_px", s->detail_px, "ms", s->ms,
+                                                  "rmse", s->rmse, "psnr_db", s->psnr_db, "ssim", s->ssim));
+    }
+    return json_pack("{s:{s:I, s:f, s:b}, s:o}", "reference", "samples", (json_int_t)a->truth.num_samples, "detail_px",
+                     a->truth.detail_px, "refine", true, "pictures", pictures);
+}
+
 char *accuracy_json(const accuracy *a)
 {
     json_t *settings = json_array();
@@ -63,6 +76,8 @@ char *accuracy_json(const accuracy *a)
                              a->size_px[1], "picture_px", a->picture_px[0], a->picture_px[1], "picture_rays_px",
                              ACCURACY_RAYS_PX * ACCURACY_RAYS_PX, "reference_s", a->reference_s, "picture_s",
                              a->picture_s, "num_unresolved", (json_int_t)a->num_unresolved, "settings", settings);
+    if (root && a->has_samples)
+        json_object_set_new(root, "samples", samples_json(a));
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
     json_decref(root);
     if (!text)

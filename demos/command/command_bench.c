@@ -6,6 +6,7 @@
 
 typedef struct {
     const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups;
+    bench_effect_lists lists;
     bool help;
 } outputs;
 
@@ -24,6 +25,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst bench hills --size 800x600 --no-shadows\n"
          "  karst bench hills --path low-flight --size 800x600 --budget 8 --plot flight.svg --json now.json\n"
          "  karst bench hills --compare then.json\n"
+         "  karst bench glass --effects none,shadows,reflection,translucency --plot effects.svg\n"
          "  karst bench smoke --particles 250,500,750,1000,1250,1500 --groups 1,2,4,8,16,32 --frames 30\n"
          "  karst bench karst --trace karst.json          (to be opened in ui.perfetto.dev or chrome://tracing)\n"
          "\nsettled frame: after another one, as a view that stands is drawn; with empty caches: after memory was "
@@ -63,6 +65,13 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"groups", 0, COMMAND_TEXT, "LIST",
          "frames in which the sun turns and depths to it are made in so many parts, such as 1,8,32", &out->groups, 0, 0,
          NULL},
+        {"effects", 0, COMMAND_TEXT, "LIST",
+         "of glass, what each costs: none,shadows,reflection,translucency or some of them", &out->lists.effects, 0, 0,
+         NULL},
+        {"sizes", 0, COMMAND_TEXT, "LIST", "of those pictures, not --size (default: 768x768,1024x1024,1920x1080)",
+         &out->lists.sizes, 0, 0, NULL},
+        {"details", 0, COMMAND_TEXT, "LIST", "of those pictures, not --detail (default: 4,2,1)",
+         &out->lists.details, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
@@ -77,6 +86,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
@@ -171,6 +181,14 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
     }
     if (num_stdout > 1)
         return karst_fail(error, KARST_USAGE, "only one of --json, --csv, --plot and --trace can have stdout (-)");
+    const char *const alone[] = {b->path ? "--path" : NULL,       out->beside ? "--beside" : NULL,
+                                 out->csv ? "--csv" : NULL,       out->trace ? "--trace" : NULL,
+                                 out->compare ? "--compare" : NULL, b->camera ? "--camera" : NULL,
+                                 out->particles ? "--particles" : NULL, out->groups ? "--groups" : NULL};
+    const bool has_lists = out->lists.effects || out->lists.sizes || out->lists.details;
+    for (size_t i = 0; has_lists && i < sizeof alone / sizeof *alone; i++)
+        if (alone[i])
+            return karst_fail(error, KARST_USAGE, "--effects makes a table of its own: leave %s out", alone[i]);
     return !out->compare || bench_compare_check(out->compare, error);
 }
 
@@ -330,6 +348,10 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
         return true;
     if (!check_options(&b, &out, talk, error))
         return false;
+    if (out.lists.effects || out.lists.sizes || out.lists.details) {
+        const bench_effect_outputs files = {out.json, out.plot};
+        return bench_effects(&b, &out.lists, &files, talk, error);
+    }
     b.budget_ms = b.budget_ms > 0 ? b.budget_ms : 8;
     b.fps = b.fps > 0 ? b.fps : 30;
     command_catch_interrupts();

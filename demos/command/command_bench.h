@@ -6,6 +6,7 @@
  *   command_bench_chart.c    the SVG and the trace
  *   command_bench_smoke.c    particles that move, and groups, beside the figures of a thesis
  *   command_bench_compare.c  two reports side by side
+ *   command_bench_table.c    what effects cost, by size and detail
  */
 #ifndef KARST_DEMOS_COMMAND_BENCH_H
 #define KARST_DEMOS_COMMAND_BENCH_H
@@ -78,7 +79,7 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     double mirror;
-    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror;
+    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;
@@ -127,5 +128,17 @@ char *bench_trace(const bench *b, karst_error *error);
 bool bench_compare(const json_t *report, const char *file, FILE *out, karst_error *error);
 /* Whether `file` holds a report, before long work is done for it. Errors: KARST_BAD_DATA. */
 bool bench_compare_check(const char *file, karst_error *error);
+
+/* command_bench_table.c. Lists as options give them; NULL: the usual ones. */
+typedef struct {
+    const char *effects, *sizes, *details;
+} bench_effect_lists;
+/* Files; NULL: none. */
+typedef struct {
+    const char *json, *plot;
+} bench_effect_outputs;
+/* Measures each effect on the world glass and writes the table. Errors: KARST_USAGE, and as the library's. */
+bool bench_effects(bench *b, const bench_effect_lists *lists, const bench_effect_outputs *out, command_talk *talk,
+                   karst_error *error);
 
 #endif

@@ -60,7 +60,7 @@ void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producer
 /* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */
 void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error);
 /* Its density program, for producers of other shapes; max_loads is the caller's to fill. Borrows all three. */
-#define KARST_WORLD_FILE_OPTIONS_BYTES 352
+#define KARST_WORLD_FILE_OPTIONS_BYTES (KARST_TAPE_OPTIONS_BYTES + 128)
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program);
 /* Options to build its colours with. */

@@ -308,8 +308,10 @@ bool karst_edit_list_append(karst_edit_list *list, const karst_edit *edits, size
         return karst_fail(error, KARST_USAGE, "%zu edits and %u that there are: %u are the most", num, before,
                           KARST_MAX_EDITS);
     uint32_t after = before + (uint32_t)num, capacity = list->capacity;
-    while (capacity < after)
-        capacity *= 2;
+    if (capacity < after) { /* a tenth is to spare at most: edits are many */
+        capacity += capacity / 10;
+        capacity = capacity < after ? after : capacity;
+    }
     /* Checked before anything changes. */
     for (size_t i = 0; i < num; i++) {
         karst_edit_record record;

@@ -269,7 +269,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
 
 /* Surfaces of bricks lie where the true density's do to so many voxels of the ray's level, as do chords and paths; and
  * rays that leave as flat as this, as a cosine, meet them the farther apart. */
-#define SAME_SURFACE 0.5f
+#define SAME_SURFACE 2.0f
 #define FLATTEST 0.01f
 
 /* The share of light that is left after a way. */
@@ -333,7 +333,8 @@ __kernel void bend_met(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL 
     const int level = (int)((k_as_uint(ray->width * task.detail) >> 23) & 0xffu) - 127;
     const float rise = k_fabs(k_fma(over.normal[0], ray->direction[0],
                                     k_fma(over.normal[1], ray->direction[1], over.normal[2] * ray->direction[2])));
-    const float near = SAME_SURFACE * k_as_float((uint)((level > 0 ? level : 0) + 127) << 23) / k_max(rise, FLATTEST);
+    const int met_level = (int)KARST_HIT_LEVEL(over.kind), widest = k_max(k_max(level, 0), on_clear ? met_level : 0);
+    const float near = SAME_SURFACE * k_as_float((uint)(widest + 127) << 23) / k_max(rise, FLATTEST);
     float travelled = b->arc, t = b->length;
     int goes_on = 0, ends_nowhere = 0;
     kept[i] = land, over_kept[i] = over;
@@ -347,7 +348,8 @@ __kernel void bend_met(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL 
         miss(over_kept + i, b->length);
         t = land.t;
         travelled = b->length > 0.0f ? b->arc * (t / b->length) : t;
-    } else if (on_clear && over.t < b->length - near) {
+    } else if (on_clear && over.t < b->length - near && (task.is_first || over.t > near)) {
+        /* Behind its first chord a path starts inside, whatever a brick says. */
         const float share = b->length > 0.0f ? over.t / b->length : 0.0f;
         float at[3], way[3], square = 0.0f;
         t = over.t;

@@ -492,8 +492,9 @@ static void exchange(karst_clear *clear, const karst_clear_picture *picture)
 bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, bool again, karst_error *error)
 {
     karst_clear_task task = task_of(picture);
+    const uint32_t room = karst_bounce_room(picture->pinhole->width_px, picture->pinhole->height_px);
     if (!check_room(clear, picture->pinhole, error) ||
-        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture, 0).room, error)))
+        (picture->bender && !karst_bender_set_room(picture->bender, room, error)))
         return false;
     task.adds_nothing = again;
     for (task.branch = 0; task.branch < (picture->clear ? 2u : 1u); task.branch++) {

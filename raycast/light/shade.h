@@ -38,6 +38,7 @@ typedef struct {
 #define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 #define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
+#define KARST_SHADE_OCCLUSION 64u /* pixels are as open as karst_shader_set_occlusion says; takes radiance */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -50,6 +51,9 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
 /* Of a shader for paint: the colours of these pools' bricks, borrowed. Until then nothing is painted. */
 void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks);
+/* Of a shader for occlusion: how open the picture's pixels are (raycast/light/occlusion.h), borrowed until the next
+ * call. It is called before karst_shade_pixels. */
+void karst_shader_set_occlusion(karst_shader *shader, const karst_buffer *open);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Beside those of karst_shade_pixels: mirrored rays, by karst_bounce_mirror, and by karst_shade_rays what of their hits

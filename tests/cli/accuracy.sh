@@ -55,6 +55,16 @@ detail="$(cat report.csv)"
 holds "$(value 1 ssim) > 0.5 && $(value 1 ssim) <= 1"
 result "the picture is like the supersampled one"
 
+# More samples are nearer to the truth, and so is finer detail.
+"$karst" accuracy asteroid --samples --size 32x24 --json samples.json > table 2> stderr
+status=$?
+detail="exit $status: $(head -c 600 stderr)$(cat samples.json)"
+psnr() { sed -n 's/.*"psnr_db": \([0-9.]*\).*/\1/p' samples.json | sed -n "$1p"; }
+[ $status -eq 0 ] && [ "$(grep -c '"psnr_db"' samples.json)" -eq 8 ] && grep -q '^ *16  *0.50 ' table &&
+    holds "$(psnr 3) > $(psnr 1) + 3 && $(psnr 8) > $(psnr 4) + 2 && $(psnr 8) > 27"
+result "the family of samples"
+fails 2 'about settings' "samples alone have no line for each setting" accuracy hills --samples --csv -
+
 # Times are noisy on a busy machine, so the best of three; and what a sanitizer makes of them says nothing.
 if [ -n "${KARST_TEST_QUICK:-}" ]; then
     skip "the default settings are on both fronts" "times under a sanitizer are no measure"

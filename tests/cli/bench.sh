@@ -58,6 +58,21 @@ echo '{"world": "hills"}' > other.json
 complains 5 "no report of karst bench" "a comparison with something else" bench hills --compare other.json
 [ -z "$(ls | grep -vE '^(stdout|stderr|other.json)$')" ]
 result "none of these left anything behind"
+complains 2 "about the world glass" "effects of another world" bench hills --effects none
+complains 2 "nothing is called 'foo'; there are: none, shadows" "an effect that there is not" bench glass --effects none,foo
+complains 2 "'12x' is no size" "half a size" bench glass --sizes 64x48,12x
+complains 2 "'' is no detail" "a list that ends with a comma" bench glass --details 2,
+complains 2 "8 at most" "too many sizes" bench glass --sizes 1x1,1x2,1x3,1x4,1x5,1x6,1x7,1x8,1x9
+complains 2 "leave --csv out" "a table and frames" bench glass --effects none --csv a.csv
+
+if [ -n "${KARST_TEST_FULL:-}" ]; then # its kernels take long to compile
+run bench glass --effects shadows --sizes 64x48 --details 8 --rounds 2 --pool 32 --json effects.json --plot effects.svg
+[ $status -eq 0 ] && grep -qE '^8 +64x48 +none .* 1\.00 +1\.00 +3072 ' stdout &&
+    grep -qE '^8 +64x48 +shadows .* 1\.31 ' stdout && grep -q '</svg>' effects.svg &&
+    awk -f "$flatten" effects.json | grep -q '^cells\.\.thesis_ratio = 1.31'
+result "what effects cost: table, JSON and SVG"
+fi
+
 run help bench
 [ $status -eq 0 ] && for option in size camera path budget fps frames runs rounds json csv plot trace compare detail \
     seed param no-shadows mirror beside pool device display lanes; do

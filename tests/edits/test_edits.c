@@ -294,8 +294,22 @@ static void the_index_finds_all(void **state)
     karst_edit_node *node = (karst_edit_node *)(list.data + head->nodes[0]);
     node->max[1]--;
     assert_false(karst_edit_list_check(&list, &(karst_error){0}));
-    /* A device's memory for an edit. */
-    assert_true(list.size_bytes <= (size_t)list.capacity * 128);
+    karst_edit_list_finish(&list);
+}
+
+/* On the host and on a device, of lists that grow edit by edit. */
+static void an_edit_takes_128_bytes_at_most(void **state)
+{
+    (void)state;
+    const int64_t around[3] = {0, 0, 0};
+    karst_edit_list list;
+    random_state = 4;
+    assert_ok(karst_edit_list_init(&list, VOXEL_LOG2_M, &error));
+    for (size_t num = 1; num <= 4000; num++) {
+        const karst_edit edit = random_edit(around, 20000);
+        assert_ok(karst_edit_list_append(&list, &edit, 1, &error));
+        assert_true(num < 1000 || list.size_bytes <= num * 128);
+    }
     karst_edit_list_finish(&list);
 }
 
@@ -510,6 +524,7 @@ int main(void)
         cmocka_unit_test(ranges_hold),
         cmocka_unit_test(values_are_those_of_the_second_implementation),
         cmocka_unit_test(the_index_finds_all),
+        cmocka_unit_test(an_edit_takes_128_bytes_at_most),
         cmocka_unit_test(bits_are_the_same_everywhere),
         cmocka_unit_test(bad_edits_change_nothing),
     };

@@ -32,9 +32,10 @@ typedef enum {
     KARST_STREAM_SHADOW,  /* to the sun, from what the others hit */
     KARST_STREAM_MIRROR,  /* mirrored by land; only with karst_engine_config.mirror */
     KARST_STREAM_CLEAR,   /* reflected and refracted by clear matter, and of a world with such mirrored by land */
+    KARST_STREAM_OCCLUSION, /* how much light from all around comes in; only with karst_engine_config.occlusion */
     KARST_NUM_STREAMS
 } karst_stream;
-/* "primary", "shadow", "mirror", "clear"; "unknown" of other numbers. Static. Thread-safe. */
+/* "primary", "shadow", "mirror", "clear", "occlusion"; "unknown" of other numbers. Static. Thread-safe. */
 const char *karst_stream_name(karst_stream stream);
 
 typedef struct {

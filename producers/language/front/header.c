@@ -556,7 +556,7 @@ static void read_root(reader *r)
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights models particles");
+                 "mirror data lights models particles occlusion");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -584,6 +584,12 @@ static void read_root(reader *r)
     }
     if ((v = json_object_get(r->root, "mirror")))
         h->mirror = number_of(r, v, "mirror", 0, 1);
+    if ((v = json_object_get(r->root, "occlusion"))) {
+        if (!json_is_boolean(v))
+            fail(r, "occlusion", "write \"occlusion\": true",
+                 "\"occlusion\" is true or false: whether what stands around hides light from all around");
+        h->has_occlusion = json_is_true(v);
+    }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))

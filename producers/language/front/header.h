@@ -103,6 +103,7 @@ typedef struct {
     double dust; /* how dusty its air is; 1 */
     bool has_exposure;
     double exposure_stops; /* of pictures */
+    bool has_occlusion;    /* what stands around surfaces hides light from all around */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
     uint32_t num_models;
