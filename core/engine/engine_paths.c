@@ -74,12 +74,21 @@ static uint32_t own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOS
     return num;
 }
 
-/* What there is to be followed of the picture at hand; `again`: for what it asks for. */
-static karst_path_picture path_picture(const karst_engine *engine, const karst_cast_view *view,
-                                       const karst_pinhole *pinhole, const karst_light *light, bool again)
+uint32_t karst_engine_lamps(const karst_engine *engine, const karst_light *light, karst_lamp lamps[KARST_MOST_LAMPS])
+{
+    lamps[0] = sun_of(light);
+    const float *sun = lamps[0].colour;
+    return own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
+}
+
+karst_path_picture karst_engine_path_picture(const karst_engine *engine, const karst_cast_view *view,
+                                             const karst_pinhole *pinhole, const karst_light *light, bool again)
 {
     const karst_world_info *world = engine->world;
+    const bool hides = karst_engine_has_caustics(engine) && engine->clear &&
+                       karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
     return (karst_path_picture){.caster = engine->caster,
+                                .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
                                 .shader = engine->shader,
                                 .view = view,
                                 .pinhole = pinhole,
@@ -98,34 +107,41 @@ static bool follow(karst_engine *engine, const karst_path_picture *picture, kars
     if (engine->samples > 1 && engine->num_summed == engine->samples)
         return karst_paths_set_lamps(engine->paths, NULL, 0, error) &&
                karst_paths_follow(engine->paths, picture, 0, error);
-    karst_lamp lamps[KARST_MOST_LAMPS] = {sun_of(picture->light)};
-    const float *sun = lamps[0].colour;
-    const uint32_t num = own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
+    karst_lamp lamps[KARST_MOST_LAMPS];
+    const uint32_t num = karst_engine_lamps(engine, picture->light, lamps);
     return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
            karst_paths_follow(engine->paths, picture, engine->bounces, error);
 }
 
-/* To the picture's surfaces, or those that they mirror. */
-static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool mirrored, karst_error *error)
+bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                 const karst_buffer *count, const karst_buffer *hits, karst_error *error)
 {
     karst_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = own_lamps(engine, lamps, 0);
     /* As the sun does, they shine through matter where pictures are without shadows. */
     for (uint32_t i = 0; i < num; i++)
         lamps[i].shadow = lamps[i].shadow && engine->shadows;
-    if (!karst_paths_set_lamps(engine->paths, lamps, num, error))
+    if (num && (!karst_paths_set_lamps(engine->paths, lamps, num, error) ||
+                !(rays ? karst_paths_add_lamps_of(engine->paths, picture, rays, count, hits, error)
+                       : karst_paths_add_lamps(engine->paths, picture, error))))
         return false;
+    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error);
+}
+
+/* To the picture's surfaces, or those that they mirror. */
+static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool mirrored, karst_error *error)
+{
     if (!mirrored)
-        return karst_paths_add_lamps(engine->paths, picture, error);
+        return karst_engine_draw_lights_of(engine, picture, NULL, NULL, NULL, error);
     const karst_bounce_stream stream = karst_bounce_get_stream(engine->bounce);
     picture->mirrors = false; /* nothing is seen in two of them */
-    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.total, stream.hits, error);
+    return karst_engine_draw_lights_of(engine, picture, stream.rays, stream.total, stream.hits, error);
 }
 
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error)
 {
-    const karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    const karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return follow(engine, &picture, error);
 }
 
@@ -134,7 +150,7 @@ bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view,
 {
     if (!engine->paths)
         return true;
-    karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return add_lights(engine, &picture, mirrored, error);
 }
 
@@ -156,7 +172,7 @@ bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
-    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, &light, true);
     return add_lights(engine, &picture, true, error);
 }
 
@@ -166,7 +182,7 @@ bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *vie
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
-    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, &light, true);
     return engine->integrator == KARST_INTEGRATOR_FULL ? follow(engine, &picture, error)
                                                        : add_lights(engine, &picture, false, error);
 }

@@ -25,7 +25,7 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!update(&world->content[i].refining, world, error))
             return false;
-    return update(&world->refining, world, error);
+    return update(&world->refining, world, error) && update(&world->photon_refining, world, error);
 }
 
 static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, bool for_rays,
@@ -73,10 +73,10 @@ bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *
     return build(&world->refining, world, world->file, false, context, error);
 }
 
-bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+/* None where the gradient is too large. */
+static bool build_for_rays(karst_engine_refining *refining, const karst_engine_world *world,
+                           const karst_world_file *file, karst_context *context, karst_error *error)
 {
-    karst_engine_refining *refining = &world->content[KARST_CONTENT_CLEAR].refining;
-    const karst_world_file *file = world->file->content[KARST_CONTENT_CLEAR];
     karst_error why = {0};
     if (!file || build(refining, world, file, true, context, &why))
         return true;
@@ -84,8 +84,20 @@ bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_con
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
+bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    return build_for_rays(&world->content[KARST_CONTENT_CLEAR].refining, world,
+                          world->file->content[KARST_CONTENT_CLEAR], context, error);
+}
+
+bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    return build_for_rays(&world->photon_refining, world, world->file, context, error);
+}
+
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
     finish(&world->refining);
+    finish(&world->photon_refining);
     finish(&world->content[KARST_CONTENT_CLEAR].refining);
 }

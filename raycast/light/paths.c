@@ -14,7 +14,7 @@
 struct karst_paths {
     karst_context *context;
     karst_program *program;
-    cl_kernel begin, add, count, scan, pack;
+    cl_kernel begin, add, hide, count, scan, pack;
     uint32_t room, num_blocks, num_lamps; /* room: rays */
     bool has_shadow[KARST_MOST_LAMPS];
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
@@ -37,11 +37,12 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
     if (paths->program) {
         paths->begin = karst_program_kernel(paths->program, "paths_begin", error);
         paths->add = karst_program_kernel(paths->program, "paths_add", error);
+        paths->hide = karst_program_kernel(paths->program, "paths_hide", error);
         paths->count = karst_program_kernel(paths->program, "paths_count", error);
         paths->scan = karst_program_kernel(paths->program, "paths_scan", error);
         paths->pack = karst_program_kernel(paths->program, "paths_pack", error);
     }
-    if (!paths->begin || !paths->add || !paths->count || !paths->scan || !paths->pack) {
+    if (!paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan || !paths->pack) {
         karst_paths_destroy(paths);
         return NULL;
     }
@@ -61,7 +62,7 @@ void karst_paths_destroy(karst_paths *paths)
 {
     if (!paths)
         return;
-    cl_kernel kernels[] = {paths->begin, paths->add, paths->count, paths->scan, paths->pack};
+    cl_kernel kernels[] = {paths->begin, paths->add, paths->hide, paths->count, paths->scan, paths->pack};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -126,6 +127,17 @@ static bool launch_rays(const karst_paths *paths, cl_kernel kernel, size_t num, 
                         local_size, error);
 }
 
+/* Rays to lamps that clear matter hides are idle from now on. */
+static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
+                       karst_error *error)
+{
+    karst_buffer *hits = picture->again ? NULL : paths->hits;
+    return karst_cast_stream(picture->over, picture->view, paths->to_lamps, num, count, hits, error) &&
+           (!hits || (KARST_ARGUMENTS(paths->hide, error, KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count),
+                                      KARST_BUFFER_ARG(hits)) &&
+                      karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
+}
+
 /* The light of lamps that the generation's rays to them reach; without `shadows` all do. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
                       bool shadows, karst_error *error)
@@ -133,8 +145,9 @@ static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, con
     const cl_mem hits = shadows ? paths->hits->mem : NULL;
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = !shadows || karst_cast_stream(picture->caster, picture->view, paths->to_lamps, num, count,
-                                                    picture->again ? NULL : paths->hits, error);
+    const bool cast = !shadows || ((!picture->over || hide_lamps(paths, picture, count, num, error)) &&
+                                   karst_cast_stream(picture->caster, picture->view, paths->to_lamps, num, count,
+                                                     picture->again ? NULL : paths->hits, error));
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
     if (!cast || picture->again)
         return cast;
@@ -238,4 +251,28 @@ bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture
 {
     return begin(paths, picture, true, error) &&
            karst_paths_add_lamps_of(paths, picture, paths->rays, paths->total[0], picture->hits, error);
+}
+
+bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                                    const karst_buffer *count, const karst_buffer *hits, karst_path_stream *stream,
+                                    karst_error *error)
+{
+    const karst_lamp white = {.colour = {1, 1, 1}, .kind = KARST_LAMP_NORMAL};
+    const uint32_t num_pixels = (uint32_t)picture->pinhole->width_px * (uint32_t)picture->pinhole->height_px;
+    if (num_pixels > paths->room)
+        return karst_fail(error, KARST_FAILED, "there is no room for the light of %u pixels", num_pixels);
+    if (!karst_paths_set_lamps(paths, &white, 1, error) || (!rays && !begin(paths, picture, true, error)))
+        return false;
+    const karst_path_streams streams = {.rays = rays ? rays : paths->rays,
+                                        .count = rays ? count : paths->total[0],
+                                        .hits = hits,
+                                        .lamps = paths->lamps,
+                                        .max_rays = num_pixels,
+                                        .next = paths->next,
+                                        .to_lamps = paths->to_lamps};
+    const karst_path_task task = {
+        .is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = picture->again};
+    *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
+    return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
+                             picture->parts, picture->counters, error);
 }

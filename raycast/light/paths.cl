@@ -54,6 +54,14 @@ __kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst
         add_paths(parts, (size_t)width_px * (size_t)height_px, width_px, height_px, &r, mask_bits(lit), &whole);
 }
 
+/* Rays of a stream that hit anything are idle from now on. */
+__kernel void paths_hide(K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GLOBAL const karst_hit *hits)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i < *count && KARST_HIT_KIND(hits[i].kind) != KARST_HIT_MISS)
+        rays[i].t_max = 0.0f;
+}
+
 /* How many rays of each block go on: one work-item for each. */
 __kernel void paths_count(K_GLOBAL const karst_ray *next, K_GLOBAL const uint *count, K_GLOBAL uint *counts,
                           uint num_blocks)

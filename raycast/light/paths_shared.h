@@ -8,11 +8,14 @@
 /* In karst_ray.pixel: what the ray sees of lamps that have a place in the sky is its own, since the surface that it
  * comes from did not look for them. */
 #define KARST_PATH_SEES_SUN 0x80000000u
+/* And: the surface that the ray comes from mirrored it. */
+#define KARST_PATH_MIRRORED 0x40000000u
 
 /* What shines on surfaces beside sky and emission. */
 #define KARST_LAMP_SUN 0u   /* from a disc in the sky */
 #define KARST_LAMP_POINT 1u /* from a ball, all around */
 #define KARST_LAMP_SPOT 2u  /* from a ball, in a cone */
+#define KARST_LAMP_NORMAL 3u /* from along each surface's normal: what surfaces make of light, whatever it is */
 typedef struct {
     float place[4];     /* of a point or a spot: from the anchor, level-0 voxels; [3]: the ball's radius */
     float direction[4]; /* unit; to a sun, or where a spot shines; [3]: radius of a sun's disc, as seen at distance 1 */
@@ -33,7 +36,7 @@ typedef struct {
     uint lamp;      /* all but this one's light is left out, sky and emission too; KARST_PATH_ALL_LIGHT: nothing is */
     uint mirrors;   /* 0: surfaces do not mirror, whatever they say */
     uint again;     /* 1: for stamps and wishes alone: no light is added, and nothing is counted */
-    uint pad;
+    uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
 } karst_path_task;
 K_ASSERT_SIZE(karst_path_task, 32);
 #define KARST_PATH_ALL_LIGHT 0xffffffffu
