@@ -10,6 +10,7 @@
 
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world)
 {
+    karst_engine_uncover(engine);
     engine->shown = *world;
     engine->world = &engine->shown.file->info;
     engine->producer = engine->shown.producer;

@@ -3,22 +3,6 @@
 
 #include "core/engine/engine_parts.h"
 
-bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *at, float absorption_per_m[3])
-{
-    const karst_world_file *file = engine->shown.file->content[KARST_CONTENT_CLEAR];
-    karst_oracle *oracle = engine->shown.content[KARST_CONTENT_CLEAR].oracle;
-    static const float up[3] = {0, 1, 0};
-    karst_oracle_value values[KARST_NUM_ROOTS];
-    if (!(karst_oracle_density(oracle, at, -1).precise > 0))
-        return false;
-    if (karst_has_output(file->program->world.root, KARST_OUTPUT_ABSORPTION)) {
-        karst_oracle_shading(oracle, at, up, -1, values);
-        for (int c = 0; c < 3; c++)
-            absorption_per_m[c] = fmaxf(values[KARST_ROOT_ABSORPTION + c].device, 0);
-    }
-    return true;
-}
-
 static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                       const karst_light *light)
 {
@@ -40,7 +24,8 @@ static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_vie
         .counters = engine->counters,
         .has_caustics = karst_engine_has_caustics(engine),
     };
-    picture.is_inside = has_clear && karst_engine_is_in_clear(engine, &engine->camera.position, picture.absorption_per_m);
+    picture.is_inside =
+        has_clear && karst_engine_is_in_clear(engine, &engine->camera.position, picture.absorption_per_m);
     karst_clear_shader_set_anchor(engine->shown.clear_shader, &engine->camera.position);
     return picture;
 }

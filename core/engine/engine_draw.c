@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/edits/edits.h"
 #include "raycast/light/light.h"
 #include "raycast/cast/pinhole.h"
 
@@ -79,8 +80,10 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
     karst_shade_anchor anchor = {.pad = 0};
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
-    return !engine->shown.refining.refiner ||
-           karst_refine_hits(engine->shown.refining.refiner, view, pinhole, &anchor, engine->hits, error);
+    karst_refiner *refiner = engine->shown.refining.refiner;
+    if (refiner && engine->edits)
+        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits));
+    return !refiner || karst_refine_hits(refiner, view, pinhole, &anchor, engine->hits, error);
 }
 
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
@@ -100,7 +103,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     if (!cast || !karst_engine_cast_into_clear(engine, &view, &pinhole, true, error) ||
         !karst_engine_refine(engine, &view, &pinhole, error) ||
-        !karst_engine_trace_photons(engine, &view, &pinhole, error) || !clear_counters(engine, error))
+        !karst_engine_trace_photons(engine, &view, &pinhole, error) ||
+        (engine->cover && !karst_cover_hits(engine->cover, engine->hits, error)) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);
     if (!pixels)

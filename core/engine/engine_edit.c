@@ -43,17 +43,22 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
 
 static bool make_layer(karst_engine *engine, karst_error *error)
 {
-    if (engine->refine)
-        return karst_fail(error, KARST_USAGE, "edits and refined hits: these know the world's own density alone; "
-                                              "leave one of the two out");
     if (engine->edits)
         return true;
-    engine->edits = karst_edits_create(engine->context, KARST_SHAPE_AUTO, engine->world->voxel_log2_m, error);
-    if (!engine->edits)
+    karst_engine_refining refining = {.refiner = NULL}, *shown = &engine->shown.refining;
+    if (engine->refine && !karst_engine_world_make_refining(&engine->shown, engine->context, true, &refining, error))
         return false;
-    if (karst_engine_world_set_layers(engine, &engine->shown, error))
+    engine->edits = karst_edits_create(engine->context, KARST_SHAPE_AUTO, engine->world->voxel_log2_m, error);
+    if (engine->edits && karst_engine_world_set_layers(engine, &engine->shown, error)) {
+        if (engine->refine) {
+            karst_engine_refining_finish(shown);
+            *shown = refining;
+        }
         return true;
-    engine->edits->ops->destroy(engine->edits);
+    }
+    karst_engine_refining_finish(&refining);
+    if (engine->edits)
+        engine->edits->ops->destroy(engine->edits);
     engine->edits = NULL;
     return false;
 }

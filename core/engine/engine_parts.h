@@ -22,6 +22,7 @@
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "raycast/cast/cast.h"
+#include "raycast/cast/cover.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
@@ -142,6 +143,7 @@ struct karst_engine {
     karst_colours *colours; /* NULL: no layer had any yet */
     karst_dropped dropped; /* by the last change of them */
     karst_caster *caster;
+    karst_cover *cover; /* NULL: nothing is drawn before land */
     karst_sunward *sunward; /* NULL without shadows, and where samples see different places on the sun */
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
@@ -285,8 +287,11 @@ void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
 
-/* engine_refine.c. Makes the refiner of an open world. Errors: KARST_BAD_WORLD, KARST_FAILED. */
-bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* engine_refine.c. Makes what refines hits of an open world; with edits, whose data are set before each use
+ * (karst_edits_data). The caller's to finish, zeros on failure. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
+                                      karst_engine_refining *refining, karst_error *error);
+void karst_engine_refining_finish(karst_engine_refining *refining);
 /* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
@@ -302,6 +307,8 @@ bool karst_engine_check_window(const karst_engine_window *window, int width_px, 
 bool karst_engine_check_whole(const karst_engine *engine, karst_error *error);
 bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error);
 void karst_engine_free_picture(karst_engine *engine);
+/* engine_depth.c: nothing is drawn before land any more. */
+void karst_engine_uncover(karst_engine *engine);
 /* Fills stats.num_changed_pixels; only with count_changed_pixels. */
 bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error);
 
@@ -437,9 +444,12 @@ bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast
 /* What there is to be followed of the picture at hand; `again`: for what it asks for. */
 karst_path_picture karst_engine_path_picture(const karst_engine *engine, const karst_cast_view *view,
                                              const karst_pinhole *pinhole, const karst_light *light, bool again);
-/* The sun, if it shines, and the world's own lights. */
+/* engine_lamps.c. The world's own lights, after `num` that are there; and with the sun, if it shines, before them. */
+uint32_t karst_engine_own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOST_LAMPS], uint32_t num);
 uint32_t karst_engine_lamps(const karst_engine *engine, const karst_light *light, karst_lamp lamps[KARST_MOST_LAMPS]);
-/* What a world's own lights, and photons, add to what a stream's rays hit. */
+/* Whether a place is in clear matter, by the text's own density, and what that absorbs per metre. */
+bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *at, float absorption_per_m[3]);
+/* engine_paths.c. What a world's own lights, and photons, add to what a stream's rays hit. */
 bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
@@ -465,9 +475,7 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing);
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
-/* engine_clear.c. Whether a place is in clear matter, by the text's own density, and what that absorbs per metre. */
-bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *at, float absorption_per_m[3]);
-/* What runs at surfaces of clear matter; a part of karst_engine_world_build. */
+/* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
 bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
                                     const karst_engine_wishes *wishes, karst_error *error);
 /* As karst_clear_cast_camera, karst_clear_cover and karst_clear_trace; nothing is done where there is no clear matter.

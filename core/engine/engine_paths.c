@@ -3,8 +3,6 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
-#include "raycast/light/light.h"
-#include "raycast/shadow_shared.h"
 
 static const char *const integrator_names[KARST_NUM_INTEGRATORS] = {"direct", "full"};
 
@@ -27,58 +25,6 @@ bool karst_engine_check_paths(const karst_engine_config *config, karst_error *er
                           KARST_ENGINE_MAX_BOUNCES);
     return config->integrator != KARST_INTEGRATOR_FULL || !config->no_shadows ||
            karst_fail(error, KARST_USAGE, "full light without shadows is none: leave one of them out");
-}
-
-/* The sun as a lamp. */
-static karst_lamp sun_of(const karst_light *light)
-{
-    karst_lamp sun = {.kind = KARST_LAMP_SUN, .shadow = 1};
-    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
-    sun.direction[3] = 0.5f * KARST_SUN_CONE;
-    memcpy(sun.colour, light->sun_colour, 3 * sizeof(float));
-    return sun;
-}
-
-static karst_lamp lamp_of(const karst_engine *engine, const karst_world_light *from)
-{
-    static const uint32_t kinds[] = {[KARST_WORLD_SUN] = KARST_LAMP_SUN,
-                                     [KARST_WORLD_POINT] = KARST_LAMP_POINT,
-                                     [KARST_WORLD_SPOT] = KARST_LAMP_SPOT};
-    const double degree = M_PI / 180, half_rad = from->angle_deg * degree / 2;
-    const karst_light towards = karst_light_of_sun(from->azimuth_deg, from->elevation_deg);
-    karst_lamp lamp = {.kind = kinds[from->kind], .shadow = from->shadow};
-    double away_m[3], strength = 1;
-    memcpy(lamp.direction, towards.sun_direction, 3 * sizeof(float));
-    lamp.direction[3] = (float)tan(from->size_deg * degree / 2);
-    if (from->kind != KARST_WORLD_SUN) {
-        const int voxel_log2_m = engine->world->voxel_log2_m;
-        karst_position_difference_m(engine->camera.position, from->position, voxel_log2_m, away_m);
-        for (int axis = 0; axis < 3; axis++)
-            lamp.place[axis] = (float)ldexp(away_m[axis], -voxel_log2_m);
-        lamp.place[3] = (float)ldexp(from->radius_m, -voxel_log2_m);
-        strength = ldexp(1, -2 * voxel_log2_m); /* of a metre's distance, at a voxel's */
-    }
-    /* A soft cone begins to fade within its angle, which stays some: kernels divide by it. */
-    lamp.dark = (float)cos(half_rad);
-    lamp.bright = (float)fmax(cos(half_rad * (1 - from->soft)), lamp.dark + 1e-5);
-    for (int c = 0; c < 3; c++)
-        lamp.colour[c] = (float)(strength * from->colour[c]);
-    return lamp;
-}
-
-/* The world's own after `num` that are there. */
-static uint32_t own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOST_LAMPS], uint32_t num)
-{
-    for (uint32_t i = 0; i < engine->world->num_lights; i++)
-        lamps[num++] = lamp_of(engine, &engine->world->lights[i]);
-    return num;
-}
-
-uint32_t karst_engine_lamps(const karst_engine *engine, const karst_light *light, karst_lamp lamps[KARST_MOST_LAMPS])
-{
-    lamps[0] = sun_of(light);
-    const float *sun = lamps[0].colour;
-    return own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
 }
 
 karst_path_picture karst_engine_path_picture(const karst_engine *engine, const karst_cast_view *view,
@@ -117,7 +63,7 @@ bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture 
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error)
 {
     karst_lamp lamps[KARST_MOST_LAMPS];
-    const uint32_t num = own_lamps(engine, lamps, 0);
+    const uint32_t num = karst_engine_own_lamps(engine, lamps, 0);
     /* As the sun does, they shine through matter where pictures are without shadows. */
     for (uint32_t i = 0; i < num; i++)
         lamps[i].shadow = lamps[i].shadow && engine->shadows;

@@ -85,7 +85,8 @@ static karst_photon_scene scene_of(karst_engine *engine, const karst_cast_view *
         .clear = has_clear ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
         .shader = engine->shader,
         .clear_shader = engine->shown.clear_shader,
-        .land_refiner = engine->shown.photon_refining.refiner,
+        /* That of the text alone. */
+        .land_refiner = engine->edits || engine->shown.models ? NULL : engine->shown.photon_refining.refiner,
         .clear_refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
         .view = view,
         .pinhole = pinhole,
@@ -141,7 +142,8 @@ static uint32_t lamps_of(karst_engine *engine, const karst_light *light, karst_p
         cross(up, lamp->axis, lamp->across);
         make_unit(lamp->across);
         cross(lamp->axis, lamp->across, lamp->along);
-        if (from->kind == KARST_LAMP_SUN || !engine->clear || !karst_engine_has_content(engine, KARST_CONTENT_CLEAR))
+        const bool has_clear = engine->clear && karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
+        if (from->kind == KARST_LAMP_SUN || !has_clear)
             continue;
         double away_m[3];
         const int voxel_log2_m = engine->world->voxel_log2_m;
@@ -180,8 +182,8 @@ bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *vie
     const karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
     if (of->num_traced == 0 && !aim(engine, &scene, error))
         return false;
-    /* While something is missing a batch is for what it asks for, and to be seen. Without a budget frames trace twice as
-     * many each: so what has to be traced anew is never most of them. */
+    /* While something is missing a batch is for what it asks for, and to be seen. Without a budget frames trace twice
+     * as many each: so what has to be traced anew is never most of them. */
     const uint32_t left = all - of->num_traced, more = engine->budget_ns == 0 && of->num_traced ? of->num_traced : 1;
     of->num_new = more < left ? more : left;
     for (uint32_t i = 0; i < of->num_new; i++)

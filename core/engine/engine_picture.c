@@ -127,6 +127,7 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
 
 void karst_engine_free_picture(karst_engine *engine)
 {
+    karst_engine_uncover(engine);
     karst_surface_destroy(engine->surface);
     karst_buffer_destroy(engine->hits);
     karst_buffer_destroy(engine->shadow_rays);

@@ -1,6 +1,7 @@
 /* What refining hits needs of a world: its gradient as generated code, and the data that this reads. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/engine/engine_parts.h"
 #include "producers/language/emit/emit.h"
@@ -28,24 +29,40 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     return update(&world->refining, world, error) && update(&world->photon_refining, world, error);
 }
 
-static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, bool for_rays,
-                                   karst_context *context, karst_error *error)
+/* What a refiner is for. */
+typedef enum { OF_LAND, OF_EDITED_LAND, OF_RAYS } refiner_kind;
+
+static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file,
+                                   refiner_kind kind, karst_context *context, karst_error *error)
 {
+    static const char of_edits[] = "\n#include \"producers/edits/edits_points.clh\"\n";
     char *source = NULL;
     if (!karst_emit_surface(&refining->layout, &source, error))
         return NULL;
+    if (kind == OF_EDITED_LAND) {
+        const size_t length = strlen(source);
+        char *both = realloc(source, length + sizeof of_edits);
+        if (!both) {
+            free(source);
+            karst_fail(error, KARST_FAILED, "out of memory");
+            return NULL;
+        }
+        source = both;
+        memcpy(source + length, of_edits, sizeof of_edits);
+    }
     const karst_refine_world refined = {.source = source,
                                         .options = "-DWORLD_HAS_DATA",
                                         .data = refining->data,
-                                        .voxel_m = ldexp(1, file->info.voxel_log2_m)};
-    karst_refiner *refiner = for_rays ? karst_refiner_create_for_rays(context, &refined, error)
-                                      : karst_refiner_create(context, &refined, error);
+                                        .voxel_m = ldexp(1, file->info.voxel_log2_m),
+                                        .has_layer = kind == OF_EDITED_LAND};
+    karst_refiner *refiner = kind == OF_RAYS ? karst_refiner_create_for_rays(context, &refined, error)
+                                             : karst_refiner_create(context, &refined, error);
     free(source);
     return refiner;
 }
 
 static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
-                  bool for_rays, karst_context *context, karst_error *error)
+                  refiner_kind kind, karst_context *context, karst_error *error)
 {
     refining->gradient = karst_derive(&file->program->world, error);
     if (!refining->gradient)
@@ -56,11 +73,11 @@ static bool build(karst_engine_refining *refining, const karst_engine_world *wor
         karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
     if (!refining->data || !update(refining, world, error))
         return false;
-    refining->refiner = make_refiner(refining, file, for_rays, context, error);
+    refining->refiner = make_refiner(refining, file, kind, context, error);
     return refining->refiner != NULL;
 }
 
-static void finish(karst_engine_refining *refining)
+void karst_engine_refining_finish(karst_engine_refining *refining)
 {
     karst_refiner_destroy(refining->refiner);
     karst_buffer_destroy(refining->data);
@@ -68,9 +85,14 @@ static void finish(karst_engine_refining *refining)
     *refining = (karst_engine_refining){.refiner = NULL};
 }
 
-bool karst_engine_world_build_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
+                                      karst_engine_refining *refining, karst_error *error)
 {
-    return build(&world->refining, world, world->file, false, context, error);
+    *refining = (karst_engine_refining){.refiner = NULL};
+    if (build(refining, world, world->file, has_edits ? OF_EDITED_LAND : OF_LAND, context, error))
+        return true;
+    karst_engine_refining_finish(refining);
+    return false;
 }
 
 /* None where the gradient is too large. */
@@ -78,9 +100,9 @@ static bool build_for_rays(karst_engine_refining *refining, const karst_engine_w
                            const karst_world_file *file, karst_context *context, karst_error *error)
 {
     karst_error why = {0};
-    if (!file || build(refining, world, file, true, context, &why))
+    if (!file || build(refining, world, file, OF_RAYS, context, &why))
         return true;
-    finish(refining);
+    karst_engine_refining_finish(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
@@ -97,7 +119,7 @@ bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_co
 
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
-    finish(&world->refining);
-    finish(&world->photon_refining);
-    finish(&world->content[KARST_CONTENT_CLEAR].refining);
+    karst_engine_refining_finish(&world->refining);
+    karst_engine_refining_finish(&world->photon_refining);
+    karst_engine_refining_finish(&world->content[KARST_CONTENT_CLEAR].refining);
 }

@@ -21,6 +21,7 @@ bool karst_engine_set_drawn_size(karst_engine *engine, int width_px, int height_
     karst_surface *surface = karst_surface_create(engine->context, engine->display, width_px, height_px, error);
     if (!surface)
         return false;
+    karst_engine_uncover(engine);
     karst_surface_destroy(engine->surface);
     engine->surface = surface;
     engine->width_px = width_px;

@@ -96,6 +96,8 @@ bool karst_edits_set_num(karst_layer *layer, uint32_t num, karst_error *error)
 
 const karst_edit_list *karst_edits_list(const karst_layer *layer) { return &((const edits_layer *)layer)->list; }
 
+const karst_buffer *karst_edits_data(const karst_layer *layer) { return ((const edits_layer *)layer)->data; }
+
 /* ---- the layer ---- */
 
 static bool bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)

@@ -16,5 +16,7 @@ bool karst_edits_allow_colours(karst_layer *edits, karst_error *error);
 bool karst_edits_append(karst_layer *edits, const karst_edit *new_edits, size_t num, karst_error *error);
 bool karst_edits_set_num(karst_layer *edits, uint32_t num, karst_error *error);
 const karst_edit_list *karst_edits_list(const karst_layer *edits);
+/* What devices read (edits_shared.h, producers/edits/edits_points.clh): another buffer after an append. */
+const karst_buffer *karst_edits_data(const karst_layer *edits);
 
 #endif

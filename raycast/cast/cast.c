@@ -167,7 +167,7 @@ static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px,
     return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, caster->beams ? 1 : group_size, error);
 }
 
-/* The pools, in the order of POOL_PARAMETERS (raycast/cast/walk.clh), of which `asked` is the last. */
+/* The pools, in the order of POOL_PARAMETERS (raycast/cast/pools.clh), of which `asked` is the last. */
 #define POOL_ARGUMENTS(c)                                                                                           \
     KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
         KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),          \
@@ -318,9 +318,17 @@ static void spread_sun(karst_shadow_sun *sun, uint32_t sample)
     }
 }
 
+/* What a cast of shadow rays takes, and where it notes what. */
+typedef struct {
+    const karst_buffer *rays;
+    cl_mem pixels; /* NULL: they are left alone */
+    const karst_buffer *asked, *hints; /* hints NULL: none */
+    cl_uint notes;
+    bool of_stream;
+} shadow_cast;
+
 static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, const karst_buffer *asked,
-                         const karst_buffer *hints, cl_uint notes, bool of_stream, karst_error *error)
+                         const karst_light *light, const shadow_cast *cast, karst_error *error)
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
@@ -328,21 +336,22 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                             .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
                             .width_px = pinhole->width_px,
                             .height_px = pinhole->height_px,
-                            .of_stream = of_stream,
+                            .of_stream = cast->of_stream,
                             .x0_px = pinhole->x0_px,
                             .y0_px = pinhole->y0_px};
     memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
     if (caster->sun_disc)
         spread_sun(&sun, pinhole->sample);
     const bool known = !caster->sun_disc && caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
-    const cl_mem hinted = hints ? hints->mem : NULL;
+    const cl_mem hinted = cast->hints ? cast->hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     cl_mem bricks = known ? karst_sunward_bricks(caster->sunward)->mem : NULL;
-    if (!karst_cast_check_shadow_rays(rays, pinhole, error) || !upload_view(caster, view, error) ||
-        !check_asked(caster, asked, pinhole, notes, error) || !check_hints(caster, hints, pinhole, error) ||
-        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
-                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(rays),
-                         KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(notes), KARST_VALUE_ARG(bricks),
+    if (!karst_cast_check_shadow_rays(cast->rays, pinhole, error) || !upload_view(caster, view, error) ||
+        !check_asked(caster, cast->asked, pinhole, cast->notes, error) ||
+        !check_hints(caster, cast->hints, pinhole, error) ||
+        !KARST_ARGUMENTS(caster->shadows, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(cast->asked),
+                         KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(cast->rays),
+                         KARST_VALUE_ARG(cast->pixels), KARST_VALUE_ARG(cast->notes), KARST_VALUE_ARG(bricks),
                          KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
         return false;
     return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
@@ -351,29 +360,31 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, pixels, caster->asked, NULL, KARST_CAST_NOTES_NOTHING,
-                        false, error);
+    const shadow_cast cast = {rays, pixels, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, false};
+    return cast_shadows(caster, view, pinhole, light, &cast, error);
 }
 
 bool karst_cast_stream_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                                const karst_light *light, const karst_buffer *rays, cl_mem marks, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, marks, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, true,
-                        error);
+    const shadow_cast cast = {rays, marks, caster->asked, NULL, KARST_CAST_NOTES_NOTHING, true};
+    return cast_shadows(caster, view, pinhole, light, &cast, error);
 }
 
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 const karst_light *light, const karst_buffer *rays, cl_mem pixels,
                                 karst_buffer *asked, karst_buffer *hints, karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, false, error);
+    const shadow_cast cast = {rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, false};
+    return cast_shadows(caster, view, pinhole, light, &cast, error);
 }
 
 bool karst_cast_shadows_again(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, const karst_buffer *rays, karst_buffer *asked,
                               karst_error *error)
 {
-    return cast_shadows(caster, view, pinhole, light, rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, false, error);
+    const shadow_cast cast = {rays, NULL, asked, NULL, KARST_CAST_WHO_ASKED, false};
+    return cast_shadows(caster, view, pinhole, light, &cast, error);
 }
 
 bool karst_caster_survey_slopes(karst_caster *caster, uint32_t first, uint32_t end, karst_error *error)

@@ -25,12 +25,18 @@ typedef struct {
     vint octants, alive;
 } packet_start;
 
+/* Rays in lanes, as karst_ray has them. */
+typedef struct {
+    vector3 origin, direction;
+    vfloat t_min, t_max, width, cone;
+} ray_lanes;
+
 /* Puts packet p on its way: the lanes of `valid`. What rays from the anchor, or to the sun, have in common the first
  * packet holds. */
 RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const karst_cast_view *view,
-                             const int from_anchor, const int to_sun, const vector3 *origin, const vector3 *direction,
-                             vfloat t_min, vfloat t_max, vfloat width, vfloat cone, vint valid)
+                             const int from_anchor, const int to_sun, const ray_lanes *of, vint valid)
 {
+    const vector3 *direction = &of->direction;
     const vfloat zero = (vfloat)(0.0f);
     b->states.done[p] = b->states.fresh[p] = b->states.incomplete[p] = 0;
     if (HAS_SIDES(from_anchor, to_sun))
@@ -50,17 +56,17 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
         rays->inverse.z = 1.0f / rays->direction.z;
     }
     if (!from_anchor || !p)
-        rays->lod_shift = width * view->detail;
+        rays->lod_shift = of->width * view->detail;
     if ((!from_anchor && !to_sun) || !p) {
-        rays->t_min = lane_max(t_min, zero);
-        rays->lod_slope = lane_max(cone * view->detail, (vfloat)(1.0e-20f));
+        rays->t_min = lane_max(of->t_min, zero);
+        rays->lod_slope = lane_max(of->cone * view->detail, (vfloat)(1.0e-20f));
         rays->lod_scale = 1.0f / rays->lod_slope;
-        start->t_end = t_max;
+        start->t_end = of->t_max;
     }
     if (!from_anchor)
-        start->origin = *origin;
+        start->origin = of->origin;
     start->octants = (down_x & 1) | (down_y & 2) | (down_z & 4);
-    start->alive = valid & v_lt(t_min, t_max);
+    start->alive = valid & v_lt(of->t_min, of->t_max);
 }
 
 /* Casts the packets that were started. Constants: from_anchor: origins are zero; to_sun: they have one direction, cone
@@ -369,9 +375,10 @@ BEAM_FUNCTION void cast_pinhole_beam(const pools *pool, K_GLOBAL const karst_cas
     for (int p = 0; p < BEAM_PACKETS; p++) {
         vint x, y;
         vint m = beam_pixels(beam_number, p, pinhole->width_px, pinhole->height_px, &x, &y) & is_to_cast(notes, p);
-        vector3 direction = pinhole_direction(pinhole, x, y);
-        start_packet(&b, &start[p], p, view, 1, 0, &origin, &direction, (vfloat)(pinhole->t_min),
-                     (vfloat)(pinhole->t_max), zero, (vfloat)(pinhole->cone), m);
+        const ray_lanes rays = {
+            origin, pinhole_direction(pinhole, x, y), (vfloat)(pinhole->t_min), (vfloat)(pinhole->t_max),
+            zero,   (vfloat)(pinhole->cone)};
+        start_packet(&b, &start[p], p, view, 1, 0, &rays, m);
         v_store_int(packet_order(x, y, pinhole->width_px, pinhole->height_px), index + p * LANES);
         valid[p] = mask_bits(m);
     }
@@ -418,10 +425,13 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         /* from the packet's first ray, whose distance no int may hold in words */
         K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + (valid[p] ? lowest : 0u));
         vint first = v_select(m, at - (int)lowest, (vint)(0)) * (int)(sizeof(karst_ray) / sizeof(float));
-        vector3 origin = {RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)};
-        vector3 direction = {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)};
-        start_packet(&b, &start[p], p, view, 0, 0, &origin, &direction, RAY_WORD(3), RAY_WORD(7), RAY_WORD(8),
-                     RAY_WORD(9), m);
+        const ray_lanes of = {{RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)},
+                              {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)},
+                              RAY_WORD(3),
+                              RAY_WORD(7),
+                              RAY_WORD(8),
+                              RAY_WORD(9)};
+        start_packet(&b, &start[p], p, view, 0, 0, &of, m);
         const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
         b.states.pending[p] = b.states.fresh[p] = mask_bits(m & v_ne(side, (vint)((int)KARST_SIDE_ANY)));
         b.states.back[p] = mask_bits(m & v_eq(side, (vint)((int)KARST_SIDE_BACK)));
@@ -484,12 +494,10 @@ RAY_INLINE vector3 towards_disc(const karst_shadow_sun *sun, vint x, vint y)
 BEAM_FUNCTION
 void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const karst_shadow_sun *sun,
                       K_GLOBAL const float *rays, uint turn, uint num_turns, const packet_notes *notes,
-                      K_GLOBAL uint *pixels, K_GLOBAL const karst_sunward_brick *sunward,
-                      K_GLOBAL karst_beam_hints *hints, uint num_slots)
+                      K_GLOBAL uint *pixels, K_GLOBAL karst_beam_hints *hints, uint num_slots)
 {
     const uint beam_number = beam_at_turn(turn, sun->width_px, sun->height_px);
-    pools own = *pool;
-    own.sunward = sunward;
+    const pools own = *pool;
     const size_t plane = (size_t)sun->width_px * (size_t)sun->height_px;
     const vfloat zero = (vfloat)(0.0f);
     const vector3 centre = {(vfloat)(sun->direction[0]), (vfloat)(sun->direction[1]), (vfloat)(sun->direction[2])};
@@ -520,8 +528,8 @@ void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, c
 #else
         const vector3 direction = centre;
 #endif
-        start_packet(&b, &start[p], p, view, 0, ONE_SUN, &origin, &direction, zero, (vfloat)(sun->t_max), width,
-                     (vfloat)(sun->cone), m);
+        const ray_lanes of = {origin, direction, zero, (vfloat)(sun->t_max), width, (vfloat)(sun->cone)};
+        start_packet(&b, &start[p], p, view, 0, ONE_SUN, &of, m);
         v_store_float(rise, b.states.rise + p * LANES);
     }
     if (!casts)
@@ -550,8 +558,9 @@ __kernel K_WIDE void cast_shadows(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     packet_notes of_packets;
     if (!begin_notes(&pool, view, notes, &of_packets))
         return;
+    pool.sunward = sunward;
     cast_shadow_beam(&pool, view, &sun, rays, (uint)get_global_id(0), (uint)get_global_size(0), &of_packets,
-                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels, sunward, hints, num_slots);
+                     notes == KARST_CAST_WHO_ASKED ? 0 : pixels, hints, num_slots);
 }
 #endif
 

@@ -10,6 +10,8 @@ struct karst_refiner {
     cl_kernel hits;         /* NULL: for rays */
     cl_kernel rays, camera; /* NULL: not for those */
     cl_mem data;
+    cl_mem layer; /* its data; NULL: none were set */
+    bool has_layer;
     float voxels_per_m;
 };
 
@@ -26,7 +28,9 @@ static karst_refiner *create(karst_context *context, const karst_refine_world *w
     refiner->context = context;
     refiner->data = world->data->mem;
     refiner->voxels_per_m = (float)(1 / world->voxel_m);
-    snprintf(options, sizeof options, "%s%s", world->options, for_rays ? " -DREFINE_STREAM" : "");
+    refiner->has_layer = world->has_layer;
+    snprintf(options, sizeof options, "%s%s%s", world->options, for_rays ? " -DREFINE_STREAM" : "",
+             world->has_layer ? " -DREFINE_LAYER" : "");
     refiner->program = karst_program_build(context, "raycast/cast/refine.cl", options, &file, 1, error);
     if (refiner->program && for_rays) {
         refiner->rays = karst_program_kernel(refiner->program, "refine_rays", error);
@@ -64,6 +68,8 @@ void karst_refiner_destroy(karst_refiner *refiner)
     free(refiner);
 }
 
+void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer) { refiner->layer = layer->mem; }
+
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
 {
@@ -74,9 +80,14 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, cons
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)refiner->context->lanes;
-    return KARST_ARGUMENTS(refiner->hits, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*anchor),
-                           KARST_VALUE_ARG(refiner->data), KARST_VALUE_ARG(refiner->voxels_per_m),
-                           KARST_VALUE_ARG(footprint), KARST_VALUE_ARG(view->blend), KARST_BUFFER_ARG(hits)) &&
+    const karst_argument arguments[] = {KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*anchor),
+                                        KARST_VALUE_ARG(refiner->data), KARST_VALUE_ARG(refiner->voxels_per_m),
+                                        KARST_VALUE_ARG(footprint), KARST_VALUE_ARG(view->blend),
+                                        KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(refiner->layer)};
+    const size_t num_arguments = sizeof arguments / sizeof *arguments - (refiner->has_layer ? 0 : 1);
+    if (refiner->has_layer && !refiner->layer)
+        return karst_fail(error, KARST_FAILED, "a refiner with a layer was given no data of it");
+    return karst_arguments(refiner->hits, arguments, num_arguments, error) &&
            karst_launch(refiner->context, refiner->hits, KARST_STAGE_REFINE, across * down * local_size, local_size,
                         error);
 }

@@ -30,6 +30,15 @@ __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.
 #define REFINE_CALL RAY_INLINE
 #endif
 
+/* With REFINE_LAYER the density is the world's with a layer's content, whose data travel along. */
+#ifdef REFINE_LAYER
+#define LAYER_TAKEN , K_GLOBAL const ulong *layer
+#define LAYER_OF(field) , (field)->layer
+#else
+#define LAYER_TAKEN
+#define LAYER_OF(field)
+#endif
+
 /* The field that hits of one level lie on: that level's density, or, where levels blend, f + w (c - f) with the next
  * one's (raycast/cast/blend.clh). */
 typedef struct {
@@ -39,6 +48,9 @@ typedef struct {
     int level;
     vint lanes;                       /* whose hits blend */
     float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
+#ifdef REFINE_LAYER
+    K_GLOBAL const ulong *layer;
+#endif
 #ifdef REFINE_STREAM
     const vector3 *origin; /* of the rays, from the anchor */
     vfloat sign;           /* -1 of rays that leave matter: to them it is air */
@@ -53,14 +65,25 @@ typedef struct {
 
 RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
 
-REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
+REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level LAYER_TAKEN)
 {
-    return world_point(data, place, level);
+    const vfloat d = world_point(data, place, level);
+#ifdef REFINE_LAYER
+    return layer_density(layer, place, level, d);
+#else
+    return d;
+#endif
 }
 
-REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
+REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level,
+                              vfloat gradient[3] LAYER_TAKEN)
 {
-    return world_surface(data, place, level, gradient);
+    const vfloat d = world_surface(data, place, level, gradient);
+#ifdef REFINE_LAYER
+    return layer_surface(layer, place, level, d, gradient);
+#else
+    return d;
+#endif
 }
 
 RAY_INLINE vfloat field_weight(const refine_field *field, vfloat t)
@@ -90,10 +113,10 @@ RAY_INLINE vfloat field_density(const refine_field *field, vfloat t)
 {
     world_point_at place;
     field_places(&place, field, t);
-    vfloat d = density_at(field->data, &place, field->level), w = field_weight(field, t);
+    vfloat d = density_at(field->data, &place, field->level LAYER_OF(field)), w = field_weight(field, t);
     vint blended = v_gt(w, (vfloat)(0.0f));
     if (v_any(blended))
-        d = v_select(blended, k_fma(w, density_at(field->data, &place, field->level + 1) - d, d), d);
+        d = v_select(blended, k_fma(w, density_at(field->data, &place, field->level + 1 LAYER_OF(field)) - d, d), d);
     return SIGNED(d);
 }
 
@@ -101,11 +124,12 @@ RAY_INLINE vfloat field_surface(const refine_field *field, vfloat t, vfloat grad
 {
     world_point_at place;
     field_places(&place, field, t);
-    vfloat d = surface_at(field->data, &place, field->level, gradient), w = field_weight(field, t);
+    vfloat d = surface_at(field->data, &place, field->level, gradient LAYER_OF(field)), w = field_weight(field, t);
     vint blended = v_gt(w, (vfloat)(0.0f));
     if (v_any(blended)) {
         vfloat next[3];
-        d = v_select(blended, k_fma(w, surface_at(field->data, &place, field->level + 1, next) - d, d), d);
+        const vfloat d_next = surface_at(field->data, &place, field->level + 1, next LAYER_OF(field));
+        d = v_select(blended, k_fma(w, d_next - d, d), d);
         for (int i = 0; i < 3; i++)
             gradient[i] = v_select(blended, k_fma(w, next[i] - gradient[i], gradient[i]), gradient[i]);
     }
@@ -337,7 +361,8 @@ __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_s
 }
 #else
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
-                                 float voxels_per_m, float footprint, float blend, K_GLOBAL karst_hit *hits)
+                                 float voxels_per_m, float footprint, float blend,
+                                 K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
@@ -357,6 +382,9 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
         refine_field field = {data, &anchor, &direction, here, (vint)(0), 0.0f, 0.0f};
+#ifdef REFINE_LAYER
+        field.layer = layer;
+#endif
         if (blend > 0.0f) { /* as level_weight in raycast/cast/blend.clh */
             field.lanes = mine & v_eq(kind, (vint)((int)KARST_HIT_SURFACE));
             field.weight_slope = footprint * k_as_float((uint)(126 - here) << 23) / blend;

@@ -23,6 +23,12 @@ typedef struct {
     const char *options;      /* build options for it */
     const karst_buffer *data; /* borrowed for the refiner's life */
     double voxel_m;           /* of level 0 */
+    /* The text also defines, of what a layer (producers/layer.h) makes of the density, from data of its own,
+     *     vfloat layer_density(K_GLOBAL const ulong *layer, const world_point_at *place, int level, vfloat density);
+     *     vfloat layer_surface(K_GLOBAL const ulong *layer, const world_point_at *place, int level, vfloat density,
+     *                          vfloat gradient[3]);
+     * the density with the layer, the latter with its gradient in place of the density's. Not for rays. */
+    bool has_layer;
 } karst_refine_world;
 
 /* Errors: KARST_FAILED. */
@@ -32,8 +38,11 @@ karst_refiner *karst_refiner_create_for_rays(karst_context *context, const karst
                                              karst_error *error);
 void karst_refiner_destroy(karst_refiner *refiner); /* NULL is fine */
 
+/* Of a refiner with a layer: the data to read from now on, borrowed until the next call. */
+void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer);
+
 /* Refines the hits of a cast with this view and pinhole in place: t and the normal. Asynchronous on the context's
- * queue. Errors: KARST_FAILED (also: hits too small). */
+ * queue. Errors: KARST_FAILED (also: hits too small, or a layer without data). */
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
 

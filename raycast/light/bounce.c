@@ -158,9 +158,14 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error)
 {
-    const uint32_t room = most_rays(pinhole);
-    return karst_shade_rays(shader, view, pinhole, light, bounce->rays, bounce->total, room, bounce->hits,
-                            bounce->shadow_rays, bounce->suns, room, parts, counters, error);
+    const karst_shade_stream stream = {.rays = bounce->rays,
+                                       .count = bounce->total,
+                                       .hits = bounce->hits,
+                                       .max_rays = most_rays(pinhole),
+                                       .room = most_rays(pinhole),
+                                       .shadow_rays = bounce->shadow_rays,
+                                       .suns = bounce->suns};
+    return karst_shade_rays(shader, view, pinhole, light, &stream, parts, counters, error);
 }
 
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,

@@ -13,8 +13,9 @@
  * Surfaces and normals are those of the true density where its gradient is at hand (raycast/cast/refine.h): what 16
  * bits leave of a brick's would turn rays by 3e-4 rad, and more at coarse levels.
  *
- * What is approximate: without photons (raycast/light/photons.h) the sun reaches what lies in or behind clear matter straight, as if that were not there; haze is
- * taken to lie in clear matter, too, between the surfaces that rays meet there; rays that are cut off see the sky.
+ * What is approximate: without photons (raycast/light/photons.h) the sun reaches what lies in or behind clear matter
+ * straight, as if that were not there; haze is taken to lie in clear matter, too, between the surfaces that rays meet
+ * there; rays that are cut off see the sky.
  *
  * Streams are made as those of bounces are (raycast/light/bounce.h): in order, without gaps, by prefix sums. */
 #ifndef KARST_RAYCAST_CLEAR_H

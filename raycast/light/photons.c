@@ -37,8 +37,9 @@ enum {
     NUM_KERNELS
 };
 static const char *const kernel_names[NUM_KERNELS] = {
-    "photons_send", "photons_turn", "photons_look",       "photons_meet",   "photons_count", "photons_scan",   "photons_pack",
-    "photons_sum",  "photons_tag",  "photons_block_sums", "photons_begins", "photons_sort",  "photons_gather"};
+    "photons_send", "photons_turn", "photons_look",       "photons_meet",   "photons_count", "photons_scan",
+    "photons_pack", "photons_sum",  "photons_tag",        "photons_block_sums", "photons_begins", "photons_sort",
+    "photons_gather"};
 
 struct karst_photons {
     karst_context *context;

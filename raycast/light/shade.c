@@ -201,17 +201,19 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
 }
 
 bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
-                      const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
-                      const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
-                      karst_buffer *parts, karst_buffer *counters, karst_error *error)
+                      const karst_light *light, const karst_shade_stream *stream, karst_buffer *parts,
+                      karst_buffer *counters, karst_error *error)
 {
+    const karst_buffer *shadow_rays = stream->shadow_rays, *suns = stream->suns;
+    const uint32_t max_rays = stream->max_rays, room = stream->room;
     if (!shader->rays)
         return karst_fail(error, KARST_FAILED, "the shader was made without mirrors");
     if (shader->shadows && (!shadow_rays || !suns || room < max_rays ||
                             shadow_rays->size_bytes / (KARST_SHADOW_FIELDS * sizeof(float)) < room ||
                             suns->size_bytes / (KARST_RADIANCE_PLANES * sizeof(float)) < room))
         return karst_fail(error, KARST_FAILED, "there is no room for the shadow rays of %u rays", max_rays);
-    if (rays->size_bytes / sizeof(karst_ray) < max_rays || hits->size_bytes / sizeof(karst_hit) < max_rays)
+    if (stream->rays->size_bytes / sizeof(karst_ray) < max_rays ||
+        stream->hits->size_bytes / sizeof(karst_hit) < max_rays)
         return karst_fail(error, KARST_FAILED, "there is no room for %u rays", max_rays);
     const uint32_t num_packets = (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
     const uint32_t part_packets = part_size(shader->context, num_packets);
@@ -222,10 +224,10 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
     const cl_mem sky_mem = sky_table(shader);
     karst_argument arguments[17 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
-        KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(shadow_mem),
-        KARST_VALUE_ARG(suns_mem), KARST_VALUE_ARG(room), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
-        KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
-        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+        KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(stream->count), KARST_BUFFER_ARG(stream->hits),
+        KARST_VALUE_ARG(shadow_mem), KARST_VALUE_ARG(suns_mem), KARST_VALUE_ARG(room), KARST_BUFFER_ARG(parts),
+        KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+        KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
     const size_t num_arguments = 17 + add_last(shader, &sky_mem, arguments + 17);
     return check_size(parts, (KARST_RADIANCE_MIRROR_PLANE + 1) * sizeof(float), pinhole, error) &&
            karst_arguments(shader->rays, arguments, num_arguments, error) &&

@@ -64,18 +64,17 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
         vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
         int level = (int)v_min_across(left);
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
-        vfloat red, green, blue;
 #ifdef WORLD_NUM_OUTPUTS
         vfloat values[WORLD_NUM_OUTPUTS];
         world_outputs(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
-        red = values[0], green = values[1], blue = values[2];
 #else
-        world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, &red, &green, &blue);
+        vfloat values[3];
+        world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
 #endif
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
-        albedo.r = k_fma(share, lane_unit(red), albedo.r);
-        albedo.g = k_fma(share, lane_unit(green), albedo.g);
-        albedo.b = k_fma(share, lane_unit(blue), albedo.b);
+        albedo.r = k_fma(share, lane_unit(values[0]), albedo.r);
+        albedo.g = k_fma(share, lane_unit(values[1]), albedo.g);
+        albedo.b = k_fma(share, lane_unit(values[2]), albedo.b);
 #ifdef WORLD_OUTPUT_EMISSION
         glow->r = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION]), glow->r);
         glow->g = k_fma(share, own_light(values[WORLD_OUTPUT_EMISSION + 1]), glow->g);
@@ -227,14 +226,32 @@ RAY_INLINE void store_radiance(K_GLOBAL float *parts, size_t plane, vint order, 
 #define SHADE_CALL RAY_INLINE
 #endif
 
+/* What all packets of a launch have in common. */
+typedef struct {
+    const karst_pinhole *pinhole;
+    const karst_light *light;
+    K_GLOBAL const karst_hit *hits;
+    K_GLOBAL float *shadow_rays;
+    const karst_shade_anchor *anchor;
+    K_GLOBAL const ulong *data;
+    __local const near_octave *octaves;
+    float detail, own_detail, blend;
+} shade_scene;
+
+/* The same for names of its fields, which no store can change. */
+#define SHADE_SCENE(scene)                              \
+    const karst_pinhole *pinhole = (scene)->pinhole;    \
+    const karst_light *light = (scene)->light;          \
+    K_GLOBAL const karst_hit *hits = (scene)->hits;     \
+    K_GLOBAL float *shadow_rays = (scene)->shadow_rays; \
+    const float detail = (scene)->detail, own_detail = (scene)->own_detail, blend = (scene)->blend;
+
 /* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to
  * counts: hits, provisional, incomplete, coarser than own_detail, shadow rays. */
-SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_hit *hits,
-                             K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels, K_GLOBAL float *depth,
-                             const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
-                             __local const near_octave *octaves, float detail, float own_detail, float blend,
-                             uint packet, uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
+SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_GLOBAL float *depth, uint packet,
+                             uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
 {
+    SHADE_SCENE(scene)
     vint x, y;
     vint valid = packet_pixels(packet, pinhole->width_px, pinhole->height_px, &x, &y);
     if (v_any(valid)) {
@@ -264,7 +281,8 @@ SHADE_CALL void shade_packet(const karst_pinhole *pinhole, const karst_light *li
             const vfloat mirror = (vfloat)(light->mirror);
 #endif
 #ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(data, octaves, anchor, &s, &direction, hit, &glow OWN_MIRROR_OF(mirror));
+            colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &s, &direction, hit,
+                                         &glow OWN_MIRROR_OF(mirror));
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
@@ -385,6 +403,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0);
     uint counts[NUM_COUNTS] = NO_COUNTS;
     SHADE_PAINT_HERE
+    const shade_scene scene = {&pinhole, &light, hits, shadow_rays, &anchor, data, octaves, detail, own_detail, blend};
 #if LANES == 16
     const uint num_parts = (num_packets + part_packets - 1) / part_packets;
     uint part = atomic_inc(taken);
@@ -395,8 +414,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     for (; part < num_parts; part = atomic_inc(taken)) {
         const uint first = part * part_packets, left = num_packets - first;
         for (uint i = 0; i < part_packets && i < left; i++)
-            shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail,
-                         blend, first + i, counts SHADE_SKY);
+            shade_packet(&scene, pixels, depth, first + i, counts SHADE_SKY);
     }
     /* Each item is refused once, and the last of them leaves the word as it was. */
     if (part == num_parts + (uint)get_num_groups(0) - 1)
@@ -411,8 +429,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
     /* Packets past the picture's end have no valid pixel. */
-    shade_packet(&pinhole, &light, hits, shadow_rays, pixels, depth, &anchor, data, octaves, detail, own_detail, blend,
-                 (uint)get_global_id(0), counts SHADE_SKY);
+    shade_packet(&scene, pixels, depth, (uint)get_global_id(0), counts SHADE_SKY);
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
     __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][NUM_COUNTS];
     add_group_counts(counters, counts, sums);
@@ -440,15 +457,24 @@ RAY_INLINE void add_at_pixels(K_GLOBAL float *plane, vint place, uint lanes, vfl
 /* Field `word` of the stream's rays in the lanes, as floats. */
 #define STREAM_WORD(word) v_gather_float(words, first + (word))
 
+/* A stream whose rays are shaded, and where what they see goes. */
+typedef struct {
+    K_GLOBAL const karst_ray *rays;
+    uint num_rays;
+    K_GLOBAL float *suns; /* planes of `room` rays, as the shadow rays' */
+    uint room;
+    K_GLOBAL float *parts;
+} shade_stream;
+
 /* Adds to the pixels of a packet of a stream what its rays see without the sun; what that adds, and the shadow rays
- * that ask for it, are in the stream's own order: planes of `room` rays. */
-SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light *light, K_GLOBAL const karst_ray *rays,
-                                 uint num_rays, K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays,
-                                 K_GLOBAL float *suns, uint room, K_GLOBAL float *parts,
-                                 const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
-                                 __local const near_octave *octaves, float detail, float own_detail, float blend,
-                                 uint packet, uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
+ * that ask for it, are in the stream's own order. */
+SHADE_CALL void shade_ray_packet(const shade_scene *scene, const shade_stream *stream, uint packet,
+                                 uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
 {
+    SHADE_SCENE(scene)
+    K_GLOBAL const karst_ray *rays = stream->rays;
+    K_GLOBAL float *suns = stream->suns, *parts = stream->parts;
+    const uint num_rays = stream->num_rays, room = stream->room;
     const size_t plane = (size_t)pinhole->width_px * (size_t)pinhole->height_px;
     const uint lowest = packet * LANES;
     if (lowest >= num_rays)
@@ -487,7 +513,8 @@ SHADE_CALL void shade_ray_packet(const karst_pinhole *pinhole, const karst_light
 #ifdef OWN_MIRROR
         OWN_MIRROR_IS(mirror); /* which nothing sees a second time */
 #endif
-        colour albedo = world_albedo(data, octaves, anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
+        colour albedo =
+            world_albedo(scene->data, scene->octaves, scene->anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
 #else
         colour albedo = plain_albedo(light, &s.normal);
 #endif
@@ -562,6 +589,8 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     uint counts[NUM_COUNTS] = NO_COUNTS;
     SHADE_PAINT_HERE
     const uint num_rays = *count;
+    const shade_scene scene = {&pinhole, &light, hits, shadow_rays, &anchor, data, octaves, detail, own_detail, blend};
+    const shade_stream stream = {rays, num_rays, suns, room, parts};
 #if LANES == 16
     const uint num_packets = (num_rays + LANES - 1) / LANES;
     const uint num_parts = (num_packets + part_packets - 1) / part_packets;
@@ -573,8 +602,7 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     for (; part < num_parts; part = atomic_inc(taken)) {
         const uint first = part * part_packets, left = num_packets - first;
         for (uint i = 0; i < part_packets && i < left; i++)
-            shade_ray_packet(&pinhole, &light, rays, num_rays, hits, shadow_rays, suns, room, parts, &anchor, data,
-                             octaves, detail, own_detail, blend, first + i, counts SHADE_SKY);
+            shade_ray_packet(&scene, &stream, first + i, counts SHADE_SKY);
     }
     if (part == num_parts + (uint)get_num_groups(0) - 1)
         atomic_xchg(taken, 0u);
@@ -586,8 +614,7 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
     world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
-    shade_ray_packet(&pinhole, &light, rays, num_rays, hits, shadow_rays, suns, room, parts, &anchor, data, octaves,
-                     detail, own_detail, blend, (uint)get_global_id(0), counts SHADE_SKY);
+    shade_ray_packet(&scene, &stream, (uint)get_global_id(0), counts SHADE_SKY);
     __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][NUM_COUNTS];
     add_group_counts(counters, counts, sums);
 #endif

@@ -15,13 +15,12 @@ typedef struct {
     /* Text in the lane dialect that defines, with LANES lanes and the types of producers/steps/density.clh,
      *     void world_colour(world_data data, const world_near_at *near, __local const near_octave *octaves,
      *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
-     *                       vfloat *red, vfloat *green, vfloat *blue);
+     *                       vfloat values[3]);
      * the albedo (linear RGB) at places, band-limited to voxels of a level. Or, with WORLD_NUM_OUTPUTS defined, the
-     * same with `vfloat values[WORLD_NUM_OUTPUTS]` for the three colours, under the name world_outputs: from 0 on the
-     * albedo, and where they are defined, from WORLD_OUTPUT_EMISSION on what the surface gives off (linear RGB), at
-     * WORLD_OUTPUT_MIRROR the share of light that it mirrors, and so on (producers/language/graph/entries.h). `place`
-     * is only looked at where near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel,
-     * fraction in 2^-32)
+     * same with `vfloat values[WORLD_NUM_OUTPUTS]`, under the name world_outputs: from 0 on the albedo, and where they
+     * are defined, from WORLD_OUTPUT_EMISSION on what the surface gives off (linear RGB), at WORLD_OUTPUT_MIRROR the
+     * share of light that it mirrors, and so on (producers/language/graph/entries.h). `place` is only looked at where
+     * near->is_far says so, or if WORLD_COLOUR_TAKES_PLACES is 1. Of the anchor (level-0 voxel, fraction in 2^-32)
      *     void world_colour_prepare(world_data data, const long anchor[3], const uint fraction[3],
      *                               __local near_octave *octaves, uint item, uint num_items);
      * has made WORLD_NEAR_OCTAVES octaves: each of num_items work-items, from 0, its part, and a barrier after that.
@@ -69,15 +68,19 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error);
 
-/* Adds to parts what the rays of a stream see, of as many as the word `count` holds (max_rays at most), each times its
- * throughput, at its `pixel` (y << 16 | x). What the sun adds goes to `suns`, and the shadow rays that ask for it to
- * shadow_rays, whose widths must be 0: three planes, and those of raycast/shadow_shared.h, of `room` rays in the
- * stream's order; both NULL without shadows. Adds to counters 4 and 6 to 8. For shaders that mirror. Asynchronous.
- * Errors: KARST_FAILED. */
+/* Rays of which there are as many as the word `count` holds (max_rays at most), their hits, and where what the sun adds
+ * goes, to `suns`, and the shadow rays that ask for it, to shadow_rays, whose widths must be 0: three planes, and those
+ * of raycast/shadow_shared.h, of `room` rays in the stream's order; both NULL without shadows. */
+typedef struct {
+    const karst_buffer *rays, *count, *hits;
+    uint32_t max_rays, room;
+    karst_buffer *shadow_rays, *suns;
+} karst_shade_stream;
+/* Adds to parts what the rays of a stream see, each times its throughput, at its `pixel` (y << 16 | x). Adds to
+ * counters 4 and 6 to 8. For shaders that mirror. Asynchronous. Errors: KARST_FAILED. */
 bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
-                      const karst_light *light, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
-                      const karst_buffer *hits, karst_buffer *shadow_rays, karst_buffer *suns, uint32_t room,
-                      karst_buffer *parts, karst_buffer *counters, karst_error *error);
+                      const karst_light *light, const karst_shade_stream *stream, karst_buffer *parts,
+                      karst_buffer *counters, karst_error *error);
 
 /* Surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
  * raycast/light/paths_shared.h. Adds to parts (three planes) what they see of sky and emission, and leaves in

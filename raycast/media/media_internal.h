@@ -17,7 +17,7 @@ struct karst_media {
     uint32_t sun_number; /* counts places of the sun, from 1 */
 };
 
-/* The pools, in the order of POOL_PARAMETERS (raycast/cast/walk.clh). */
+/* The pools, in the order of POOL_PARAMETERS (raycast/cast/pools.clh). */
 #define POOL_ARGUMENTS(c, asked)                                                                                    \
     KARST_BUFFER_ARG((c).nodes), KARST_BUFFER_ARG((c).brick_info), KARST_BUFFER_ARG((c).bricks[0]),                 \
         KARST_BUFFER_ARG((c).bricks[1]), KARST_BUFFER_ARG((c).bricks[2]), KARST_BUFFER_ARG((c).bricks[3]),          \

@@ -40,7 +40,6 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
 #ifdef WORLD_NUM_OUTPUTS
     vfloat values[WORLD_NUM_OUTPUTS];
     world_outputs(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
-    look.albedo.r = values[0], look.albedo.g = values[1], look.albedo.b = values[2];
 #ifdef WORLD_OUTPUT_MIRROR
     g = lane_min(lane_max(values[WORLD_OUTPUT_MIRROR], (vfloat)(-MOST_G)), (vfloat)(MOST_G));
 #endif
@@ -50,12 +49,12 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
     look.emission.b = own_light(values[WORLD_OUTPUT_EMISSION + 2]);
 #endif
 #else
-    world_colour(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, &look.albedo.r, &look.albedo.g,
-                 &look.albedo.b);
+    vfloat values[3];
+    world_colour(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
 #endif
-    look.albedo.r = lane_unit(look.albedo.r);
-    look.albedo.g = lane_unit(look.albedo.g);
-    look.albedo.b = lane_unit(look.albedo.b);
+    look.albedo.r = lane_unit(values[0]);
+    look.albedo.g = lane_unit(values[1]);
+    look.albedo.b = lane_unit(values[2]);
     phases(g, light->to_sun, look.albedo.g, look.phase);
     return look;
 }

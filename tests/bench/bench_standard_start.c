@@ -43,7 +43,8 @@ static double cpu_seconds(void)
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
 }
 
-/* The nodes in which the camera stands, of levels among which there is one with a surface. */
+/* The nodes in which the camera stands, of levels among which there is one with a surface; the last is that below, as
+ * a plane at height 0 is the face of all nodes above it. */
 enum { NUM_NODES = 8, FIRST_LEVEL = 6 };
 
 static void choose_nodes(const karst_world_file *file, pool_node nodes[NUM_NODES])
@@ -56,6 +57,7 @@ static void choose_nodes(const karst_world_file *file, pool_node nodes[NUM_NODES
         for (int axis = 0; axis < 3; axis++)
             nodes[i].at[axis] = camera.position.voxel[axis] >> (nodes[i].level + KARST_BRICK_CELLS_LOG2);
     }
+    nodes[NUM_NODES - 1].at[1]--;
 }
 
 /* Subdivides and loads them; says when each step was done. */

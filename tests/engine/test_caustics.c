@@ -35,7 +35,8 @@ enum { SIDE = 96, NUM = SIDE * SIDE };
 #define EYE_HEIGHT 20.0
 #define FOV_DEG 7.5
 static const char *const world =
-    "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 270, \"elevation\": 40, \"colour\": [1, 1, 1] },\n"
+    "/*{ \"voxel\": 0.00390625, \"view\": 60,\n"
+    "\"sun\": { \"azimuth\": 270, \"elevation\": 40, \"colour\": [1, 1, 1] },\n"
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
     "\"camera\": { \"position\": [\"-4\", \"20\", \"0\"], \"pitch\": -90, \"fov\": 7.5 } }*/\n"
     "float ring(vec3 p) { return max(abs(length(p.xz - vec2(-4.0, 0.0)) - 1.03) - 0.03, p.y - 0.9); }\n"
@@ -43,8 +44,10 @@ static const char *const world =
     "float clear(vec3 p) { return 0.5 - length(p - vec3(4.0, 0.75, 0.0)); }\n"
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.5);\n"
     "    if (p.y > 0.003) { m.colour = vec3(0.0); m.mirror = 0.8; } return m; }\n"
-    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; m.absorption = vec3(0.2, 0.0, 0.5); return m; }\n";
-static const char *const plain = "/*{ \"voxel\": 0.0625, \"view\": 60, \"camera\": { \"position\": [\"0\", \"2\", \"0\"] } }*/\n"
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5;\n"
+    "    m.absorption = vec3(0.2, 0.0, 0.5); return m; }\n";
+static const char *const plain = "/*{ \"voxel\": 0.0625, \"view\": 60,\n"
+                                 "\"camera\": { \"position\": [\"0\", \"2\", \"0\"] } }*/\n"
                                  "float density(vec3 p) { return -p.y; }\n";
 
 typedef struct {
@@ -257,15 +260,15 @@ static void check_energy(const karst_stats_caustics *c, uint64_t num)
 
 static uint32_t most_photons(void)
 {
-    return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 12000 : 60000;
+    return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 12000 : 40000;
 }
 
 static void light_lands_where_rays_say(void **state)
 {
     (void)state;
     const uint32_t num = most_photons();
-    /* Noise falls with the root of their number, at equal blur. */
-    const double most = num >= 1000000 ? 0.05 : 0.05 * pow(1e6 / num, 0.25);
+    /* Noise and blur fall together. */
+    const double most = num >= 1000000 ? 0.05 : 0.05 * pow(1e6 / num, 0.35);
     const karst_engine_config config = {.caustics = num};
     karst_engine *engine = create(world, &config);
     double ratio;
@@ -297,31 +300,28 @@ static void light_lands_where_rays_say(void **state)
         assert_true(ball <= most);
         assert_true(fabs(ratio - 1) < 0.05);
     }
-    /* And back: what was seen before leaves no trace. */
-    if (!getenv("KARST_TEST_QUICK")) {
-        look_at(engine, RING_X);
-        settle(engine, &other, NUM);
-        assert_memory_equal(one.light, other.light, sizeof one.light);
-        assert_memory_equal(&one.stats.caustics, &other.stats.caustics, sizeof one.stats.caustics);
-    }
     karst_engine_destroy(engine);
 }
 
-/* One lane and sixteen, frames with a budget in ms and without. */
+/* One lane and sixteen, frames with a budget in ms and without, and whatever was seen before. */
 static void bits_are_the_same_everywhere(void **state)
 {
     (void)state;
-    enum { SMALL = 32 };
+    enum { SMALL = 32, NUM_FEW = 20000 }; /* two batches */
     static const karst_engine_config configs[] = {
-        {.caustics = 10000, .width_px = SMALL, .height_px = SMALL, .lanes = 16},
-        {.caustics = 10000, .width_px = SMALL, .height_px = SMALL, .lanes = 1},
-        {.caustics = 10000, .width_px = SMALL, .height_px = SMALL, .lanes = 16, .budget_ms = 50},
+        {.caustics = NUM_FEW, .width_px = SMALL, .height_px = SMALL, .lanes = 16},
+        {.caustics = NUM_FEW, .width_px = SMALL, .height_px = SMALL, .lanes = 1, .budget_ms = 200},
     };
     for (size_t i = 0; i < sizeof configs / sizeof *configs; i++) {
         karst_engine *engine = create(world, &configs[i]);
         picture *p = i ? &other : &one;
+        if (i == 0) {
+            look_at(engine, BALL_X);
+            settle(engine, p, SMALL * SMALL);
+            look_at(engine, RING_X);
+        }
         settle(engine, p, SMALL * SMALL);
-        check_energy(&p->stats.caustics, 10000);
+        check_energy(&p->stats.caustics, NUM_FEW);
         karst_engine_destroy(engine);
         assert_memory_equal(one.light, p->light, 3 * SMALL * SMALL * sizeof(float));
         assert_memory_equal(&one.stats.caustics, &p->stats.caustics, sizeof one.stats.caustics);
@@ -354,7 +354,8 @@ static void what_cannot_be_is_told(void **state)
     config = (karst_engine_config){.caustics = 100, .no_shadows = true};
     expect_usage(&config, "shadows");
     const karst_log log = {.write = listen, .max_level = KARST_LOG_WARNING};
-    config = (karst_engine_config){.caustics = 100, .log = &log, .tone = KARST_TONE_OF_FILM, .width_px = 32, .height_px = 32};
+    config = (karst_engine_config){.caustics = 100, .log = &log, .tone = KARST_TONE_OF_FILM};
+    config.width_px = config.height_px = 32;
     karst_engine *engine = create(plain, &config);
     assert_non_null(strstr(warned, "nothing makes caustics"));
     settle(engine, &one, 32 * 32);

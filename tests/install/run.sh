@@ -33,12 +33,19 @@ export PKG_CONFIG_PATH="$root/usr/lib/pkgconfig" PKG_CONFIG_SYSROOT_DIR="$root"
 version=$("$root/usr/bin/karst" --version | sed -n '1s/^karst //p')
 [ "$(pkg-config --modversion karst)" = "$version" ]
 result "karst.pc and the command agree on the version"
-mkdir "$scratch/stranger" && cp demos/minimal.c demos/minimal.mk "$scratch/stranger"
+mkdir "$scratch/stranger" && cp demos/minimal.c demos/mesh.c demos/minimal.mk "$scratch/stranger"
 detail=$($make -s -C "$scratch/stranger" -f minimal.mk CFLAGS="-Wall -Wextra -Werror" 2>&1)
 result "demos/minimal.c builds with its own Makefile against what is installed"
 detail=$(LD_LIBRARY_PATH="$root/usr/lib" "$scratch/stranger/minimal" hills "$scratch/minimal.png" 2>&1)
 [ $? -eq 0 ] && [ -s "$scratch/minimal.png" ]
 result "and renders a picture"
+# A ball of triangles that Karst itself gives out.
+echo 'float density(vec3 p) { return 4.0 - length(p); }' > "$scratch/ball.karst"
+detail=$("$root/usr/bin/karst" mesh "$scratch/ball.karst" --box -5,-5,-5,5,5,5 --voxel 1 -q -o "$scratch/ball.obj" 2>&1 &&
+    $make -s -C "$scratch/stranger" -f minimal.mk mesh CFLAGS="-Wall -Wextra -Werror" 2>&1 &&
+    LD_LIBRARY_PATH="$root/usr/lib" "$scratch/stranger/mesh" dunes "$scratch/ball.obj" "$scratch/mesh.png" 30 120 2>&1)
+echo "$detail" | grep -q 'the mesh has [1-9][0-9]* pixels, [0-9]* of them in land.s shadow; its own lies on [1-9]'
+result "demos/mesh.c builds, and draws a mesh in land with the shadows of both"
 detail=$(${CC:-cc} -std=c11 demos/minimal.c $(pkg-config --cflags karst) "$root/usr/lib/libkarst.a" \
     $(pkg-config --static --libs karst | sed 's/-lkarst//') -o "$scratch/stranger/static" 2>&1) &&
     "$scratch/stranger/static" hills "$scratch/static.png" > /dev/null &&

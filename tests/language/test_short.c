@@ -230,7 +230,7 @@ static const char colour_probe[] =
     "#ifndef WORLD_NUM_OUTPUTS\n"
     "#define WORLD_NUM_OUTPUTS 3\n"
     "    vfloat values[3];\n"
-    "#define world_outputs(...) world_colour(__VA_ARGS__, values + 1, values + 2)\n"
+    "#define world_outputs world_colour\n"
     "#else\n"
     "    vfloat values[WORLD_NUM_OUTPUTS];\n"
     "#endif\n"

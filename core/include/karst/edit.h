@@ -56,10 +56,9 @@ typedef struct {
 /* Appends edits to the engine's, to be seen from the next frame on. What they touch is made anew, and nothing else; a
  * settled picture is that of an engine that had them from the start. The first edits of an engine compile what they
  * need, which takes a second or two with PoCL, and so do the first with a colour, which also take memory: twice that of
- * the pool of bricks. Edits that were undone and not redone are gone. All are taken or none.
- * Not with `refine`. Errors:
- * KARST_USAGE (a value out of range: which edit, counted from 1; more than KARST_MAX_EDITS; an engine that refines),
- * KARST_FAILED. Call it from the engine's own thread. */
+ * the pool of bricks. With `refine` hits go to the edited density's surface. Edits that were undone and not redone are
+ * gone. All are taken or none. Errors: KARST_USAGE (a value out of range: which edit, counted from 1; more than
+ * KARST_MAX_EDITS), KARST_FAILED. Call it from the engine's own thread. */
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error);
 #define KARST_MAX_EDITS 10000000u
 /* Takes the last edits back, at most as many as there are, and makes them again; return how many. Errors as above: then

@@ -5,6 +5,7 @@
 #include "karst/camera.h"
 #include "karst/change.h"
 #include "karst/data.h"
+#include "karst/depth.h"
 #include "karst/display.h"
 #include "karst/driver.h"
 #include "karst/edit.h"

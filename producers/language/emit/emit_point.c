@@ -127,7 +127,6 @@ void karst_emit_surfaces(karst_emit *emit)
 static const char shading_inputs[] =
     "world_data data, const world_near_at *near, __local const near_octave *octaves,\n"
     "                                  const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz";
-static const char colour_parameters[] = "vfloat *red, vfloat *green, vfloat *blue";
 #define SHADING_NAME(id, ...) "WORLD_OUTPUT_" #id,
 static const char *const shading_names[KARST_NUM_OUTPUTS] = {KARST_OUTPUTS(SHADING_NAME)};
 
@@ -154,20 +153,14 @@ void karst_emit_shading(karst_emit *emit, karst_emitted *emitted)
     karst_emit_near_octaves(emit);
     karst_text_add(text, "K_INLINE K_WIDE void %s(%s,\n                                  %s)\n{\n%s",
                    is_colour_alone ? "world_colour" : "world_outputs", shading_inputs,
-                   is_colour_alone ? colour_parameters : "vfloat values[WORLD_NUM_OUTPUTS]", begin);
+                   is_colour_alone ? "vfloat values[3]" : "vfloat values[WORLD_NUM_OUTPUTS]", begin);
     const size_t body = text->length;
     karst_emit_begin_block(emit, (karst_block){.is_point = true, .is_near = true});
     /* What a packet does not need is left out, though then infinite numbers in it do not come through. */
     if (!karst_emit_choice_lines(emit, roots, num_roots))
         marked_lines(emit);
-    static const char *const names[] = {"red", "green", "blue"};
-    for (uint32_t i = 0; i < num_roots; i++) {
-        const karst_operand value = karst_emit_operand(emit, roots[i]);
-        if (is_colour_alone)
-            karst_text_add(text, "    *%s = %s;\n", names[i], value.text);
-        else
-            karst_text_add(text, "    values[%u] = %s;\n", i, value.text);
-    }
+    for (uint32_t i = 0; i < num_roots; i++)
+        karst_text_add(text, "    values[%u] = %s;\n", i, karst_emit_operand(emit, roots[i]).text);
     /* What is not near takes the exact place as first argument. */
     const bool takes_places = !text->failed && strstr(text->bytes + body, "(&at,");
     karst_text_add(text, "}\n#define WORLD_COLOUR_TAKES_PLACES %d\n\n", takes_places);
