@@ -183,8 +183,9 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     bool moved = engine->view_changed && !engine->size_changed;
     if (engine->view_changed) {
         karst_ladder_view_changed(&engine->ladder);
-        engine->num_summed = 0;
         karst_engine_forget_photons(engine);
+        if (!karst_engine_restart_samples(engine, true, error))
+            return false;
     }
     engine->complete = false;
     engine->sample = karst_engine_choose_sample(engine, moved);
@@ -219,6 +220,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     karst_density_producer_thin(engine->producer, &stats->num_thin_raised, &stats->num_thin_given_up);
     karst_engine_report_non_finite(engine, engine->producer, "density", &engine->reported_non_finite);
     karst_engine_end_store_stats(engine);
+    if (!karst_engine_report_index(engine, error))
+        return false;
 
     if (!karst_profile_collect(engine->context, stats->time_ns, error))
         return false;

@@ -19,6 +19,7 @@ static const struct {
     [KARST_AOV_POSITION] = {"position", {"P.X", "P.Y", "P.Z"}},
     [KARST_AOV_LEVEL] = {"level", {"level", NULL, NULL}},
     [KARST_AOV_SAMPLES] = {"samples", {"samples", NULL, NULL}},
+    [KARST_AOV_SUMS] = {"sums", {"sum.R", "sum.G", "sum.B"}},
 };
 
 bool karst_aov_parse(const char *name, karst_aov *aov, karst_error *error)
@@ -177,6 +178,8 @@ bool karst_engine_read_aov(karst_engine *engine, karst_aov aov, float *values, s
     switch (aov) {
     case KARST_AOV_RADIANCE:
         return karst_engine_read_radiance(engine, values, num_values, error);
+    case KARST_AOV_SUMS:
+        return karst_engine_read_sums(engine, values, error);
     case KARST_AOV_SAMPLES:
         for (size_t i = 0; i < num_pixels; i++)
             values[i] = (float)(engine->num_summed ? engine->num_summed : 1);

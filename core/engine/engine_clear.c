@@ -18,6 +18,7 @@ static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_vie
         .voxel_m = exp2(engine->world->voxel_log2_m),
         .bounces = engine->bounces,
         .refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
+        .bender = has_clear ? engine->shown.bending.bender : NULL,
         .hits = engine->hits,
         .parts = karst_radiance_parts(engine->radiance),
         .shadow_rays = engine->shadow_rays,
@@ -45,9 +46,11 @@ bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *co
         surface.source = file->code.colour_source;
         surface.data = producer->data[0];
     }
-    world->clear_shader = karst_clear_shader_create(context, world->file->info.has_atmosphere,
-                                                    has_surface ? &surface : NULL, error);
-    return world->clear_shader && karst_engine_world_build_clear_refiner(world, context, error);
+    world->clear_shader =
+        karst_clear_shader_create(context, world->file->info.has_atmosphere, karst_engine_world_bends(world),
+                                  has_surface ? &surface : NULL, error);
+    return world->clear_shader && karst_engine_world_build_clear_refiner(world, context, error) &&
+           karst_engine_world_build_bending(world, context, wishes->refine, error);
 }
 
 bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

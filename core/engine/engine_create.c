@@ -325,6 +325,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_clear_destroy(engine->clear);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
+    free(engine->given_sums);
     karst_context_destroy(engine->context);
     if (engine->owns_display)
         karst_display_destroy(engine->display);

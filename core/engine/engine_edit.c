@@ -51,12 +51,12 @@ static bool make_layer(karst_engine *engine, karst_error *error)
     engine->edits = karst_edits_create(engine->context, KARST_SHAPE_AUTO, engine->world->voxel_log2_m, error);
     if (engine->edits && karst_engine_world_set_layers(engine, &engine->shown, error)) {
         if (engine->refine) {
-            karst_engine_refining_finish(shown);
+            karst_engine_finish_refining(shown);
             *shown = refining;
         }
         return true;
     }
-    karst_engine_refining_finish(&refining);
+    karst_engine_finish_refining(&refining);
     if (engine->edits)
         engine->edits->ops->destroy(engine->edits);
     engine->edits = NULL;

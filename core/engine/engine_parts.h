@@ -45,6 +45,13 @@ typedef struct {
     karst_buffer *data;
 } karst_engine_refining;
 
+/* What bends rays inside clear matter. Zeros: its index does not vary. */
+typedef struct {
+    karst_bender *bender;
+    karst_engine_refining index; /* the index in the density's place; without a refiner */
+    bool reported;               /* that it is no index in places */
+} karst_engine_bending;
+
 /* What a world has beside its land, as an engine has it. */
 typedef struct {
     karst_engine_refining refining; /* of clear matter, where its gradient is not too large: normals are exact */
@@ -78,6 +85,7 @@ typedef struct {
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_layer *models; /* NULL: it has none, or they are not loaded yet */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
+    karst_engine_bending bending;
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -174,6 +182,11 @@ struct karst_engine {
     uint32_t sample;     /* that the hits are of; 0: of the pixels' centres */
     bool kept;           /* the sample at hand was added to the sums to be read, though it is not complete */
     uint32_t num_summed; /* of this view, complete */
+    float *given_sums;   /* of its first num_given samples, by karst_engine_set_sums; NULL: none */
+    uint32_t num_given;
+    bool sums_are_new;       /* no frame has been drawn since they were given */
+    uint64_t num_metered_px; /* by karst_engine_meter, since the exposure that follows from them */
+    float metered_exposure;  /* 0: none */
     bool complete;       /* the last frame lacked nothing: with more samples, it is one of them */
     karst_tone tone;
     karst_exposure exposure;
@@ -291,7 +304,7 @@ bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
  * (karst_edits_data). The caller's to finish, zeros on failure. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_make_refining(const karst_engine_world *world, karst_context *context, bool has_edits,
                                       karst_engine_refining *refining, karst_error *error);
-void karst_engine_refining_finish(karst_engine_refining *refining);
+void karst_engine_finish_refining(karst_engine_refining *refining);
 /* That of its clear matter, for rays; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
@@ -299,6 +312,20 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
 void karst_engine_world_close_refiner(karst_engine_world *world);
 /* That of land that mirrors photons; none where its gradient is too large. Errors: KARST_FAILED. */
 bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
+/* A part of such: gradient, layout and data, of any root in a density's place. Errors: KARST_BAD_WORLD,
+ * KARST_FAILED. */
+bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_world *world,
+                         const karst_resolved_world *density, karst_context *context, karst_error *error);
+
+/* engine_bend.c. Whether the index of a world's clear matter varies from place to place. */
+bool karst_engine_world_bends(const karst_engine_world *world);
+/* What follows rays there, after the refiner of clear matter; does nothing where the index does not vary. `fine`: by
+ * shorter steps. Errors: KARST_BAD_WORLD, KARST_FAILED. */
+bool karst_engine_world_build_bending(karst_engine_world *world, karst_context *context, bool fine,
+                                      karst_error *error);
+void karst_engine_world_close_bending(karst_engine_world *world);
+/* Says once where rays met an index that is none. Errors: KARST_FAILED. */
+bool karst_engine_report_index(karst_engine *engine, karst_error *error);
 
 /* engine_picture.c. What follows the picture's size. */
 bool karst_engine_check_size(int width_px, int height_px, karst_error *error);
@@ -495,6 +522,10 @@ bool karst_engine_show_radiance(karst_engine *engine, cl_mem pixels, karst_error
  * detail changed, its samples begin anew. */
 bool karst_engine_end_sample(karst_engine *engine, bool complete, bool detail_changed, karst_error *error);
 
+/* None is summed but those that were given of this view; `view_changed`: it is another one. */
+bool karst_engine_restart_samples(karst_engine *engine, bool view_changed, karst_error *error);
+/* The sum of its samples, not the mean: as karst_engine_read_radiance, of a frame that was drawn. */
+bool karst_engine_read_sums(karst_engine *engine, float *rgb, karst_error *error);
 /* Before what shading left of a sample is overwritten, or its light read. */
 bool karst_engine_keep_sample(karst_engine *engine, karst_error *error);
 

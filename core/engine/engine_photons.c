@@ -63,6 +63,10 @@ bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config
                           "%u photons take %.1f GiB beside the %.1f that the pool and the rest take, of the device's "
                           "%.1f: use fewer (--caustics %u), or a smaller --pool",
                           config->caustics, sum * 0x1p-30, held * 0x1p-30, has * 0x1p-30, config->caustics / 4);
+    if (karst_engine_world_bends(&engine->shown))
+        karst_log_print(engine->log, KARST_LOG_WARNING,
+                        "%s: photons go straight through clear matter whose index varies: its caustics are not true",
+                        world->name);
     of->bounces = config->bounces ? config->bounces : DEFAULT_BOUNCES;
     of->photons = karst_photons_create(engine->context, config->caustics, BATCH_RAYS, error);
     return of->photons != NULL;

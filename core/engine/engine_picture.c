@@ -157,6 +157,24 @@ bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, ka
     return karst_engine_allocate_picture(engine, error);
 }
 
+bool karst_engine_set_window(karst_engine *engine, const karst_engine_window *window, int width_px, int height_px,
+                             karst_error *error)
+{
+    if (!karst_engine_check_size(width_px, height_px, error) ||
+        !karst_engine_check_window(window, width_px, height_px, error))
+        return false;
+    const bool fits = width_px == engine->width_px && height_px == engine->height_px && engine->surface;
+    engine->window = *window;
+    engine->view_changed = true;
+    engine->have_previous = false;
+    if (fits)
+        return true;
+    karst_engine_free_picture(engine);
+    engine->width_px = width_px;
+    engine->height_px = height_px;
+    return karst_engine_allocate_picture(engine, error);
+}
+
 bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error)
 {
     size_t num_pixels = (size_t)engine->width_px * (size_t)engine->height_px;

@@ -26,7 +26,8 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!update(&world->content[i].refining, world, error))
             return false;
-    return update(&world->refining, world, error) && update(&world->photon_refining, world, error);
+    return update(&world->bending.index, world, error) && update(&world->refining, world, error) &&
+           update(&world->photon_refining, world, error);
 }
 
 /* What a refiner is for. */
@@ -61,23 +62,29 @@ static karst_refiner *make_refiner(const karst_engine_refining *refining, const 
     return refiner;
 }
 
-static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
-                  refiner_kind kind, karst_context *context, karst_error *error)
+bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_world *world,
+                         const karst_resolved_world *density, karst_context *context, karst_error *error)
 {
-    refining->gradient = karst_derive(&file->program->world, error);
+    refining->gradient = karst_derive(density, error);
     if (!refining->gradient)
         return false;
     if (!karst_world_layout_init(&refining->layout, &refining->gradient->world))
-        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", file->info.name);
+        return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", world->file->info.name);
     refining->data =
         karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
-    if (!refining->data || !update(refining, world, error))
+    return refining->data && update(refining, world, error);
+}
+
+static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
+                  refiner_kind kind, karst_context *context, karst_error *error)
+{
+    if (!karst_engine_derive(refining, world, &file->program->world, context, error))
         return false;
     refining->refiner = make_refiner(refining, file, kind, context, error);
     return refining->refiner != NULL;
 }
 
-void karst_engine_refining_finish(karst_engine_refining *refining)
+void karst_engine_finish_refining(karst_engine_refining *refining)
 {
     karst_refiner_destroy(refining->refiner);
     karst_buffer_destroy(refining->data);
@@ -91,7 +98,7 @@ bool karst_engine_world_make_refining(const karst_engine_world *world, karst_con
     *refining = (karst_engine_refining){.refiner = NULL};
     if (build(refining, world, world->file, has_edits ? OF_EDITED_LAND : OF_LAND, context, error))
         return true;
-    karst_engine_refining_finish(refining);
+    karst_engine_finish_refining(refining);
     return false;
 }
 
@@ -102,7 +109,7 @@ static bool build_for_rays(karst_engine_refining *refining, const karst_engine_w
     karst_error why = {0};
     if (!file || build(refining, world, file, OF_RAYS, context, &why))
         return true;
-    karst_engine_refining_finish(refining);
+    karst_engine_finish_refining(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
@@ -119,7 +126,7 @@ bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_co
 
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
-    karst_engine_refining_finish(&world->refining);
-    karst_engine_refining_finish(&world->photon_refining);
-    karst_engine_refining_finish(&world->content[KARST_CONTENT_CLEAR].refining);
+    karst_engine_finish_refining(&world->refining);
+    karst_engine_finish_refining(&world->photon_refining);
+    karst_engine_finish_refining(&world->content[KARST_CONTENT_CLEAR].refining);
 }

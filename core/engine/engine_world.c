@@ -65,6 +65,7 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
 void karst_engine_world_close(karst_engine_world *world)
 {
     karst_engine_world_close_refiner(world);
+    karst_engine_world_close_bending(world);
     karst_clear_shader_destroy(world->clear_shader);
     karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);

@@ -13,6 +13,8 @@
  *   command_process.c  stacks, limits, and what is said when the program dies
  *   command_record.c   figures of a run, and their JSON
  *   command_render.c   karst render
+ *   command_bands.c    pictures in bands of rows
+ *   command_begun.c    an .exr whose samples are gone on with
  *   command_flight.c   karst render --path
  *   command_pictures.c   many pictures: numbered PNGs or EXRs, or a video through ffmpeg
  *   command_parts.c, command_manifest.c, command_verify.c  jobs in parts: see command_farm.h
@@ -147,10 +149,36 @@ bool command_write_text(const char *path, const char *text, karst_error *error);
  * errno if there can be none, or `path` could not be a file's name. */
 int command_open_beside(const char *path, const char *suffix, char **temporary);
 bool command_is_exr(const char *path); /* by its suffix */
-/* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR with `aovs` if `path` ends in .exr (0:
- * light, depth and normals), else a PNG; "-": a PNG to stdout. Errors: KARST_FAILED. */
+/* What a picture to stdout is written to first; then it is copied there, if it was `written`, and removed. Errors:
+ * KARST_FAILED. */
+bool command_begin_stdout(char *picture, size_t size_bytes, karst_error *error);
+bool command_end_stdout(char *picture, bool written, karst_error *error);
+/* Leaves of rows of width_px pixels those of a part (x, y, width, height) alone, in place. */
+void command_crop(void *values, size_t pixel_bytes, int width_px, const int part_px[4]);
+/* What an .exr has of each pixel. */
+typedef struct {
+    unsigned aovs;  /* bits 1 << karst_aov */
+    bool has_bytes; /* its colours are those of the bytes, as there is no light */
+    const char *names[KARST_IMAGE_MAX_CHANNELS];
+    karst_image_channel channels[KARST_IMAGE_MAX_CHANNELS]; /* num_filled of them */
+    float *values[KARST_NUM_AOVS + 1];
+    int num_channels, num_filled, num_values;
+} command_layers;
+/* aovs 0: light, or without any the bytes' colours, depth and normals. */
+void command_layers_init(command_layers *layers, unsigned aovs, bool keeps_radiance);
+/* Reads them of a part (x, y, width, height) of the last frame, whose pixels are `rgba`. Errors: KARST_FAILED. */
+bool command_layers_read(command_layers *layers, karst_engine *engine, const uint8_t *rgba, const int drawn_px[2],
+                         const int part_px[4], karst_error *error);
+void command_layers_free(command_layers *layers); /* the values alone */
+/* What is wanted of an .exr: zeros are light, depth and normals. */
+typedef struct {
+    unsigned aovs;
+    const char *note; /* karst_image_begin_exr; NULL: none */
+} command_exr;
+/* The engine's last frame, whose pixels are `rgba`, whole or not at all: an EXR if `path` ends in .exr, else a PNG;
+ * "-": a PNG to stdout. Errors: KARST_FAILED. */
 bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           unsigned aovs, karst_error *error);
+                           const command_exr *exr, karst_error *error);
 /* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
 bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
 

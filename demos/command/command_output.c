@@ -114,42 +114,86 @@ static bool ends_in(const char *path, const char *suffix)
 
 bool command_is_exr(const char *path) { return ends_in(path, ".exr"); }
 
-/* The values of one kind, and the channels that they are. */
-static bool add_aov(karst_engine *engine, karst_aov aov, size_t num_pixels, float **values,
-                    karst_image_channel *channels, int *num_channels, karst_error *error)
+/* ---- what an .exr has of a picture ---- */
+
+/* Leaves of rows of width_px pixels those of a part (x, y, width, height) alone, in place. */
+void command_crop(void *values, size_t pixel_bytes, int width_px, const int part_px[4])
 {
-    const int width = karst_aov_width(aov);
-    const size_t num_values = num_pixels * (size_t)width;
-    *values = malloc(num_values * sizeof **values);
-    if (!*values)
+    char *to = values;
+    for (int y = 0; y < part_px[3]; y++, to += (size_t)part_px[2] * pixel_bytes)
+        memmove(to, (char *)values + ((size_t)(part_px[1] + y) * (size_t)width_px + (size_t)part_px[0]) * pixel_bytes,
+                (size_t)part_px[2] * pixel_bytes);
+}
+
+void command_layers_init(command_layers *layers, unsigned aovs, bool keeps_radiance)
+{
+    static const char *const colours[] = {"R", "G", "B"};
+    *layers = (command_layers){.aovs = aovs};
+    if (!aovs)
+        layers->aovs = (keeps_radiance ? 1u << KARST_AOV_RADIANCE : 0) | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL;
+    layers->has_bytes = !aovs && !keeps_radiance;
+    for (int i = 0; i < 3 && layers->has_bytes; i++)
+        layers->names[layers->num_channels++] = colours[i];
+    for (int aov = 0; aov < KARST_NUM_AOVS; aov++)
+        for (int i = 0; (layers->aovs >> aov & 1) && i < karst_aov_width((karst_aov)aov); i++)
+            layers->names[layers->num_channels++] = karst_aov_channel((karst_aov)aov, i);
+}
+
+/* Values of one kind of the part, and the channels that they are; they are read by `aov`, or made of `rgba`. */
+static bool add_layer(command_layers *layers, karst_engine *engine, int aov, const uint8_t *rgba, const int drawn_px[2],
+                      const int part_px[4], karst_error *error)
+{
+    const size_t num_pixels = (size_t)drawn_px[0] * (size_t)drawn_px[1];
+    const int width = rgba ? 3 : karst_aov_width((karst_aov)aov);
+    float *values = malloc(num_pixels * (size_t)width * sizeof *values);
+    if (!values)
         return karst_fail(error, KARST_FAILED, "out of memory for %zu pixels", num_pixels);
-    for (int i = 0; i < width; i++)
-        channels[(*num_channels)++] = (karst_image_channel){karst_aov_channel(aov, i), *values + i, width};
-    return karst_engine_read_aov(engine, aov, *values, num_values, error);
+    layers->values[layers->num_values++] = values;
+    if (rgba)
+        karst_image_make_linear(rgba, num_pixels, values);
+    else if (!karst_engine_read_aov(engine, (karst_aov)aov, values, num_pixels * (size_t)width, error))
+        return false;
+    command_crop(values, (size_t)width * sizeof *values, drawn_px[0], part_px);
+    for (int i = 0; i < width; i++, layers->num_filled++)
+        layers->channels[layers->num_filled] =
+            (karst_image_channel){layers->names[layers->num_filled], values + i, width};
+    return true;
+}
+
+bool command_layers_read(command_layers *layers, karst_engine *engine, const uint8_t *rgba, const int drawn_px[2],
+                         const int part_px[4], karst_error *error)
+{
+    command_layers_free(layers);
+    bool done = !layers->has_bytes || add_layer(layers, engine, 0, rgba, drawn_px, part_px, error);
+    for (int aov = 0; aov < KARST_NUM_AOVS && done; aov++)
+        done = !(layers->aovs >> aov & 1) || add_layer(layers, engine, aov, NULL, drawn_px, part_px, error);
+    return done;
+}
+
+void command_layers_free(command_layers *layers)
+{
+    for (int i = 0; i < layers->num_values; i++)
+        free(layers->values[i]);
+    layers->num_values = layers->num_filled = 0;
 }
 
 /* Without light (one sample, plain tone) the colours are those of the bytes. */
-static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                      unsigned aovs, karst_error *error)
+static bool write_exr(const char *path, karst_engine *engine, const uint8_t *rgba, const int size_px[2],
+                      const command_exr *exr, karst_error *error)
 {
-    const size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    karst_image_channel channels[KARST_IMAGE_MAX_CHANNELS];
-    float *values[KARST_NUM_AOVS] = {NULL};
-    int num_channels = 0;
-    bool done = true;
-    if (!aovs && !karst_engine_keeps_radiance(engine)) {
-        done = add_aov(engine, KARST_AOV_DEPTH, num_pixels, &values[0], channels, &num_channels, error) &&
-               add_aov(engine, KARST_AOV_NORMAL, num_pixels, &values[1], channels, &num_channels, error) &&
-               karst_image_write_exr(path, rgba, values[0], values[1], width_px, height_px, error);
-    } else {
-        aovs = aovs ? aovs : 1u << KARST_AOV_RADIANCE | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL;
-        for (int i = 0; i < KARST_NUM_AOVS && done; i++)
-            done = !(aovs >> i & 1) ||
-                   add_aov(engine, (karst_aov)i, num_pixels, &values[i], channels, &num_channels, error);
-        done = done && karst_image_write_channels(path, channels, num_channels, width_px, height_px, error);
-    }
-    for (int i = 0; i < KARST_NUM_AOVS; i++)
-        free(values[i]);
+    const int whole_px[4] = {0, 0, size_px[0], size_px[1]};
+    command_layers layers;
+    command_layers_init(&layers, exr->aovs, karst_engine_keeps_radiance(engine));
+    karst_image_writer *writer = NULL;
+    bool done = command_layers_read(&layers, engine, rgba, size_px, whole_px, error) &&
+                (writer = karst_image_begin_exr(path, layers.names, layers.num_channels, exr->note, size_px[0],
+                                                size_px[1], error)) != NULL &&
+                karst_image_add_channels(writer, layers.channels, layers.num_channels, size_px[1], error);
+    if (done)
+        done = karst_image_end(writer, error);
+    else
+        karst_image_discard(writer);
+    command_layers_free(&layers);
     return done;
 }
 
@@ -169,30 +213,43 @@ bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error)
     return *aovs || karst_fail(error, KARST_USAGE, "--aov: which? For example --aov radiance,depth,normal");
 }
 
-static bool write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                          unsigned aovs, karst_error *error)
+bool command_begin_stdout(char *picture, size_t size_bytes, karst_error *error)
 {
-    if (!is_stdout(path))
-        return ends_in(path, ".exr") ? write_exr(path, engine, rgba, width_px, height_px, aovs, error)
-                                     : karst_image_write_png(path, rgba, width_px, height_px, error);
-    /* The library writes files; a pipe gets the bytes of one. */
     const char *folder = getenv("TMPDIR");
-    char scratch[4096], picture[4200];
+    char scratch[4096];
     snprintf(scratch, sizeof scratch, "%s/karst-XXXXXX", folder && *folder ? folder : "/tmp");
     if (!mkdtemp(scratch))
         return karst_fail(error, KARST_FAILED, "cannot make %s: %s; set TMPDIR", scratch, strerror(errno));
-    snprintf(picture, sizeof picture, "%s/picture.png", scratch);
-    bool written = karst_image_write_png(picture, rgba, width_px, height_px, error) && copy_to_stdout(picture, error);
+    snprintf(picture, size_bytes, "%s/picture.png", scratch);
+    return true;
+}
+
+bool command_end_stdout(char *picture, bool written, karst_error *error)
+{
+    written = written && copy_to_stdout(picture, error);
     unlink(picture);
-    rmdir(scratch);
+    *strrchr(picture, '/') = '\0';
+    rmdir(picture);
     return written;
 }
 
+static bool write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
+                          const command_exr *exr, karst_error *error)
+{
+    const int size_px[2] = {width_px, height_px};
+    char picture[4200];
+    if (!is_stdout(path))
+        return command_is_exr(path) ? write_exr(path, engine, rgba, size_px, exr, error)
+                                    : karst_image_write_png(path, rgba, width_px, height_px, error);
+    return command_begin_stdout(picture, sizeof picture, error) &&
+           command_end_stdout(picture, karst_image_write_png(picture, rgba, width_px, height_px, error), error);
+}
+
 bool command_write_picture(const char *path, karst_engine *engine, const uint8_t *rgba, int width_px, int height_px,
-                           unsigned aovs, karst_error *error)
+                           const command_exr *exr, karst_error *error)
 {
     command_hold_interrupts(true);
-    bool written = write_picture(path, engine, rgba, width_px, height_px, aovs, error);
+    bool written = write_picture(path, engine, rgba, width_px, height_px, exr, error);
     command_hold_interrupts(false);
     return written;
 }

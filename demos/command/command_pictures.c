@@ -286,9 +286,11 @@ bool command_pictures_add(command_pictures *pictures, size_t index, karst_engine
 {
     if (pictures->rgb)
         return add_to_video(pictures, rgba, error);
+    const command_exr plain = {0};
     char *name = command_picture_name(pictures->output, index);
-    bool written = name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, 0, error)
-                        : karst_fail(error, KARST_FAILED, "out of memory");
+    bool written =
+        name ? command_write_picture(name, engine, rgba, pictures->width_px, pictures->height_px, &plain, error)
+             : karst_fail(error, KARST_FAILED, "out of memory");
     free(name);
     return written;
 }

@@ -1,4 +1,6 @@
 /* karst render: one picture, settled before it is written, or a flight's. */
+#include "command_bands.h"
+#include "command_begun.h"
 #include "command_farm.h"
 
 #include <limits.h>
@@ -23,8 +25,12 @@ typedef struct {
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
     const char *edits;
     const char *part_text, *window_text, *manifest_file;
+    uint64_t rows;     /* drawn at once; 0: what suits */
     uint64_t num_jobs; /* 0: draw; else only print the commands of so many parts */
     bool resume;
+    bool goes_on;         /* with the samples of the .exr that is there */
+    char *note;           /* of an .exr that may be gone on from; NULL: it holds no sums */
+    command_begun *begun; /* samples that are there; NULL: none */
     command_part part;
     int window_px[4];   /* x, y, width, height: what is drawn of a picture of size_px */
     char *part_output;  /* the file of a tile; NULL: o->output */
@@ -54,6 +60,8 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render asteroid --display none --no-shadows --stats - | jq .time_ms.cast\n"
          "  karst render hills -o - --pool 2048 --detail 0.5 | display\n"
          "  karst render mine.karst --param relief=250 --seed 3\n"
+         "  karst render hills -o poster.png --size 16384x16384\n"
+         "  karst render glass --light full --samples 256 -o glass.exr --resume\n"
          "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
          "  karst render hills --path low-flight -o frames/%05d.exr --jobs 8 | parallel -j 4\n"
@@ -81,14 +89,20 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"end", 0, COMMAND_NUMBER, "S", "seconds of the path at which to stop", &o->flight.end_s, -1e9, 1e9,
          &o->flight.has_end},
         {"jobs", 0, COMMAND_INTEGER, "N",
-         "draw nothing: print N commands, one a line, that together do it (docs/FARM.md)",
-         &o->num_jobs, 1, COMMAND_MAX_PARTS, NULL},
+         "draw nothing: print N commands, one a line, that together do it (docs/FARM.md)", &o->num_jobs, 1,
+         COMMAND_MAX_PARTS, NULL},
         {"part", 0, COMMAND_TEXT, "K/N", "only part K of N, as --jobs prints it", &o->part_text, 0, 0, NULL},
+        {"rows", 0, COMMAND_INTEGER, "N",
+         "draw a picture by so many rows at a time, in less memory, with the same bytes (default: all of it, or of "
+         "large ones about a million pixels)",
+         &o->rows, 16, 16384, NULL},
         {"window", 0, COMMAND_TEXT, "X,Y,W,H", "only these pixels of the picture, counted from its upper left corner",
          &o->window_text, 0, 0, NULL},
         {"manifest", 0, COMMAND_TEXT, "FILE", "note what is done, with checksums: karst verify looks at them",
          &o->manifest_file, 0, 0, NULL},
-        {"resume", 0, COMMAND_FLAG, NULL, "leave out what the manifest says is done, if it is there and right",
+        {"resume", 0, COMMAND_FLAG, NULL,
+         "leave out what the manifest says is done, if it is there and right; without one, go on with the samples of "
+         "the .exr of -o",
          &o->resume, 0, 0, NULL},
         {"live", 0, COMMAND_FLAG, NULL, "draw each picture once, as it then is, for measuring", &o->flight.live, 0, 0,
          NULL},
@@ -104,7 +118,9 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          KARST_ENGINE_MAX_SAMPLES, NULL},
         COMMAND_TONE_OPTIONS(&o->look),
         {"aov", 0, COMMAND_TEXT, "LIST",
-         "what an .exr holds: radiance,albedo,depth,normal,position,level,samples (default: radiance,depth,normal)",
+         "what an .exr holds: radiance,albedo,depth,normal,position,level,samples,sums (default: "
+         "radiance,depth,normal; "
+         "with --light full also sums, which --resume goes on from)",
          &o->aov, 0, 0, NULL},
         {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &o->edits, 0, 0,
          NULL},
@@ -165,6 +181,8 @@ static bool check_flight(render_options *o, karst_error *error)
         return !stray ||
                karst_fail(error, KARST_USAGE, "--%s is about a path: name one, such as --path low-flight", stray);
     }
+    if (o->rows)
+        return karst_fail(error, KARST_USAGE, "--rows is about one picture, and --path draws many");
     if (o->camera)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (!o->output)
@@ -193,11 +211,16 @@ static bool parse_thin(const char *text, karst_thin *thin, karst_error *error)
     return !text || karst_fail(error, KARST_USAGE, "--thin %s: must be auto, always or never", text);
 }
 
+/* Whether it is known before the picture is drawn; a world may still say so. */
+static bool is_exposure_fixed(const render_options *o)
+{
+    return o->look.has_exposure ? !o->look.auto_exposure : o->look.parsed_tone == KARST_TONE_OF_PLAIN;
+}
+
 /* Tiles of bytes must agree on how bright they are; those of light do. */
 static bool check_tile(const render_options *o, karst_error *error)
 {
-    const bool is_fixed = o->look.has_exposure ? !o->look.auto_exposure : o->look.parsed_tone == KARST_TONE_OF_PLAIN;
-    return is_fixed || command_is_exr(o->output) ||
+    return is_exposure_fixed(o) || command_is_exr(o->output) ||
            karst_fail(error, KARST_USAGE,
                       "parts of a .png: each would choose an exposure of its own; give --exposure STOPS, such as "
                       "--exposure 0, or write an .exr");
@@ -207,8 +230,11 @@ static bool check_tile(const render_options *o, karst_error *error)
 static bool check_part(render_options *o, karst_error *error)
 {
     const bool has_job = o->num_jobs || o->part_text || o->manifest_file;
-    if (o->resume && !o->manifest_file && !o->num_jobs)
-        return karst_fail(error, KARST_USAGE, "--resume: of which job? Name its manifest with --manifest");
+    o->goes_on = o->resume && !o->manifest_file && !o->num_jobs && !o->path && command_is_exr(o->output);
+    if (o->resume && !o->manifest_file && !o->num_jobs && !o->goes_on)
+        return karst_fail(error, KARST_USAGE,
+                          "--resume: of which job? Name its manifest with --manifest, or an .exr with -o, to "
+                          "go on with its samples");
     if (o->num_jobs && (o->part_text || o->stats))
         return karst_fail(error, KARST_USAGE, "--jobs prints commands: --%s is for one of them",
                           o->part_text ? "part" : "stats");
@@ -229,6 +255,15 @@ static bool check_part(render_options *o, karst_error *error)
         return command_parse_window(o->window_text, o->size_px, o->window_px, error);
     return o->path || !o->part.num ||
            (command_part_tile(o->part, o->size_px, o->window_px, error) && check_tile(o, error));
+}
+
+/* An .exr of full light can be gone on from, unless somebody chose what it holds; and one that is gone on with. */
+static void choose_sums(render_options *o)
+{
+    const bool is_exr = !o->path && command_is_exr(o->output);
+    if (o->goes_on || (is_exr && !o->aov && o->look.parsed_light == KARST_INTEGRATOR_FULL))
+        o->aovs = (o->aovs ? o->aovs : 1u << KARST_AOV_RADIANCE | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL) |
+                  1u << KARST_AOV_SUMS;
 }
 
 /* All that can be wrong and is found without opening a device. */
@@ -256,9 +291,11 @@ static bool check_options(render_options *o, karst_display_kind *display, comman
         return false;
     if (o->aov && (o->path || !command_is_exr(o->output)))
         return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
-    return (!o->aov || command_parse_aovs(o->aov, &o->aovs, error)) &&
-           karst_display_kind_parse(o->display, display, error) &&
-           command_find_scene(o->world, &scene, talk, error) && check_flight(o, error) &&
+    if (o->aov && !command_parse_aovs(o->aov, &o->aovs, error))
+        return false;
+    choose_sums(o);
+    return karst_display_kind_parse(o->display, display, error) && command_find_scene(o->world, &scene, talk, error) &&
+           check_flight(o, error) &&
            (o->path ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
@@ -275,18 +312,19 @@ static bool note_frame(void *user, const karst_stats *stats)
 }
 
 /* Settles, reads the picture, writes it. */
-static bool render(karst_engine *engine, const render_options *o, command_talk *talk, command_record *record,
-                   karst_error *error)
+static bool render_whole(karst_engine *engine, const render_options *o, command_talk *talk, command_record *record,
+                         karst_error *error)
 {
     karst_error frame_error = {0};
     run_state state = {talk, record, &frame_error, command_clock_ns(), o->look.samples};
+    if (o->begun && !command_begun_give(o->begun, engine, o->size_px, error))
+        return false;
     bool ran = karst_engine_settle(engine, (uint32_t)o->max_frames, note_frame, &state, &record->settled, error);
     record->elapsed_ns = command_clock_ns() - state.start_ns;
     command_end_progress(talk);
     if (command_interrupted())
         return command_fail_interrupted(error, "interrupted after %zu frames; nothing was written", record->num_frames);
-    const int width_px = o->window_px[2], height_px = o->window_px[3];
-    const char *output = o->part_output ? o->part_output : o->output;
+    const int width_px = o->size_px[0], height_px = o->size_px[1];
     if (!ran)
         return false;
     karst_stats stats;
@@ -294,18 +332,56 @@ static bool render(karst_engine *engine, const render_options *o, command_talk *
     if (frame_error.status != KARST_OK)
         return karst_fail(error, frame_error.status, "%s", frame_error.message);
 
+    const command_exr exr = {o->aovs, record->settled ? o->note : NULL};
     size_t size_bytes = (size_t)width_px * (size_t)height_px * 4;
     uint8_t *rgba = malloc(size_bytes);
     if (!rgba)
         return karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
     bool written = command_record_picture(record, &stats, record->num_frames, record->settled, error) &&
                    karst_engine_read_pixels(engine, rgba, size_bytes, error) &&
-                   command_write_picture(output, engine, rgba, width_px, height_px, o->aovs, error) &&
-                   (!o->manifest || !record->settled ||
-                    (command_manifest_add(o->manifest, o->part.num ? o->part.number - 1 : 0, output, error) &&
-                     command_manifest_write(o->manifest, error)));
+                   command_write_picture(o->output, engine, rgba, width_px, height_px, &exr, error);
     free(rgba);
     return written;
+}
+
+/* One picture, or a tile of it. */
+static bool render(karst_engine *engine, const render_options *o, command_talk *talk, command_record *record,
+                   karst_error *error)
+{
+    const char *output = o->part_output ? o->part_output : o->output;
+    const command_bands bands = {.size_px = o->size_px,
+                                 .window_px = o->window_px,
+                                 .output = output,
+                                 .exr = {o->aovs, o->note},
+                                 .has_exposure = is_exposure_fixed(o),
+                                 .num_samples = o->look.samples,
+                                 .max_frames = (uint32_t)o->max_frames,
+                                 .rows = (int)o->rows,
+                                 .begun = o->begun};
+    return (command_bands_suit(o->size_px, o->window_px, bands.rows)
+                ? command_bands_run(engine, &bands, talk, record, error)
+                : render_whole(engine, o, talk, record, error)) &&
+           (!o->manifest || !record->settled ||
+            (command_manifest_add(o->manifest, o->part.num ? o->part.number - 1 : 0, output, error) &&
+             command_manifest_write(o->manifest, error)));
+}
+
+/* What the picture's light depends on, where it is to be kept; and the samples that are there. */
+static bool begin_samples(render_options *o, const karst_engine_config *config, const char *camera, command_talk *talk,
+                          bool *is_done, karst_error *error)
+{
+    const char *output = o->part_output ? o->part_output : o->output;
+    if (!(o->aovs >> KARST_AOV_SUMS & 1) || o->path)
+        return true;
+    o->note = command_describe_picture(config, camera, o->size_px, o->window_px, error);
+    if (!o->note || (o->goes_on && !command_begun_open(output, o->note, &o->begun, is_done, error)))
+        return false;
+    if (*is_done)
+        command_say(talk, "%s: has its %llu samples: nothing is left to draw", output,
+                    (unsigned long long)o->look.samples);
+    else if (o->begun)
+        command_say(talk, "%s: goes on after %u samples", output, command_begun_samples(o->begun));
+    return true;
 }
 
 static bool write_stats(const char *path, command_record *record, karst_error *error)
@@ -344,10 +420,14 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
         .world = o->world_file, .device = o->device, .display = display, .helper = helper, .log = log};
     config.parameters = o->parameters.values;
     config.num_parameters = o->parameters.num_values;
-    config.width_px = o->window_px[2];
-    config.height_px = o->window_px[3];
+    int drawn_px[4];
+    memcpy(drawn_px, o->window_px, sizeof drawn_px);
+    if (!o->path && command_bands_suit(o->size_px, o->window_px, (int)o->rows))
+        command_bands_first(o->size_px, o->window_px, (int)o->rows, drawn_px);
+    config.width_px = drawn_px[2];
+    config.height_px = drawn_px[3];
     if (config.width_px != o->size_px[0] || config.height_px != o->size_px[1])
-        config.window = (karst_engine_window){o->size_px[0], o->size_px[1], o->window_px[0], o->window_px[1]};
+        config.window = (karst_engine_window){o->size_px[0], o->size_px[1], drawn_px[0], drawn_px[1]};
     /* 0 bytes would mean the default: with 1 the library says how much is needed. */
     config.pool_bytes = o->pool_mib > 0 ? (uint64_t)(o->pool_mib * 1048576) : 1;
     config.detail_px = o->detail_px;
@@ -501,6 +581,8 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
+    if (!begin_samples(&o, &config, record.camera, talk, &done, error) || done)
+        goto out;
     if (!(o.path ? command_flight_run(engine, &o.flight, o.window_px[2], o.window_px[3], talk, &record, error)
                  : render(engine, &o, talk, &record, error)) ||
         (o.stats && !write_stats(o.stats, &record, error)))
@@ -526,6 +608,8 @@ out:
     karst_helper_destroy(helper);
     command_record_free(&record);
     command_manifest_close(o.manifest);
+    command_begun_close(o.begun);
+    free(o.note);
     free(o.part_output);
     return done;
 }

@@ -71,6 +71,7 @@ bool view_capture_pictures(viewer *v, karst_error *error)
     uint8_t *rgba = read_picture(v, error);
     if (!rgba)
         return false;
+    const command_exr plain = {0};
     for (int exr = 0; exr < 2; exr++) {
         bool *want = exr ? &c->want_exr : &c->want_png;
         karst_error reason = {0};
@@ -79,7 +80,7 @@ bool view_capture_pictures(viewer *v, karst_error *error)
             continue;
         *want = false;
         if (number_file(v, exr ? "exr" : "png", path, &reason) &&
-            command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, 0, &reason)) {
+            command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, &plain, &reason)) {
             c->num_pictures++;
             snprintf(c->last_file, sizeof c->last_file, "%s", path);
             view_toast(v, "picture: %s%s", path, v->settled ? "" : " (not settled yet)");

@@ -516,7 +516,7 @@ K_INLINE void run_instruction(block *b, uint n, const karst_instruction *in)
 /* A choice that is decided. */
 K_INLINE void run_side(block *b, uint n, const karst_instruction *in, uint side)
 {
-    const int *from = find(b, n, in->arg[side - 1u], 0);
+    const int *from = find(b, n, side == 5u ? in->word : in->arg[side - 1u], 0);
     int *to = slot_of(b, in->slot, 0);
     FOR_EACH to[i] = from[i];
 }

@@ -209,8 +209,7 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
     }
     range[0] = -(double)INFINITY;
     range[1] = (double)INFINITY;
-    double widest_m = fmax(fabs(half_m[0]), fmax(fabs(half_m[1]), fabs(half_m[2])));
-    if (!known || karst_sampler_is_edited(sampler, centre, widest_m) || tape_bounds(&program, &box, NULL))
+    if (!known || tape_bounds(&program, &box, NULL))
         return false;
     op_bound density = tape_load_bound(&program, tape->output[0]);
     if (!isfinite(density.v.lo) || !isfinite(density.v.hi))
@@ -220,5 +219,11 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
     const karst_program_graph *program_graph = world->file->program;
     if (program_graph->world.text)
         bound_text(program_graph, range);
+    const double half_voxels[3] = {(double)box.radius[0], (double)box.radius[1], (double)box.radius[2]};
+    if (sampler->edits.data && !karst_edit_list_range(&sampler->edits, centre, half_voxels, box.level, range)) {
+        range[0] = -(double)INFINITY;
+        range[1] = (double)INFINITY;
+        return false;
+    }
     return true;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "producers/language/check.h"
+#include "producers/density/bounds_cost.h"
 #include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
 
@@ -131,7 +132,10 @@ const karst_world_metadata *karst_world_get_metadata(const karst_world *world) {
 bool karst_world_check(const karst_world *world, void (*print)(void *user, const char *line), void *user,
                        karst_error *error)
 {
-    return karst_language_check(world->file->program, print, user, error);
+    if (!karst_language_check(world->file->program, print, user, error))
+        return false;
+    karst_bounds_cost_say(&world->file->tape, print, user);
+    return true;
 }
 
 bool karst_world_try_code(const karst_world *world, const char *device, karst_error *error)

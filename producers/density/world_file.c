@@ -57,6 +57,15 @@ static karst_resolved_world world_of_air(const karst_resolved_world *world)
     return of;
 }
 
+/* What `index` says is also the index at the surface. Where the text has no surface, shading still wants a colour,
+ * which nobody looks at. */
+static void take_index(karst_resolved_world *of, karst_expr index)
+{
+    of->root[KARST_ROOT_INDEX] = of->root[KARST_ROOT_IOR] = index;
+    for (int c = 0; c < 3 && !karst_has_output(of->root, KARST_OUTPUT_COLOUR); c++)
+        of->root[KARST_ROOT_COLOUR + 2 - c] = index;
+}
+
 /* The same resolved graph with a content's values in the land's place. */
 static karst_resolved_world world_of_content(const karst_resolved_world *world, karst_content content)
 {
@@ -67,6 +76,8 @@ static karst_resolved_world world_of_content(const karst_resolved_world *world, 
                    surface = roots_of(content_entries[content].surface, &num);
     karst_resolved_world of = {.graph = world->graph, .root[KARST_ROOT_DENSITY] = world->root[density]};
     memcpy(of.root + KARST_ROOT_COLOUR, world->root + surface, num * sizeof *of.root);
+    if (content == KARST_CONTENT_CLEAR && karst_has_output(world->root, KARST_OUTPUT_INDEX))
+        take_index(&of, world->root[KARST_ROOT_INDEX]);
     return of;
 }
 

@@ -45,6 +45,11 @@ double karst_edit_list_precise(const karst_edit_list *list, const karst_position
                                double colour[4]);
 /* Whether any edit in force changes the density at a position, or might. */
 bool karst_edit_list_touches(const karst_edit_list *list, const karst_position *at, double half_voxels);
+/* What edits make of a range that holds the world's density in the closed box so many voxels around a position, at
+ * every level from -1 to this one: the range of the edited density there, as devices have it. false: too many edits
+ * meet the box, or it is too large, and nothing is known. */
+bool karst_edit_list_range(const karst_edit_list *list, const karst_position *centre, const double half_voxels[3],
+                           int level, double range[2]);
 /* The index finds every edit, and its nodes hold theirs. Errors: KARST_FAILED, with what is wrong. */
 bool karst_edit_list_check(const karst_edit_list *list, karst_error *error);
 

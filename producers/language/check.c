@@ -86,7 +86,7 @@ static void say_head(const report *r)
     say(r, "%s: %s%s%s", p->name, p->header.name[0] ? p->header.name : "a world", p->header.author[0] ? ", by " : "",
         p->header.author);
     say(r, "  voxel %.12g m, seed %u, %u operations (%u as written), longest loop %u rounds",
-        ldexp(1, p->header.voxel_log2_m), p->header.seed, r->graph->num_nodes - 1, p->graph.num_nodes - 1,
+        ldexp(1, p->header.voxel_log2_m), p->header.seed, r->graph->num_nodes - 1, p->num_written - 1,
         p->max_iterations);
 }
 

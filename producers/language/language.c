@@ -158,6 +158,8 @@ static void resolve(compilation *c)
     settings.parameter_min = low;
     settings.parameter_max = high;
     const karst_expr density = p->root[KARST_ROOT_DENSITY];
+    if (!p->num_written)
+        p->num_written = p->graph.num_nodes;
     if (p->is_deepened && !p->deep)
         p->deep = karst_deepen(&p->graph, &settings, density);
     bool differs = p->is_deepened && p->deep != density;

@@ -37,6 +37,7 @@ typedef struct {
     karst_resolved_world world;        /* the same roots in it */
     bool is_deepened;     /* its density is `deep`, and world.text the text's density if that is another one */
     karst_expr deep;      /* in `graph`; KARST_NO_EXPR: not asked for yet */
+    uint32_t num_written; /* nodes of `graph` before that */
     double text_range[2]; /* of world.text, over all space */
     uint32_t num_parameters;
     karst_world_parameter *parameters;

@@ -31,7 +31,7 @@ struct karst_clear_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel kernels[NUM_KERNELS];
-    bool atmosphere;
+    bool atmosphere, bends;
     cl_mem data;
     karst_shade_anchor anchor;
     karst_skies *skies;
@@ -49,7 +49,7 @@ struct karst_clear {
 
 /* ---- shaders ---- */
 
-karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere,
+karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere, bool bends,
                                               const karst_shade_colour *surface, karst_error *error)
 {
     karst_clear_shader *shader = calloc(1, sizeof *shader);
@@ -58,11 +58,12 @@ karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmos
         return NULL;
     }
     char options[512];
-    snprintf(options, sizeof options, "%s%s%s", atmosphere ? "-DSHADE_ATMOSPHERE" : "",
+    snprintf(options, sizeof options, "%s%s%s%s", atmosphere ? "-DSHADE_ATMOSPHERE" : "", bends ? " -DCLEAR_BENDS" : "",
              surface ? " -DSHADE_WORLD_COLOUR " : "", surface ? surface->options : "");
     const karst_virtual_file world = {"world.clh", surface ? surface->source : ""};
     shader->context = context;
     shader->atmosphere = atmosphere;
+    shader->bends = bends;
     shader->data = surface && surface->data ? surface->data->mem : NULL;
     bool done = !atmosphere || (shader->black = karst_buffer_create(context, "sky", KARST_SKY_FLOATS * sizeof(float),
                                                                     NULL, error));
@@ -332,6 +333,19 @@ static bool scan(karst_clear *clear, const karst_clear_picture *picture, karst_b
            karst_launch(clear->context, kernel, KARST_STAGE_SHADE, 1, 1, error);
 }
 
+/* What kernels take in the end with a bender alone. */
+typedef struct {
+    cl_mem now, next;
+    uint32_t most;
+} met_arguments;
+
+static met_arguments met_of(const karst_clear_picture *picture)
+{
+    const karst_bender *bender = picture->bender;
+    return (met_arguments){bender ? karst_bender_met(bender)->mem : NULL,
+                           bender ? karst_bender_next_met(bender)->mem : NULL, picture->bounces};
+}
+
 /* The rays of a branch, into the stream at hand. */
 static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture, const karst_clear_task *task,
                          karst_error *error)
@@ -339,6 +353,13 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
     const cl_kernel *kernels = picture->clear_shader->kernels;
     const karst_bounce_stream stream = stream_of(clear, picture);
     const uint32_t blocks = stream.room / BLOCK_RAYS;
+    const met_arguments met = met_of(picture);
+    const karst_argument first[] = {
+        KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole), KARST_BUFFER_ARG(picture->hits),
+        KARST_BUFFER_ARG(clear->first_hits), KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(picture->parts),
+        KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(stream.rays),
+        KARST_BUFFER_ARG(clear->ways), KARST_VALUE_ARG(met.now)};
+    const size_t num_first = sizeof first / sizeof *first - (picture->bender ? 0 : 1);
     return (!picture->clear || find_matter_of_picture(clear, picture, error)) &&
            KARST_ARGUMENTS(kernels[COUNT_FIRST], error, KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole),
                            KARST_BUFFER_ARG(picture->parts), KARST_BUFFER_ARG(picture->hits),
@@ -346,11 +367,7 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
                            KARST_VALUE_ARG(blocks)) &&
            karst_launch(clear->context, kernels[COUNT_FIRST], KARST_STAGE_SHADE, blocks, local_size(clear), error) &&
            scan(clear, picture, stream.total, blocks, error) &&
-           KARST_ARGUMENTS(kernels[FIRST], error, KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole),
-                           KARST_BUFFER_ARG(picture->hits), KARST_BUFFER_ARG(clear->first_hits),
-                           KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(picture->parts),
-                           KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(stream.rays),
-                           KARST_BUFFER_ARG(clear->ways)) &&
+           karst_arguments(kernels[FIRST], first, num_first, error) &&
            karst_launch(clear->context, kernels[FIRST], KARST_STAGE_SHADE, blocks, local_size(clear), error);
 }
 
@@ -363,10 +380,20 @@ static bool turn(karst_clear *clear, const karst_clear_picture *picture, const k
            karst_launch(clear->context, kernel, KARST_STAGE_SHADE, stream->room, GPU_LOCAL_SIZE, error);
 }
 
-/* Into both kinds of matter. */
-static bool cast(karst_clear *clear, const karst_clear_picture *picture, const karst_bounce_stream *stream,
-                 karst_error *error)
+/* A stream to be cast, for those who cast it more than once. */
+typedef struct {
+    karst_clear *clear;
+    const karst_clear_picture *picture;
+    const karst_bounce_stream *stream;
+} cast_task;
+
+/* Into both kinds of matter, straight. */
+static bool cast_straight(void *user, karst_error *error)
 {
+    const cast_task *task = user;
+    karst_clear *clear = task->clear;
+    const karst_clear_picture *picture = task->picture;
+    const karst_bounce_stream *stream = task->stream;
     karst_profile_set_stream(clear->context, KARST_STREAM_CLEAR);
     const bool done = karst_bounce_cast(clear->bounce, picture->land, picture->view, false, error) &&
                       (!picture->clear ||
@@ -378,6 +405,26 @@ static bool cast(karst_clear *clear, const karst_clear_picture *picture, const k
     return done;
 }
 
+static bool cast(karst_clear *clear, const karst_clear_picture *picture, const karst_clear_task *task,
+                 const karst_bounce_stream *stream, karst_error *error)
+{
+    cast_task with = {clear, picture, stream};
+    const karst_bend_stream bent = {.view = picture->view,
+                                    .stream = stream,
+                                    .ways = clear->ways,
+                                    .over_hits = clear->over_hits,
+                                    .counters = picture->counters,
+                                    .anchor = &picture->clear_shader->anchor,
+                                    .sample = task->sample,
+                                    .branch = task->branch,
+                                    .most_met = picture->bounces,
+                                    .x0_px = task->x0_px,
+                                    .y0_px = task->y0_px,
+                                    .cast = cast_straight,
+                                    .user = &with};
+    return picture->bender ? karst_bend_cast(picture->bender, &bent, error) : cast_straight(&with, error);
+}
+
 /* The next stream, of the rays that go on; the one at hand keeps those that do not. */
 static bool go_on(karst_clear *clear, const karst_clear_picture *picture, const karst_clear_task *task,
                   const karst_bounce_stream *stream, karst_error *error)
@@ -385,20 +432,25 @@ static bool go_on(karst_clear *clear, const karst_clear_picture *picture, const 
     const cl_kernel *kernels = picture->clear_shader->kernels;
     const uint32_t blocks = stream->room / BLOCK_RAYS;
     const cl_mem shadows = stream->shadow_rays ? stream->shadow_rays->mem : NULL;
+    const met_arguments met = met_of(picture);
+    const karst_argument count[] = {
+        KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(clear->ways),
+        KARST_BUFFER_ARG(stream->total), KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
+        KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_VALUE_ARG(met.now), KARST_VALUE_ARG(met.most)};
+    const karst_argument next[] = {
+        KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(clear->ways),
+        KARST_BUFFER_ARG(stream->total), KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
+        KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks),
+        KARST_BUFFER_ARG(clear->next_rays), KARST_BUFFER_ARG(clear->next_ways), KARST_VALUE_ARG(shadows),
+        KARST_VALUE_ARG(stream->room), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(met.now),
+        KARST_VALUE_ARG(met.most), KARST_VALUE_ARG(met.next)};
+    const size_t num_count = sizeof count / sizeof *count - (picture->bender ? 0 : 2),
+                 num_next = sizeof next / sizeof *next - (picture->bender ? 0 : 3);
     return (!picture->clear || find_matter_of_stream(clear, picture, stream, error)) &&
-           KARST_ARGUMENTS(kernels[COUNT_NEXT], error, KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays),
-                           KARST_BUFFER_ARG(clear->ways), KARST_BUFFER_ARG(stream->total),
-                           KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
-                           KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks)) &&
+           karst_arguments(kernels[COUNT_NEXT], count, num_count, error) &&
            karst_launch(clear->context, kernels[COUNT_NEXT], KARST_STAGE_SHADE, blocks, local_size(clear), error) &&
            scan(clear, picture, clear->total, blocks, error) &&
-           KARST_ARGUMENTS(kernels[NEXT], error, KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays),
-                           KARST_BUFFER_ARG(clear->ways), KARST_BUFFER_ARG(stream->total),
-                           KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
-                           KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks),
-                           KARST_BUFFER_ARG(clear->next_rays), KARST_BUFFER_ARG(clear->next_ways),
-                           KARST_VALUE_ARG(shadows), KARST_VALUE_ARG(stream->room),
-                           KARST_BUFFER_ARG(picture->counters)) &&
+           karst_arguments(kernels[NEXT], next, num_next, error) &&
            karst_launch(clear->context, kernels[NEXT], KARST_STAGE_SHADE, blocks, local_size(clear), error);
 }
 
@@ -422,8 +474,10 @@ static bool shade(karst_clear *clear, const karst_clear_picture *picture, bool a
     return cast && (again || karst_bounce_add_sun(clear->bounce, pinhole, picture->parts, error));
 }
 
-static void exchange(karst_clear *clear)
+static void exchange(karst_clear *clear, const karst_clear_picture *picture)
 {
+    if (picture->bender)
+        karst_bender_exchange(picture->bender);
     karst_buffer *ways = clear->ways;
     clear->ways = clear->next_ways;
     clear->next_ways = ways;
@@ -433,7 +487,8 @@ static void exchange(karst_clear *clear)
 bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, bool again, karst_error *error)
 {
     karst_clear_task task = task_of(picture);
-    if (!check_room(clear, picture->pinhole, error))
+    if (!check_room(clear, picture->pinhole, error) ||
+        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture).room, error)))
         return false;
     task.adds_nothing = again;
     for (task.branch = 0; task.branch < (picture->clear ? 2u : 1u); task.branch++) {
@@ -443,10 +498,10 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
         for (task.bounce = 1; task.bounce <= bounces; task.bounce++) {
             const karst_bounce_stream stream = stream_of(clear, picture);
             task.is_last = task.bounce == bounces;
-            if (!cast(clear, picture, &stream, error) || !go_on(clear, picture, &task, &stream, error) ||
+            if (!cast(clear, picture, &task, &stream, error) || !go_on(clear, picture, &task, &stream, error) ||
                 !shade(clear, picture, again, error))
                 return false;
-            exchange(clear);
+            exchange(clear, picture);
         }
     }
     return true;

@@ -6,6 +6,7 @@
 #include "raycast/light/radiance_shared.h"
 #include "raycast/shadow_shared.h"
 #include "raycast/light/blocks.clh"
+#include "raycast/light/choice.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/through.clh"
 #include "world.clh"
@@ -15,6 +16,20 @@
 #endif
 
 #define USUAL_IOR 1.33f
+
+/* With CLEAR_BENDS rays inside clear matter are not straight (raycast/light/bend.h): each has its own number of
+ * surfaces met, jumps of the index among them, and the eye's own rays begin as a stream where that is inside. */
+#ifdef CLEAR_BENDS
+#define MET_PARAMETERS , K_GLOBAL const uint *met, uint most_met
+#define MET_OUTPUT , K_GLOBAL uint *next_met
+#define MET , met, most_met
+#define EYE_IS_IN(task) ((task)->is_inside)
+#else
+#define MET_PARAMETERS
+#define MET_OUTPUT
+#define MET
+#define EYE_IS_IN(task) 0
+#endif
 
 /* ---- surfaces of clear matter ---- */
 
@@ -294,7 +309,7 @@ __kernel K_WIDE void clear_cover(karst_clear_task task, karst_pinhole pinhole, k
     const vint order = packet_order(x, y, pinhole.width_px, pinhole.height_px);
     const surface_hits land = load_surface(hits, order, valid, &direction, 0.0f, 0.0f),
                        over = load_surface(over_hits, order, valid, &direction, 0.0f, 0.0f);
-    const vint covered = ends_in_clear(&task, &land, &over) & valid;
+    const vint covered = EYE_IS_IN(&task) ? valid : ends_in_clear(&task, &land, &over) & valid;
     if (!task.is_inside && !v_any(covered))
         return;
     colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
@@ -358,9 +373,9 @@ RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pin
     p.direction = pinhole_direction(pinhole, p.x, p.y);
     p.land = load_surface(hits, p.order, valid, &p.direction, 0.0f, 0.0f);
     p.over = load_surface(over_hits, p.order, valid, &p.direction, 0.0f, 0.0f);
-    p.clear = p.m & ends_in_clear(task, &p.land, &p.over);
+    p.clear = EYE_IS_IN(task) ? p.m : p.m & ends_in_clear(task, &p.land, &p.over);
     if (task->branch)
-        p.m = p.clear;
+        p.m = EYE_IS_IN(task) ? (vint)(0) : p.clear;
     return p;
 }
 
@@ -419,7 +434,7 @@ RAY_INLINE vector3 select_vector(vint m, const vector3 *a, const vector3 *b)
 __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
                                  K_GLOBAL const karst_hit *over_hits, K_GLOBAL const float *matter,
                                  K_GLOBAL const float *parts, K_GLOBAL const uint *begins, uint num_blocks,
-                                 K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways)
+                                 K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways MET_OUTPUT)
 {
     const uint block = (uint)get_global_id(0);
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
@@ -464,6 +479,16 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
         r.absorption.r = v_select(stays, r.absorption.r, zero), r.absorption.g = v_select(stays, r.absorption.g, zero);
         r.absorption.b = v_select(stays, r.absorption.b, zero);
         const vint outside = v_select(clear, (vint)((int)KARST_SIDE_FRONT), (vint)((int)KARST_SIDE_ANY));
+        if (EYE_IS_IN(&task)) {
+            r.direction = p.direction;
+            r.origin.x = r.origin.y = r.origin.z = r.width = zero;
+            r.t_max = (vfloat)(pinhole.t_max), r.cone = (vfloat)(pinhole.cone);
+            r.throughput.r = r.throughput.g = r.throughput.b = task.adds_nothing ? zero : p.share;
+        }
+#ifdef CLEAR_BENDS
+        for (uint l = 0; l < (uint)count_lanes(p.m); l++)
+            next_met[begin + l] = 1;
+#endif
         store_rays(rays + begin, ways + begin, &r, p.m, SIDES(clear, KARST_SIDE_ANY, KARST_SIDE_FRONT),
                    v_select(stays, (vint)((int)KARST_SIDE_BACK), outside));
         begin += (uint)count_lanes(p.m);
@@ -488,16 +513,25 @@ __kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *way
 typedef struct {
     surface_hits land, over;
     vint clear, on;
+#ifdef CLEAR_BENDS
+    vint met;
+#endif
 } stream_ends;
 
 RAY_INLINE stream_ends ends_of(const karst_clear_task *task, const clear_rays *r, K_GLOBAL const karst_hit *hits,
-                               K_GLOBAL const karst_hit *over_hits)
+                               K_GLOBAL const karst_hit *over_hits MET_PARAMETERS)
 {
     stream_ends e;
     e.land = load_surface(hits, r->index, r->valid, &r->direction, 0.0f, 0.0f);
     e.over = load_surface(over_hits, r->index, r->valid, &r->direction, 0.0f, 0.0f);
     e.clear = ends_in_clear(task, &e.land, &e.over) & r->valid;
+#ifdef CLEAR_BENDS
+    e.met = lane_min_int(v_gather_int((K_GLOBAL const int *)met, v_select(r->valid, r->index, (vint)(0))),
+                         (vint)((int)most_met));
+    e.on = e.clear & v_mask(v_lt(e.met, (vint)((int)most_met)));
+#else
     e.on = task->is_last ? (vint)(0) : e.clear;
+#endif
     if (task->is_sure)
         e.on &= v_mask(v_eq(e.over.kind, (vint)((int)KARST_HIT_SURFACE)));
     return e;
@@ -506,7 +540,7 @@ RAY_INLINE stream_ends ends_of(const karst_clear_task *task, const clear_rays *r
 __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const karst_ray *rays,
                                       K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *count,
                                       K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
-                                      K_GLOBAL uint *counts, uint num_blocks)
+                                      K_GLOBAL uint *counts, uint num_blocks MET_PARAMETERS)
 {
     const uint block = (uint)get_global_id(0), num_rays = *count;
     if (block >= num_blocks)
@@ -514,24 +548,9 @@ __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const kars
     uint num = 0;
     for (uint lowest = block * BLOCK_RAYS; lowest < (block + 1) * BLOCK_RAYS && lowest < num_rays; lowest += LANES) {
         const clear_rays r = load_rays(rays, ways, lowest, num_rays);
-        num += (uint)count_lanes(ends_of(&task, &r, hits, over_hits).on);
+        num += (uint)count_lanes(ends_of(&task, &r, hits, over_hits MET).on);
     }
     counts[block] = num;
-}
-
-/* Which of the lanes' rays go on reflected: for pictures of samples by a hash of pixel, sample, branch and bounce; else
- * by the bounce alone, evenly over bounces, so that none stays in matter for ever; first those of which more is. */
-#define CHOICE 0x68bc21ebu
-#define GOLDEN 0.618034f
-RAY_INLINE vint reflects(const karst_clear_task *task, vint pixel, vfloat reflected)
-{
-    const float turn = 0.5f + GOLDEN * (float)(task->bounce - 1);
-    vfloat u = (vfloat)(turn - (float)(int)turn);
-    if (task->sample)
-        u = jitter_of((pixel & 0xffff) + task->x0_px, (pixel >> 16) + task->y0_px, task->sample,
-                      CHOICE + (2u * task->bounce + task->branch) * 0x9e3779b9u)
-                .u;
-    return v_lt(u, reflected);
 }
 
 /* Rays that end in clear matter go on, packed, and add nothing where they ended; of others, what the matter that they
@@ -541,7 +560,7 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
                                 K_GLOBAL const karst_hit *over_hits, K_GLOBAL const float *matter,
                                 K_GLOBAL const uint *begins, uint num_blocks, K_GLOBAL karst_ray *next,
                                 K_GLOBAL karst_clear_way *next_ways, K_GLOBAL float *shadow_rays, uint room,
-                                K_GLOBAL uint *counters)
+                                K_GLOBAL uint *counters MET_PARAMETERS MET_OUTPUT)
 {
     const uint block = (uint)get_global_id(0), num_rays = *count;
     const vfloat one = (vfloat)(1.0f), zero = (vfloat)(0.0f);
@@ -552,7 +571,7 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
     uint begin = begins[block], num_cut = 0, num_provisional = 0;
     for (uint lowest = block * BLOCK_RAYS; lowest < (block + 1) * BLOCK_RAYS && lowest < num_rays; lowest += LANES) {
         const clear_rays r = load_rays(rays, ways, lowest, num_rays);
-        const stream_ends e = ends_of(&task, &r, hits, over_hits);
+        const stream_ends e = ends_of(&task, &r, hits, over_hits MET);
         const vfloat t = v_select(e.clear, e.over.t, e.land.t);
         clear_rays to = r;
         to.throughput.r *= v_select(r.is_inside, left_after(r.absorption.r, t), one);
@@ -575,14 +594,23 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         }
         num_provisional +=
             (uint)count_lanes(e.clear & v_mask(v_eq(e.over.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
+#ifdef CLEAR_BENDS
+        num_cut += (uint)count_lanes(e.clear & v_mask(v_ge(e.met, (vint)((int)most_met))));
+#else
         if (task.is_last)
             num_cut += (uint)count_lanes(e.clear);
+#endif
         if (!v_any(e.on))
             continue;
         const vector3 n = turned_to(r.is_inside, &e.over.normal);
         const vfloat ior = load_ordered(matter, r.index, r.valid);
         const dielectric d = dielectric_of(&r.direction, &n, v_select(r.is_inside, ior, one / ior));
-        const vint back = reflects(&task, r.pixel, d.reflected);
+#ifdef CLEAR_BENDS
+        const vfloat u = choice_of_lanes(task.sample, task.x0_px, task.y0_px, r.pixel, task.branch, e.met, e.on);
+#else
+        const vfloat u = choice_of(task.sample, task.x0_px, task.y0_px, r.pixel, task.branch, task.bounce);
+#endif
+        const vint back = v_lt(u, d.reflected);
         const vector3 reflected = dielectric_reflected(&d, &r.direction, &n),
                       refracted = dielectric_refracted(&d, &r.direction, &n);
         to.direction = select_vector(back, &reflected, &refracted);
@@ -601,6 +629,12 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         to.absorption.b = v_select(stays, v_select(r.is_inside, r.absorption.b, there.b), zero);
         store_rays(next + begin, next_ways + begin, &to, e.on, (vint)((int)KARST_SIDE_ANY),
                    SIDES(stays, KARST_SIDE_BACK, KARST_SIDE_FRONT));
+#ifdef CLEAR_BENDS
+        int mets[LANES];
+        pack_int(mets, e.met + 1, mask_bits(e.on));
+        for (uint l = 0; l < (uint)count_lanes(e.on); l++)
+            next_met[begin + l] = (uint)mets[l];
+#endif
         begin += (uint)count_lanes(e.on);
     }
     if (num_cut)

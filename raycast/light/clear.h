@@ -22,6 +22,7 @@
 #define KARST_RAYCAST_CLEAR_H
 
 #include "raycast/cast/refine.h"
+#include "raycast/light/bend.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear_shared.h"
 
@@ -30,8 +31,8 @@ typedef struct karst_clear_shader karst_clear_shader;
 
 /* What runs at the surfaces of a world's clear matter: `surface` is as for shaders, with WORLD_OUTPUT_IOR and
  * WORLD_OUTPUT_ABSORPTION (per metre) where its text says them; NULL: ior 1.33, no absorption. atmosphere: as
- * KARST_SHADE_ATMOSPHERE. Errors: KARST_FAILED. */
-karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere,
+ * KARST_SHADE_ATMOSPHERE. bends: the index varies inside; pictures then come with a bender. Errors: KARST_FAILED. */
+karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere, bool bends,
                                               const karst_shade_colour *surface, karst_error *error);
 void karst_clear_shader_destroy(karst_clear_shader *shader); /* NULL is fine */
 /* As of karst_shader. */
@@ -63,6 +64,7 @@ typedef struct {
     karst_shader *shader; /* the land's, with mirrors */
     karst_clear_shader *clear_shader;
     karst_refiner *refiner; /* of clear matter, for rays; NULL: its surfaces are as bricks have them */
+    karst_bender *bender;    /* with a shader that bends; else NULL */
     bool is_inside;          /* the eye is in clear matter */
     float absorption_per_m[3]; /* there */
     double voxel_m;

@@ -110,14 +110,31 @@ static bool launch_picture(karst_radiance *radiance, cl_kernel kernel, int width
     return karst_launch(radiance->context, kernel, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
 }
 
-static bool meter(karst_radiance *radiance, const karst_radiance_task *task, karst_error *error)
+/* Enters a picture's luminances in the counts. */
+static bool count_luminances(karst_radiance *radiance, const karst_radiance_task *task, karst_error *error)
 {
-    const cl_uint num_pixels = (cl_uint)task->width_px * (cl_uint)task->height_px;
     return KARST_ARGUMENTS(radiance->meter, error, TASK_ARGUMENTS(*task, radiance), KARST_BUFFER_ARG(radiance->bins)) &&
-           karst_launch(radiance->context, radiance->meter, KARST_STAGE_SHADE, METER_ITEMS, 1, error) &&
-           KARST_ARGUMENTS(radiance->expose, error, KARST_BUFFER_ARG(radiance->bins), KARST_VALUE_ARG(num_pixels),
+           karst_launch(radiance->context, radiance->meter, KARST_STAGE_SHADE, METER_ITEMS, 1, error);
+}
+
+bool karst_radiance_expose(karst_radiance *radiance, uint32_t num_pixels, karst_error *error)
+{
+    const cl_uint num = num_pixels;
+    return KARST_ARGUMENTS(radiance->expose, error, KARST_BUFFER_ARG(radiance->bins), KARST_VALUE_ARG(num),
                            KARST_BUFFER_ARG(radiance->exposure)) &&
            karst_launch(radiance->context, radiance->expose, KARST_STAGE_SHADE, 1, 1, error);
+}
+
+static bool meter(karst_radiance *radiance, const karst_radiance_task *task, karst_error *error)
+{
+    return count_luminances(radiance, task, error) &&
+           karst_radiance_expose(radiance, (uint32_t)task->width_px * (uint32_t)task->height_px, error);
+}
+
+bool karst_radiance_count(karst_radiance *radiance, int width_px, int height_px, karst_error *error)
+{
+    const karst_radiance_task task = make_task(radiance, width_px, height_px, 1, false);
+    return check_room(radiance, width_px, height_px, error) && count_luminances(radiance, &task, error);
 }
 
 bool karst_radiance_show(karst_radiance *radiance, int width_px, int height_px, uint32_t num_summed, bool has_current,
@@ -164,6 +181,27 @@ bool karst_radiance_read(karst_radiance *radiance, int width_px, int height_px, 
             for (size_t c = 0; c < KARST_RADIANCE_PLANES; c++)
                 *rgb++ = num_summed > 1 ? planes[c * num + place] * share : planes[c * num + place];
         }
+    free(planes);
+    return done;
+}
+
+bool karst_radiance_load(karst_radiance *radiance, int width_px, int height_px, const float *rgb, karst_error *error)
+{
+    const uint32_t width = (uint32_t)width_px, height = (uint32_t)height_px;
+    const size_t num = (size_t)width * height;
+    if (!check_room(radiance, width_px, height_px, error))
+        return false;
+    float *planes = malloc(KARST_RADIANCE_PLANES * num * sizeof(*planes));
+    if (!planes)
+        return karst_fail(error, KARST_FAILED, "out of memory for the radiance of %dx%d", width_px, height_px);
+    for (uint32_t y = 0; y < height; y++)
+        for (uint32_t x = 0; x < width; x++) {
+            const uint32_t place = karst_packet_order(x, y, width, height);
+            for (size_t c = 0; c < KARST_RADIANCE_PLANES; c++)
+                planes[c * num + place] = *rgb++;
+        }
+    const bool done =
+        karst_buffer_write(radiance->sums, 0, planes, KARST_RADIANCE_PLANES * num * sizeof(*planes), error);
     free(planes);
     return done;
 }

@@ -36,6 +36,13 @@ bool karst_radiance_add(karst_radiance *radiance, int width_px, int height_px, u
  * Errors: KARST_FAILED. */
 bool karst_radiance_read(karst_radiance *radiance, int width_px, int height_px, uint32_t num_summed, float *rgb,
                          karst_error *error);
+/* Sums from the host, laid out as karst_radiance_read gives them: what was summed is lost. Waits. Errors: KARST_FAILED.
+ */
+bool karst_radiance_load(karst_radiance *radiance, int width_px, int height_px, const float *rgb, karst_error *error);
+/* Metering by parts: enters the luminances of sums that are one sample in the counts; and, from the counts of so many
+ * pixels, the exposure, which leaves them zero. Nothing may be shown between. Asynchronous. Errors: KARST_FAILED. */
+bool karst_radiance_count(karst_radiance *radiance, int width_px, int height_px, karst_error *error);
+bool karst_radiance_expose(karst_radiance *radiance, uint32_t num_pixels, karst_error *error);
 /* The exposure that was metered last. Waits. Errors: KARST_FAILED. */
 bool karst_radiance_read_exposure(karst_radiance *radiance, float *exposure, karst_error *error);
 

@@ -140,7 +140,7 @@ run render plain.karst $quick -o a.webm
 result "a video without a path"
 
 # ---- pictures that are too large ----
-run render plain.karst --pool 64 --display none --size 16384x16384 -o large.png
+run render plain.karst --path turn.json --frames 1 --pool 64 --display none --size 16384x16384 -o large.png
 size=$(sed -n 's/.* --size \([0-9]*x[0-9]*\).*/\1/p' stderr)
 [ $status -eq 1 ] && grep -q '16384x16384 takes [0-9.]* GiB' stderr && [ -n "$size" ] && ! grep -q 'smaller --pool' stderr
 result "a picture that finds no room: what it takes, and a size that fits"

@@ -47,7 +47,7 @@ run help help
 result "help help is help"
 run help render
 [ $status -eq 0 ] && cp stdout help && for option in output size camera device display pool detail seed budget-bricks \
-    budget path frames fps start end jobs part window manifest resume live view-distance no-shadows brick-bits frames-max quiet stats help; do
+    budget path frames fps start end jobs part rows window manifest resume live view-distance no-shadows brick-bits frames-max quiet stats help; do
     grep -q -e "--$option" help || status="no --$option"
 done
 [ "$status" = 0 ] && grep -q hills help && grep -q asteroid help

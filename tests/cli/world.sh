@@ -59,7 +59,7 @@ prints "check --help: options, worlds, examples" "--param" "alps" "karst check m
 run check plain.karst
 prints "check: what there is to say" "^plain.karst:1:.*warning: .*colour_of_the_sky" "Plain, by N. N." "voxel 0.5 m" \
     "parameter height = 8 m" "rounds = 2, decides the program" "noise, 1 octave, separable" "Lipschitz" "bounded: " \
-    "estimated cost"
+    "estimated cost: .* a voxel" "estimated cost of bounds: .* a node"
 [ ! -s stderr ]
 result "check: it says so on stdout"
 run check plain.karst --param height=3 --param rounds=40

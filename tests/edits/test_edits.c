@@ -23,6 +23,12 @@ static int mutant = NONE;
 #include "producers/steps/load_shared.h"
 #include "tests/noise/random.h"
 
+/* With the rules that can be broken. */
+#define karst_edit_list_range edit_range_by_rules
+bool karst_edit_list_range(const karst_edit_list *list, const karst_position *centre, const double half_voxels[3],
+                           int level, double range[2]);
+#include "producers/edits/edit_range.c"
+
 #define VOXEL_LOG2_M (-3)
 #define VOXEL_M 0.125
 
@@ -139,6 +145,68 @@ static void proofs_hold(void **state)
         random_state = 1;
         int num_wrong = count_wrong_proofs(4000, &num_proofs);
         print_message("# rule %d left out: %d wrong proofs\n", mutant, num_wrong);
+        assert_true(num_wrong > 0);
+    }
+    mutant = NONE;
+}
+
+/* Counts places whose density is not in the range that holds for their box, at some footprint up to the level's.
+ * *share: of the boxes that edits may change, how many have one sign. */
+static int count_wrong_ranges(int num_lists, double *share)
+{
+    int num_wrong = 0, num_changed = 0, num_decided = 0;
+    for (int i = 0; i < num_lists; i++) {
+        const int64_t around[3] = {far_out(), far_out(), far_out()};
+        const int level = (int)random_between(-1, 5);
+        const double spread = random_magnitude(1, 200);
+        karst_edit_list list = random_list((int)random_between(1, 6), around, spread);
+        for (int n = 0; n < 4; n++) {
+            karst_position centre;
+            double half_voxels[3], range[2];
+            const double lowest = (random_unit() - 0.5) * 20;
+            const double world[2] = {(double)(float)lowest, (double)(float)(lowest + random_magnitude(1e-3, 5))};
+            for (int a = 0; a < 3; a++) {
+                centre.voxel[a] = around[a] + (int64_t)((random_unit() - 0.5) * spread);
+                centre.fraction[a] = (uint32_t)random_bits();
+                half_voxels[a] = random_magnitude(0.1, 60);
+            }
+            memcpy(range, world, sizeof range);
+            assert_true(karst_edit_list_range(&list, &centre, half_voxels, level, range));
+            if (range[0] != world[0] || range[1] != world[1]) {
+                num_changed++;
+                num_decided += range[0] > 0 || range[1] <= 0;
+            }
+            for (int place = 0; place < 24; place++) {
+                double offset_m[3];
+                for (int a = 0; a < 3; a++)
+                    offset_m[a] = VOXEL_M * half_voxels[a] * (random_below(4) ? 2 * random_unit() - 1 : 1);
+                const karst_position at = karst_position_add_m(centre, offset_m, VOXEL_LOG2_M);
+                const double d = world[0] + (world[1] - world[0]) * (random_below(3) ? random_unit() : random_below(2));
+                const float edited = karst_edit_list_density(&list, &at, (int)random_between(-1, level), (float)d);
+                num_wrong += !((double)edited >= range[0] && (double)edited <= range[1]);
+            }
+        }
+        karst_edit_list_finish(&list);
+    }
+    *share = (double)num_decided / num_changed;
+    return num_wrong;
+}
+
+static void ranges_hold(void **state)
+{
+    (void)state;
+    double share;
+    mutant = NONE;
+    random_state = 3;
+    assert_int_equal(count_wrong_ranges(getenv("KARST_TEST_FULL") ? 100000 : 10000, &share), 0);
+    print_message("# of boxes that edits change %.2f have one sign\n", share);
+    assert_true(share > 0.3);
+    static const int rules[] = {OUTSIDE, REACH, ROUGH};
+    for (size_t i = 0; i < sizeof rules / sizeof *rules; i++) {
+        mutant = rules[i];
+        random_state = 3;
+        const int num_wrong = count_wrong_ranges(2000, &share);
+        print_message("# rule %d of ranges left out: %d wrong\n", mutant, num_wrong);
         assert_true(num_wrong > 0);
     }
     mutant = NONE;
@@ -439,6 +507,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(proofs_hold),
+        cmocka_unit_test(ranges_hold),
         cmocka_unit_test(values_are_those_of_the_second_implementation),
         cmocka_unit_test(the_index_finds_all),
         cmocka_unit_test(bits_are_the_same_everywhere),

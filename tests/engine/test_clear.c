@@ -27,13 +27,13 @@ enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
 #define HEAD                                                                                                     \
     "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"                 \
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                              \
+    "\"params\": { \"body\": { \"value\": 3, \"min\": 0, \"max\": 3 },\n"                                         \
+    "\"absorption\": { \"value\": 0, \"min\": 0, \"max\": 1 } },\n"                                               \
     "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 30 } }*/\n"
 #define WALL                                                                                \
     "float density(vec3 p) { return p.z - 8.0; }\n"                                         \
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0);\n"                \
     "    m.emission = 1000.0 * vec3(p.x + 30.0, p.y + 30.0, 30.0); return m; }\n"
-#define GLASS                                                                              \
-    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n"
 #define WALL_Z 8.0L
 #define EYE_Z (-4.0L)
 
@@ -236,32 +236,35 @@ static int measure(body b, const picture *p, int within, long double *worst, lon
     return num;
 }
 
-static const char slab[] = HEAD WALL GLASS
-    "float clear(vec3 p) { return 0.25 - abs(dot(p, vec3(0.5, 0.0, -0.8660254037844386))); }\n";
-static const char prism[] = HEAD WALL GLASS
-    "float clear(vec3 p) { return min(0.25 + p.z, 0.25 - dot(p, vec3(0.25881904510252074, 0.0, "
-    "0.9659258262890683))); }\n";
-static const char ball[] = HEAD WALL GLASS "float clear(vec3 p) { return 1.0 - length(p); }\n";
-static const char hollow[] = HEAD WALL GLASS "float clear(vec3 p) { return min(1.0 - length(p), length(p) - 0.5); }\n";
-static const char green[] = HEAD WALL
-    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; m.absorption = vec3(0.7); return m; }\n"
-    "float clear(vec3 p) { return 1.0 - length(p); }\n";
+/* All of them in one text, so that it is compiled once; by itself it is the hollow ball. */
+static const char bodies_text[] = HEAD WALL
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; m.absorption = vec3(absorption); return m; }\n"
+    "float clear(vec3 p) {\n"
+    "    float d = 0.25 - abs(dot(p, vec3(0.5, 0.0, -0.8660254037844386)));\n"
+    "    if (body > 0.5) d = min(0.25 + p.z, 0.25 - dot(p, vec3(0.25881904510252074, 0.0, 0.9659258262890683)));\n"
+    "    if (body > 1.5) d = 1.0 - length(p);\n"
+    "    if (body > 2.5) d = min(1.0 - length(p), length(p) - 0.5);\n"
+    "    return d;\n"
+    "}\n";
 
 static void rays_leave_bodies_where_they_should(void **state)
 {
     (void)state;
     static const struct {
-        const char *name, *text;
+        const char *name;
         body body;
         int within;
         long double most, absorption;
-    } bodies[] = {{"slab", slab, SLAB, 20, 2e-6L, 0},       {"prism", prism, PRISM, 20, 2e-6L, 0},
-                  {"ball", ball, BALL, 14, 2e-6L, 0},       {"hollow ball", hollow, HOLLOW, 6, 2e-6L, 0},
-                  {"green ball", green, BALL, 14, 1e-5L, 0.7L}};
+    } bodies[] = {{"slab", SLAB, 20, 2e-6L, 0},
+                  {"prism", PRISM, 20, 2e-6L, 0},
+                  {"ball", BALL, 14, 2e-6L, 0},
+                  {"hollow ball", HOLLOW, 6, 2e-6L, 0},
+                  {"green ball", BALL, 14, 1e-5L, 0.7L}};
     for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
         long double worst, median;
-        const karst_engine_config config = {.bounces = 8};
-        take(bodies[i].text, &config, &one);
+        const karst_parameter parameters[] = {{"body", bodies[i].body}, {"absorption", (double)bodies[i].absorption}};
+        const karst_engine_config config = {.bounces = 8, .parameters = parameters, .num_parameters = 2};
+        take(bodies_text, &config, &one);
         const int num = measure(bodies[i].body, &one, bodies[i].within, &worst, &median, bodies[i].absorption);
         print_message("%s: %d rays, off by %.2Lg rad at most, %.2Lg in the middle\n", bodies[i].name, num, worst,
                       median);
@@ -274,30 +277,37 @@ static void rays_leave_bodies_where_they_should(void **state)
 #define UNIFORM                                                                                  \
     "/*{ \"voxel\": 0.015625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"   \
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"              \
+    "\"params\": { \"body\": { \"value\": 0, \"min\": 0, \"max\": 4 } },\n"                              \
     "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 40 } }*/\n"                    \
     "float density(vec3 p) { return length(p) - 20.0; }\n"                                       \
-    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(0.5); return m; }\n" GLASS
-static const char *const furnaces[] = {
-    UNIFORM "float clear(vec3 p) { return 1.0 - length(p); }\n",
-    UNIFORM "float clear(vec3 p) { return min(1.0 - length(p), length(p) - 0.5); }\n",
-    UNIFORM "float clear(vec3 p) { vec3 q = abs(vec3(0.8 * p.x + 0.6 * p.z, p.y, 0.8 * p.z - 0.6 * p.x)); "
-            "return 0.7 - max(q.x, max(q.y, q.z)); }\n",
-    UNIFORM "float clear(vec3 p) { return 0.35 - length(vec2(length(p.xy) - 0.9, p.z)); }\n",
-    UNIFORM "float clear(vec3 p) { return 6.0 - length(p); }\n", /* the eye is in it */
-};
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(0.5); return m; }\n" \
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n"
+static const char furnaces[] = UNIFORM
+    "float clear(vec3 p) {\n"
+    "    vec3 q = abs(vec3(0.8 * p.x + 0.6 * p.z, p.y, 0.8 * p.z - 0.6 * p.x));\n"
+    "    float d = 1.0 - length(p);\n"
+    "    if (body > 0.5) d = min(1.0 - length(p), length(p) - 0.5);\n"
+    "    if (body > 1.5) d = 0.7 - max(q.x, max(q.y, q.z));\n"
+    "    if (body > 2.5) d = 0.35 - length(vec2(length(p.xy) - 0.9, p.z));\n"
+    "    if (body > 3.5) d = 6.0 - length(p);\n" /* the eye is in it */
+    "    return d;\n"
+    "}\n";
+enum { NUM_FURNACES = 5 };
 
 /* Clear matter that absorbs nothing is invisible where all directions are as bright. */
 static void nothing_is_lost_or_added(void **state)
 {
     (void)state;
-    for (size_t i = 0; i < sizeof furnaces / sizeof *furnaces; i++)
+    for (int i = 0; i < NUM_FURNACES; i++)
         for (uint32_t samples = 1; samples <= (getenv("KARST_TEST_FULL") ? 4 : 1); samples += 3) {
-            const karst_engine_config config = {.samples = samples, .bounces = 64};
+            const karst_parameter parameter = {"body", i};
+            const karst_engine_config config = {
+                .samples = samples, .bounces = 64, .parameters = &parameter, .num_parameters = 1};
             int num_off = 0;
-            take(furnaces[i], &config, &one);
+            take(furnaces, &config, &one);
             for (int k = 0; k < 3 * NUM; k++)
                 num_off += fabsf(one.light[k] / 0.5f - 1) > 1.0f / 255;
-            print_message("furnace %zu, %u samples: %d values are off, %d rays, %d cut off\n", i, samples, num_off,
+            print_message("furnace %d, %u samples: %d values are off, %d rays, %d cut off\n", i, samples, num_off,
                           (int)one.stats.num_rays[KARST_STREAM_CLEAR], (int)one.stats.num_rays_cut);
             assert_true(one.stats.num_rays[KARST_STREAM_CLEAR] > 200);
             /* In a cube's corners, and along a ring, a ray may be reflected totally for longer than is followed. */
@@ -311,12 +321,12 @@ static void pictures_depend_on_the_view_alone(void **state)
     (void)state;
     for (uint32_t samples = 1; samples <= 3; samples += 2) {
         karst_engine_config config = {.samples = samples};
-        take(hollow, &config, &one);
+        take(bodies_text, &config, &one);
         config.lanes = 1;
-        take(hollow, &config, &other);
+        take(bodies_text, &config, &other);
         assert_memory_equal(one.light, other.light, sizeof one.light);
         config.lanes = 0;
-        karst_engine *engine = create(hollow, &config);
+        karst_engine *engine = create(bodies_text, &config);
         karst_camera camera = karst_engine_default_camera(engine), back = camera;
         back.yaw_deg = 25;
         assert_ok(karst_engine_set_camera(engine, &back, &error));
@@ -333,10 +343,10 @@ static void what_is_cut_off_is_counted(void **state)
 {
     (void)state;
     karst_engine_config config = {.bounces = 1};
-    take(hollow, &config, &one);
+    take(bodies_text, &config, &one);
     assert_true(one.stats.num_rays_cut > 300);
     config.bounces = 12;
-    take(hollow, &config, &other);
+    take(bodies_text, &config, &other);
     print_message("of 1 bounce %d rays are cut off, of 12 %d\n", (int)one.stats.num_rays_cut,
                   (int)other.stats.num_rays_cut);
     assert_true(other.stats.num_rays_cut < one.stats.num_rays_cut / 20);

@@ -123,7 +123,8 @@ static inline real real_op(const tape_program *tape, const karst_instruction *i,
     case TAPE_MOD:
         return mod_real(a, b);
     case TAPE_MIX:
-        return a + c * shaken(b - a, pass, 0x1p45L);
+        /* as devices have it: exactly one of both at either end, however much larger the other is */
+        return pass ? a + c * shaken(b - a, pass, 0x1p45L) : fmal(c, b, fmal(-c, a, a));
     case TAPE_SQRT:
         return a < 0 ? 0 : sqrtl(a);
     case TAPE_LENGTH:

@@ -44,7 +44,9 @@
                                             X(FLOAT_BITS) X(BITS_FLOAT) X(EQUAL) X(LESS_EQUAL) X(NOT) X(AND) X(OR)     \
                                                 X(WIDE_NARROW) X(WIDE_DIVIDE) X(WIDE_MIN) X(WIDE_MAX) X(WIDE_ABS)      \
                                                     X(WIDE_SELECT) X(WIDE_CELL) X(WIDE_FLOOR) X(WIDE_TURNS) \
-                                                        X(PLACE_CELL) X(PLACE_CELL_ORDER) X(CELL_TOWARDS_ZERO)
+                                                        X(PLACE_CELL) X(PLACE_CELL_ORDER) X(CELL_TOWARDS_ZERO)        \
+                                                            X(SMOOTH_VALUE) X(SMOOTH_SHARE) X(SMOOTH_DOUBT)            \
+                                                                X(SMOOTH_EDGE)
 #define NOISE_RULES(X) X(ROUNDING) X(MARGIN) X(ERROR) X(THIRD)
 #define NAME_BOUNDS(rule) BREAK_BOUNDS_##rule,
 #define NAME_NOISE(rule) BREAK_NOISE_##rule,
@@ -178,6 +180,58 @@ static void add_curves(random_graph *r)
     set_kinds(g);
 }
 
+/* A smooth minimum or maximum of x and y, in one of the ways in which people write it. */
+static karst_expr random_smooth(karst_graph *g, karst_expr x, karst_expr y)
+{
+    karst_expr none = karst_graph_float(g, 0), one = karst_graph_float(g, 1);
+    bool is_max = random_chance(3);
+    double k = random_magnitude(0.05, 20), sign = is_max ? -0.5 : 0.5;
+    karst_op gives = is_max ? KARST_OP_ADD : KARST_OP_SUBTRACT;
+    if (random_chance(2)) {
+        karst_expr apart = karst_expr_2(g, KARST_OP_SUBTRACT, y, x);
+        karst_expr t = karst_expr_2(g, KARST_OP_DIVIDE,
+                                    karst_expr_2(g, KARST_OP_MULTIPLY, karst_graph_float(g, sign), apart),
+                                    karst_graph_float(g, k));
+        t = karst_expr_2(g, KARST_OP_ADD, karst_graph_float(g, 0.5), t);
+        karst_expr h = karst_expr_2(g, KARST_OP_MIN, karst_expr_2(g, KARST_OP_MAX, t, none), one);
+        karst_expr bulge = karst_expr_2(g, KARST_OP_MULTIPLY,
+                                        karst_expr_2(g, KARST_OP_MULTIPLY, karst_graph_float(g, k), h),
+                                        karst_expr_2(g, KARST_OP_SUBTRACT, one, h));
+        return karst_expr_2(g, gives, karst_expr_3(g, KARST_OP_MIX, y, x, h), bulge);
+    }
+    bool is_cubic = random_chance(2);
+    karst_expr h = karst_expr_2(g, KARST_OP_SUBTRACT, karst_graph_float(g, k),
+                                karst_expr_1(g, KARST_OP_ABS, karst_expr_2(g, KARST_OP_SUBTRACT, x, y)));
+    h = karst_expr_2(g, KARST_OP_DIVIDE, karst_expr_2(g, KARST_OP_MAX, h, none), karst_graph_float(g, k));
+    karst_expr bulge = karst_expr_2(g, KARST_OP_MULTIPLY, h, h);
+    if (is_cubic)
+        bulge = karst_expr_2(g, KARST_OP_MULTIPLY, bulge, h);
+    bulge = karst_expr_2(g, KARST_OP_MULTIPLY, bulge, karst_graph_float(g, k / (is_cubic ? 6 : 4)));
+    return karst_expr_2(g, gives, karst_expr_2(g, is_max ? KARST_OP_MAX : KARST_OP_MIN, x, y), bulge);
+}
+
+/* Chains of them, of what is often about as far apart as they reach. */
+static void add_smooth(random_graph *r)
+{
+    karst_graph *g = &r->graph;
+    r->count[KARST_TYPE_FLOAT] = 0;
+    for (int i = 0; i < RANDOM_ROOTS; i++)
+        pool_add(r, r->root[i]);
+    for (int i = 0; i < RANDOM_ROOTS; i++) {
+        karst_expr sum = random_chance(2) ? r->root[i] : random_affine_leaf(r);
+        for (uint32_t n = 0; n < 3; n++) {
+            karst_expr other = random_chance(2) ? r->root[random_below(RANDOM_ROOTS)] : random_affine_leaf(r);
+            if (random_chance(2))
+                other = karst_expr_2(g, KARST_OP_ADD, sum,
+                                     karst_expr_2(g, KARST_OP_MULTIPLY, random_affine_leaf(r),
+                                                  karst_graph_float(g, random_magnitude(1e-3, 1))));
+            sum = random_smooth(g, sum, other);
+        }
+        r->root[i] = sum;
+    }
+    set_kinds(g);
+}
+
 static void subject_fill(subject *s, const karst_resolved_world *world, const karst_number *parameters,
                          const karst_expr *roots, size_t num_roots, bool with_curves)
 {
@@ -203,6 +257,8 @@ static void subject_fill(subject *s, const karst_resolved_world *world, const ka
 
 /* Graphs from this seed on are mostly of bools and ints. */
 #define SEEDS_OF_WHOLE_NUMBERS ((uint64_t)1 << 40)
+/* And from here on they have smooth minima. */
+#define SEEDS_OF_SMOOTH ((uint64_t)1 << 41)
 
 static void subject_make(subject *s, uint64_t seed)
 {
@@ -211,16 +267,18 @@ static void subject_make(subject *s, uint64_t seed)
     random_bits();
     s->place = random_place_make();
     uint32_t num_nodes = random_chance(2) ? 20 + random_below(30) : 20 + random_below(185);
-    random_prefers_whole = seed >= SEEDS_OF_WHOLE_NUMBERS;
+    random_prefers_whole = seed >= SEEDS_OF_WHOLE_NUMBERS && seed < SEEDS_OF_SMOOTH;
     random_graph_make(&s->graph, &s->place, num_nodes, random_chance(2), RANDOM_ROOTS);
-    if (seed % 2)
+    if (seed >= SEEDS_OF_SMOOTH)
+        add_smooth(&s->graph);
+    else if (seed % 2)
         add_curves(&s->graph);
     if (random_chance(3))
         random_graph_widen(&s->graph);
     const karst_expr *root = s->graph.root;
     karst_resolved_world world = {
         .graph = &s->graph.graph, .root = {root[0], root[1], root[2], root[3]}};
-    subject_fill(s, &world, s->graph.parameters, root, RANDOM_ROOTS, seed % 2);
+    subject_fill(s, &world, s->graph.parameters, root, RANDOM_ROOTS, seed % 2 || seed >= SEEDS_OF_SMOOTH);
 }
 
 /* Density of a text, over a box about where built_ins.h has its expressions, or far away. */
@@ -340,12 +398,13 @@ static bool check_doubt(const op_bound *b, real any, real home, real size, viola
 
 /* How many bounds of each op have been held against values, plain and in pairs; and of boxes by size, in tens. */
 enum { NUM_SIZES = 16 };
-static long seen_ops[TAPE_CURVE + 1][2], seen_sizes[NUM_SIZES];
+static long seen_ops[TAPE_CURVE + 1][2], seen_sizes[NUM_SIZES], num_smooth;
 
 static void count_seen(const subject *s, const karst_instruction *i)
 {
     int size = (int)floorf(log10f(s->place.radius[0])) + 6;
     seen_ops[i->op][gives_pair(i)]++;
+    num_smooth += i->op != TAPE_NOISE && (i->flags & TAPE_IS_SMOOTH) != 0;
     seen_sizes[size < 0 ? 0 : size < NUM_SIZES ? size : NUM_SIZES - 1]++;
 }
 
@@ -474,6 +533,10 @@ static void test_bounds_of_random_graphs_hold(void **state)
     long num = escapes(number_from("KARST_SEED", 1), count, 10, true, &num_checked);
     num += escapes(SEED_OF_OVERFLOW, 1, 10, true, &num_checked);
     num += escapes(SEEDS_OF_WHOLE_NUMBERS, count / 2, 10, true, &num_checked);
+    num_smooth = 0;
+    num += escapes(SEEDS_OF_SMOOTH, count / 4, 10, true, &num_checked);
+    if (num_smooth < count / 4)
+        fail_msg("only %ld smooth minima were looked at", num_smooth);
     print_message("%ld nodes over %ld graphs\n", num_checked, count + 1 + count / 2);
     assert_int_equal(num, 0);
     assert_true(num_checked > 8 * count); /* most graphs are bounded for a good while */
@@ -573,6 +636,9 @@ static void test_every_rule_is_needed(void **state)
     for (int rule = 1; rule < NUM_BROKEN; rule++) {
         long num_checked = 0;
         broken = (enum broken)rule;
+        bool is_of_smooth = rule >= BREAK_BOUNDS_SMOOTH_VALUE && rule <= BREAK_BOUNDS_SMOOTH_EDGE;
+        if (is_of_smooth && escapes(SEEDS_OF_SMOOTH, count, 1, false, &num_checked))
+            continue;
         if (!escapes(1, count, 1, false, &num_checked) && !escapes(SEED_OF_OVERFLOW, 1, 1, false, &num_checked) &&
             !escapes(SEEDS_OF_WHOLE_NUMBERS, count, 1, false, &num_checked)) {
             print_message("nothing escapes without the rule %s\n", names[rule]);

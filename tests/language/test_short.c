@@ -19,6 +19,7 @@ static bool is_broken;
 #include "core/device/context.h"
 #include "producers/density/density_producer.h"
 #include "producers/language/oracle/oracle.h"
+#include "producers/language/tape/bounds_shared.h"
 #include "producers/language/tape/tape_short.clh"
 #include "producers/density/world_file.h"
 #include "tests/language/random_graph.h"
@@ -215,6 +216,124 @@ static void test_fifty_thousand_ops(void **state)
     check_large(5000, 50000);
 }
 
+/* ---- smooth minima ---- */
+
+/* Ways in which people write a smooth minimum of d and e, within k of each other. */
+static const char *const smooth_forms[] = {
+    "float h = clamp(0.5 + 0.5 * (e - d) / k, 0.0, 1.0); return mix(e, d, h) - k * h * (1.0 - h);",
+    "float h = clamp(0.5 + (e - d) * 0.5 / k, 0.0, 1.0); return mix(e, d, h) - k * (1.0 - h) * h;",
+    "float h = saturate(0.5 - 0.5 * (d - e) / k); return mix(e, d, h) - h * (1.0 - h) * k;",
+    "float h = max(k - abs(d - e), 0.0) / k; return min(d, e) - h * h * k * 0.25;",
+    "float h = max(k - abs(d - e), 0.0); return min(d, e) - h * h * 0.25 / k;",
+    "float h = max(k - abs(d - e), 0.0) / k; return min(d, e) - h * h * h * k * (1.0 / 6.0);",
+    "return smin(d, e, k);",
+    "return -smax(-d, -e, k);",
+    "float h = clamp(0.5 + 0.5 * (e - d) / k, 0.0, 1.0); return -(mix(-e, -d, h) + k * h * (1.0 - h));",
+};
+/* What looks like one, and is none. */
+static const char *const rough_forms[] = {
+    "float h = clamp(0.5 + 0.5 * (e - d) / k, 0.0, 1.0); return mix(e, d, h) + k * h * (1.0 - h);",
+    "float h = clamp(0.5 + 0.5 * (e - d) / k, 0.0, 1.0); return mix(e, d, h) - 2.0 * k * h * (1.0 - h);",
+    "float h = clamp(0.4 + 0.5 * (e - d) / k, 0.0, 1.0); return mix(e, d, h) - k * h * (1.0 - h);",
+    "float h = clamp(0.5 + 0.5 * (e + d) / k, 0.0, 1.0); return mix(e, d, h) - k * h * (1.0 - h);",
+    "float h = max(k - abs(d - e - 0.1), 0.0) / k; return min(d, e) - h * h * k * 0.25;",
+    "float h = max(k - abs(d - e), 0.0) / k; return min(d, e) - h * h * k * 0.5;",
+    "float h = max(k - abs(d - e), 0.0) / k; return max(d, e) - h * h * k * 0.25;",
+};
+#define NUM_SMOOTH_FORMS (sizeof smooth_forms / sizeof *smooth_forms)
+#define NUM_ROUGH_FORMS (sizeof rough_forms / sizeof *rough_forms)
+enum { NUM_BLOBS = 40 };
+
+static karst_world_file *blobs(const char *form)
+{
+    char text[1024];
+    karst_error error = {0};
+    snprintf(text, sizeof text,
+             "/*{ \"voxel\": 0.0625 }*/\n"
+             "float melt(float d, float e, float k) { %s }\n"
+             "float density(vec3 p) {\n"
+             "    float d = 1e5;\n"
+             "    for (int i = 0; i < %d; i++) {\n"
+             "        float k = float(i);\n"
+             "        vec3 c = vec3(9.0 * sin(k * 1.7), 5.0 * sin(k * 0.37), 9.0 * cos(k * 2.3));\n"
+             "        d = melt(d, length(p - c) - 1.0 - 0.02 * k, 0.6);\n"
+             "    }\n"
+             "    return -d;\n"
+             "}\n",
+             form, NUM_BLOBS);
+    karst_world_file *file = karst_world_file_compile("blobs", text, strlen(text), NULL, 0, NULL, &error);
+    if (!file)
+        fail_msg("%s: %s", form, error.message);
+    return file;
+}
+
+/* Those that have all of `flags`. */
+static int count_smooth(const karst_world_file *file, unsigned flags)
+{
+    int count = 0;
+    for (uint32_t n = 0; n < file->tape.num_instructions; n++)
+        count += file->tape.code[n].op != TAPE_NOISE && (~file->tape.code[n].flags & (flags | TAPE_IS_SMOOTH)) == 0;
+    return count;
+}
+
+/* In a box beside a blob: what is far is left out, the bits are the same, and bounds are hardly wider than values. */
+static void check_blobs(const char *form)
+{
+    static tape_short brief;
+    karst_error error = {0};
+    karst_world_file *file = blobs(form);
+    uint64_t *data = karst_world_file_data(file, file->info.seed, &error);
+    const karst_data_header *header = (const karst_data_header *)data;
+    if (count_smooth(file, 0) < NUM_BLOBS - 1 || file->tape.num_slots > TAPE_SLOTS)
+        fail_msg("%s: %d smooth minima, %u slots", form, count_smooth(file, 0), file->tape.num_slots);
+    int *slots = calloc(file->tape.num_slots * (TAPE_BOUND_ELEMENTS + TAPE_VALUE_ELEMENTS), sizeof *slots);
+    tape_program tape = {.code = (const karst_instruction *)(data + header->code),
+                         .num_instructions = header->num_instructions,
+                         .constants = (const uint *)(data + header->constants),
+                         .data = data,
+                         .values = (const uint *)(data + header->values),
+                         .num_values = header->num_values,
+                         .slots = slots};
+    const op_box box = {.centre = {.voxel = {20, -20, 140}}, .radius = {8, 8, 8}, .level = 0};
+    tape_shorten(&tape, &box, header->output, &brief);
+    uint num_left = TAPE_SHORT_MOST - brief.first;
+    bool is_wide = count_smooth(file, TAPE_IS_WIDE) > 0; /* choices between pairs are never left out */
+    if (!is_wide && num_left > header->num_instructions / 4)
+        fail_msg("%s: %u steps of %u are left", form, num_left, header->num_instructions);
+    assert_true(!tape_bounds(&tape, &box, NULL));
+    op_bound bound = tape_load_bound(&tape, header->output);
+    float least = INFINITY, most = -INFINITY;
+    for (int k = 0; k < 17 * 17; k++) {
+        affine_position at = {.voxel = {12 + k % 17, -28 + k / 17, 132 + k * 7 % 17}};
+        tape_values(&tape, &at, NULL, 0);
+        float value = k_as_float((uint)tape_load(&tape, header->output));
+        tape_values_of_rows(&tape, brief.steps + brief.first, num_left, 0, &at, 1, 0);
+        if (k_as_uint(value) != (uint)tape_load(&tape, header->output))
+            fail_msg("%s: shortened it is another number", form);
+        least = fminf(least, value);
+        most = fmaxf(most, value);
+    }
+    if (!(bound.v.lo <= least && bound.v.hi >= most) || bound.v.hi - bound.v.lo > 2 * (most - least))
+        fail_msg("%s: from %g to %g, bounds are %g to %g", form, (double)least, (double)most, (double)bound.v.lo,
+                 (double)bound.v.hi);
+    free(slots);
+    free(data);
+    karst_world_file_destroy(file);
+}
+
+static void test_smooth_minima(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < NUM_SMOOTH_FORMS; i++)
+        check_blobs(smooth_forms[i]);
+    for (size_t i = 0; i < NUM_ROUGH_FORMS; i++) {
+        karst_world_file *file = blobs(rough_forms[i]);
+        if (count_smooth(file, 0))
+            fail_msg("%s: taken for a smooth minimum", rough_forms[i]);
+        karst_world_file_destroy(file);
+    }
+}
+
 /* ---- large colours ---- */
 
 static const char colour_probe[] =
@@ -342,6 +461,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_same_bits),
+        cmocka_unit_test(test_smooth_minima),
         cmocka_unit_test(test_ten_thousand_ops),
         cmocka_unit_test(test_fifty_thousand_ops),
         cmocka_unit_test(test_large_colours),

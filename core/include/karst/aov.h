@@ -17,6 +17,7 @@ typedef enum {
     KARST_AOV_POSITION, /* metres in the world, as far as floats tell; zeros where nothing is; P.X, P.Y, P.Z */
     KARST_AOV_LEVEL,    /* of the brick that was hit: its voxels are 2^level finest ones wide; -1: nothing is; level */
     KARST_AOV_SAMPLES,  /* of the pixel; samples */
+    KARST_AOV_SUMS,     /* radiance of all samples together, for karst_engine_set_sums; sum.R, sum.G, sum.B */
     KARST_NUM_AOVS
 } karst_aov;
 
@@ -27,9 +28,9 @@ int karst_aov_width(karst_aov aov);
 /* Name of its channel 0 to width - 1. */
 const char *karst_aov_channel(karst_aov aov, int channel);
 
-/* Of the last frame, pixel by pixel, top row first. All but radiance and samples are of rays through the pixels'
+/* Of the last frame, pixel by pixel, top row first. All but radiance, samples and sums are of rays through the pixels'
  * centres, which are cast again for that. Errors: KARST_USAGE (another number of values than width * height *
- * karst_aov_width; no frame yet; radiance or albedo of an engine that keeps bytes only, see
+ * karst_aov_width; no frame yet; radiance, sums or albedo of an engine that keeps bytes only, see
  * karst_engine_read_radiance), KARST_FAILED. */
 bool karst_engine_read_aov(karst_engine *engine, karst_aov aov, float *values, size_t num_values, karst_error *error);
 

@@ -71,7 +71,10 @@ typedef struct {
  * from its pixel (x0_px, y0_px), counted from its upper left corner. The camera is the whole's. A settled window has
  * the bits of that part of the settled whole (colours, radiance, every karst_aov) where both have all the detail that
  * is asked for (karst_stats: detail_given_px is detail_asked_px), and the exposure does not follow the picture, whose
- * median the window has not. All zeros: what is drawn is the whole. */
+ * median the window has not (karst_engine_meter). Of what mirrors or is clear that holds but for the window's outermost
+ * pixels, whose neighbours outside say how much it is curved: draw a window that is KARST_ENGINE_WINDOW_MARGIN_PX wider
+ * on each side that is not the whole's. All zeros: what is drawn is the whole. */
+#define KARST_ENGINE_WINDOW_MARGIN_PX 1
 typedef struct {
     int whole_width_px, whole_height_px;
     int x0_px, y0_px;
@@ -177,6 +180,12 @@ bool karst_engine_set_sun(karst_engine *engine, const karst_sun *sun, karst_erro
  * KARST_FAILED (no memory for it). */
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error);
 
+/* Draws another window, of this or another whole, from the next frame on; zeros: a whole of that size. One of the same
+ * size costs no more than another camera: so a picture of any size is drawn by parts in the memory of one of them.
+ * Errors: KARST_USAGE (a side out of range, not within the whole), KARST_FAILED (no memory for it). */
+bool karst_engine_set_window(karst_engine *engine, const karst_engine_window *window, int width_px, int height_px,
+                             karst_error *error);
+
 /* One frame: cast, shade, display; collect, produce within the budget, publish. Errors: KARST_FAILED. */
 bool karst_engine_frame(karst_engine *engine, karst_error *error);
 /* Frames until settled, at most max_frames (0: 1000), as for somebody who waits for the last: without a budget in ms
@@ -194,6 +203,24 @@ bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_b
 bool karst_engine_read_radiance(karst_engine *engine, float *rgb, size_t num_values, karst_error *error);
 /* Whether karst_engine_read_radiance works. */
 bool karst_engine_keeps_radiance(const karst_engine *engine);
+/* Exposure and tone of light that was read before, such as rows of a picture that is drawn in windows: first all of it
+ * is metered, part by part, in any order, with no frame between; then karst_engine_tone gives the bytes that the engine
+ * would give as one picture, for any part: width_px x height_px pixels whose first is (x0_px, y0_px) of that picture,
+ * three floats each in `rgb`, RGBA in `rgba`. What has not been metered needs not be where the exposure does not follow
+ * the picture (karst_engine_config.exposure). The first karst_engine_meter after a karst_engine_tone begins another
+ * picture. Parts may have as many pixels as the engine's picture. Samples of the view that it drew are lost. Errors:
+ * KARST_USAGE (more pixels than there is room for; more than 2^32 - 1 in all; an engine that keeps bytes only; nothing
+ * was metered, and something should), KARST_FAILED. */
+bool karst_engine_meter(karst_engine *engine, const float *rgb, int width_px, int height_px, karst_error *error);
+bool karst_engine_tone(karst_engine *engine, const float *rgb, int x0_px, int y0_px, int width_px, int height_px,
+                       uint8_t *rgba, karst_error *error);
+/* The picture goes on after samples that were taken before, of the same view by the same settings: `rgb` is
+ * KARST_AOV_SUMS of that picture, of num_samples samples, copied. Call it when camera, sun and all else are set: with
+ * the next change of the view they are forgotten. Settled, it has the bits of one whose samples were taken in one go.
+ * Errors: KARST_USAGE (another number of values than 3 * width * height; num_samples not 1 to the engine's samples - 1;
+ * an engine that keeps bytes only), KARST_FAILED (memory). */
+bool karst_engine_set_sums(karst_engine *engine, const float *rgb, size_t num_values, uint32_t num_samples,
+                           karst_error *error);
 /* The last frame's depth, of the rays of its last sample: metres along each ray's direction to the hit, INFINITY where
  * there is none; width * height floats. Errors: KARST_USAGE (no frame has been drawn yet, too few values),
  * KARST_FAILED. */

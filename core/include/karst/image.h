@@ -3,6 +3,7 @@
 #define KARST_IMAGE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "karst/error.h"
@@ -42,6 +43,49 @@ typedef struct {
  * another number of them, and for two of one name. */
 bool karst_image_write_channels(const char *path, const karst_image_channel *channels, int num_channels, int width_px,
                                 int height_px, karst_error *error);
+
+/* Colours of a picture made linear, as karst_image_write_exr does: by the transfer function of sRGB, backwards; three
+ * floats a pixel. Thread-safe. */
+void karst_image_make_linear(const uint8_t *rgba, size_t num_pixels, float *rgb);
+
+/* The same files row by row, so that a picture need never be in memory. Begin, add all rows from the top, then end,
+ * which makes the file appear under its name; or discard, after a failure, too, and there is none. One thread at a time
+ * for each writer. */
+typedef struct karst_image_writer karst_image_writer;
+#define KARST_IMAGE_EXR_ROWS 16 /* rows of an OpenEXR file are added by so many, but for the last */
+#define KARST_IMAGE_NOTE "karst"
+
+/* `path` is copied. Errors: as karst_image_write_png. */
+karst_image_writer *karst_image_begin_png(const char *path, int width_px, int height_px, karst_error *error);
+/* With channels of these names; `note` (NULL: none), a text, is kept in the file as an attribute called
+ * KARST_IMAGE_NOTE. Errors: as karst_image_write_channels; also KARST_FAILED of a device or pipe. */
+karst_image_writer *karst_image_begin_exr(const char *path, const char *const *names, int num_channels,
+                                          const char *note, int width_px, int height_px, karst_error *error);
+/* The next rows of a PNG: RGBA, width * 4 bytes a row. Or those of an OpenEXR file, with values of all its channels (in
+ * any order; others are passed over), which begin with the first of these rows. Errors: KARST_USAGE (more rows than are
+ * left, or none; not by KARST_IMAGE_EXR_ROWS; a channel that is not there; the other kind of file), KARST_FAILED. */
+bool karst_image_add_bytes(karst_image_writer *writer, const uint8_t *rgba, int num_rows, karst_error *error);
+bool karst_image_add_channels(karst_image_writer *writer, const karst_image_channel *channels, int num_channels,
+                              int num_rows, karst_error *error);
+/* The file that is written until the end, for who must remove it when the process ends in between; "": a device or
+ * pipe. Lives as long as the writer. */
+const char *karst_image_temporary(const karst_image_writer *writer);
+/* Ends the writer also if it fails. Errors: KARST_USAGE (rows are missing), KARST_FAILED. */
+bool karst_image_end(karst_image_writer *writer, karst_error *error);
+void karst_image_discard(karst_image_writer *writer); /* NULL is fine */
+
+/* Reads an OpenEXR file that was written here, by rows. One thread at a time for each reader. */
+typedef struct karst_image_reader karst_image_reader;
+/* NULL and KARST_BAD_DATA naming the path and the reason: it is none, damaged, or by another program that lays rows out
+ * otherwise. *width_px and *height_px change only on success. */
+karst_image_reader *karst_image_open_exr(const char *path, int *width_px, int *height_px, karst_error *error);
+/* Its note (karst_image_begin_exr), which lives as long as the reader; NULL: it has none. */
+const char *karst_image_note(const karst_image_reader *reader);
+/* Values of 1 to 3 channels of rows y_px to y_px + num_rows - 1, pixel by pixel, num_channels floats each. Errors:
+ * KARST_USAGE (rows that it has not, another number of channels), KARST_BAD_DATA (damaged; a channel is not there). */
+bool karst_image_read_rows(karst_image_reader *reader, const char *const *names, int num_channels, int y_px,
+                           int num_rows, float *values, karst_error *error);
+void karst_image_close(karst_image_reader *reader); /* NULL is fine */
 
 #ifdef __cplusplus
 }

@@ -80,7 +80,7 @@ const karst_world_metadata *karst_world_get_metadata(const karst_world *world);
 
 /* Hands a report for people, line by line without newlines, to `print`: warnings, parameters and which of them are
  * structural, noises and whether they are separable, the Lipschitz constant or what has none, how far precision holds,
- * the estimated cost of a voxel. Errors: KARST_FAILED (memory). */
+ * the estimated cost of a voxel, and of a node's bounds. Errors: KARST_FAILED (memory). */
 bool karst_world_check(const karst_world *world, void (*print)(void *user, const char *line), void *user,
                        karst_error *error);
 

@@ -57,6 +57,10 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
 /* Writes world_point and world_surface (raycast/cast/refine.h) of a world that has a gradient (derive.h): malloc'ed
  * text. Errors: as above, of density and gradient. */
 bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error);
+/* The same of two worlds in one text, whose functions are world_point and world_surface of the first, other_point and
+ * other_surface of the second. */
+bool karst_emit_two_surfaces(const karst_world_layout *layout, const karst_world_layout *other, char **source,
+                             karst_error *error);
 void karst_emitted_finish(karst_emitted *emitted);
 
 #endif

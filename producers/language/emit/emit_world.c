@@ -52,11 +52,16 @@ static bool has_images(const karst_emit *emit)
 }
 
 /* What octave.clh is told. */
+static const char *definitions_of(bool is_gradient_noise_alone, bool has_images)
+{
+    if (has_images)
+        return is_gradient_noise_alone ? KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_IMAGES : KARST_EMIT_HAS_IMAGES;
+    return is_gradient_noise_alone ? KARST_EMIT_ONLY_GRADIENT : "";
+}
+
 static const char *definitions(const karst_emit *emit)
 {
-    if (has_images(emit))
-        return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_IMAGES : KARST_EMIT_HAS_IMAGES;
-    return is_gradient_noise_alone(emit) ? KARST_EMIT_ONLY_GRADIENT : "";
+    return definitions_of(is_gradient_noise_alone(emit), has_images(emit));
 }
 
 static void preamble(karst_emit *emit)
@@ -154,7 +159,13 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
     return done;
 }
 
-bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error)
+/* What the functions of a gradient need before them. */
+typedef struct {
+    bool is_gradient_noise_alone, has_images;
+} surface_needs;
+
+/* world_point and world_surface, as text of their own. */
+static bool write_surface(const karst_world_layout *layout, surface_needs *needs, char **text, karst_error *error)
 {
     const karst_resolved_world *world = &layout->world;
     const karst_expr roots[4] = {world->root[KARST_ROOT_DENSITY], world->gradient[0], world->gradient[1],
@@ -163,14 +174,58 @@ bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_e
     karst_emitted points = {0};
     bool done = begin(&emit, layout, error);
     if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
-        preamble(&emit);
+        *needs = (surface_needs){is_gradient_noise_alone(&emit), has_images(&emit)};
         karst_emit_points(&emit, &points);
         karst_emit_surfaces(&emit);
-        done = take_text(&emit, source, error);
+        done = take_text(&emit, text, error);
     } else {
         done = false;
     }
     finish(&emit);
+    return done;
+}
+
+static bool join_surfaces(const surface_needs *needs, const char *first, const char *second, char **source,
+                          karst_error *error)
+{
+    static const char other[] = "#define world_point other_point\n#define world_surface other_surface\n";
+    karst_text text = {0};
+    karst_text_add(&text, "%s#include \"producers/language/emit/emit.clh\"\n\n%s%s%s",
+                   definitions_of(needs->is_gradient_noise_alone, needs->has_images), first, second ? other : "",
+                   second ? second : "");
+    if (second)
+        karst_text_add(&text, "#undef world_point\n#undef world_surface\n");
+    *source = text.bytes;
+    if (!text.failed)
+        return true;
+    karst_text_finish(&text);
+    *source = NULL;
+    return karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_error *error)
+{
+    surface_needs needs;
+    char *text = NULL;
+    const bool done =
+        write_surface(layout, &needs, &text, error) && join_surfaces(&needs, text, NULL, source, error);
+    free(text);
+    return done;
+}
+
+bool karst_emit_two_surfaces(const karst_world_layout *layout, const karst_world_layout *other, char **source,
+                             karst_error *error)
+{
+    surface_needs needs, others;
+    char *first = NULL, *second = NULL;
+    bool done = write_surface(layout, &needs, &first, error) && write_surface(other, &others, &second, error);
+    if (done) {
+        needs.is_gradient_noise_alone = needs.is_gradient_noise_alone && others.is_gradient_noise_alone;
+        needs.has_images = needs.has_images || others.has_images;
+        done = join_surfaces(&needs, first, second, source, error);
+    }
+    free(first);
+    free(second);
     return done;
 }
 

@@ -1,4 +1,5 @@
 #include "producers/language/graph/deepen.h"
+#include "producers/language/graph/deepen_forms.h"
 
 #include <math.h>
 
@@ -256,6 +257,9 @@ static karst_expr product_of(deepener *d, karst_expr e, karst_expr a, karst_expr
 static karst_expr sum_of(deepener *d, karst_expr e, karst_expr a, karst_expr b)
 {
     karst_expr p = d->deep[a], q = d->deep[b], none = number(d, 0);
+    bool adds_0 = (d->ranges[a].lo >= 0 && d->ranges[a].hi <= 0) || (d->ranges[b].lo >= 0 && d->ranges[b].hi <= 0);
+    if (adds_0 && (p != a || q != b)) /* and depth */
+        return two(d, KARST_OP_ADD, p, q);
     if ((p == a && q == b) || !never_negative(d, a) || !never_negative(d, b))
         return e;
     return two(d, KARST_OP_ADD, two(d, KARST_OP_MAX, p, q), two(d, KARST_OP_MAX, two(d, KARST_OP_MIN, p, q), none));
@@ -369,6 +373,8 @@ static bool has_sides_of(const karst_expr_node *n, int k)
 
 karst_expr karst_deepen(karst_graph *graph, const karst_kinds_settings *settings, karst_expr density)
 {
+    const karst_expr text = density;
+    density = karst_deepen_forms(graph, settings, text);
     uint32_t count = graph->num_nodes;
     karst_range *ranges = karst_arena_alloc(graph->arena, count * sizeof *ranges);
     deepener d = {.graph = graph, .ranges = ranges};
@@ -396,5 +402,6 @@ karst_expr karst_deepen(karst_graph *graph, const karst_kinds_settings *settings
         if (wanted[e] & WANT_DEEP)
             d.deep[e] = deepen_node(&d, e);
     }
-    return d.yes[density] ? d.yes[density] : d.deep[density];
+    karst_expr deep = d.yes[density] ? d.yes[density] : d.deep[density];
+    return deep == density ? text : deep;
 }

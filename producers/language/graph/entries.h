@@ -33,7 +33,8 @@
     X(EXTINCTION, "extinction", 1, 0.0, true)        \
     X(AIR_ALBEDO, "albedo", 3, 1.0, true)            \
     X(AIR_G, "g", 1, 0.0, true)                      \
-    X(AIR_EMISSION, "emission", 3, 0.0, true)
+    X(AIR_EMISSION, "emission", 3, 0.0, true)        \
+    X(INDEX, "index", 1, 1.33, true)
 
 /* Entries: enumerator, name, another spelling of it (or NULL), type of the result, its first and last output, its
  * inputs, the program that runs it, whether it is softened (soften.h). The result is a built-in type, or a struct that
@@ -46,7 +47,8 @@
     X(CLEAR, "clear", NULL, "float", CLEAR, CLEAR, KARST_INPUT_PLACE, CLEAR_BRICKS, false)                     \
     X(CLEAR_SURFACE, "clear_surface", NULL, "material", CLEAR_COLOUR, CLEAR_TRANSPARENCY,                      \
       KARST_INPUT_PLACE_AND_NORMAL, CLEAR_SHADING, true)                                                       \
-    X(AIR, "air", NULL, "medium", EXTINCTION, AIR_EMISSION, KARST_INPUT_PLACE, AIR, false)
+    X(AIR, "air", NULL, "medium", EXTINCTION, AIR_EMISSION, KARST_INPUT_PLACE, AIR, false)                     \
+    X(INDEX, "index", NULL, "float", INDEX, INDEX, KARST_INPUT_PLACE, CLEAR_INDEX, false)
 
 /* How many parameters, each a vec3: the place, and the normal towards the air. */
 enum { KARST_INPUT_PLACE = 1, KARST_INPUT_PLACE_AND_NORMAL = 2 };
@@ -58,7 +60,8 @@ typedef enum {
      * (producers/density/world_content.c). */
     KARST_PROGRAM_CLEAR_BRICKS,
     KARST_PROGRAM_CLEAR_SHADING,
-    KARST_PROGRAM_AIR /* and of what fills the space outside matter: its extinction is that of bricks */
+    KARST_PROGRAM_AIR, /* and of what fills the space outside matter: its extinction is that of bricks */
+    KARST_PROGRAM_CLEAR_INDEX /* what bends rays inside clear matter */
 } karst_entry_program;
 
 #define KARST_OUTPUT_ENUMERATOR_(id, ...) KARST_OUTPUT_##id,

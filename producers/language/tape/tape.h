@@ -22,6 +22,7 @@ typedef struct {
     uint32_t ops[2], wide_ops[2];            /* TAPE_OPS_LOW and so on */
     bool has_steps, has_curves;              /* TAPE_HAS_STEPS, TAPE_HAS_CURVES */
     bool has_images;                         /* OCTAVE_HAS_IMAGES of octave.clh */
+    bool has_smooth;                         /* TAPE_HAS_SMOOTH */
     uint32_t output[KARST_TAPE_MAX_OUTPUTS]; /* operands */
     uint32_t num_outputs;
 } karst_tape;
@@ -38,7 +39,7 @@ void karst_tape_finish(karst_tape *tape); /* a zeroed tape is fine */
 
 /* Options of a build, for interpreters (tape.clh) that run this tape: room for its slots (TAPE_SLOTS, rounded up, so
  * that tapes share programs) and no op that it has not. At most KARST_TAPE_OPTIONS_BYTES. */
-#define KARST_TAPE_OPTIONS_BYTES 224
+#define KARST_TAPE_OPTIONS_BYTES 256
 void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes);
 
 #endif

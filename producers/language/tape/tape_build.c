@@ -20,6 +20,14 @@ static bool reads_pairs(const karst_tape_builder *b, karst_expr e, int part)
     return b->graph->nodes[e].op == KARST_OP_SHIFTED ? part == PART_PAIR : karst_tape_is_wide(b, e);
 }
 
+/* Node `e` is the last that reads it, so far. */
+static void keep_for(karst_tape_builder *b, karst_expr argument, int read, karst_expr e)
+{
+    b->needed[argument][read] = 1;
+    if (b->last_use[argument][read] < e)
+        b->last_use[argument][read] = e;
+}
+
 static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_roots)
 {
     for (uint32_t i = 0; i < num_roots; i++) {
@@ -33,15 +41,13 @@ static void mark(karst_tape_builder *b, const karst_expr *roots, uint32_t num_ro
                 continue;
             for (int k = 0; k < 4; k++) {
                 karst_expr argument = karst_tape_reads(b, e, k);
-                int read = karst_tape_part(b, argument, reads_pairs(b, e, part));
-                b->needed[argument][read] = 1;
-                if (b->last_use[argument][read] < e)
-                    b->last_use[argument][read] = e;
+                keep_for(b, argument, karst_tape_part(b, argument, reads_pairs(b, e, part)), e);
             }
-            karst_expr t = karst_tape_fades(b, e);
-            b->needed[t][PART_VALUE] = 1;
-            if (b->last_use[t][PART_VALUE] < e)
-                b->last_use[t][PART_VALUE] = e;
+            keep_for(b, karst_tape_fades(b, e), PART_VALUE, e);
+            if (b->with_curves && karst_tape_find_smooth(b, e, &b->smooth[e])) {
+                keep_for(b, b->smooth[e].a, karst_tape_part(b, b->smooth[e].a, false), e);
+                keep_for(b, b->smooth[e].b, karst_tape_part(b, b->smooth[e].b, false), e);
+            }
         }
     }
 }
@@ -80,14 +86,29 @@ static void release_arguments(karst_tape_builder *b, karst_expr e, int part)
             b->last_use[argument][read] = 0; /* once, if it is read twice */
         }
     }
-    const karst_expr others[2] = {karst_tape_fades(b, e), karst_tape_curve_reads(b, e)};
-    for (int k = 0; k < 2; k++) {
+    const karst_expr others[4] = {karst_tape_fades(b, e), karst_tape_curve_reads(b, e), b->smooth[e].a,
+                                  b->smooth[e].b};
+    for (int k = 0; k < 4; k++) {
         int read = karst_tape_part(b, others[k], false);
         if (others[k] && b->last_use[others[k]][read] == e && !b->layout->is_known[others[k]]) {
             b->free_slots[b->num_free++] = b->slot[others[k]][read];
             b->last_use[others[k]][read] = 0;
         }
     }
+}
+
+/* For bounds, which take the two numbers alone. */
+static void add_smooth(karst_tape_builder *b, const karst_tape_smooth *s, karst_instruction *i)
+{
+    karst_tape *tape = b->tape;
+    i->flags |= TAPE_IS_SMOOTH;
+    i->arg[3] = karst_tape_operand(b, s->a, false);
+    i->word = karst_tape_operand(b, s->b, false);
+    i->count = tape->num_constants;
+    tape->constants[tape->num_constants++] = k_as_uint((float)s->k);
+    tape->constants[tape->num_constants++] = (uint32_t)s->order | (s->negates_arguments ? TAPE_SMOOTH_OF_NEGATED : 0) |
+                                             (s->negates_result ? TAPE_SMOOTH_IS_NEGATED : 0);
+    tape->has_smooth = true;
 }
 
 static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
@@ -119,6 +140,8 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
         i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
         b->tape->has_images |= noise->image != NULL;
     }
+    if (b->smooth[e].a)
+        add_smooth(b, &b->smooth[e], &i);
     if (b->with_curves)
         i.flags |= (uint8_t)(b->is_curve[e] == 1 ? TAPE_IS_CURVE : b->is_seen[e] ? 0 : TAPE_IS_PASSED);
     release_arguments(b, e, part);
@@ -142,8 +165,10 @@ static bool build(const karst_world_layout *layout, const karst_expr *roots, uin
     b.source = calloc(count, sizeof *b.source);
     b.is_curve = calloc(count, 1);
     b.is_seen = calloc(count, 1);
+    b.smooth = calloc(count, sizeof *b.smooth);
     tape->constants = calloc(3 * (size_t)count, sizeof *tape->constants); /* each as a number and as a pair */
-    bool fits = b.needed && b.last_use && b.slot && b.constant && b.free_slots && b.source && b.is_curve && b.is_seen;
+    bool fits = b.needed && b.last_use && b.slot && b.constant && b.free_slots && b.source && b.is_curve && b.is_seen &&
+                b.smooth;
     if (fits) {
         mark(&b, roots, num_roots);
         if (with_curves)
@@ -178,6 +203,7 @@ end:
     free(b.source);
     free(b.is_curve);
     free(b.is_seen);
+    free(b.smooth);
     if (!done)
         karst_tape_finish(tape);
     return done;
@@ -202,9 +228,10 @@ void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes
         slots *= 2;
     snprintf(options, size_bytes,
              "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
-             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s",
+             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s%s",
              slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
-             tape->has_curves, tape->has_images ? " -DOCTAVE_HAS_IMAGES=1" : "");
+             tape->has_curves, tape->has_images ? " -DOCTAVE_HAS_IMAGES=1" : "",
+             tape->has_smooth ? " -DTAPE_HAS_SMOOTH=1" : "");
 }
 
 void karst_tape_finish(karst_tape *tape)

@@ -149,7 +149,12 @@ void karst_tape_find_curves(karst_tape_builder *b, const karst_expr *roots, uint
             continue;
         }
         b->is_curve[e] = 0;
-        for (int k = 0; k < 4 && b->is_seen[e]; k++)
+        bool is_smooth = b->smooth[e].a != KARST_NO_EXPR;
+        if (is_smooth && b->is_seen[e]) {
+            see(b, b->smooth[e].a);
+            see(b, b->smooth[e].b);
+        }
+        for (int k = 0; k < 4 && b->is_seen[e] && !is_smooth; k++)
             see(b, karst_tape_reads(b, e, k));
         if (b->is_seen[e])
             see(b, karst_tape_fades(b, e));

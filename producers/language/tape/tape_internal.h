@@ -10,6 +10,15 @@ enum { PART_VALUE, PART_PAIR, NUM_PARTS };
 
 #define TAPE_CURVE_MOST 64 /* ops of a curve */
 
+/* What a node is if it is a smooth minimum of a and b, within k of each other (bounds/interval_smooth.clh): of what is
+ * negated, or negated itself. k is 0 where it is none. */
+typedef struct {
+    karst_expr a, b;
+    double k;
+    int order;
+    bool negates_arguments, negates_result;
+} karst_tape_smooth;
+
 typedef struct {
     const karst_world_layout *layout;
     const karst_graph *graph;
@@ -24,6 +33,7 @@ typedef struct {
     karst_expr *source;
     uint8_t *is_curve;       /* 1: its bounds come from a curve; 2: read from outside of its curve, so they might */
     uint8_t *is_seen;        /* by bounds */
+    karst_tape_smooth *smooth; /* of each node; with curves */
     uint32_t num_curve_code; /* instructions of curves */
     uint32_t curve_slot[TAPE_CURVE_MOST + 3], num_curve_slots; /* of their own, never another's */
 } karst_tape_builder;
@@ -40,6 +50,9 @@ int karst_tape_part(const karst_tape_builder *b, karst_expr argument, bool as_pa
 uint32_t karst_tape_operand(karst_tape_builder *b, karst_expr e, bool as_pair);
 karst_instruction *karst_tape_append(karst_tape_builder *b, karst_instruction i);
 uint8_t karst_tape_plain_op(const karst_tape_builder *b, karst_expr e);
+
+/* tape_smooth.c: whether a node is one, and what of. */
+bool karst_tape_find_smooth(const karst_tape_builder *b, karst_expr e, karst_tape_smooth *s);
 
 /* tape_curves.c: finds the nodes whose bounds come from curves, and what bounds see at all. Called once it is marked
  * what is needed. */

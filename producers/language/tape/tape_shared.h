@@ -114,6 +114,10 @@ typedef enum {
 #define TAPE_WIDE_HIGH 0xffffffffu
 #define TAPE_HAS_STEPS 1
 #define TAPE_HAS_CURVES 1
+#define TAPE_HAS_SMOOTH 1
+#endif
+#ifndef TAPE_HAS_SMOOTH
+#define TAPE_HAS_SMOOTH 0
 #endif
 #define TAPE_IS_IN(low, high, op) ((((op) < 32 ? (low) >> ((op)&31) : (high) >> ((op)&31)) & 1u) != 0u)
 #define TAPE_RUNS(op) TAPE_IS_IN(TAPE_OPS_LOW, TAPE_OPS_HIGH, op)
@@ -154,6 +158,7 @@ typedef enum {
 #define TAPE_IS_WIDE 2u     /* computed in pairs */
 #define TAPE_IS_FADE 4u     /* a product t * t * (3 - 2 * t); argument c is t, for bounds */
 #define TAPE_IS_CURVE 8u    /* bounds come from the curve before it */
+#define TAPE_IS_SMOOTH 16u  /* not of noises: bounds come from two numbers whose smooth minimum it is, see below */
 #define TAPE_IN_CURVE 64u   /* of a curve: nothing else runs it */
 #define TAPE_IS_PASSED 128u /* bounds pass over it: only curves that have their own copy read it */
 #define TAPE_DERIVATIVE 4   /* bits from here on: of a noise, 0 or 1 to 3 as in karst_noise */
@@ -162,6 +167,12 @@ typedef enum {
  * `count` instructions that read the source in the slot of their head, then the head (TAPE_CURVE), then the instruction
  * that gives the same to everybody else. The head's arguments: a, the source, or what moves its place; b, the result;
  * c, the divisor of a place. Its `word`: karst_cells of that place, or TAPE_NOTHING. */
+
+/* A smooth minimum (interval_smooth.clh) of the operands arg[3] and `word`: constants[count] is k, and the next one its
+ * order and what is negated. */
+#define TAPE_SMOOTH_ORDER 3u
+#define TAPE_SMOOTH_OF_NEGATED 4u
+#define TAPE_SMOOTH_IS_NEGATED 8u
 
 typedef struct {
     uchar op;

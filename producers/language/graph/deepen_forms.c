@@ -1,0 +1,201 @@
+#include "producers/language/graph/deepen_forms.h"
+
+typedef struct {
+    karst_graph *graph;
+    const karst_range *ranges; /* of the nodes that were there at first */
+    karst_expr *anew;          /* of each: what it becomes */
+} rewriter;
+
+static const karst_expr_node *node(const rewriter *r, karst_expr e) { return &r->graph->nodes[e]; }
+static bool is_constant(const rewriter *r, karst_expr e) { return karst_graph_constant(r->graph, e) != NULL; }
+static bool is_number(const rewriter *r, karst_expr e, int64_t value)
+{
+    const karst_number *n = karst_graph_constant(r->graph, e);
+    return n && karst_number_is(*n, value);
+}
+static karst_expr two(rewriter *r, karst_op op, karst_expr a, karst_expr b) { return karst_expr_2(r->graph, op, a, b); }
+static karst_expr number(rewriter *r, double value) { return karst_graph_float(r->graph, value); }
+
+static bool never_negative(const rewriter *r, karst_expr e) { return r->ranges[e].lo >= 0; }
+
+/* k - e, k a number; of what is cut off by a number, cut off on the other side. */
+static karst_expr taken_from(rewriter *r, karst_expr k, karst_expr e, int depth)
+{
+    const karst_expr_node n = *node(r, e);
+    bool is_cut = (n.op == KARST_OP_MIN || n.op == KARST_OP_MAX) && depth < 8 &&
+                  (is_constant(r, n.arg[0]) || is_constant(r, n.arg[1]));
+    if (!is_cut)
+        return two(r, KARST_OP_SUBTRACT, k, e);
+    return two(r, n.op == KARST_OP_MIN ? KARST_OP_MAX : KARST_OP_MIN, taken_from(r, k, n.arg[0], depth + 1),
+               taken_from(r, k, n.arg[1], depth + 1));
+}
+
+/* `value`, which is 0 where `source` is 0, and positive where that is positive: so that the source's depth shows. */
+static karst_expr with_depth_of(rewriter *r, karst_expr value, karst_expr source)
+{
+    return two(r, KARST_OP_ADD, value, two(r, KARST_OP_MIN, source, number(r, 0)));
+}
+
+/* The t of t * t * (3 - 2 * t). */
+static karst_expr faded(const rewriter *r, karst_expr e)
+{
+    const karst_expr_node *n = node(r, e);
+    for (int k = 0; k < 2 && n->op == KARST_OP_MULTIPLY; k++) {
+        const karst_expr_node *square = node(r, n->arg[k]), *line = node(r, n->arg[1 - k]);
+        karst_expr t = square->arg[0];
+        if (square->op == KARST_OP_MULTIPLY && square->arg[1] == t && line->op == KARST_OP_FMA &&
+            is_number(r, line->arg[2], 3) &&
+            ((line->arg[0] == t && is_number(r, line->arg[1], -2)) ||
+             (line->arg[1] == t && is_number(r, line->arg[0], -2))))
+            return t;
+    }
+    return KARST_NO_EXPR;
+}
+
+static bool is_share(const rewriter *r, karst_expr e)
+{
+    return r->ranges[e].lo >= 0 && r->ranges[e].hi <= 1;
+}
+
+/* What is positive where 1 - e is, if e lies between 0 and 1; else KARST_NO_EXPR. */
+static karst_expr rest_of(rewriter *r, karst_expr e)
+{
+    karst_expr t = faded(r, e), one = number(r, 1);
+    if (t && is_share(r, t)) /* smoothstep() */
+        return taken_from(r, one, r->anew[t], 0);
+    return is_share(r, e) ? taken_from(r, one, r->anew[e], 0) : KARST_NO_EXPR;
+}
+
+/* x of x + 1 or 1 + x. */
+static karst_expr above_one(const rewriter *r, karst_expr e)
+{
+    const karst_expr_node *n = node(r, e);
+    for (int k = 0; k < 2 && n->op == KARST_OP_ADD; k++)
+        if (is_number(r, n->arg[k], 1))
+            return n->arg[1 - k];
+    return KARST_NO_EXPR;
+}
+
+static karst_expr difference(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
+{
+    const karst_expr_node n = *node(r, e);
+    if (is_number(r, a, 1) && faded(r, n.arg[1]) && is_share(r, faded(r, n.arg[1])))
+        return with_depth_of(r, two(r, KARST_OP_SUBTRACT, a, b), rest_of(r, n.arg[1]));
+    if (is_constant(r, a))
+        return taken_from(r, a, b, 0);
+    bool both = never_negative(r, n.arg[0]) && never_negative(r, n.arg[1]) && !is_constant(r, b);
+    karst_expr d = two(r, KARST_OP_SUBTRACT, a, b);
+    return both ? with_depth_of(r, d, two(r, KARST_OP_MAX, a, b)) : d;
+}
+
+static karst_expr sum(rewriter *r, karst_expr a, karst_expr b)
+{
+    for (int k = 0; k < 2; k++) {
+        const karst_expr_node *size = node(r, k ? b : a);
+        karst_expr x = k ? a : b;
+        if (size->op == KARST_OP_ABS && size->arg[0] == x) /* |x| + x */
+            return two(r, KARST_OP_MULTIPLY, number(r, 2), two(r, KARST_OP_MAX, x, number(r, 0)));
+        const karst_expr_node *power = size;
+        if (is_number(r, x, -1) && power->op == KARST_OP_EXP2) /* 2^x - 1 */
+            return with_depth_of(r, two(r, KARST_OP_ADD, a, b), power->arg[0]);
+    }
+    return two(r, KARST_OP_ADD, a, b);
+}
+
+/* x of x^k = 2^(k log x), k > 0, which devices give 2^-126 for where x is 0. */
+static karst_expr base_of_power(const rewriter *r, karst_expr exponent)
+{
+    const karst_expr_node *n = node(r, exponent);
+    for (int k = 0; k < 2 && n->op == KARST_OP_MULTIPLY; k++) {
+        const karst_number *by = karst_graph_constant(r->graph, n->arg[k]);
+        const karst_expr_node *log = node(r, n->arg[1 - k]);
+        if (by && by->value > 0 && log->op == KARST_OP_LOG && never_negative(r, log->arg[0]))
+            return log->arg[0];
+    }
+    return KARST_NO_EXPR;
+}
+
+static karst_expr blend(rewriter *r, const karst_expr_node *n, const karst_expr *arg)
+{
+    karst_expr rest = rest_of(r, n->arg[2]);
+    karst_expr mix = karst_expr_3(r->graph, KARST_OP_MIX, arg[0], arg[1], arg[2]);
+    if (rest && is_number(r, arg[1], 0) && never_negative(r, n->arg[0]))
+        return with_depth_of(r, mix, two(r, KARST_OP_MULTIPLY, arg[0], rest));
+    bool both = never_negative(r, n->arg[0]) && never_negative(r, n->arg[1]) && !is_constant(r, arg[0]) &&
+                !is_constant(r, arg[1]);
+    if (!rest || !both)
+        return mix;
+    return with_depth_of(r, mix,
+                         two(r, KARST_OP_MAX, two(r, KARST_OP_MULTIPLY, arg[0], rest),
+                             two(r, KARST_OP_MULTIPLY, arg[1], arg[2])));
+}
+
+static karst_expr rewrite(rewriter *r, karst_expr e)
+{
+    const karst_expr_node n = *node(r, e);
+    karst_expr arg[4], x;
+    bool is_same = true;
+    for (int k = 0; k < 4; k++) {
+        arg[k] = n.arg[k] ? r->anew[n.arg[k]] : KARST_NO_EXPR;
+        is_same = is_same && arg[k] == n.arg[k];
+    }
+    switch (n.op) {
+    case KARST_OP_NEGATE:
+        return taken_from(r, number(r, 0), arg[0], 0);
+    case KARST_OP_SUBTRACT:
+        return difference(r, e, arg[0], arg[1]);
+    case KARST_OP_ADD:
+        return sum(r, arg[0], arg[1]);
+    case KARST_OP_MIX:
+        return blend(r, &n, arg);
+    case KARST_OP_LOG: /* of 1 + x */
+        x = above_one(r, arg[0]);
+        return x && above_one(r, n.arg[0]) && never_negative(r, above_one(r, n.arg[0]))
+                   ? with_depth_of(r, e, x)
+                   : e;
+    case KARST_OP_LENGTH:
+        x = arg[0];
+        for (int k = 0; k < 4 && n.arg[k]; k++) {
+            if (!never_negative(r, n.arg[k]) || is_constant(r, arg[k]))
+                return e;
+            x = k ? two(r, KARST_OP_MAX, x, arg[k]) : x;
+        }
+        return with_depth_of(r, e, x);
+    case KARST_OP_MULTIPLY:
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+    case KARST_OP_DIVIDE:
+        return is_same ? e : two(r, n.op, arg[0], arg[1]);
+    case KARST_OP_EXP2:
+        x = base_of_power(r, n.arg[0]);
+        if (x)
+            return with_depth_of(r, e, r->anew[x]);
+        return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
+    case KARST_OP_SQRT:
+    case KARST_OP_ABS:
+        return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
+    case KARST_OP_FMA:
+    case KARST_OP_SELECT:
+        return is_same ? e : karst_expr_3(r->graph, n.op, arg[0], arg[1], arg[2]);
+    default:
+        return e;
+    }
+}
+
+karst_expr karst_deepen_forms(karst_graph *graph, const karst_kinds_settings *settings, karst_expr density)
+{
+    karst_range *ranges = karst_arena_alloc(graph->arena, graph->num_nodes * sizeof *ranges);
+    karst_graph_ranges(graph, settings, ranges);
+    rewriter r = {.graph = graph, .ranges = ranges};
+    r.anew = karst_arena_alloc(graph->arena, (density + 1) * sizeof *r.anew);
+    uint8_t *needed = karst_arena_alloc(graph->arena, density + 1);
+    needed[density] = 1;
+    for (karst_expr e = density; e > 0; e--)
+        for (int k = 0; needed[e] && k < 4; k++)
+            needed[graph->nodes[e].arg[k]] = 1;
+    for (karst_expr e = 1; e <= density; e++) {
+        graph->where = graph->nodes[e].where;
+        r.anew[e] = needed[e] && graph->nodes[e].type == KARST_TYPE_FLOAT ? rewrite(&r, e) : e;
+    }
+    return r.anew[density];
+}
