@@ -66,6 +66,9 @@ typedef struct {
  * Errors: KARST_FAILED. */
 bool karst_cache_drop(karst_cache *cache, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
                       karst_dropped *dropped, karst_error *error);
+/* The same in one store alone. */
+bool karst_store_drop(karst_store *store, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
+                      karst_dropped *dropped, karst_error *error);
 /* The work of loading those bricks, coarse ones first, as karst_cache_root_work: to be asked until num_loads is 0. What
  * was dropped is on the next picture at the level that it had. */
 bool karst_cache_drop_work(karst_cache *cache, uint32_t serial, karst_work *work, karst_error *error);

@@ -132,6 +132,16 @@ bool karst_cache_drop(karst_cache *cache, const karst_drop_box *boxes, size_t nu
     return done;
 }
 
+bool karst_store_drop(karst_store *store, const karst_drop_box *boxes, size_t num_boxes, uint32_t serial,
+                      karst_dropped *dropped, karst_error *error)
+{
+    if (!store->cache->has_root || num_boxes == 0)
+        return true;
+    karst_cache_abandon(store->cache);
+    return karst_finish(store->cache->context, error) &&
+           drop_in_store(store, boxes, num_boxes, serial, dropped, error);
+}
+
 bool karst_store_drop_work(karst_store *store, uint32_t serial, karst_work *work, karst_error *error)
 {
     karst_cache *cache = store->cache;

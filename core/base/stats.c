@@ -20,6 +20,10 @@ const char *karst_stage_name(karst_stage stage)
         return "finalise";
     case KARST_STAGE_DISPLAY:
         return "display";
+    case KARST_STAGE_MEDIA:
+        return "media";
+    case KARST_STAGE_SUN_DEPTH:
+        return "sun_depth";
     case KARST_NUM_STAGES:
         break;
     }
@@ -37,6 +41,8 @@ const char *karst_stream_name(karst_stream stream)
         return "mirror";
     case KARST_STREAM_CLEAR:
         return "clear";
+    case KARST_STREAM_OCCLUSION:
+        return "occlusion";
     case KARST_NUM_STREAMS:
         break;
     }

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_particles.h"
 
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world)
 {
@@ -56,6 +56,8 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
                 karst_engine_world_same_models(&engine->shown, world);
     bool changed[KARST_NUM_CONTENTS];
     karst_engine_changed_contents(&engine->shown, world, changed);
+    if (karst_engine_world_has_particles(&engine->shown) || karst_engine_world_has_particles(world))
+        changed[KARST_CONTENT_AIR] = true;
     karst_finish(engine->context, NULL); /* nothing may run of what goes */
     rescale_position(&engine->camera.position, engine->world->voxel_log2_m, info->voxel_log2_m);
     karst_engine_world_close(&engine->shown);
@@ -130,6 +132,8 @@ static karst_number *merge_values(const karst_engine *engine, const karst_parame
     return values;
 }
 
+static bool apply_time(karst_engine *engine, karst_error *error);
+
 /* Takes the values. */
 static bool recompile(karst_engine *engine, karst_number *values, karst_error *error)
 {
@@ -138,20 +142,27 @@ static bool recompile(karst_engine *engine, karst_number *values, karst_error *e
     if (done && !(done = build(engine, &world, error) && replace_world(engine, &world, NULL, error)))
         karst_engine_world_close(&world);
     free(values);
-    return done;
+    return done && apply_time(engine, error);
 }
 
 bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *parameters, size_t num_parameters,
                                  karst_error *error)
 {
-    karst_engine_world *shown = &engine->shown;
-    karst_fingerprint fingerprint;
     bool needs_compiling;
     karst_number *values = merge_values(engine, parameters, num_parameters, &needs_compiling, error);
     if (!values)
         return false;
-    if (needs_compiling)
-        return recompile(engine, values, error);
+    return needs_compiling ? recompile(engine, values, error) : karst_engine_take_values(engine, values, error);
+}
+
+bool karst_engine_take_values(karst_engine *engine, karst_number *values, karst_error *error)
+{
+    karst_engine_world *shown = &engine->shown;
+    karst_fingerprint fingerprint;
+    if (!karst_engine_move_particles(engine, values, error)) {
+        free(values);
+        return false;
+    }
     if (!karst_fingerprint_init(&fingerprint, shown->file->program, values, shown->seed)) {
         free(values);
         return karst_fail(error, KARST_FAILED, "out of memory");
@@ -176,6 +187,48 @@ bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *pa
     engine->view_changed = true;
     return same || drop_content(engine, error);
 }
+
+/* ---- the time ---- */
+
+/* iTime becomes the engine's time. Errors: KARST_USAGE, KARST_FAILED. */
+static bool apply_time(karst_engine *engine, karst_error *error)
+{
+    const karst_program_graph *program = engine->shown.file->program;
+    const size_t size = (program->num_parameters + 1) * sizeof(karst_number);
+    karst_number *values = malloc(size);
+    if (!values)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    memcpy(values, engine->shown.values, size);
+    if (!karst_program_put_time(program, engine->time_s, values) || !memcmp(values, engine->shown.values, size)) {
+        free(values);
+        return true;
+    }
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        if (program->parameters[i].is_implicit && program->parameters[i].is_structural &&
+            strcmp(program->parameters[i].name, "iTime") == 0) {
+            free(values);
+            return karst_fail(error, KARST_USAGE, "%s: iTime decides what is compiled, so time stands still there",
+                              engine->world->name);
+        }
+    return karst_engine_take_values(engine, values, error);
+}
+
+bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *error)
+{
+    const double before_s = engine->time_s;
+    if (!(time_s >= -KARST_MOST_TIME_S && time_s <= KARST_MOST_TIME_S))
+        return karst_fail(error, KARST_USAGE, "a time of %g s: times go from -1e9 to 1e9 s", time_s);
+    if (time_s == before_s)
+        return true;
+    engine->time_s = time_s;
+    if (apply_time(engine, error) && karst_engine_move_particles(engine, NULL, error))
+        return true;
+    engine->time_s = before_s;
+    apply_time(engine, NULL);
+    return false;
+}
+
+double karst_engine_time(const karst_engine *engine) { return engine->time_s; }
 
 /* ---- another world ---- */
 
@@ -209,7 +262,7 @@ void karst_prepared_world_destroy(karst_prepared_world *world)
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error)
 {
     bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error) &&
-                karst_engine_colour_models(engine, error);
+                karst_engine_colour_models(engine, error) && apply_time(engine, error);
     karst_prepared_world_destroy(world);
     return done;
 }

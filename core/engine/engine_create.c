@@ -61,7 +61,7 @@ bool karst_engine_size_pools(const karst_engine_config *config, uint32_t num_sto
 void karst_engine_cast_options(const karst_engine_config *config, const karst_world_info *world, char *text,
                                size_t size_bytes)
 {
-    const unsigned of_streams = KARST_SHADE_MIRROR | KARST_SHADE_PATHS;
+    const unsigned of_streams = KARST_SHADE_MIRROR | KARST_SHADE_PATHS | KARST_SHADE_OCCLUSION;
     const bool has_streams = karst_engine_shade_ways(config, world) & of_streams;
     int length =
         snprintf(text, size_bytes, "%s%s%s%s", has_streams ? "" : KARST_CAST_NO_STREAMS,
@@ -92,10 +92,11 @@ unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
                         (world->has_own_mirror && config->mirror >= 0) || world->has_clear;
     const bool lights = world->num_lights > 0;
-    const bool radiance = mirror || lights || world->has_air || config->samples > 1 ||
+    const bool occlusion = karst_engine_wants_occlusion(config, world);
+    const bool radiance = mirror || lights || occlusion || world->has_air || config->samples > 1 ||
                           config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
-           (mirror ? KARST_SHADE_MIRROR : 0u) |
+           (mirror ? KARST_SHADE_MIRROR : 0u) | (occlusion ? KARST_SHADE_OCCLUSION : 0u) |
            (lights || karst_engine_wants_caustics(config, world) ? KARST_SHADE_PATHS : 0u);
 }
 
@@ -115,6 +116,8 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
         return karst_fail(error, KARST_USAGE, "there is no tone number %d", (int)config->tone);
     if (!(config->mirror <= 1))
         return karst_fail(error, KARST_USAGE, "land that mirrors %g of its light: it may be 0 to 1", config->mirror);
+    if ((unsigned)config->occlusion >= KARST_NUM_OCCLUSIONS)
+        return karst_fail(error, KARST_USAGE, "there is no mode of occlusion number %d", (int)config->occlusion);
     if (config->has_sun && !karst_engine_check_sun(&config->sun, error))
         return false;
     if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
@@ -236,7 +239,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if (!karst_camera_parse(engine->world->camera, engine->world->voxel_log2_m, &engine->camera, error))
         goto failed;
     engine->view_changed = true;
-
     if (!open_context(engine, config, opening, error))
         goto failed;
     karst_helper_set_task(config->helper, config);
@@ -273,9 +275,11 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if ((engine->shade & KARST_SHADE_MIRROR) && !has_clear &&
         !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error)))
+    if ((engine->shade & KARST_SHADE_OCCLUSION) &&
+        !(engine->occlusion = karst_occlusion_create(engine->context, error)))
         goto failed;
-    if (!karst_engine_create_photons(engine, config, error))
+    if (((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error))) ||
+        !karst_engine_create_photons(engine, config, error))
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
@@ -323,6 +327,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_paths_destroy(engine->paths);
     karst_photons_destroy(engine->photons.photons);
     karst_clear_destroy(engine->clear);
+    karst_occlusion_destroy(engine->occlusion);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);
     free(engine->given_sums);

@@ -30,7 +30,7 @@ static sure_rays last_rays(const karst_engine *engine)
         return THROUGH_CLEAR;
     if (engine->shadows && engine->bounce)
         return FROM_MIRRORED;
-    return engine->shadows || engine->bounce || engine->paths ? FROM_HITS : PICTURE;
+    return engine->shadows || engine->bounce || engine->paths || engine->occlusion ? FROM_HITS : PICTURE;
 }
 
 /* `again`: only those that wanted anything, as far as that is known. */
@@ -58,6 +58,7 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
                              : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                           NULL, engine->shadows_asked, NULL, error));
     return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, error)) &&
+           karst_engine_look_at_occlusion(engine, &view, error) &&
            karst_engine_look_at_paths(engine, &view, &pinhole, error);
 }
 

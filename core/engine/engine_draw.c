@@ -23,7 +23,10 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
 {
     karst_buffer *parts = engine->radiance ? karst_radiance_parts(engine->radiance) : NULL;
     const cl_mem shaded = engine->radiance ? karst_radiance_marks(engine->radiance)->mem : pixels;
-    if (!karst_shade_pixels(engine->shader, view, pinhole, light, engine->hits, engine->shadow_rays, shaded, parts,
+    if (engine->occlusion)
+        karst_shader_set_occlusion(engine->shader, karst_occlusion_open(engine->occlusion));
+    if (!karst_engine_draw_occlusion(engine, view, pinhole, error) ||
+        !karst_shade_pixels(engine->shader, view, pinhole, light, engine->hits, engine->shadow_rays, shaded, parts,
                             engine->counters, error) ||
         !karst_engine_draw_lights(engine, view, pinhole, light, false, error) ||
         !karst_engine_cover_by_clear(engine, view, pinhole, light, error))
@@ -72,18 +75,6 @@ static bool fetch_counters(karst_engine *engine, karst_error *error)
 {
     return karst_buffer_memory(engine->counters) ||
            karst_buffer_fetch(engine->counters, 0, engine->counted, sizeof engine->counted, error);
-}
-
-bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                         karst_error *error)
-{
-    karst_shade_anchor anchor = {.pad = 0};
-    memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
-    memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
-    karst_refiner *refiner = engine->shown.refining.refiner;
-    if (refiner && engine->edits)
-        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits));
-    return !refiner || karst_refine_hits(refiner, view, pinhole, &anchor, engine->hits, error);
 }
 
 /* All of a picture is enqueued in one go, so that no core waits for the host before its end. */
@@ -137,6 +128,7 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     stats->num_rays[KARST_STREAM_SHADOW] = engine->counted[4];
     stats->num_rays[KARST_STREAM_MIRROR] = engine->counted[5];
     stats->num_rays[KARST_STREAM_CLEAR] = engine->counted[KARST_CLEAR_COUNT_RAYS];
+    stats->num_rays[KARST_STREAM_OCCLUSION] = engine->occlusion ? engine->counted[0] : 0;
     stats->num_rays_cut = engine->counted[KARST_CLEAR_COUNT_CUT];
     return true;
 }

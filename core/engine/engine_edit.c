@@ -24,7 +24,8 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
                                          karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
     karst_layer *layers[2];
     size_t num = 0;
-    if (!karst_engine_world_load_models(engine, world, error))
+    if (!karst_engine_world_load_models(engine, world, error) ||
+        !karst_engine_world_set_particles(engine, world, error))
         return false;
     if (world->models)
         layers[num++] = world->models;

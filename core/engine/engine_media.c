@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
+#include "karst/change.h"
 
 /* Voxels of media are so many times as wide as those of land: they are soft, and rays pass through all that there are
  * before what is behind. */
@@ -32,6 +33,7 @@ static bool prepare(karst_engine *engine, karst_error *error)
         .land = engine->shadows ? karst_cache_get_buffers(engine->cache) : NULL,
         .mode = mode_of(engine->media_mode),
         .has_atmosphere = engine->shown.skies != NULL,
+        .groups = engine->media_groups,
         .look = {.source = file->code.colour_source, .options = options, .data = producer->data[0]}};
     if (!karst_finish(engine->context, error))
         return false;
@@ -56,7 +58,8 @@ static karst_media_picture picture_of(const karst_engine *engine, const karst_ca
                                  .hits = engine->hits,
                                  .parts = karst_radiance_parts(engine->radiance),
                                  .has_sun = engine->shadows,
-                                 .has_mirror = engine->bounce != NULL};
+                                 .has_mirror = engine->bounce != NULL,
+                                 .makes_all = engine->settles};
 }
 
 bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -66,7 +69,15 @@ bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, 
     if (!karst_engine_has_content(engine, KARST_CONTENT_AIR))
         return true;
     const karst_media_picture picture = picture_of(engine, view, pinhole, light);
-    return prepare(engine, error) && karst_media_take_counts(engine->media, &num_lacking, &num_made, error) &&
+    const bool moves = engine->media_moves;
+    engine->media_moves = false;
+    if (moves && engine->media)
+        karst_media_age(engine->media);
+    /* What moved has new bricks: their depth towards the sun is there before they are drawn. */
+    return prepare(engine, error) &&
+           (!moves || (karst_media_look(engine->media, &picture, error) &&
+                       karst_media_survey_sun(engine->media, &picture, error))) &&
+           karst_media_take_counts(engine->media, &num_lacking, &num_made, error) &&
            karst_media_pixels(engine->media, &picture, error) &&
            karst_media_survey_sun(engine->media, &picture, error);
 }
@@ -87,6 +98,16 @@ bool karst_engine_end_media(karst_engine *engine, karst_error *error)
         !karst_media_take_counts(engine->media, &num_lacking, &num_made, error))
         return false;
     engine->media_lacks = num_lacking + num_made > 0;
+    return true;
+}
+
+bool karst_engine_set_media_groups(karst_engine *engine, uint32_t groups, karst_error *error)
+{
+    if (groups < 1 || groups > KARST_ENGINE_MAX_MEDIA_GROUPS)
+        return karst_fail(error, KARST_USAGE, "%u groups: there are 1 to %u", groups, KARST_ENGINE_MAX_MEDIA_GROUPS);
+    if (groups != engine->media_groups)
+        engine->media_of = NULL; /* it is made anew, for so many */
+    engine->media_groups = groups;
     return true;
 }
 

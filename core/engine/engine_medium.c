@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_particles.h"
 #include "karst/medium.h"
 #include "karst/query.h"
 #include "producers/density/world_internal.h"
@@ -24,6 +24,8 @@ typedef struct {
     karst_cache *cache;
     karst_producer *producer;
     karst_media *media;
+    karst_number *values; /* of the world's parameters, at the time */
+    karst_layer *particles;
     karst_buffer *rays, *depths;
     double direction[3], voxel_m, length_m;
     double width_m, cone; /* the footprint is this wide at least, and so much of the way */
@@ -43,6 +45,8 @@ static bool check(const karst_world *world, const karst_medium_ray *ray, double 
     for (int axis = 0; axis < 3; axis++)
         if (ray->from.voxel[axis] > KARST_ENGINE_MAX_VOXEL || ray->from.voxel[axis] < -KARST_ENGINE_MAX_VOXEL)
             return karst_fail(error, KARST_USAGE, "a ray may not begin beyond 2^61 voxels");
+    if (!(fabs(ray->time_s) <= KARST_MOST_TIME_S))
+        return karst_fail(error, KARST_USAGE, "a time of %g s: times go from -1e9 to 1e9 s", ray->time_s);
     return (ray->footprint_m >= 0 && ray->footprint_m <= 1e6) ||
            karst_fail(error, KARST_USAGE, "a footprint of %g m: it may be 0 to 10^6", ray->footprint_m);
 }
@@ -65,6 +69,20 @@ static bool find_land(following *f, const karst_medium_ray *ray, karst_medium_de
 
 /* ---- on the device ---- */
 
+static bool take_particles(following *f, const karst_medium_ray *ray, const karst_world_build *build,
+                           karst_error *error)
+{
+    karst_world_groups groups;
+    if (f->world->file->program->header.num_particles == 0)
+        return true;
+    if (karst_world_groups_init(&groups, f->world->file, f->values, error))
+        f->particles = karst_particles_layer_create(f->context, KARST_SHAPE_AUTO, groups.groups, groups.num,
+                                                    f->world->metadata.voxel_log2_m, ray->time_s, error);
+    karst_world_groups_finish(&groups);
+    return f->particles &&
+           karst_world_file_set_layers(f->producer, f->air, build, &f->particles, 1, NULL, error);
+}
+
 static bool open_pools(following *f, const karst_medium_ray *ray, karst_error *error)
 {
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
@@ -75,7 +93,8 @@ static bool open_pools(following *f, const karst_medium_ray *ray, karst_error *e
     f->producer = f->cache ? karst_world_file_producer_built(f->context, f->air, f->world->metadata.seed, MAX_LOADS,
                                                              &build, error)
                            : NULL;
-    if (!f->producer)
+    if (!f->producer || !take_particles(f, ray, &build, error) ||
+        !karst_world_file_set_parameters(f->producer, f->air, f->values, f->world->metadata.seed, error))
         return false;
     const karst_media_config config = {.air = karst_cache_get_buffers(f->cache)};
     return (f->media = karst_media_create(f->context, &config, error)) &&
@@ -91,6 +110,9 @@ static void close_pools(following *f)
     karst_buffer_destroy(f->depths);
     karst_media_destroy(f->media);
     karst_producer_destroy(f->producer);
+    if (f->particles)
+        f->particles->ops->destroy(f->particles);
+    free(f->values);
     karst_cache_destroy(f->cache);
     karst_context_destroy(f->context);
 }
@@ -167,20 +189,33 @@ static double extinction_at(const following *f, karst_oracle *oracle, const kars
     return value > 0 && isfinite(value) ? value : 0;
 }
 
-/* In pieces half as long as the footprint there. */
+static bool find_values(following *f, double time_s, karst_error *error)
+{
+    const karst_program_graph *program = f->air->program;
+    f->values = calloc(program->num_parameters + 1, sizeof *f->values);
+    if (!f->values)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        f->values[i] = program->parameters[i].value;
+    if (time_s != 0)
+        karst_program_put_time(program, time_s, f->values);
+    return true;
+}
+
+/* In pieces half as long as the footprint there; particles are met where they are. */
 static bool integrate(const following *f, const karst_medium_ray *ray, double *optical_depth, karst_error *error)
 {
     const karst_program_graph *program = f->air->program;
-    karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
-    karst_oracle *oracle = NULL;
-    for (uint32_t i = 0; values && i < program->num_parameters; i++)
-        values[i] = program->parameters[i].value;
-    if (values)
-        oracle = karst_oracle_create(&program->world, values, f->world->metadata.seed, program->header.voxel_log2_m,
-                                     error);
-    free(values);
+    karst_oracle *oracle = karst_oracle_create(&program->world, f->values, f->world->metadata.seed,
+                                               program->header.voxel_log2_m, error);
+    double of_particles = 0;
     if (!oracle)
         return karst_fail(error, KARST_FAILED, "out of memory");
+    if (f->particles && !karst_particle_list_depth(karst_particles_layer_list(f->particles), &ray->from, f->direction,
+                                                   f->length_m, &of_particles, error)) {
+        karst_oracle_destroy(oracle);
+        return false;
+    }
     *optical_depth = 0;
     double first = extinction_at(f, oracle, &ray->from, 0);
     for (double t = 0; t < f->length_m;) {
@@ -192,6 +227,7 @@ static bool integrate(const following *f, const karst_medium_ray *ray, double *o
         first = last;
         t += step;
     }
+    *optical_depth += of_particles;
     karst_oracle_destroy(oracle);
     return true;
 }
@@ -210,7 +246,7 @@ bool karst_world_medium_depth(const karst_world *world, const karst_medium_ray *
     for (int axis = 0; axis < 3; axis++)
         f.direction[axis] = ray->direction[axis] / length;
     *depth = (karst_medium_depth){0};
-    bool done = find_land(&f, ray, depth, error);
+    bool done = find_land(&f, ray, depth, error) && find_values(&f, ray->time_s, error);
     if (done && f.length_m > 0)
         done = open_pools(&f, ray, error) && follow(&f, ray, &depth->optical_depth, error) &&
                integrate(&f, ray, &depth->oracle_optical_depth, error);

@@ -27,6 +27,7 @@
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
+#include "raycast/light/occlusion.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/photons.h"
 #include "raycast/light/radiance.h"
@@ -84,6 +85,7 @@ typedef struct {
     karst_engine_refining photon_refining; /* as that of clear matter, for photons that land mirrors */
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_layer *models; /* NULL: it has none, or they are not loaded yet */
+    karst_layer *particles; /* the same of these, in the air */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
 } karst_engine_world;
@@ -146,6 +148,9 @@ struct karst_engine {
     const karst_producer *media_of; /* whom it was made for */
     karst_media_mode media_mode;
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
+    uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
+    bool media_moves;                 /* particles moved since the last picture */
+    double time_s;                    /* karst_engine_set_time */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
     karst_colours *colours; /* NULL: no layer had any yet */
@@ -157,6 +162,7 @@ struct karst_engine {
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
     karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
+    karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
     karst_engine_photons photons;
     karst_integrator integrator;
@@ -279,6 +285,16 @@ bool karst_engine_world_has_coloured_models(const karst_engine_world *world); /*
 /* Whether two worlds of one voxel have the same models in the same places. */
 bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
 
+/* engine_particles.c. Makes the particles that an open world's header names part of what fills its air, at the engine's
+ * time. Errors: KARST_BAD_DATA (their files), KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_set_particles(karst_engine *engine, karst_engine_world *world, karst_error *error);
+bool karst_engine_world_has_particles(const karst_engine_world *world);
+/* The shown world's particles go where the engine's time says, or `values` of parameters; what moved is forgotten.
+ * Errors: as above; those of numbers before anything has changed. */
+bool karst_engine_move_particles(karst_engine *engine, const karst_number *values, karst_error *error);
+/* engine_stores.c. How what fills the air is built; it borrows `finalise`. */
+karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, char finalise[64]);
+
 /* engine_trial.c. Has the device's driver compile what an open world needs, beside the engine's own queue and buffers,
  * from another thread if need be. What is built for that is thrown away; the driver keeps it, and building it again is
  * quick. Errors: KARST_FAILED. */
@@ -296,6 +312,9 @@ uint32_t karst_engine_usable_bricks(const karst_cache_buffers *buffers);
 /* engine_stores.c. Says once where the first density of a producer lies that is not finite; `what` it is. */
 void karst_engine_report_non_finite(const karst_engine *engine, karst_producer *producer, const char *what,
                                     bool *reported);
+
+/* engine_change.c. Parameters take these values, malloc'ed, which it takes. Nothing is compiled. */
+bool karst_engine_take_values(karst_engine *engine, karst_number *values, karst_error *error);
 
 /* engine_create.c. Errors: KARST_USAGE. */
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error);
@@ -451,6 +470,17 @@ bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
 
+/* engine_occlusion.c. Whether a picture of that world has occlusion. */
+bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst_world_info *world);
+/* The rest does nothing where it has none. What follows the picture's size, and what that takes. */
+bool karst_engine_allocate_occlusion(karst_engine *engine, karst_error *error);
+double karst_engine_occlusion_bytes(const karst_engine *engine);
+/* Of the picture's hits, before they are shaded; what its cones lack now; and as karst_engine_read_aov. */
+bool karst_engine_draw_occlusion(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                 karst_error *error);
+bool karst_engine_look_at_occlusion(karst_engine *engine, const karst_cast_view *view, karst_error *error);
+bool karst_engine_read_occlusion(karst_engine *engine, float *open, size_t num_values, karst_error *error);
+
 /* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
 bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);
 /* In place of shading, shadows and mirrors; or after these, what a world's own lights add to what the picture's rays
@@ -539,6 +569,8 @@ bool karst_engine_aim_skies(karst_engine *engine, karst_error *error);
 /* Moves the hits to the true density, where that is wished for. */
 bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                          karst_error *error);
+bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              karst_buffer *hits, karst_error *error);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 /* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */

@@ -47,10 +47,13 @@ static bool check_room(const karst_engine *engine, karst_error *error)
            shadows = engine->shadows ? (double)karst_cast_shadow_bytes(engine->width_px, engine->height_px) : 0;
     const double mirrored =
         (engine->bounce  ? karst_bounce_bytes(engine->width_px, engine->height_px, engine->shadows)
-         : engine->clear ? karst_clear_bytes(engine->width_px, engine->height_px, engine->shadows)
+         : engine->clear ? karst_clear_bytes(engine->width_px, engine->height_px, engine->shadows,
+                                             karst_engine_world_bends(&engine->shown))
                          : 0) +
-        (engine->paths ? karst_paths_bytes((size_t)num_pixels) : 0);
-    double largest = fmax(engine->bounce || engine->clear || engine->paths ? num_pixels * sizeof(karst_ray) : hits,
+        (engine->paths ? karst_paths_bytes((size_t)num_pixels) : 0) + karst_engine_occlusion_bytes(engine);
+    double largest = fmax(engine->bounce || engine->clear || engine->paths || engine->occlusion
+                                   ? num_pixels * sizeof(karst_ray)
+                                   : hits,
                           shadows),
            sum = hits + shadows + mirrored + 4 * num_pixels;
     for (const karst_buffer *b = context->buffers; b; b = b->next)
@@ -98,7 +101,8 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         (engine->radiance && !karst_radiance_set_room(engine->radiance, num_pixels, error)) ||
         (engine->bounce && !karst_bounce_set_room(engine->bounce, engine->width_px, engine->height_px, error)) ||
         (engine->paths && !karst_paths_set_room(engine->paths, num_pixels, error)) ||
-        (engine->clear && !karst_clear_set_room(engine->clear, engine->width_px, engine->height_px, error)))
+        (engine->clear && !karst_clear_set_room(engine->clear, engine->width_px, engine->height_px, error)) ||
+        !karst_engine_allocate_occlusion(engine, error))
         return false;
     size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
                                               engine->width_px, engine->height_px);

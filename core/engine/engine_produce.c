@@ -79,7 +79,8 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
 static bool follow_up(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
 {
     const bool sunwards =
-        (engine->shadows || engine->bounce || engine->clear || engine->paths) && engine->counted[1] == 0;
+        (engine->shadows || engine->bounce || engine->clear || engine->paths || engine->occlusion) &&
+        engine->counted[1] == 0;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
         uint64_t start_ns = karst_engine_cpu_ns(engine);
         if (!(sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again)(engine, error) ||

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/edits/edits.h"
 #include "producers/language/emit/emit.h"
 
 static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
@@ -129,4 +130,22 @@ void karst_engine_world_close_refiner(karst_engine_world *world)
     karst_engine_finish_refining(&world->refining);
     karst_engine_finish_refining(&world->photon_refining);
     karst_engine_finish_refining(&world->content[KARST_CONTENT_CLEAR].refining);
+}
+
+bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                         karst_error *error)
+{
+    return karst_engine_refine_hits(engine, view, pinhole, engine->hits, error);
+}
+
+bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              karst_buffer *hits, karst_error *error)
+{
+    karst_shade_anchor anchor = {.pad = 0};
+    memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
+    memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
+    karst_refiner *refiner = engine->shown.refining.refiner;
+    if (refiner && engine->edits)
+        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits));
+    return !refiner || karst_refine_hits(refiner, view, pinhole, &anchor, hits, error);
 }

@@ -73,14 +73,18 @@ void karst_engine_destroy_stores(karst_engine *engine)
 
 /* ---- what fills them ---- */
 
+karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, char finalise[64])
+{
+    snprintf(finalise, 64, "%s " KARST_MEDIUM_OPTION, karst_cache_brick_option(buffers));
+    return (karst_world_build){.shape = KARST_SHAPE_AUTO, .options = KARST_MEDIUM_OPTION, .finalise_options = finalise};
+}
+
 /* `finalise` holds its options, which are borrowed. */
 static karst_world_build build_of(const karst_cache_buffers *buffers, const karst_engine_wishes *wishes, int content,
                                   char finalise[64])
 {
-    snprintf(finalise, 64, "%s " KARST_MEDIUM_OPTION, karst_cache_brick_option(buffers));
     if (content == KARST_CONTENT_AIR)
-        return (karst_world_build){
-            .shape = KARST_SHAPE_AUTO, .options = KARST_MEDIUM_OPTION, .finalise_options = finalise};
+        return karst_engine_air_build(buffers, finalise);
     return (karst_world_build){.shape = KARST_SHAPE_AUTO,
                                .finalise_options = karst_cache_brick_option(buffers),
                                .start_on_host = wishes->start_on_host};

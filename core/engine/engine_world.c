@@ -73,6 +73,8 @@ void karst_engine_world_close(karst_engine_world *world)
     karst_producer_destroy(world->producer);
     if (world->models)
         world->models->ops->destroy(world->models);
+    if (world->particles)
+        world->particles->ops->destroy(world->particles);
     karst_fingerprint_finish(&world->fingerprint);
     free(world->values);
     karst_world_file_destroy(world->file);

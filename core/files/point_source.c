@@ -39,7 +39,8 @@ bool karst_point_format_of(const char *name, karst_point_format *format, karst_e
 karst_point_source *karst_point_source_open(FILE *file, const char *name, karst_point_format format, karst_error *error)
 {
     bool (*const openers[])(karst_point_source *, karst_error *) = {karst_points_open_ply, karst_points_open_obj,
-                                                                    karst_points_open_xyz, karst_points_open_las};
+                                                                    karst_points_open_xyz, karst_points_open_las,
+                                                                    karst_points_open_particles};
     karst_point_source *source = calloc(1, sizeof *source);
     struct stat about;
     if (!source) {
@@ -65,6 +66,7 @@ bool karst_point_source_read(karst_point_source *source, karst_file_point *point
 
 bool karst_point_source_has_normals(const karst_point_source *source) { return source->has_normals; }
 bool karst_point_source_has_colours(const karst_point_source *source) { return source->has_colours; }
+bool karst_point_source_has_more(const karst_point_source *source) { return source->has_more; }
 uint64_t karst_point_source_num_withheld(const karst_point_source *source) { return source->num_withheld; }
 
 double karst_point_source_share(const karst_point_source *source)

@@ -17,11 +17,14 @@ typedef struct {
     double at[3];
     float normal[3]; /* if the source has normals; any length */
     uint8_t rgb[3];  /* if the source has colours */
+    double more[5];  /* if the source has what particles have: radius, extinction; velocity, or 0 */
 } karst_file_point;
 
 typedef struct karst_point_source karst_point_source;
 
-typedef enum { KARST_POINTS_PLY, KARST_POINTS_OBJ, KARST_POINTS_XYZ, KARST_POINTS_LAS } karst_point_format;
+typedef enum { KARST_POINTS_PLY, KARST_POINTS_OBJ, KARST_POINTS_XYZ, KARST_POINTS_LAS,
+               /* text whose first line names its columns: no name's suffix means it */
+               KARST_POINTS_PARTICLES } karst_point_format;
 
 /* Which format a name's suffix means. Errors: KARST_USAGE (none of these; of LAZ and E57 the message names a
  * converter). */
@@ -37,6 +40,7 @@ bool karst_point_source_read(karst_point_source *source, karst_file_point *point
                              karst_error *error);
 bool karst_point_source_has_normals(const karst_point_source *source);
 bool karst_point_source_has_colours(const karst_point_source *source);
+bool karst_point_source_has_more(const karst_point_source *source); /* radius and extinction */
 /* Points that the file itself says are not to be used (LAS: withheld, noise), so far. */
 uint64_t karst_point_source_num_withheld(const karst_point_source *source);
 /* How much of the file is read, 0 to 1; 0 where its length is not known. */

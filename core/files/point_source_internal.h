@@ -17,7 +17,8 @@ typedef struct {
 /* A property of a PLY's element: what it is of a point, and how it is written. */
 typedef struct {
     uint8_t type, count_type; /* count_type: of a list; 0: it is no list */
-    uint8_t meaning;          /* 0: nothing; 1 to 3 place, 4 to 6 normal, 7 to 9 colour */
+    uint8_t meaning;          /* 0: nothing; 1 to 3 place, 4 to 6 normal, 7 to 9 colour,
+                                * 10 to 14 what particles have */
 } karst_ply_property;
 
 typedef struct {
@@ -36,7 +37,7 @@ struct karst_point_source {
     uint64_t offset, length; /* of the byte at `begin`; of the file, 0: not known */
     uint64_t line;           /* of texts: the number of the last one read */
     char text[KARST_POINTS_MAX_LINE_BYTES];
-    bool has_normals, has_colours;
+    bool has_normals, has_colours, has_more;
     uint64_t num_withheld;
     float (*normals)[3]; /* of an OBJ's vertices, from its faces; NULL: there are none */
     uint64_t num_normals, next_vertex;
@@ -51,6 +52,9 @@ struct karst_point_source {
             int num_columns, normal_column, colour_column; /* -1: there is none */
             bool has_first;                                /* the first line of points waits in `text` */
         } xyz;
+        struct {
+            int num_columns, of[8]; /* which column has x, y, z, radius, extinction, and velocity; -1: none */
+        } particles;
         struct {
             uint64_t num_left, num_all;
             uint32_t record_bytes, format, colour_offset;
@@ -77,5 +81,6 @@ bool karst_points_open_ply(karst_point_source *source, karst_error *error);
 bool karst_points_open_obj(karst_point_source *source, karst_error *error);
 bool karst_points_open_xyz(karst_point_source *source, karst_error *error);
 bool karst_points_open_las(karst_point_source *source, karst_error *error);
+bool karst_points_open_particles(karst_point_source *source, karst_error *error);
 
 #endif

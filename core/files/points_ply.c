@@ -30,7 +30,12 @@ static uint8_t meaning_of(const char *word)
                                            {"nz", "normal_z"},
                                            {"red", "diffuse_red"},
                                            {"green", "diffuse_green"},
-                                           {"blue", "diffuse_blue"}};
+                                           {"blue", "diffuse_blue"},
+                                           {"radius", ""},
+                                           {"extinction", ""},
+                                           {"vx", ""},
+                                           {"vy", ""},
+                                           {"vz", ""}};
     for (uint8_t i = 0; i < sizeof names / sizeof *names; i++)
         if (!strcmp(word, names[i][0]) || !strcmp(word, names[i][1]))
             return (uint8_t)(i + 1);
@@ -109,6 +114,7 @@ static bool look_at_vertices(karst_point_source *source, karst_error *error)
                                            "no points: a PLY has one element vertex, with properties x, y and z");
     source->has_normals = (found & 0x70u) == 0x70u;
     source->has_colours = (found & 0x380u) == 0x380u;
+    source->has_more = (found & 0xc00u) == 0xc00u;
     return true;
 }
 
@@ -193,6 +199,8 @@ static void take(karst_file_point *point, uint8_t meaning, uint8_t type, double 
         point->at[meaning - 1] = value;
     else if (meaning >= 4 && meaning <= 6)
         point->normal[meaning - 4] = (float)value;
+    else if (meaning >= 10)
+        point->more[meaning - 10] = value;
     else if (meaning >= 7) {
         double scaled = type >= FLOAT32 ? value * 255 : type == UINT16 ? value / 257 : value;
         point->rgb[meaning - 7] = scaled >= 255 ? 255 : scaled > 0 ? (uint8_t)(scaled + 0.5) : 0;

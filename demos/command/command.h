@@ -190,6 +190,7 @@ typedef struct {
     const char *device;
     bool json, is_later;
     const karst_log *log;
+    double time_s;
 } command_ray_look;
 /* Prints what the ray "X,Y,Z,DX,DY,DZ" passes of the world's medium. Errors: KARST_USAGE, and those of
  * karst_world_medium_depth. */
@@ -201,7 +202,7 @@ bool command_sample_ray(const karst_world *world, const char *text, const comman
 typedef struct {
     uint64_t samples;
     double mirror;
-    bool has_mirror;
+    bool has_mirror, occlusion, no_occlusion;
     const char *light; /* NULL: direct */
     uint64_t bounces;
     uint64_t caustics;
@@ -223,7 +224,15 @@ typedef struct {
         "mirror", 0, COMMAND_NUMBER, "SHARE", "of its light that land mirrors, 0 to 1 (default: the world's, or 0)", \
             share, 0, 1, given                                                                                       \
     }
+#define COMMAND_OCCLUSION_OPTIONS(on, off)                                                                           \
+    {"occlusion", 0, COMMAND_FLAG, NULL, "darken what little light from all around reaches (default: the world's)",  \
+     on, 0, 0, NULL},                                                                                                \
+    {                                                                                                                \
+        "no-occlusion", 0, COMMAND_FLAG, NULL, "whatever the world says: light from all around comes everywhere",    \
+            off, 0, 0, NULL                                                                                          \
+    }
 #define COMMAND_TONE_OPTIONS(look)                                                                                   \
+    COMMAND_OCCLUSION_OPTIONS(&(look)->occlusion, &(look)->no_occlusion),                                            \
     COMMAND_MIRROR_OPTION(&(look)->mirror, &(look)->has_mirror),                                                     \
         {"light", 0, COMMAND_TEXT, "LIGHT", "direct, or full: all of it, by many samples (default: direct)",         \
          &(look)->light, 0, 0, NULL},                                                                                \
@@ -252,6 +261,8 @@ typedef struct {
 /* Errors: KARST_USAGE. */
 bool command_check_look(command_look *look, karst_error *error);
 void command_set_look(const command_look *look, karst_engine_config *config);
+/* What karst_engine_config has for --occlusion and --no-occlusion, of which the latter counts. */
+karst_occlusion_mode command_occlusion(bool on, bool off);
 /* What karst_engine_config has for --mirror. */
 double command_mirror(double share, bool given);
 
@@ -418,10 +429,11 @@ void command_pictures_discard(command_pictures *pictures);
 
 /* How to fly; zeros mean left out. */
 typedef struct {
-    const char *file; /* the path */
+    const char *file; /* the path; NULL: the camera stands still, for num_pictures */
     const char *output;
     size_t num_pictures;
     double fps, start_s, end_s;
+    double world_s, world_step_s; /* the world's time at the first picture, and from one to the next */
     bool has_start, has_end;
     bool live;           /* one frame for each picture, whatever it lacks, after having settled at the start */
     uint32_t max_frames; /* to settle a picture */

@@ -40,8 +40,8 @@ static json_t *describe_parameters(const karst_engine_config *config)
     return values;
 }
 
-char *command_describe_picture(const karst_engine_config *config, const char *camera, const int size_px[2],
-                               const int window_px[4], karst_error *error)
+char *command_describe_picture(const karst_engine_config *config, const char *camera, double time_s,
+                               const int size_px[2], const int window_px[4], karst_error *error)
 {
     json_t *world = describe_file(config->world, error), *edits = describe_file(config->edits, error);
     json_t *sun =
@@ -51,12 +51,12 @@ char *command_describe_picture(const karst_engine_config *config, const char *ca
     json_t *root =
         !world || !edits
             ? NULL
-            : json_pack("{s:i, s:s, s:O, s:O, s:o, s:O, s:s, s:O, s:[i,i], s:[i,i,i,i], s:f, s:f, s:I, s:i, s:i, "
+            : json_pack("{s:i, s:s, s:O, s:O, s:o, s:O, s:s, s:f, s:O, s:[i,i], s:[i,i,i,i], s:f, s:f, s:I, s:i, s:i, "
                         "s:b, s:b, s:b, s:f, s:i, s:i, s:i, s:I}",
                         "karst_sums", FORMAT, "version", karst_version(), "world", world, "edits", edits, "parameters",
-                        describe_parameters(config), "seed", seed, "camera", camera, "sun", sun, "size", size_px[0],
-                        size_px[1], "window", window_px[0], window_px[1], window_px[2], window_px[3], "detail",
-                        config->detail_px, "view distance", config->view_distance_m, "pool",
+                        describe_parameters(config), "seed", seed, "camera", camera, "time", time_s, "sun", sun, "size",
+                        size_px[0], size_px[1], "window", window_px[0], window_px[1], window_px[2], window_px[3],
+                        "detail", config->detail_px, "view distance", config->view_distance_m, "pool",
                         (json_int_t)config->pool_bytes, "brick bits", config->brick_bits, "thin", (int)config->thin,
                         "refine", config->refine, "shadows", !config->no_shadows, "blend", !config->no_blend, "mirror",
                         config->mirror, "light", (int)config->integrator, "bounces", (int)config->bounces, "media",

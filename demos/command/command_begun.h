@@ -5,9 +5,10 @@
 #include "command.h"
 
 /* What a picture's light depends on, with its number of samples, as JSON: the note of an .exr that holds sums.
- * Malloc'ed. `camera` as karst_camera_format gives it. Errors: KARST_FAILED (memory, a file that cannot be read). */
-char *command_describe_picture(const karst_engine_config *config, const char *camera, const int size_px[2],
-                               const int window_px[4], karst_error *error);
+ * Malloc'ed. `camera` as karst_camera_format gives it,
+ * `time_s` the world's. Errors: KARST_FAILED (memory, a file that cannot be read). */
+char *command_describe_picture(const karst_engine_config *config, const char *camera, double time_s,
+                               const int size_px[2], const int window_px[4], karst_error *error);
 
 typedef struct command_begun command_begun;
 /* Opens `file` if it is there, and compares its note with `note`. *begun: its samples; NULL: there are none yet, or

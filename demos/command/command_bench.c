@@ -5,7 +5,7 @@
 #include <string.h>
 
 typedef struct {
-    const char *json, *csv, *plot, *trace, *compare, *display, *beside;
+    const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups;
     bool help;
 } outputs;
 
@@ -13,6 +13,7 @@ static void print_help(const command_option *options, size_t num_options)
 {
     puts(
         "karst bench WORLD [--path PATH] [OPTIONS]\n"
+        "karst bench smoke --particles N,... --groups N,... [OPTIONS]\n"
         "Measures a world's view, and a flight along a path: each run starts afresh, settles, draws settled frames in\n"
         "turns with a floor and ceilings of the device, and then flies. Prints a table; ratios are what counts.\n"
         "\nOptions:");
@@ -23,6 +24,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst bench hills --size 800x600 --no-shadows\n"
          "  karst bench hills --path low-flight --size 800x600 --budget 8 --plot flight.svg --json now.json\n"
          "  karst bench hills --compare then.json\n"
+         "  karst bench smoke --particles 250,500,750,1000,1250,1500 --groups 1,2,4,8,16,32 --frames 30\n"
          "  karst bench karst --trace karst.json          (to be opened in ui.perfetto.dev or chrome://tracing)\n"
          "\nsettled frame: after another one, as a view that stands is drawn; with empty caches: after memory was "
          "copied.\n"
@@ -56,6 +58,11 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"trace", 0, COMMAND_TEXT, "FILE", "who did what when, for Perfetto or Chrome", &out->trace, 0, 0, NULL},
         {"beside", 0, COMMAND_TEXT, "VIEW",
          "frames of a second engine, in turns: no-shadows, no-mirror or standing, see below", &out->beside, 0, 0, NULL},
+        {"particles", 0, COMMAND_TEXT, "LIST", "frames in which so many particles move, such as 250,500,1500",
+         &out->particles, 0, 0, NULL},
+        {"groups", 0, COMMAND_TEXT, "LIST",
+         "frames in which the sun turns and depths to it are made in so many parts, such as 1,8,32", &out->groups, 0, 0,
+         NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
@@ -70,6 +77,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &b->refine, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
+        COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
@@ -132,7 +140,12 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
     karst_camera camera = {.fov_deg = 60};
     if (b->lanes != 0 && b->lanes != 1 && b->lanes != 16)
         return karst_fail(error, KARST_USAGE, "--lanes %d: must be 1 or 16", (int)b->lanes);
-    if (!b->path && (b->num_pictures || b->fps > 0 || b->budget_ms > 0))
+    const bool is_of_smoke = out->particles || out->groups;
+    if (is_of_smoke && (b->path || out->csv || out->plot || out->trace || out->compare || out->beside))
+        return karst_fail(error, KARST_USAGE,
+                          "--particles and --groups make tables of their own, which go with --json alone, and with no "
+                          "--path");
+    if (!b->path && ((b->num_pictures && !is_of_smoke) || b->fps > 0 || b->budget_ms > 0))
         return karst_fail(error, KARST_USAGE, "%s is about a flight: name a --path",
                           b->num_pictures ? "--frames"
                           : b->fps > 0    ? "--fps"
@@ -323,6 +336,8 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
     command_catch_interrupts();
     command_open_driver(talk);
     const karst_log log = command_log(talk);
+    if (out.particles || out.groups)
+        return bench_smoke(&b, out.particles, out.groups, out.json, talk, &log, error);
     b.tracing = out.trace != NULL;
     b.ceilings = calloc((size_t)(b.num_runs * b.num_rounds), sizeof *b.ceilings);
     bool done = b.ceilings || karst_fail(error, KARST_FAILED, "out of memory");

@@ -4,6 +4,7 @@
  *   command_bench_run.c      runs: start, settle, rounds of settled frames beside floor and ceilings, the flight
  *   command_bench_report.c   figures of the runs as JSON and CSV
  *   command_bench_chart.c    the SVG and the trace
+ *   command_bench_smoke.c    particles that move, and groups, beside the figures of a thesis
  *   command_bench_compare.c  two reports side by side
  */
 #ifndef KARST_DEMOS_COMMAND_BENCH_H
@@ -77,7 +78,7 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     double mirror;
-    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror;
+    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;
@@ -100,6 +101,16 @@ typedef struct {
 
 /* command_bench_run.c. Does one run and adds what it finds. Errors: as the library's. */
 bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_error *error);
+
+/* `is_beside`: the second engine, which has no display: it would have to be made current in every turn. */
+karst_engine *bench_open_engine(bench *b, bool is_beside, const karst_log *log, karst_error *error);
+/* To where the run looks at first: --camera, the path's start, or the world's own view. */
+bool bench_set_first_camera(bench *b, karst_engine *engine, const karst_path *path, karst_error *error);
+
+/* command_bench_smoke.c. The tables of --particles and --groups, lists of numbers or NULL, on stdout and as JSON (NULL:
+ * none; -: stdout). Errors: KARST_USAGE, and as the library's. */
+bool bench_smoke(bench *b, const char *particles, const char *groups, const char *json, command_talk *talk,
+                 const karst_log *log, karst_error *error);
 
 /* command_bench_report.c. The report; NULL: out of memory. */
 json_t *bench_report(const bench *b);

@@ -414,6 +414,8 @@ json_t *bench_report(const bench *b)
                                   "beam", !b->no_beam, "refine", b->refine, "brick_bits",
                                   (json_int_t)(b->brick_bits ? b->brick_bits : 16), "lanes", (json_int_t)b->lanes));
     json_t *settings = json_object_get(root, "settings");
+    if (b->occlusion && !b->no_occlusion)
+        json_object_set_new(settings, "occlusion", json_true());
     if (b->has_mirror)
         json_object_set_new(settings, "mirror", json_real(b->mirror));
     json_object_set_new(settings, "seed", b->has_seed ? json_integer((json_int_t)b->seed) : json_null());

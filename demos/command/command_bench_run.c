@@ -135,8 +135,7 @@ static void begin(run_state *state, bench_phase phase, bool counted, const char 
     state->phase_start_ns = karst_clock();
 }
 
-/* `is_beside`: the second engine, which has no display: it would have to be made current in every turn. */
-static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log, karst_error *error)
+karst_engine *bench_open_engine(bench *b, bool is_beside, const karst_log *log, karst_error *error)
 {
     karst_engine_config config = {.world = b->world_file, .device = b->device, .display = b->display_kind, .log = log};
     if (is_beside)
@@ -151,6 +150,7 @@ static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log,
     config.has_seed = b->has_seed;
     config.seed = (uint32_t)b->seed;
     config.no_shadows = b->no_shadows || (is_beside && b->beside == BENCH_BESIDE_NO_SHADOWS);
+    config.occlusion = command_occlusion(b->occlusion, b->no_occlusion);
     config.mirror = is_beside && b->beside == BENCH_BESIDE_NO_MIRROR ? -1 : command_mirror(b->mirror, b->has_mirror);
     config.no_blend = b->no_blend;
     config.refine = b->refine;
@@ -162,8 +162,7 @@ static karst_engine *open_engine(bench *b, bool is_beside, const karst_log *log,
     return karst_engine_create(&config, error);
 }
 
-/* To where the run looks at first: --camera, the path's start, or the world's own view. */
-static bool set_first_camera(bench *b, karst_engine *engine, const karst_path *path, karst_error *error)
+bool bench_set_first_camera(bench *b, karst_engine *engine, const karst_path *path, karst_error *error)
 {
     karst_camera camera = karst_engine_default_camera(engine);
     if (b->camera && !karst_camera_parse(b->camera, karst_engine_voxel_log2_m(engine), &camera, error))
@@ -192,7 +191,7 @@ static bool open_beside(run_state *state, const karst_log *log, karst_error *err
     bench *b = state->b;
     const karst_camera camera = karst_engine_camera(state->engine);
     begin(state, BENCH_BESIDE, false, "settling the view beside it");
-    state->beside = open_engine(b, true, log, error);
+    state->beside = bench_open_engine(b, true, log, error);
     return state->beside && karst_engine_set_camera(state->beside, &camera, error) &&
            settle(state, state->beside, error);
 }
@@ -275,14 +274,14 @@ bool bench_do_run(bench *b, command_talk *talk, const karst_log *log, karst_erro
     karst_measure *measure = NULL;
     size_t first_frame = b->num_frames;
     b->num_spans = 0;
-    state.engine = open_engine(b, false, log, error);
+    state.engine = bench_open_engine(b, false, log, error);
     if (!state.engine)
         goto out;
     snprintf(b->display, sizeof b->display, "%s",
              karst_display_kind_name(karst_display_get_kind(karst_engine_display(state.engine))));
     if (b->path && !(path = karst_path_load(b->path_file, karst_engine_voxel_log2_m(state.engine), error)))
         goto out;
-    if (!set_first_camera(b, state.engine, path, error) ||
+    if (!bench_set_first_camera(b, state.engine, path, error) ||
         (b->tracing && !karst_engine_set_tracing(state.engine, true, error)))
         goto out;
     run->opened_ms = (double)(karst_clock() - start_ns) * 1e-6;

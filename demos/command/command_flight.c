@@ -1,4 +1,4 @@
-/* karst render --path: a flight along a path, picture by picture. */
+/* karst render --path, --time-step: a flight along a path, or a view that stands while time goes. */
 #include "command_farm.h"
 
 #include <math.h>
@@ -18,6 +18,11 @@ typedef struct {
  * included. */
 static bool make_schedule(const command_flight *flight, const karst_path *path, schedule *plan, karst_error *error)
 {
+    if (!path) {
+        const double fps = flight->fps > 0 ? flight->fps : DEFAULT_FPS;
+        *plan = (schedule){.num = flight->num_pictures, .fps = fps};
+        return true;
+    }
     double first_s = karst_path_start_s(path), last_s = karst_path_end_s(path);
     double start_s = flight->has_start ? flight->start_s : first_s, end_s = flight->has_end ? flight->end_s : last_s;
     if (start_s < first_s || end_s > last_s || start_s > end_s)
@@ -41,10 +46,10 @@ bool command_flight_count(const command_flight *flight, size_t *num, karst_error
 {
     schedule plan = {0};
     /* Its times alone count here, but keyframes must not fall on one another: fine voxels, if they reach so far. */
-    karst_path *path = karst_path_load(flight->file, 0, NULL);
-    if (!path)
+    karst_path *path = flight->file ? karst_path_load(flight->file, 0, NULL) : NULL;
+    if (!path && flight->file)
         path = karst_path_load(flight->file, KARST_VOXEL_LOG2_MAX, error);
-    const bool made = path && make_schedule(flight, path, &plan, error);
+    const bool made = (path || !flight->file) && make_schedule(flight, path, &plan, error);
     karst_path_destroy(path);
     *num = plan.num;
     return made;
@@ -145,8 +150,10 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
         if (command_manifest_has(state->flight->manifest, state->index))
             continue;
         double time_s = plan->start_s + (double)state->index * plan->step_s;
-        karst_camera camera = karst_path_sample(path, time_s);
-        if (!karst_engine_set_camera(state->engine, &camera, error))
+        karst_camera camera = path ? karst_path_sample(path, time_s) : karst_engine_camera(state->engine);
+        if (!karst_engine_set_camera(state->engine, &camera, error) ||
+            !karst_engine_set_time(state->engine,
+                                   state->flight->world_s + (double)state->index * state->flight->world_step_s, error))
             return false;
         if (state->flight->live && state->index == 0) {
             /* As one who waits at the start: kernels get built and the first view filled, and none of it is counted. */
@@ -156,7 +163,7 @@ static bool fly(flight_state *state, const karst_path *path, command_pictures *p
                 return false;
             state->start_ns = command_clock_ns();
         }
-        if (state->flight->live)
+        if (state->flight->live && path)
             karst_engine_follow(state->engine, path, time_s, plan->step_s);
         if (!command_interrupted() && !draw(state, error))
             return false;
@@ -179,8 +186,9 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
     size_t size_bytes = (size_t)width_px * (size_t)height_px * 4;
     uint8_t *rgba = malloc(size_bytes);
     command_pictures *pictures = NULL;
-    karst_path *path = karst_path_load(flight->file, karst_engine_voxel_log2_m(engine), error);
-    if (!path || !make_schedule(flight, path, &plan, error))
+    karst_path *path =
+        flight->file ? karst_path_load(flight->file, karst_engine_voxel_log2_m(engine), error) : NULL;
+    if ((!path && flight->file) || !make_schedule(flight, path, &plan, error))
         goto out;
     if (!rgba) {
         karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d", width_px, height_px);
@@ -199,7 +207,7 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
                           .first = flight->first,
                           .end = flight->end ? flight->end : plan.num,
                           .start_ns = command_clock_ns()};
-    if (karst_path_world(path) && strcmp(karst_path_world(path), record->world) != 0)
+    if (path && karst_path_world(path) && strcmp(karst_path_world(path), record->world) != 0)
         command_say(talk, "note: %s was made for the world '%s'", flight->file, karst_path_world(path));
     bool flown = fly(&state, path, pictures, rgba, size_bytes, error);
     flown = command_manifest_write(flight->manifest, error) && flown;

@@ -50,6 +50,7 @@ void command_set_look(const command_look *look, karst_engine_config *config)
 {
     config->samples = (uint32_t)look->samples;
     config->mirror = command_mirror(look->mirror, look->has_mirror);
+    config->occlusion = command_occlusion(look->occlusion, look->no_occlusion);
     config->integrator = look->parsed_light;
     config->bounces = (uint32_t)look->bounces;
     config->caustics = (uint32_t)look->caustics;
@@ -61,6 +62,11 @@ void command_set_look(const command_look *look, karst_engine_config *config)
     config->exposure_stops = look->exposure_stops;
     config->has_sun = look->sun != NULL;
     config->sun = look->parsed_sun;
+}
+
+karst_occlusion_mode command_occlusion(bool on, bool off)
+{
+    return off ? KARST_OCCLUSION_OFF : on ? KARST_OCCLUSION_ON : KARST_OCCLUSION_OF_WORLD;
 }
 
 /* Of 0 that was given: none, whatever the world says. */

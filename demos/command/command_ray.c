@@ -65,7 +65,8 @@ static bool print_json(const karst_world *world, const karst_medium_ray *ray, co
 
 bool command_sample_ray(const karst_world *world, const char *text, const command_ray_look *look, karst_error *error)
 {
-    karst_medium_ray ray = {.footprint_m = look->footprint_m, .device = look->device, .log = look->log};
+    karst_medium_ray ray = {
+        .footprint_m = look->footprint_m, .device = look->device, .log = look->log, .time_s = look->time_s};
     karst_medium_depth depth;
     char *copy = strdup(text);
     bool done = copy ? parse(world, text, copy, &ray, error) : karst_fail(error, KARST_FAILED, "out of memory");

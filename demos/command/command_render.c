@@ -23,6 +23,8 @@ typedef struct {
     unsigned aovs;
     command_flight flight;
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
+    bool has_time, has_time_step;
+    bool flies; /* more pictures than one: along a path, or while time goes */
     const char *edits;
     const char *part_text, *window_text, *manifest_file;
     uint64_t rows;     /* drawn at once; 0: what suits */
@@ -48,6 +50,7 @@ static void print_help(const command_option *options, size_t num_options)
 {
     puts("karst render WORLD [-o out.png] [OPTIONS]\n"
          "karst render WORLD --path PATH -o frames/%05d.png|out.mp4 [OPTIONS]\n"
+         "karst render WORLD --time-step S --frames N -o frames/%05d.png|out.mp4 [OPTIONS]\n"
          "Renders a world to a PNG, or to an EXR with depth and normals. The picture is settled before it is written:\n"
          "it has all the detail that was asked for, or all that the pools can hold. Along a path, each picture is.\n"
          "\nOptions:");
@@ -65,6 +68,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render hills --path low-flight -o flight.mp4 --size 800x600\n"
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
          "  karst render hills --path low-flight -o frames/%05d.exr --jobs 8 | parallel -j 4\n"
+         "  karst render smoke --time-step 0.04 --frames 100 -o smoke/%03d.png\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
          "5 a path, a file of edits or a manifest that cannot be read, 75 ended by SIGTERM with --manifest: run it\n"
          "again.");
@@ -88,6 +92,11 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          &o->flight.has_start},
         {"end", 0, COMMAND_NUMBER, "S", "seconds of the path at which to stop", &o->flight.end_s, -1e9, 1e9,
          &o->flight.has_end},
+        {"time", 0, COMMAND_NUMBER, "S", "the world's time, of its particles and iTime (default: 0)",
+         &o->flight.world_s, -1e9, 1e9, &o->has_time},
+        {"time-step", 0, COMMAND_NUMBER, "S",
+         "from picture to picture, along a path, or with --frames where the camera is (default: time stands still)",
+         &o->flight.world_step_s, -1e9, 1e9, &o->has_time_step},
         {"jobs", 0, COMMAND_INTEGER, "N",
          "draw nothing: print N commands, one a line, that together do it (docs/FARM.md)", &o->num_jobs, 1,
          COMMAND_MAX_PARTS, NULL},
@@ -171,31 +180,35 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
 static bool check_flight(render_options *o, karst_error *error)
 {
     command_flight *flight = &o->flight;
+    if (o->has_time_step && !o->path && !o->num_pictures)
+        return karst_fail(error, KARST_USAGE, "--time-step: how many pictures? For example --frames 100");
     if (!o->path) {
-        const char *stray = o->num_pictures     ? "frames"
-                            : o->fps > 0        ? "fps"
+        const char *stray = o->num_pictures && !o->flies    ? "frames"
+                            : o->fps > 0 && !o->flies ? "fps"
                             : flight->has_start ? "start"
                             : flight->has_end   ? "end"
                             : flight->live      ? "live"
                                                 : NULL;
-        return !stray ||
-               karst_fail(error, KARST_USAGE, "--%s is about a path: name one, such as --path low-flight", stray);
+        if (stray || !o->flies)
+            return !stray ||
+                   karst_fail(error, KARST_USAGE, "--%s is about a path: name one, such as --path low-flight", stray);
     }
     if (o->rows)
-        return karst_fail(error, KARST_USAGE, "--rows is about one picture, and --path draws many");
-    if (o->camera)
+        return karst_fail(error, KARST_USAGE, "--rows is about one picture, and %s draws many",
+                          o->path ? "--path" : "--time-step");
+    if (o->path && o->camera)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (!o->output)
         return karst_fail(error, KARST_USAGE, "where to? For example -o frames/%%05d.png or -o out.mp4");
     if (flight->live && o->look.samples > 1)
         return karst_fail(error, KARST_USAGE, "--samples and --live: a picture that is drawn once has one sample");
-    flight->file = o->path_file;
+    flight->file = o->path ? o->path_file : NULL;
     flight->output = o->output;
     flight->num_pictures = (size_t)o->num_pictures;
     flight->fps = o->fps;
     flight->max_frames = (uint32_t)o->max_frames;
-    return command_find_path(o->path, o->path_file, sizeof o->path_file, error) &&
-           karst_path_check(o->path_file, error) &&
+    return (!o->path || (command_find_path(o->path, o->path_file, sizeof o->path_file, error) &&
+                         karst_path_check(o->path_file, error))) &&
            command_pictures_check(o->output, o->num_pictures == 1, o->window_px[2], o->window_px[3], error);
 }
 
@@ -230,7 +243,7 @@ static bool check_tile(const render_options *o, karst_error *error)
 static bool check_part(render_options *o, karst_error *error)
 {
     const bool has_job = o->num_jobs || o->part_text || o->manifest_file;
-    o->goes_on = o->resume && !o->manifest_file && !o->num_jobs && !o->path && command_is_exr(o->output);
+    o->goes_on = o->resume && !o->manifest_file && !o->num_jobs && !o->flies && command_is_exr(o->output);
     if (o->resume && !o->manifest_file && !o->num_jobs && !o->goes_on)
         return karst_fail(error, KARST_USAGE,
                           "--resume: of which job? Name its manifest with --manifest, or an .exr with -o, to "
@@ -249,18 +262,18 @@ static bool check_part(render_options *o, karst_error *error)
         return false;
     if (o->num_jobs)
         o->part = (command_part){1, (uint32_t)o->num_jobs};
-    if (o->window_text && !o->path && o->part.num)
+    if (o->window_text && !o->flies && o->part.num)
         return karst_fail(error, KARST_USAGE, "--window and parts of one picture: a part is a window itself");
     if (o->window_text)
         return command_parse_window(o->window_text, o->size_px, o->window_px, error);
-    return o->path || !o->part.num ||
+    return o->flies || !o->part.num ||
            (command_part_tile(o->part, o->size_px, o->window_px, error) && check_tile(o, error));
 }
 
 /* An .exr of full light can be gone on from, unless somebody chose what it holds; and one that is gone on with. */
 static void choose_sums(render_options *o)
 {
-    const bool is_exr = !o->path && command_is_exr(o->output);
+    const bool is_exr = !o->flies && command_is_exr(o->output);
     if (o->goes_on || (is_exr && !o->aov && o->look.parsed_light == KARST_INTEGRATOR_FULL))
         o->aovs = (o->aovs ? o->aovs : 1u << KARST_AOV_RADIANCE | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL) |
                   1u << KARST_AOV_SUMS;
@@ -270,10 +283,11 @@ static void choose_sums(render_options *o)
 static bool check_options(render_options *o, karst_display_kind *display, command_talk *talk, karst_error *error)
 {
     memcpy(o->window_px + 2, o->size_px, sizeof o->size_px);
+    o->flies = o->path || (o->has_time_step && o->num_pictures);
     /* A path says where the camera is. */
     const command_scene scene = {o->world_file,  sizeof o->world_file, o->path ? NULL : &o->camera, &o->edits,
                                  &o->parameters, &o->has_seed,         &o->seed};
-    if (!o->output && !o->path)
+    if (!o->output && !o->flies)
         o->output = "out.png";
     if (!o->look.samples)
         o->look.samples = o->flight.live ? 1 : DEFAULT_SAMPLES;
@@ -289,14 +303,14 @@ static bool check_options(render_options *o, karst_display_kind *display, comman
         return false;
     if (!command_check_look(&o->look, error) || !check_part(o, error))
         return false;
-    if (o->aov && (o->path || !command_is_exr(o->output)))
+    if (o->aov && (o->flies || !command_is_exr(o->output)))
         return karst_fail(error, KARST_USAGE, "--aov is about one .exr: name it with -o");
     if (o->aov && !command_parse_aovs(o->aov, &o->aovs, error))
         return false;
     choose_sums(o);
     return karst_display_kind_parse(o->display, display, error) && command_find_scene(o->world, &scene, talk, error) &&
            check_flight(o, error) &&
-           (o->path ||
+           (o->flies ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
@@ -371,9 +385,9 @@ static bool begin_samples(render_options *o, const karst_engine_config *config, 
                           bool *is_done, karst_error *error)
 {
     const char *output = o->part_output ? o->part_output : o->output;
-    if (!(o->aovs >> KARST_AOV_SUMS & 1) || o->path)
+    if (!(o->aovs >> KARST_AOV_SUMS & 1) || o->flies)
         return true;
-    o->note = command_describe_picture(config, camera, o->size_px, o->window_px, error);
+    o->note = command_describe_picture(config, camera, o->flight.world_s, o->size_px, o->window_px, error);
     if (!o->note || (o->goes_on && !command_begun_open(output, o->note, &o->begun, is_done, error)))
         return false;
     if (*is_done)
@@ -396,7 +410,7 @@ static bool write_stats(const char *path, command_record *record, karst_error *e
 static void say_result(command_talk *talk, const render_options *o, const command_record *record)
 {
     const karst_stats *last = &record->last;
-    if (o->path)
+    if (o->flies)
         command_say(talk, "%s: %zu pictures of %dx%d, %zu settled, %zu frames in %.2f s, %llu bricks, on %s", o->output,
                     record->num_pictures, o->window_px[2], o->window_px[3], record->num_settled, record->num_frames,
                     (double)record->elapsed_ns / 1e9, (unsigned long long)last->num_resident_bricks, last->device);
@@ -422,7 +436,7 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.num_parameters = o->parameters.num_values;
     int drawn_px[4];
     memcpy(drawn_px, o->window_px, sizeof drawn_px);
-    if (!o->path && command_bands_suit(o->size_px, o->window_px, (int)o->rows))
+    if (!o->flies && command_bands_suit(o->size_px, o->window_px, (int)o->rows))
         command_bands_first(o->size_px, o->window_px, (int)o->rows, drawn_px);
     config.width_px = drawn_px[2];
     config.height_px = drawn_px[3];
@@ -455,8 +469,8 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
 /* How many pictures or tiles there are, and which of them are this part's. */
 static bool find_share(render_options *o, size_t *num, karst_error *error)
 {
-    *num = o->path || !o->part.num ? 1 : o->part.num;
-    if (!o->path)
+    *num = o->flies || !o->part.num ? 1 : o->part.num;
+    if (!o->flies)
         return true;
     if (!command_flight_count(&o->flight, num, error))
         return false;
@@ -471,7 +485,7 @@ static bool print_jobs(const render_options *o, size_t num, int argc, char **arg
     const int folder_length = (int)(name - o->output);
     const int stem_length = dot && dot != name ? (int)(dot - o->output) : (int)strlen(o->output);
     const int made = o->manifest_file ? asprintf(&manifest, "%s", o->manifest_file)
-                     : o->path        ? asprintf(&manifest, "%.*smanifest.json", folder_length, o->output)
+                     : o->flies       ? asprintf(&manifest, "%.*smanifest.json", folder_length, o->output)
                                       : asprintf(&manifest, "%.*s.manifest.json", stem_length, o->output);
     if (made < 0)
         return karst_fail(error, KARST_FAILED, "out of memory");
@@ -485,12 +499,12 @@ static bool print_jobs(const render_options *o, size_t num, int argc, char **arg
 static bool begin_part(render_options *o, size_t num, int argc, char **argv, command_talk *talk, bool *is_done,
                        karst_error *error)
 {
-    const size_t first = o->path ? o->flight.first : o->part.num ? o->part.number - 1 : 0;
-    const size_t end = o->path ? o->flight.end : first + 1;
+    const size_t first = o->flies ? o->flight.first : o->part.num ? o->part.number - 1 : 0;
+    const size_t end = o->flies ? o->flight.end : first + 1;
     *is_done = first == end;
     if (*is_done)
         command_say(talk, "--part %s: has none of the %zu pictures", o->part_text, num);
-    if (!o->path && o->part.num && !(o->part_output = command_part_name(o->output, o->part)))
+    if (!o->flies && o->part.num && !(o->part_output = command_part_name(o->output, o->part)))
         return karst_fail(error, KARST_FAILED, "out of memory");
     if (*is_done || !o->manifest_file)
         return true;
@@ -499,7 +513,7 @@ static bool begin_part(render_options *o, size_t num, int argc, char **argv, com
                        .part = o->part,
                        .output = o->output,
                        .num = num,
-                       .tiles = !o->path && o->part.num,
+                       .tiles = !o->flies && o->part.num,
                        .size_px = {o->size_px[0], o->size_px[1]},
                        .inputs = {o->world_file},
                        .argc = argc,
@@ -581,10 +595,11 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);
-    if (!begin_samples(&o, &config, record.camera, talk, &done, error) || done)
+    if ((!o.flies && !karst_engine_set_time(engine, o.flight.world_s, error)) ||
+        !begin_samples(&o, &config, record.camera, talk, &done, error) || done)
         goto out;
-    if (!(o.path ? command_flight_run(engine, &o.flight, o.window_px[2], o.window_px[3], talk, &record, error)
-                 : render(engine, &o, talk, &record, error)) ||
+    if (!(o.flies ? command_flight_run(engine, &o.flight, o.window_px[2], o.window_px[3], talk, &record, error)
+                  : render(engine, &o, talk, &record, error)) ||
         (o.stats && !write_stats(o.stats, &record, error)))
         goto out;
     say_result(talk, &o, &record);
@@ -593,7 +608,7 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
                                       .num_parameters = o.parameters.num_values,
                                       .has_seed = o.has_seed,
                                       .seed = (uint32_t)o.seed};
-    const bool is_whole = !o.path && memcmp(o.window_px + 2, o.size_px, sizeof o.size_px) == 0;
+    const bool is_whole = !o.flies && memcmp(o.window_px + 2, o.size_px, sizeof o.size_px) == 0;
     if (is_whole && record.last.num_hits == record.last.num_pixels)
         command_say_if_inside(talk, &world, &camera, karst_engine_voxel_log2_m(engine));
     else if (is_whole && record.settled && record.last.num_hits == 0)

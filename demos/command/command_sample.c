@@ -16,7 +16,7 @@ typedef struct {
     const char *device;
     command_parameters parameters;
     uint64_t seed;
-    double box_m, footprint_m;
+    double box_m, footprint_m, time_s;
     bool has_seed, has_box, json;
     const char *edits;
 } sample_options;
@@ -281,7 +281,7 @@ static bool run(sample_options *o, command_talk *talk, const karst_log *log, kar
     s.about = s.world ? karst_world_get_metadata(s.world) : NULL;
     bool done = s.sampler && take_edits(&s, error);
     for (size_t i = 0; done && i < o->rays.num_items; i++) {
-        const command_ray_look look = {o->footprint_m, o->device, o->json, i > 0, log};
+        const command_ray_look look = {o->footprint_m, o->device, o->json, i > 0, log, o->time_s};
         done = command_sample_ray(s.world, o->rays.items[i], &look, error);
     }
     done = done && (o->rays.num_items > 0 || sample_points(&s, error));
@@ -302,6 +302,8 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
          &o.device, 0, 0, NULL},
         {"footprint", 0, COMMAND_NUMBER, "W", "metres: without finer detail, as a voxel of that width (default: 0)",
          &o.footprint_m, 0, 1e30, NULL},
+        {"time", 0, COMMAND_NUMBER, "S", "for --ray: the world's time, of its particles and iTime (default: 0)",
+         &o.time_s, -1e9, 1e9, NULL},
         {"box", 0, COMMAND_NUMBER, "SIZE", "also bounds of the density in a cube of that side around each point",
          &o.box_m, 0, 1e30, &o.has_box},
         {"edits", 0, COMMAND_TEXT, "FILE", "with the edits of a file: docs/EDITS.md; bounds are not known near them",

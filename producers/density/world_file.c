@@ -329,6 +329,7 @@ static void set_info(karst_world_file *file)
         .has_exposure = header->has_exposure,
         .exposure_stops = header->exposure_stops,
         .mirror = header->mirror,
+        .has_occlusion = header->has_occlusion,
         .has_own_mirror = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
         .has_air = karst_has_output(file->program->world.root, KARST_OUTPUT_EXTINCTION),
         .has_clear = karst_has_output(file->program->world.root, KARST_OUTPUT_CLEAR),
@@ -435,7 +436,11 @@ static bool complete(karst_world_file *file, karst_error *error)
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!make_content(file, (karst_content)i, error))
             return false;
-    return true;
+    return file->program->header.num_particles == 0 || file->content[KARST_CONTENT_AIR] ||
+           karst_fail(error, KARST_BAD_WORLD,
+                      "%.300s: its header has particles, which are in the air, and it says nothing of that: write "
+                      "medium air(vec3 p) { medium m; m.extinction = 0.0; m.albedo = vec3(0.9); return m; }",
+                      file->program->name);
 }
 
 /* What was compiled, and not the program. */

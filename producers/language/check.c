@@ -318,10 +318,10 @@ static void say_reach(const report *r)
     }
 }
 
-/* How fast what is piecewise constant grows, for each metre from the origin, and by how much it differs from cell to
- * cell at least. */
+/* How fast what is piecewise constant grows, (rate * metres from the origin)^degree, and by how much it differs from
+ * cell to cell at least. */
 typedef struct {
-    double rate, step;
+    double rate, step, degree;
 } growth;
 
 static double coefficient_of(const report *r, karst_expr e)
@@ -330,32 +330,65 @@ static double coefficient_of(const report *r, karst_expr e)
     return e ? fmax(fabs(a.lo), fabs(a.hi)) : 0;
 }
 
+/* Of what is made of both, and no larger than their sum. */
+static growth larger_growth(growth a, growth b, bool is_sum)
+{
+    double rate = is_sum ? a.rate + b.rate : fmax(a.rate, b.rate);
+    return (growth){rate, fmin(a.step, b.step), fmax(a.degree, b.degree)};
+}
+
+static growth scaled_growth(growth a, double by)
+{
+    return (growth){a.rate * pow(by, 1 / a.degree), a.step * by, a.degree};
+}
+
+static growth product_growth(growth a, growth b)
+{
+    double degree = a.degree + b.degree, rate = pow(pow(a.rate, a.degree) * pow(b.rate, b.degree), 1 / degree);
+    return (growth){rate, fmin(a.step, b.step), degree};
+}
+
 static growth growth_of(const report *r, karst_expr e, const growth *all)
 {
     const karst_expr_node *n = &r->graph->nodes[e];
-    growth a = all[n->arg[0]], b = all[n->arg[1]], c = all[n->arg[2]], g = {0, (double)INFINITY};
-    bool by_first = r->graph->nodes[n->arg[0]].kind == KARST_KIND_UNIFORM;
-    double by = coefficient_of(r, n->arg[by_first ? 0 : 1]);
-    growth grown = by_first ? b : a;
+    growth a = all[n->arg[0]], b = all[n->arg[1]], c = all[n->arg[2]], g = {0, (double)INFINITY, 1};
+    bool by_first = r->graph->nodes[n->arg[0]].kind == KARST_KIND_UNIFORM,
+         by_second = r->graph->nodes[n->arg[1]].kind == KARST_KIND_UNIFORM;
     switch (n->op) {
     case KARST_OP_AFFINE:
         for (int i = 0; i < 3; i++)
             g.rate += coefficient_of(r, r->graph->affines[n->extra].coefficient[i]);
         return g;
     case KARST_OP_FLOOR:
-        return (growth){a.rate, 1};
+        a.step = 1;
+        return a;
     case KARST_OP_SHIFTED:
     case KARST_OP_NEGATE:
+    case KARST_OP_ABS:
         return a;
+    case KARST_OP_MOD: /* what it leaves has the digits of what it is of */
+    case KARST_OP_FRACT:
+        return n->arg[0] && r->graph->nodes[n->arg[0]].op != KARST_OP_AFFINE ? a : g;
     case KARST_OP_ADD:
     case KARST_OP_SUBTRACT:
-        return (growth){a.rate + b.rate, fmin(a.step, b.step)};
+        return larger_growth(a, b, true);
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+        return larger_growth(a, b, false);
+    case KARST_OP_SELECT:
+        return n->type == KARST_TYPE_FLOAT ? larger_growth(b, c, false) : g;
+    case KARST_OP_LENGTH:
+        for (int k = 0; k < 4 && n->arg[k]; k++)
+            g = larger_growth(g, all[n->arg[k]], true);
+        return g;
     case KARST_OP_MULTIPLY:
-        return (growth){grown.rate * by, grown.step * by};
-    case KARST_OP_DIVIDE:
-        return (growth){a.rate / by, a.step / by};
     case KARST_OP_FMA:
-        return (growth){grown.rate * by + c.rate, fmin(grown.step * by, c.step)};
+        g = by_first    ? scaled_growth(b, coefficient_of(r, n->arg[0]))
+            : by_second ? scaled_growth(a, coefficient_of(r, n->arg[1]))
+                        : product_growth(a, b);
+        return n->op == KARST_OP_FMA ? larger_growth(g, c, true) : g;
+    case KARST_OP_DIVIDE:
+        return by_second ? scaled_growth(a, 1 / coefficient_of(r, n->arg[1])) : g;
     default:
         return g;
     }
@@ -373,7 +406,7 @@ static void say_sines(const report *r, growth *all)
         if ((n->op != KARST_OP_SIN && n->op != KARST_OP_COS) || n->kind != KARST_KIND_STEPS || !(a->rate > 0))
             continue;
         /* larger arguments are not reduced, or are the same for neighbours */
-        double here = fmin(0x1p22, a->step * 0x1p23) / a->rate;
+        double here = pow(fmin(0x1p22, a->step * 0x1p23), 1 / a->degree) / a->rate;
         if (!(here < reach))
             continue;
         reach = here;
@@ -452,9 +485,11 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
     r.steepness = calloc(r.graph->num_nodes, sizeof *r.steepness);
     r.is_density = calloc(r.graph->num_nodes, 1);
     r.user_of = calloc(r.graph->num_nodes, sizeof *r.user_of);
-    growth *growths = calloc(r.graph->num_nodes, sizeof *growths);
+    growth *growths = malloc(r.graph->num_nodes * sizeof *growths);
     bool done = growths && r.user_of && r.ranges && r.steepness && r.is_density && find_lines(&r);
     if (done) {
+        for (karst_expr e = 0; e < r.graph->num_nodes; e++)
+            growths[e] = (growth){0, (double)INFINITY, 1};
         mark_density(&r);
         find_users(&r);
         karst_graph_ranges(r.graph, &r.settings, r.ranges);

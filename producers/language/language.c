@@ -212,8 +212,8 @@ static void list_parameters(compilation *c)
                                                    .label = h ? h->label : from->name,
                                                    .is_implicit = from->is_implicit,
                                                    .is_structural = from->is_structural,
-                                                   .is_used = from->is_used};
-        if (h && !from->is_used)
+                                                   .is_used = from->is_used || (h && h->is_named)};
+        if (h && !p->parameters[i].is_used)
             karst_source_warn(&c->source, h->where, NULL, "parameter '%s' is not used", from->name);
     }
 }

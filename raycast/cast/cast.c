@@ -143,9 +143,9 @@ static bool upload_view(karst_caster *caster, const karst_cast_view *view, karst
     return true;
 }
 
-static bool check_hits(const karst_buffer *hits, uint64_t num_rays, karst_error *error)
+static bool check_hits(const karst_buffer *hits, uint64_t num_rays, size_t each_bytes, karst_error *error)
 {
-    if (hits->size_bytes / sizeof(karst_hit) >= num_rays)
+    if (hits->size_bytes / each_bytes >= num_rays)
         return true;
     return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes cannot hold the hits of %llu rays", hits->size_bytes,
                       (unsigned long long)num_rays);
@@ -203,7 +203,8 @@ static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, cons
     const cl_mem written = hits ? hits->mem : NULL, hinted = hints ? hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     if (!check_hints(caster, hints, pinhole, error) || !check_asked(caster, asked, pinhole, notes, error) ||
-        !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, error)) ||
+        !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, sizeof(karst_hit),
+                                error)) ||
         !KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
                          KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)) ||
@@ -247,22 +248,22 @@ size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int he
 }
 
 static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
-                      cl_mem count, bool any_hit, const karst_buffer *hits, karst_error *error)
+                      cl_mem count, cl_uint wanted, const karst_buffer *hits, karst_error *error)
 {
     if (!caster->rays)
         return karst_fail(error, KARST_FAILED, "the caster was made without streams");
-    if (hits && !check_hits(hits, num_rays, error))
+    const size_t each_bytes = wanted == KARST_CAST_WHETHER ? sizeof(uint32_t) : sizeof(karst_hit);
+    if (hits && !check_hits(hits, num_rays, each_bytes, error))
         return false;
     if (rays->size_bytes / sizeof(karst_ray) < num_rays)
         return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes,
                           num_rays);
     if (!upload_view(caster, view, error))
         return false;
-    const cl_int any = any_hit;
     const cl_mem written = hits ? hits->mem : NULL;
     if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
                          KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
-                         KARST_VALUE_ARG(any), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)))
+                         KARST_VALUE_ARG(wanted), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)))
         return false;
     const size_t rays_per_item =
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
@@ -274,13 +275,19 @@ static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const k
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error)
 {
-    return cast_rays(caster, view, rays, num_rays, NULL, any_hit, hits, error);
+    return cast_rays(caster, view, rays, num_rays, NULL, any_hit ? KARST_CAST_ANY_HIT : KARST_CAST_HITS, hits, error);
 }
 
 bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
                        const karst_buffer *count, karst_buffer *hits, karst_error *error)
 {
-    return cast_rays(caster, view, rays, num_rays, count->mem, false, hits, error);
+    return cast_rays(caster, view, rays, num_rays, count->mem, KARST_CAST_HITS, hits, error);
+}
+
+bool karst_cast_stream_marks(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
+                             uint32_t num_rays, const karst_buffer *count, karst_buffer *marks, karst_error *error)
+{
+    return cast_rays(caster, view, rays, num_rays, count->mem, KARST_CAST_WHETHER, marks, error);
 }
 
 size_t karst_cast_shadow_bytes(int width_px, int height_px)

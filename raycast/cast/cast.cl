@@ -173,6 +173,13 @@ RAY_INLINE void send_hits(K_GLOBAL karst_hit *out, const karst_hit *hits, const 
     }
 }
 
+/* How fast they grow. */
+RAY_INLINE vfloat slopes_of(const beam *b, vint ray)
+{
+    return v_gather_float((const K_PRIVATE float *)&b->rays[0].lod_slope,
+                          ray / LANES * (int)(sizeof(packet) / sizeof(float)) + ray % LANES);
+}
+
 /* The footprints of rays at t, as lod_slope and lod_shift have them. */
 RAY_INLINE vfloat footprints_of(const beam *b, const int from_anchor, vint ray, vfloat t)
 {
@@ -248,9 +255,11 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
         hits.place =
             in_64ths(cell & 255, at.x) | in_64ths(cell >> 8 & 255, at.y) << 10 | in_64ths(cell >> 16 & 255, at.z) << 20;
         vfloat weight = (vfloat)(0.0f);
+        if (!from_anchor)
+            hits.kind |= v_ge(slopes_of(b, ray), (vfloat)(b->blend_below)) & (int)KARST_HIT_UNBLENDED;
         if (view->blend > 0.0f)
             weight = v_select(
-                v_eq(hits.kind & 0xff, (vint)((int)KARST_HIT_SURFACE)),
+                v_eq(hits.kind & (int)(0xffu | KARST_HIT_UNBLENDED), (vint)((int)KARST_HIT_SURFACE)),
                 level_weight(view->blend, footprints_of(b, from_anchor, ray, hits.t), hits.kind >> 8 & 0xff), weight);
         const vint missing = find_normals(&source, hits.brick, hits.node, cell, &at, weight, &hits.normal);
         hits.kind |= missing & (int)KARST_HIT_UNBLENDED;
@@ -407,8 +416,23 @@ __kernel K_WIDE void cast_pinhole(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 /* Field `word` of the rays in the lanes, as floats. */
 #define RAY_WORD(word) v_gather_float(words, first + (word))
 
+/* A word for each ray of a beam: whether it ended. */
+RAY_INLINE void mark_ended(K_GLOBAL int *marks, const beam *b, const int index[BEAM_RAYS],
+                           const uint valid[BEAM_PACKETS])
+{
+    for (int p = 0; p < BEAM_PACKETS; p++)
+        for (uint left = valid[p]; left; left &= left - 1u) {
+            const uint lane = (uint)k_popcount((left & (0u - left)) - 1u);
+            marks[index[p * LANES + (int)lane]] = (int)(b->states.done[p] >> lane & 1u);
+        }
+}
+
+/* Rays that pass a level within a brick do not blend it into the next: that would be over a voxel of their way. */
+#define STREAM_BLENDS_BELOW (1.0f / KARST_BRICK_CELLS)
+
+/* wanted: KARST_CAST_HITS and its like. */
 BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                  K_GLOBAL const karst_ray *rays, uint num_rays, int any_hit, uint beam_number,
+                                  K_GLOBAL const karst_ray *rays, uint num_rays, uint wanted, uint beam_number,
                                   K_GLOBAL karst_hit *hits)
 {
     const pools own = *pool;
@@ -438,22 +462,25 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
         v_store_float(RAY_WORD(15), b.states.rise + p * LANES);
     }
     begin_without_hints(&b.hints);
-    b.found.only_whether = !hits;
+    b.blend_below = STREAM_BLENDS_BELOW;
+    b.found.only_whether = !hits || wanted == KARST_CAST_WHETHER;
     cast_beam(&own, view, 0, 0, &b, start);
-    if (hits)
-        store_beam(&own, view, hits, &b, start, index, valid, 0, any_hit);
+    if (hits && wanted == KARST_CAST_WHETHER)
+        mark_ended((K_GLOBAL int *)hits, &b, index, valid);
+    else if (hits)
+        store_beam(&own, view, hits, &b, start, index, valid, 0, wanted == KARST_CAST_ANY_HIT);
 }
 
 /* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. */
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, int any_hit, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count)
+                               uint num_rays, uint wanted, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count)
 {
     const pools pool = POOL_FIELDS;
     const uint beam_number = (uint)get_global_id(0);
     if (count && *count < num_rays)
         num_rays = *count;
     if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
-        cast_rays_beam(&pool, view, rays, num_rays, any_hit, beam_number, hits);
+        cast_rays_beam(&pool, view, rays, num_rays, wanted, beam_number, hits);
 }
 
 #endif
@@ -536,6 +563,7 @@ void cast_shadow_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, c
         return;
     begin_hints(&b.hints, &own.bricks, hints, num_slots, turn, num_turns, view->serial);
     b.found.only_whether = 1;
+    b.blend_below = 3.0e38f;
     cast_beam(&own, view, 0, ONE_SUN, &b, start);
     note_packets(notes, &b);
     end_hints(&b.hints);

@@ -75,6 +75,9 @@ bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_bu
  */
 bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
                        const karst_buffer *count, karst_buffer *hits, karst_error *error);
+/* The same, if all that is wanted is whether rays end: a word for each, not 0 where it does. marks NULL: as above. */
+bool karst_cast_stream_marks(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
+                             uint32_t num_rays, const karst_buffer *count, karst_buffer *marks, karst_error *error);
 
 /* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
 size_t karst_cast_shadow_bytes(int width_px, int height_px);

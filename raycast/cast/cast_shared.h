@@ -37,6 +37,12 @@ K_ASSERT_SIZE(karst_pinhole, 96);
 #define KARST_CAST_NOTES_ASKED 1u
 #define KARST_CAST_WHO_ASKED 2u
 
+/* What is wanted of a stream's rays: their hits; these, but not where in its cell the surface lies; or only whether
+ * they end, a word for each in place of its hit. */
+#define KARST_CAST_HITS 0u
+#define KARST_CAST_ANY_HIT 1u
+#define KARST_CAST_WHETHER 2u
+
 /* Where pixel (x, y)'s ray stands in a stream in packet order: strips four rows high, in them blocks four columns wide.
  * A permutation of 0 .. width * height - 1 for every size; where the width is a multiple of four, each packet's rays
  * are 16 neighbours. */

@@ -122,7 +122,7 @@ RAY_INLINE vint level_of(vfloat footprint)
 
 typedef struct {
     vector3 origin, way, velocity, end, normal;
-    vfloat speed, t_max, arc, length;
+    vfloat speed, t_max, arc, length, sigma;
     vint state, met, steps;
 } chord_lanes;
 
@@ -135,7 +135,7 @@ RAY_INLINE void follow(const bend_field *field, const bend_settings *with, vint 
     bend_look(field, &p->s);
     const vfloat speed = v_select(v_mask(v_gt(c->speed, zero)), c->speed, p->s.index);
     p->s.velocity.x = c->way.x * speed, p->s.velocity.y = c->way.y * speed, p->s.velocity.z = c->way.z * speed;
-    p->met = c->met, p->steps = c->steps;
+    p->met = c->met, p->steps = c->steps, p->sigma = c->sigma;
     bend_chord(field, with, mine, p);
     const vector3 way = dielectric_unit(&p->s.velocity);
     const vfloat length = k_sqrt(bend_dot(&p->s.at, &p->s.at));
@@ -152,6 +152,7 @@ RAY_INLINE void follow(const bend_field *field, const bend_settings *with, vint 
     c->velocity = bend_select(mine, &way, &c->velocity);
     c->way = bend_select(mine, &chord, &c->way);
     c->speed = v_select(mine, now, c->speed);
+    c->sigma = v_select(mine, p->sigma, c->sigma);
     c->arc = v_select(mine, p->arc, c->arc);
     c->length = v_select(mine, length, c->length);
     c->met = v_select(mine, p->met, c->met);
@@ -184,7 +185,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     if (lowest >= num_rays)
         return;
     int states[LANES], mets[LANES], steps[LANES];
-    float speeds[LANES], t_maxes[LANES];
+    float speeds[LANES], t_maxes[LANES], sigmas[LANES];
     uint inside_bits = 0;
     for (uint l = 0; l < LANES; l++) {
         const uint i = lowest + l < num_rays ? lowest + l : lowest;
@@ -194,10 +195,10 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
             b->t_max = rays[i].t_max;
             b->met = met[i];
             b->steps = 0;
-            b->speed = 0.0f;
+            b->speed = b->sigma = 0.0f;
         }
         states[l] = (int)b->state, mets[l] = (int)b->met, steps[l] = (int)b->steps;
-        speeds[l] = b->speed, t_maxes[l] = b->t_max;
+        speeds[l] = b->speed, t_maxes[l] = b->t_max, sigmas[l] = b->sigma;
         if (lowest + l < num_rays && b->state == KARST_BEND_ON)
             inside_bits |= 1u << l;
     }
@@ -212,7 +213,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     c.way.x = BEND_WORD_(4), c.way.y = BEND_WORD_(5), c.way.z = BEND_WORD_(6);
     c.velocity = c.normal = c.way, c.end = c.origin;
     c.arc = c.length = (vfloat)(0.0f);
-    c.speed = v_load_float(speeds), c.t_max = v_load_float(t_maxes);
+    c.speed = v_load_float(speeds), c.t_max = v_load_float(t_maxes), c.sigma = v_load_float(sigmas);
     c.state = v_load_int(states), c.met = v_load_int(mets), c.steps = v_load_int(steps);
     const vint level = level_of(BEND_WORD_(8) * task.detail);
     world_point_at start;
@@ -238,6 +239,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     v_store_float(c.arc, out[3]), v_store_float(c.velocity.x, out[4]), v_store_float(c.velocity.y, out[5]);
     v_store_float(c.velocity.z, out[6]), v_store_float(c.speed, out[7]), v_store_float(c.normal.x, out[8]);
     v_store_float(c.normal.y, out[9]), v_store_float(c.normal.z, out[10]), v_store_float(c.length, out[11]);
+    v_store_float(c.sigma, sigmas);
     v_store_int(c.state, states), v_store_int(c.met, mets), v_store_int(c.steps, steps);
     float way[3][LANES];
     v_store_float(c.way.x, way[0]), v_store_float(c.way.y, way[1]), v_store_float(c.way.z, way[2]);
@@ -250,10 +252,12 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
                               out[7][l],
                               {out[8][l], out[9][l], out[10][l]},
                               out[11][l],
+                              sigmas[l],
                               t_maxes[l],
                               (uint)states[l],
                               (uint)mets[l],
-                              (uint)steps[l]};
+                              (uint)steps[l],
+                              {0, 0, 0}};
         bends[lowest + l] = b;
         for (int i = 0; i < 3; i++)
             rays[lowest + l].direction[i] = way[i][l];

@@ -16,6 +16,7 @@
 #include "raycast/cast/cast.h"
 #include "raycast/light/bend_shared.h"
 #include "raycast/light/bounce.h"
+#include "raycast/rays_shared.h"
 #include "raycast/shade_shared.h"
 
 typedef struct karst_bender karst_bender;
@@ -29,15 +30,12 @@ typedef struct {
     double voxel_m;                        /* of level 0 */
 } karst_bend_world;
 
-/* Steps err by so much of their length, at most: of pictures; and where hits are refined. */
-#define KARST_BEND_TOLERANCE 3.0e-5f
-#define KARST_BEND_FINE_TOLERANCE 4.0e-6f
-
 /* Errors: KARST_FAILED. */
 karst_bender *karst_bender_create(karst_context *context, const karst_bend_world *world, float tolerance,
                                   karst_error *error);
 void karst_bender_destroy(karst_bender *bender); /* NULL is fine */
-/* Room for so many rays; nothing is done where there is. Errors: KARST_FAILED. */
+/* Room for so many rays, each of which takes so much; nothing is done where there is. Errors: KARST_FAILED. */
+#define KARST_BEND_RAY_BYTES (sizeof(karst_bend) + 2 * sizeof(karst_hit) + 2 * sizeof(uint32_t))
 bool karst_bender_set_room(karst_bender *bender, uint32_t num_rays, karst_error *error);
 /* Numbers of surfaces that the rays of the stream at hand have met, and of the next one's: a word each. */
 karst_buffer *karst_bender_met(const karst_bender *bender);

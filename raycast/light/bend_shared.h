@@ -19,12 +19,14 @@ typedef struct {
     float speed;   /* the length of its velocity there: the index, but for the error of steps */
     float normal[3]; /* KARST_BEND_LEAVES: of the surface there, out of clear matter */
     float length;    /* of the chord */
+    float sigma;     /* the next step of the path; 0: none is known yet */
     float t_max;     /* the ray's own */
     uint state;      /* KARST_BEND_* */
     uint met;        /* surfaces that the ray has met, jumps of the index included */
     uint steps;      /* since the ray last met a surface of clear matter */
+    uint pad[3];
 } karst_bend;
-K_ASSERT_SIZE(karst_bend, 64);
+K_ASSERT_SIZE(karst_bend, 80);
 
 typedef struct {
     float detail, voxel_m;
@@ -36,6 +38,10 @@ typedef struct {
     uint pad[2];
 } karst_bend_task;
 K_ASSERT_SIZE(karst_bend_task, 48);
+
+/* Steps err by so much of their length, at most: of pictures; and where hits are refined. */
+#define KARST_BEND_TOLERANCE 3.0e-5f
+#define KARST_BEND_FINE_TOLERANCE 4.0e-6f
 
 /* Steps of a path between two surfaces of clear matter. */
 #define KARST_BEND_MOST_STEPS 8192u

@@ -13,6 +13,7 @@ struct karst_bounce {
     cl_kernel count, scan, mirror, add_sun;
     bool sun;
     uint32_t num_blocks, room; /* of the largest pictures that there is room for; rays */
+    uint32_t limit;            /* rays of the stream at hand, in whole blocks; 0: a picture's */
     karst_buffer *rays, *hits, *counts, *total;
     karst_buffer *shadow_rays, *suns, *marks; /* NULL without a sun */
 };
@@ -105,18 +106,23 @@ bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, ka
            (!bounce->sun || (bounce->shadow_rays && bounce->suns && bounce->marks));
 }
 
-/* Rays that a picture may have: planes of the stream have as many places. */
-static uint32_t most_rays(const karst_pinhole *pinhole)
+/* Rays that the stream may have: its planes have as many places. */
+static uint32_t most_rays(const karst_bounce *bounce, const karst_pinhole *pinhole)
 {
-    return (uint32_t)num_blocks(pinhole->width_px, pinhole->height_px) * BLOCK_RAYS;
+    return bounce->limit ? bounce->limit : karst_bounce_room(pinhole->width_px, pinhole->height_px);
+}
+
+void karst_bounce_limit(karst_bounce *bounce, uint32_t max_rays)
+{
+    bounce->limit = (max_rays + BLOCK_RAYS - 1) / BLOCK_RAYS * BLOCK_RAYS;
 }
 
 /* The picture that shadow rays of the stream are laid out as. */
-static karst_pinhole stream_pinhole(const karst_pinhole *pinhole)
+static karst_pinhole stream_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
 {
     karst_pinhole of_stream = *pinhole;
     of_stream.width_px = KARST_STREAM_WIDTH_PX;
-    of_stream.height_px = (int)(most_rays(pinhole) / KARST_STREAM_WIDTH_PX);
+    of_stream.height_px = (int)(most_rays(bounce, pinhole) / KARST_STREAM_WIDTH_PX);
     return of_stream;
 }
 
@@ -126,7 +132,7 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;
     const size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px), room = most_rays(pinhole);
+    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px), room = most_rays(bounce, pinhole);
     karst_context *context = bounce->context;
     const size_t local_size = context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
     if (!bounce->rays || bounce->num_blocks < blocks || hits->size_bytes / sizeof(karst_hit) < num_pixels ||
@@ -150,8 +156,8 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view, bool again,
                        karst_error *error)
 {
-    return karst_cast_stream(caster, view, bounce->rays, bounce->room, bounce->total, again ? NULL : bounce->hits,
-                             error);
+    const uint32_t room = bounce->limit ? bounce->limit : bounce->room;
+    return karst_cast_stream(caster, view, bounce->rays, room, bounce->total, again ? NULL : bounce->hits, error);
 }
 
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
@@ -161,8 +167,8 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
     const karst_shade_stream stream = {.rays = bounce->rays,
                                        .count = bounce->total,
                                        .hits = bounce->hits,
-                                       .max_rays = most_rays(pinhole),
-                                       .room = most_rays(pinhole),
+                                       .max_rays = most_rays(bounce, pinhole),
+                                       .room = most_rays(bounce, pinhole),
                                        .shadow_rays = bounce->shadow_rays,
                                        .suns = bounce->suns};
     return karst_shade_rays(shader, view, pinhole, light, &stream, parts, counters, error);
@@ -171,8 +177,8 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error)
 {
-    const karst_pinhole of_stream = stream_pinhole(pinhole);
-    return (again || karst_buffer_fill(bounce->marks, 0, 0, bounce->marks->size_bytes, error)) &&
+    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    return (again || karst_buffer_fill(bounce->marks, 0, 0, most_rays(bounce, pinhole) * sizeof(uint32_t), error)) &&
            karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
                                      again ? NULL : bounce->marks->mem, error);
 }
@@ -181,7 +187,7 @@ bool karst_bounce_cast_more_shadows(karst_bounce *bounce, karst_caster *caster, 
                                     const karst_pinhole *pinhole, const karst_light *light, bool again,
                                     karst_error *error)
 {
-    const karst_pinhole of_stream = stream_pinhole(pinhole);
+    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
     return karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
                                      again ? NULL : bounce->marks->mem, error);
 }
@@ -189,7 +195,7 @@ bool karst_bounce_cast_more_shadows(karst_bounce *bounce, karst_caster *caster, 
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error)
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;
-    const cl_uint room = most_rays(pinhole);
+    const cl_uint room = most_rays(bounce, pinhole);
     const size_t lanes = (size_t)bounce->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 16;
     return KARST_ARGUMENTS(bounce->add_sun, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
                            KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),

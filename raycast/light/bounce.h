@@ -50,6 +50,8 @@ typedef struct {
 } karst_bounce_stream;
 karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
 uint32_t karst_bounce_room(int width_px, int height_px);
+/* From now on the stream has that many rays at most, and no more is launched: the host knows. 0: as many as pixels. */
+void karst_bounce_limit(karst_bounce *bounce, uint32_t max_rays);
 /* Takes rays, and the word that counts them, of another stream with as much room, and gives its own. */
 void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total);
 

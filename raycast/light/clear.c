@@ -142,9 +142,10 @@ void karst_clear_destroy(karst_clear *clear)
     (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + \
      KARST_CLEAR_MATTER_PLANES * sizeof(float))
 
-double karst_clear_bytes(int width_px, int height_px, bool sun)
+double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends)
 {
-    return karst_bounce_bytes(width_px, height_px, sun) + karst_bounce_room(width_px, height_px) * (double)RAY_BYTES;
+    const double ray_bytes = (double)RAY_BYTES + (bends ? (double)KARST_BEND_RAY_BYTES : 0);
+    return karst_bounce_bytes(width_px, height_px, sun) + karst_bounce_room(width_px, height_px) * ray_bytes;
 }
 
 static karst_buffer *make(karst_clear *clear, size_t num, size_t each_bytes, karst_error *error)
@@ -203,12 +204,20 @@ static karst_clear_task task_of(const karst_clear_picture *picture)
     return task;
 }
 
-/* With room for the picture's rays alone, which planes of the stream are as long as. */
-static karst_bounce_stream stream_of(const karst_clear *clear, const karst_clear_picture *picture)
+/* With room for the picture's rays alone, or for `num_rays`, which planes of the stream are as long as. */
+static karst_bounce_stream stream_of(karst_clear *clear, const karst_clear_picture *picture, uint32_t num_rays)
 {
     karst_bounce_stream stream = karst_bounce_get_stream(clear->bounce);
-    stream.room = karst_bounce_room(picture->pinhole->width_px, picture->pinhole->height_px);
+    karst_bounce_limit(clear->bounce, num_rays);
+    stream.room = num_rays ? (num_rays + BLOCK_RAYS - 1) / BLOCK_RAYS * BLOCK_RAYS
+                           : karst_bounce_room(picture->pinhole->width_px, picture->pinhole->height_px);
     return stream;
+}
+
+/* Of the stream at hand. Waits for it: most streams are small, and launches for a whole picture take longer. */
+static bool count_rays(const karst_clear *clear, uint32_t *num_rays, karst_error *error)
+{
+    return karst_buffer_read(karst_bounce_get_stream(clear->bounce).total, 0, num_rays, sizeof *num_rays, error);
 }
 
 /* One work-item for each packet. */
@@ -351,7 +360,7 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
                          karst_error *error)
 {
     const cl_kernel *kernels = picture->clear_shader->kernels;
-    const karst_bounce_stream stream = stream_of(clear, picture);
+    const karst_bounce_stream stream = stream_of(clear, picture, 0);
     const uint32_t blocks = stream.room / BLOCK_RAYS;
     const met_arguments met = met_of(picture);
     const karst_argument first[] = {
@@ -371,12 +380,14 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
            karst_launch(clear->context, kernels[FIRST], KARST_STAGE_SHADE, blocks, local_size(clear), error);
 }
 
+/* hits: where the rays end that are to be turned; NULL: on the way back. */
 static bool turn(karst_clear *clear, const karst_clear_picture *picture, const karst_bounce_stream *stream,
-                 karst_error *error)
+                 const karst_buffer *hits, karst_error *error)
 {
     const cl_kernel kernel = picture->clear_shader->kernels[TURN];
+    const cl_mem ends = hits ? hits->mem : NULL;
     return KARST_ARGUMENTS(kernel, error, KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(clear->ways),
-                           KARST_BUFFER_ARG(stream->total)) &&
+                           KARST_BUFFER_ARG(stream->total), KARST_VALUE_ARG(ends)) &&
            karst_launch(clear->context, kernel, KARST_STAGE_SHADE, stream->room, GPU_LOCAL_SIZE, error);
 }
 
@@ -397,10 +408,10 @@ static bool cast_straight(void *user, karst_error *error)
     karst_profile_set_stream(clear->context, KARST_STREAM_CLEAR);
     const bool done = karst_bounce_cast(clear->bounce, picture->land, picture->view, false, error) &&
                       (!picture->clear ||
-                       (turn(clear, picture, stream, error) &&
+                       (turn(clear, picture, stream, stream->hits, error) &&
                         karst_cast_stream(picture->clear, picture->view, stream->rays, stream->room, stream->total,
                                           clear->over_hits, error) &&
-                        refine_stream(clear, picture, stream, error) && turn(clear, picture, stream, error)));
+                        refine_stream(clear, picture, stream, error) && turn(clear, picture, stream, NULL, error)));
     karst_profile_set_stream(clear->context, KARST_NUM_STREAMS);
     return done;
 }
@@ -488,20 +499,23 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
 {
     karst_clear_task task = task_of(picture);
     if (!check_room(clear, picture->pinhole, error) ||
-        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture).room, error)))
+        (picture->bender && !karst_bender_set_room(picture->bender, stream_of(clear, picture, 0).room, error)))
         return false;
     task.adds_nothing = again;
     for (task.branch = 0; task.branch < (picture->clear ? 2u : 1u); task.branch++) {
         const uint32_t bounces = picture->clear ? picture->bounces : 1;
-        if (!begin_branch(clear, picture, &task, error))
+        uint32_t num_rays = 0;
+        if (!begin_branch(clear, picture, &task, error) || !count_rays(clear, &num_rays, error))
             return false;
-        for (task.bounce = 1; task.bounce <= bounces; task.bounce++) {
-            const karst_bounce_stream stream = stream_of(clear, picture);
+        for (task.bounce = 1; task.bounce <= bounces && num_rays; task.bounce++) {
+            const karst_bounce_stream stream = stream_of(clear, picture, num_rays);
             task.is_last = task.bounce == bounces;
             if (!cast(clear, picture, &task, &stream, error) || !go_on(clear, picture, &task, &stream, error) ||
                 !shade(clear, picture, again, error))
                 return false;
             exchange(clear, picture);
+            if (!task.is_last && !count_rays(clear, &num_rays, error))
+                return false;
         }
     }
     return true;

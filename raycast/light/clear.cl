@@ -497,8 +497,10 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
 
 /* ---- from stream to stream ---- */
 
-/* Rays are cast twice, with the side that they have in each kind of matter: changes them over. */
-__kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways, K_GLOBAL const uint *count)
+/* Rays are cast twice, with the side that they have in each kind of matter: changes them over. hits: those of the
+ * first time, which they need not go beyond; 0: on the way back. */
+__kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways, K_GLOBAL const uint *count,
+                         K_GLOBAL const karst_hit *hits)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
@@ -506,6 +508,8 @@ __kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *way
     const uint side = rays[i].side;
     rays[i].side = ways[i].side;
     ways[i].side = side;
+    if (hits && hits[i].t < rays[i].t_max)
+        rays[i].t_max = hits[i].t;
 }
 
 /* Where they ended: in clear matter, and of those the ones that go on. Of rays that are to be sure, what they lacked

@@ -51,7 +51,7 @@ void karst_clear_destroy(karst_clear *clear); /* NULL is fine */
 /* Room for pictures of that size; nothing is done where there is. Errors: KARST_FAILED. */
 bool karst_clear_set_room(karst_clear *clear, int width_px, int height_px, karst_error *error);
 /* What that takes. Thread-safe. */
-double karst_clear_bytes(int width_px, int height_px, bool sun);
+double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends);
 
 /* What a picture is made with; all of it borrowed for a call. */
 typedef struct {

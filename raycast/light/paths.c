@@ -14,10 +14,10 @@
 struct karst_paths {
     karst_context *context;
     karst_program *program;
-    cl_kernel begin, add, hide, count, scan, pack;
-    uint32_t room, num_blocks, num_lamps; /* room: rays */
-    bool has_shadow[KARST_MOST_LAMPS];
+    cl_kernel begin, add, hide, count, scan, pack, count_lit, pack_lit, add_lit;
+    uint32_t room, num_blocks, num_lamps, num_shadows; /* room: rays; num_shadows: lamps that cast some */
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
+    karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
     karst_buffer *total[2]; /* rays in the stream, and in the next one, by turns */
 };
 
@@ -41,8 +41,12 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
         paths->count = karst_program_kernel(paths->program, "paths_count", error);
         paths->scan = karst_program_kernel(paths->program, "paths_scan", error);
         paths->pack = karst_program_kernel(paths->program, "paths_pack", error);
+        paths->count_lit = karst_program_kernel(paths->program, "paths_count_lit", error);
+        paths->pack_lit = karst_program_kernel(paths->program, "paths_pack_lit", error);
+        paths->add_lit = karst_program_kernel(paths->program, "paths_add_lit", error);
     }
-    if (!paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan || !paths->pack) {
+    if (!paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan || !paths->pack ||
+        !paths->count_lit || !paths->pack_lit || !paths->add_lit) {
         karst_paths_destroy(paths);
         return NULL;
     }
@@ -51,7 +55,8 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
 
 static void free_room(karst_paths *paths)
 {
-    karst_buffer **buffers[] = {&paths->rays, &paths->next, &paths->to_lamps, &paths->hits, &paths->counts};
+    karst_buffer **buffers[] = {&paths->rays, &paths->next,   &paths->to_lamps,
+                                &paths->hits, &paths->counts, &paths->shining};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
         *buffers[i] = NULL;
@@ -62,7 +67,8 @@ void karst_paths_destroy(karst_paths *paths)
 {
     if (!paths)
         return;
-    cl_kernel kernels[] = {paths->begin, paths->add, paths->hide, paths->count, paths->scan, paths->pack};
+    cl_kernel kernels[] = {paths->begin, paths->add,       paths->count,    paths->scan,
+                           paths->pack,  paths->count_lit, paths->pack_lit, paths->add_lit, paths->hide};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -74,11 +80,16 @@ void karst_paths_destroy(karst_paths *paths)
     free(paths);
 }
 
-static size_t padded(size_t num_pixels) { return (num_pixels + PADDING_RAYS - 1) / PADDING_RAYS * PADDING_RAYS; }
+/* Enough for a block of a beam's rays to each of the lamps, too. */
+static size_t padded(size_t num_pixels)
+{
+    const size_t num = (num_pixels + PADDING_RAYS - 1) / PADDING_RAYS;
+    return (num < KARST_MOST_LAMPS ? KARST_MOST_LAMPS : num) * PADDING_RAYS;
+}
 
 double karst_paths_bytes(size_t num_pixels)
 {
-    return (double)padded(num_pixels) * (3 * sizeof(karst_ray) + sizeof(karst_hit));
+    return (double)padded(num_pixels) * (3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t));
 }
 
 bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error)
@@ -92,7 +103,9 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
     paths->to_lamps = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_ray), error);
     paths->hits = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_hit), error);
     paths->counts = karst_buffer_create_blank(context, "stream", paths->num_blocks * sizeof(uint32_t), error);
-    return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts;
+    paths->shining = karst_buffer_create_blank(context, "stream",
+                                               paths->room / (uint32_t)context->lanes * sizeof(uint32_t), error);
+    return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts && paths->shining;
 }
 
 bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t num, karst_error *error)
@@ -100,8 +113,9 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
     if (num > KARST_MOST_LAMPS)
         return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num, KARST_MOST_LAMPS);
     paths->num_lamps = num;
+    paths->num_shadows = 0;
     for (uint32_t i = 0; i < num; i++)
-        paths->has_shadow[i] = lamps[i].shadow;
+        paths->num_shadows += lamps[i].shadow != 0;
     return !num || karst_buffer_write(paths->lamps, 0, lamps, num * sizeof *lamps, error);
 }
 
@@ -127,34 +141,70 @@ static bool launch_rays(const karst_paths *paths, cl_kernel kernel, size_t num, 
                         local_size, error);
 }
 
-/* Rays to lamps that clear matter hides are idle from now on. */
-static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
-                       karst_error *error)
+/* Rays to lamps that clear matter hides bring no light from now on. */
+static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, karst_buffer *rays,
+                       const karst_buffer *count, uint32_t num, karst_error *error)
 {
-    karst_buffer *hits = picture->again ? NULL : paths->hits;
-    return karst_cast_stream(picture->over, picture->view, paths->to_lamps, num, count, hits, error) &&
-           (!hits || (KARST_ARGUMENTS(paths->hide, error, KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count),
-                                      KARST_BUFFER_ARG(hits)) &&
-                      karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
+    karst_buffer *marks = picture->again ? NULL : paths->hits;
+    return karst_cast_stream_marks(picture->over, picture->view, rays, num, count, marks, error) &&
+           (!marks || (KARST_ARGUMENTS(paths->hide, error, KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count),
+                                       KARST_BUFFER_ARG(marks)) &&
+                       karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
 }
 
-/* The light of lamps that the generation's rays to them reach; without `shadows` all do. */
+/* The light of lamps that the generation's rays to them reach. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
-                      bool shadows, karst_error *error)
+                      karst_error *error)
 {
-    const cl_mem hits = shadows ? paths->hits->mem : NULL;
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = !shadows || ((!picture->over || hide_lamps(paths, picture, count, num, error)) &&
-                                   karst_cast_stream(picture->caster, picture->view, paths->to_lamps, num, count,
-                                                     picture->again ? NULL : paths->hits, error));
+    const bool cast = karst_cast_stream_marks(picture->caster, picture->view, paths->to_lamps, num, count,
+                                              picture->again ? NULL : paths->hits, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
-                           KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count), KARST_VALUE_ARG(hits),
+                           KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(paths->hits),
                            KARST_BUFFER_ARG(picture->parts)) &&
            launch_rays(paths, paths->add, num, error);
+}
+
+static bool launch_blocks(const karst_paths *paths, cl_kernel kernel, size_t num, karst_error *error)
+{
+    const size_t local_size = paths->context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
+    return karst_launch(paths->context, kernel, KARST_STAGE_SHADE, (num + local_size - 1) / local_size * local_size,
+                        local_size, error);
+}
+
+/* Rays to lamps, of each `blocks` blocks, become one stream without gaps, which is cast; what it reaches is added. */
+static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_uint blocks, karst_error *error)
+{
+    const cl_uint lamps = paths->num_shadows, all = lamps * blocks, again = 1; /* they count as rays to lamps alone */
+    const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
+    karst_buffer *total = paths->total[1];
+    if (!KARST_ARGUMENTS(paths->count_lit, error, KARST_BUFFER_ARG(paths->shining), KARST_BUFFER_ARG(paths->counts),
+                         KARST_VALUE_ARG(all)) ||
+        !launch_blocks(paths, paths->count_lit, all, error) ||
+        !KARST_ARGUMENTS(paths->scan, error, KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(all),
+                         KARST_BUFFER_ARG(total), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(again)) ||
+        !karst_launch(paths->context, paths->scan, KARST_STAGE_SHADE, 1, 1, error) ||
+        !KARST_ARGUMENTS(paths->pack_lit, error, KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(paths->shining),
+                         KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(all), KARST_BUFFER_ARG(paths->next)) ||
+        !launch_blocks(paths, paths->pack_lit, all, error))
+        return false;
+    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
+    const bool cast =
+        (!picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error)) &&
+        karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
+                                picture->again ? NULL : paths->hits, error);
+    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    if (!cast || picture->again)
+        return cast;
+    return KARST_ARGUMENTS(paths->add_lit, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
+                           KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(paths->counts), KARST_BUFFER_ARG(total),
+                           KARST_VALUE_ARG(blocks), KARST_VALUE_ARG(lamps), KARST_BUFFER_ARG(paths->hits),
+                           KARST_BUFFER_ARG(picture->parts)) &&
+           launch_blocks(paths, paths->add_lit, blocks, error);
 }
 
 /* From the rays that leave surfaces to the next stream. */
@@ -164,17 +214,15 @@ static bool pack(karst_paths *paths, const karst_path_picture *picture, const ka
     const cl_uint again = picture->again;
     karst_context *context = paths->context;
     const cl_uint blocks = (num + BLOCK_RAYS - 1) / BLOCK_RAYS;
-    const size_t local_size = context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
-    const size_t items = (blocks + local_size - 1) / local_size * local_size;
     return KARST_ARGUMENTS(paths->count, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
                            KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks)) &&
-           karst_launch(context, paths->count, KARST_STAGE_SHADE, items, local_size, error) &&
+           launch_blocks(paths, paths->count, blocks, error) &&
            KARST_ARGUMENTS(paths->scan, error, KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(next_count), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(again)) &&
            karst_launch(context, paths->scan, KARST_STAGE_SHADE, 1, 1, error) &&
            KARST_ARGUMENTS(paths->pack, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
                            KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(paths->rays)) &&
-           karst_launch(context, paths->pack, KARST_STAGE_SHADE, items, local_size, error);
+           launch_blocks(paths, paths->pack, blocks, error);
 }
 
 bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
@@ -183,8 +231,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     karst_path_task task = {.sample = picture->pinhole->sample ? picture->pinhole->sample : 1,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
-                            .again = picture->again,
-                            .lamp = KARST_PATH_ALL_LIGHT};
+                            .again = picture->again};
     uint32_t left = num_pixels;
     if (num_pixels > paths->room)
         return karst_fail(error, KARST_FAILED, "there is no room for the paths of %u pixels", num_pixels);
@@ -212,7 +259,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         }
         if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
-            (paths->num_lamps && !add_lamps(paths, picture, count, left, true, error)) ||
+            (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
             (!task.is_last && !pack(paths, picture, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
@@ -221,36 +268,58 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     return true;
 }
 
-bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
-                              const karst_buffer *count, const karst_buffer *hits, karst_error *error)
+/* Part by part of the stream, so that there is room for rays to all lamps of each. strip_packets: as in
+ * karst_path_task. */
+static bool add_each_lamp(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                          const karst_buffer *count, const karst_buffer *hits, uint32_t strip_packets,
+                          karst_error *error)
 {
     const uint32_t num_pixels = (uint32_t)picture->pinhole->width_px * (uint32_t)picture->pinhole->height_px;
+    const uint32_t lanes = (uint32_t)paths->context->lanes, shadows = paths->num_shadows;
+    const uint32_t part_rays = paths->room / (shadows ? shadows : 1) / PADDING_RAYS * PADDING_RAYS;
     const karst_path_streams streams = {.rays = rays,
                                         .count = count,
                                         .hits = hits,
                                         .lamps = paths->lamps,
                                         .max_rays = num_pixels,
                                         .next = paths->next,
-                                        .to_lamps = paths->to_lamps};
+                                        .to_lamps = paths->to_lamps,
+                                        .shining = paths->shining};
     karst_path_task task = {.is_last = 1,
                             .sample = picture->pinhole->sample,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
-                            .again = picture->again};
+                            .again = picture->again,
+                            .each_lamp = 1,
+                            .strip_packets = strip_packets,
+                            .num_packets = part_rays / lanes};
     if (num_pixels > paths->room)
         return karst_fail(error, KARST_FAILED, "there is no room for the light of %u pixels", num_pixels);
-    for (task.lamp = 0; task.lamp < paths->num_lamps; task.lamp++)
+    if (!paths->num_lamps || (picture->again && !shadows))
+        return true;
+    for (uint32_t first = 0; first < num_pixels; first += part_rays) {
+        task.first_packet = first / lanes;
         if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
-            !add_lamps(paths, picture, count, num_pixels, paths->has_shadow[task.lamp], error))
+            (shadows && !add_lit(paths, picture, part_rays / BLOCK_RAYS, error)))
             return false;
+    }
     return true;
+}
+
+bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                              const karst_buffer *count, const karst_buffer *hits, karst_error *error)
+{
+    return add_each_lamp(paths, picture, rays, count, hits, 0, error);
 }
 
 bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error)
 {
+    const uint32_t width_px = (uint32_t)picture->pinhole->width_px, height_px = (uint32_t)picture->pinhole->height_px;
+    const bool whole = width_px % KARST_PACKET_SIDE == 0 && height_px % KARST_PACKET_SIDE == 0;
     return begin(paths, picture, true, error) &&
-           karst_paths_add_lamps_of(paths, picture, paths->rays, paths->total[0], picture->hits, error);
+           add_each_lamp(paths, picture, paths->rays, paths->total[0], picture->hits,
+                         whole ? width_px / KARST_PACKET_SIDE : 0, error);
 }
 
 bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
@@ -270,8 +339,8 @@ bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture
                                         .max_rays = num_pixels,
                                         .next = paths->next,
                                         .to_lamps = paths->to_lamps};
-    const karst_path_task task = {
-        .is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = picture->again};
+    /* As if it were followed no further; no light is added. */
+    const karst_path_task task = {.is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = 1};
     *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
     return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                              picture->parts, picture->counters, error);

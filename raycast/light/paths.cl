@@ -36,30 +36,82 @@ __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays
     store_ordered(parts + 2 * plane, r.index, r.valid, zero);
 }
 
-/* Adds the light of lamps that nothing hides: of the rays to them, one for each of the stream, those that ended at
- * nothing; hits 0: all. LANES of them for each work-item. */
+/* Adds the light of lamps that nothing hides: of the rays to them, one for each of the stream, those without a mark.
+ * LANES of them for each work-item. */
 __kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
-                               K_GLOBAL const karst_hit *hits, K_GLOBAL float *parts)
+                               K_GLOBAL const int *marks, K_GLOBAL float *parts)
 {
     const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
     if (lowest >= num_rays)
         return;
     const path_rays r = load_paths(rays, lowest, num_rays);
-    const vint record = v_select(r.valid, r.index, (vint)(0)) * (int)(sizeof(karst_hit) / sizeof(int));
-    vint lit = r.valid & v_gt(r.t_max, (vfloat)(0.0f));
-    if (hits)
-        lit &= v_eq(v_gather_int((K_GLOBAL const int *)hits, record + 1) & 0xff, (vint)((int)KARST_HIT_MISS));
+    const vint lit = r.valid & v_gt(r.t_max, (vfloat)(0.0f)) &
+                     v_eq(v_gather_int(marks, v_select(r.valid, r.index, (vint)(0))), (vint)(0));
     const colour whole = {(vfloat)(1.0f), (vfloat)(1.0f), (vfloat)(1.0f)};
     if (v_any(lit))
         add_paths(parts, (size_t)width_px * (size_t)height_px, width_px, height_px, &r, mask_bits(lit), &whole);
 }
 
-/* Rays of a stream that hit anything are idle from now on. */
-__kernel void paths_hide(K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GLOBAL const karst_hit *hits)
+/* ---- rays to each lamp ---- */
+
+/* Rays of a stream that have a mark bring no light. */
+__kernel void paths_hide(K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GLOBAL const uint *marks)
 {
     const uint i = (uint)get_global_id(0);
-    if (i < *count && KARST_HIT_KIND(hits[i].kind) != KARST_HIT_MISS)
-        rays[i].t_max = 0.0f;
+    if (i >= *count || !marks[i])
+        return;
+    rays[i].t_max = 0.0f;
+    rays[i].throughput[0] = rays[i].throughput[1] = rays[i].throughput[2] = 0.0f;
+}
+
+/* How many rays each block of a part has, of as many parts as lamps cast shadows: one work-item for each block. */
+__kernel void paths_count_lit(K_GLOBAL const uint *shining, K_GLOBAL uint *counts, uint num_blocks)
+{
+    const uint block = (uint)get_global_id(0), first = block * (BLOCK_RAYS / LANES);
+    if (block >= num_blocks)
+        return;
+    uint num = 0;
+    for (uint i = first; i < first + BLOCK_RAYS / LANES; i++)
+        num += (uint)k_popcount(shining[i]);
+    counts[block] = num;
+}
+
+/* Moves them together, in their order. */
+__kernel void paths_pack_lit(K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *shining, K_GLOBAL const uint *begins,
+                             uint num_blocks, K_GLOBAL karst_ray *packed)
+{
+    const uint block = (uint)get_global_id(0), first = block * (BLOCK_RAYS / LANES);
+    if (block >= num_blocks)
+        return;
+    K_GLOBAL karst_ray *out = packed + begins[block];
+    for (uint i = first; i < first + BLOCK_RAYS / LANES; i++)
+        for (uint left = shining[i]; left; left &= left - 1u)
+            *out++ = rays[i * LANES + (uint)k_popcount((left & (0u - left)) - 1u)];
+}
+
+/* Adds the light of lamps that nothing hides, lamp by lamp: of the rays of block b of each part those that have no
+ * mark. One work-item for each block of a part. */
+__kernel void paths_add_lit(int width_px, int height_px, K_GLOBAL const karst_ray *packed,
+                            K_GLOBAL const uint *begins, K_GLOBAL const uint *counted, uint num_blocks,
+                            uint num_parts, K_GLOBAL const uint *marks, K_GLOBAL float *parts)
+{
+    const uint in_part = (uint)get_global_id(0);
+    const size_t plane = (size_t)width_px * (size_t)height_px;
+    if (in_part >= num_blocks)
+        return;
+    for (uint part = 0; part < num_parts; part++) {
+        const uint block = part * num_blocks + in_part;
+        const uint end = block + 1 < num_parts * num_blocks ? begins[block + 1] : *counted;
+        for (uint i = begins[block]; i < end; i++) {
+            if (marks[i])
+                continue;
+            const uint pixel = packed[i].pixel & ~KARST_PATH_SEES_SUN;
+            K_GLOBAL float *at = parts + karst_packet_order(pixel & 0xffffu, pixel >> 16, (uint)width_px,
+                                                            (uint)height_px);
+            for (int c = 0; c < 3; c++)
+                at[(size_t)c * plane] += packed[i].throughput[c];
+        }
+    }
 }
 
 /* How many rays of each block go on: one work-item for each. */

@@ -33,13 +33,18 @@ typedef struct {
     uint is_last;   /* no ray leaves the surfaces that it meets */
     uint sample;    /* of the pixels, from 1; 0: lamps are looked for in their middle */
     uint num_lamps;
-    uint lamp;      /* all but this one's light is left out, sky and emission too; KARST_PATH_ALL_LIGHT: nothing is */
     uint mirrors;   /* 0: surfaces do not mirror, whatever they say */
     uint again;     /* 1: for stamps and wishes alone: no light is added, and nothing is counted */
+    uint each_lamp; /* 1: each lamp is looked for by itself, and sky and emission are left out; 0: one of them is */
+    /* With each_lamp: of the stream's packets, taken column by column where it has strips, those from this one on, and
+     * so many; and packets in a strip, as of a picture, or 0. */
+    uint first_packet, num_packets, strip_packets;
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
+    uint pad;
 } karst_path_task;
-K_ASSERT_SIZE(karst_path_task, 32);
-#define KARST_PATH_ALL_LIGHT 0xffffffffu
+K_ASSERT_SIZE(karst_path_task, 48);
+/* Strips whose packets are neighbours of a stream to lamps: with as many columns they are the pixels of a beam. */
+#define KARST_PATH_STRIPS 8u
 /* Of a lamp by itself, less than this at a pixel is not looked for: a third of a step of its byte. */
 #define KARST_LAMP_LEAST (1.0f / 8192.0f)
 

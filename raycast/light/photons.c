@@ -225,7 +225,6 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
     karst_pinhole pinhole = *scene->pinhole;
     pinhole.x0_px = pinhole.y0_px = 0;
     const karst_path_task of_land = {.sample = task->generation + 1,
-                                     .lamp = KARST_PATH_ALL_LIGHT,
                                      .mirrors = scene->mirrors,
                                      .again = 1,
                                      .mirrors_all = task->is_probe};

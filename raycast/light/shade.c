@@ -18,7 +18,8 @@ struct karst_shader {
     cl_kernel pixels;
     cl_kernel rays; /* NULL: surfaces do not mirror */
     cl_kernel paths; /* NULL: no paths are followed */
-    bool shadows, radiance, mirror, atmosphere, paint;
+    bool shadows, radiance, mirror, atmosphere, paint, occlusion;
+    const karst_buffer *open; /* of occlusion */
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
     karst_shade_anchor anchor;
@@ -43,6 +44,8 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 }
 
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies) { shader->skies = skies; }
+
+void karst_shader_set_occlusion(karst_shader *shader, const karst_buffer *open) { shader->open = open; }
 
 void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks)
 {
@@ -69,10 +72,11 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->mirror = ways & KARST_SHADE_MIRROR;
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
     shader->paint = ways & KARST_SHADE_PAINT;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    shader->occlusion = ways & KARST_SHADE_OCCLUSION;
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
              shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
-             ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "",
+             ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "", shader->occlusion ? " -DSHADE_OCCLUSION" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
@@ -187,14 +191,20 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
     const cl_mem sky_mem = sky_table(shader);
-    karst_argument arguments[15 + MAX_LAST_ARGUMENTS] = {
+    const cl_mem open_mem = shader->open ? shader->open->mem : NULL;
+    karst_argument arguments[15 + MAX_LAST_ARGUMENTS + 1] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
         KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
         KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(num_packets),
         KARST_VALUE_ARG(part_packets)};
-    const size_t num_arguments = 15 + add_last(shader, &sky_mem, arguments + 15);
+    size_t num_arguments = 15 + add_last(shader, &sky_mem, arguments + 15);
+    if (shader->occlusion)
+        arguments[num_arguments++] = (karst_argument)KARST_VALUE_ARG(open_mem);
     return check_size(hits, sizeof(karst_hit), pinhole, error) &&
+           (!shader->occlusion ||
+            (shader->open ? check_size(shader->open, sizeof(float), pinhole, error)
+                          : karst_fail(error, KARST_FAILED, "nothing says how open pixels are"))) &&
            (!depth || check_size(depth, depth_floats * sizeof(float), pinhole, error)) &&
            karst_arguments(shader->pixels, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->pixels, KARST_STAGE_SHADE, global_size, local_size, error);
@@ -245,23 +255,25 @@ bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const 
         streams->hits->size_bytes / sizeof(karst_hit) < max_rays ||
         streams->next->size_bytes / sizeof(karst_ray) < max_rays ||
         streams->to_lamps->size_bytes / sizeof(karst_ray) < max_rays ||
-        streams->lamps->size_bytes / sizeof(karst_lamp) < task->num_lamps)
+        streams->lamps->size_bytes / sizeof(karst_lamp) < task->num_lamps || (task->each_lamp && !streams->shining))
         return karst_fail(error, KARST_FAILED, "there is no room for %u paths", max_rays);
-    const uint32_t num_packets = (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
+    const uint32_t num_packets =
+        task->each_lamp ? task->num_packets : (max_rays + KARST_PACKET_RAYS - 1) / KARST_PACKET_RAYS;
     const uint32_t part_packets = part_size(shader->context, num_packets);
     const bool counted = shader->context->lanes == KARST_PACKET_RAYS;
     const size_t local_size = counted ? 1 : KARST_PACKET_RAYS * KARST_GROUP_PACKETS;
+    const size_t num_items = task->each_lamp ? task->num_packets : max_rays;
     const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units
-                                       : (max_rays + local_size - 1) / local_size * local_size;
-    const cl_mem sky_mem = sky_table(shader);
-    karst_argument arguments[18 + MAX_LAST_ARGUMENTS] = {
+                                       : (num_items + local_size - 1) / local_size * local_size;
+    const cl_mem sky_mem = sky_table(shader), shining_mem = streams->shining ? streams->shining->mem : NULL;
+    karst_argument arguments[19 + MAX_LAST_ARGUMENTS] = {
         KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
         KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(streams->lamps), KARST_BUFFER_ARG(streams->rays),
         KARST_BUFFER_ARG(streams->count), KARST_BUFFER_ARG(streams->hits), KARST_BUFFER_ARG(streams->next),
-        KARST_BUFFER_ARG(streams->to_lamps), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(counters),
-        KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data), KARST_VALUE_ARG(view->own_detail),
-        KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
-    const size_t num_arguments = 18 + add_last(shader, &sky_mem, arguments + 18);
+        KARST_BUFFER_ARG(streams->to_lamps), KARST_VALUE_ARG(shining_mem), KARST_BUFFER_ARG(parts),
+        KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
+        KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(part_packets)};
+    const size_t num_arguments = 19 + add_last(shader, &sky_mem, arguments + 19);
     return check_size(parts, KARST_RADIANCE_PLANES * sizeof(float), pinhole, error) &&
            karst_arguments(shader->paths, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->paths, KARST_STAGE_SHADE, global_size, local_size, error);

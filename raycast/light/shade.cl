@@ -121,6 +121,20 @@ RAY_INLINE colour glowing_colour(const karst_light *light, const vector3 *normal
 #define glowing_colour(light, normal, albedo, glow, lit) ground_colour(light, normal, albedo, lit)
 #endif
 
+/* Of pixels, how open they are. */
+#ifdef SHADE_OCCLUSION
+#define SHADE_OPEN_PARAMETERS , K_GLOBAL const float *open_pixels
+#define SHADE_OPEN , open_pixels
+#define FIND_OPEN(place, valid) \
+    const vfloat open = lane_max(load_ordered(open_pixels, place, valid), (vfloat)(light->sun_direction[3]))
+#define AS_OPEN(ground, normal, albedo) without_hidden(light, normal, albedo, open, ground)
+#else
+#define SHADE_OPEN_PARAMETERS
+#define SHADE_OPEN
+#define FIND_OPEN(place, valid)
+#define AS_OPEN(ground, normal, albedo) ground
+#endif
+
 /* Stores in lanes: whole rows of a packet where all of it lies in the picture. */
 #if LANES == 16
 #define PIXEL_(l) \
@@ -249,7 +263,7 @@ typedef struct {
 /* The pixels of a packet as they are out of all shadows, and its shadow rays. Adds to
  * counts: hits, provisional, incomplete, coarser than own_detail, shadow rays. */
 SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_GLOBAL float *depth, uint packet,
-                             uint counts[NUM_COUNTS] SHADE_SKY_TAKES)
+                             uint counts[NUM_COUNTS] SHADE_SKY_TAKES SHADE_OPEN_PARAMETERS)
 {
     SHADE_SCENE(scene)
     vint x, y;
@@ -303,7 +317,8 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
             albedo.r *= rest, albedo.g *= rest, albedo.b *= rest;
             mirrored = v_select(hit, mirror * CLEAR(&direction, s.t), mirrored);
 #endif
-            colour ground = glowing_colour(light, &s.normal, albedo, &glow, lit);
+            FIND_OPEN(place, valid);
+            colour ground = AS_OPEN(glowing_colour(light, &s.normal, albedo, &glow, lit), &s.normal, albedo);
             ground = HAZY(ground, &direction, to_sun, s.t);
             c.r = v_select(hit, ground.r, c.r);
             c.g = v_select(hit, ground.g, c.g);
@@ -311,7 +326,7 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
 #ifdef SHADE_SHADOWS
             sunny = hit & v_gt(lit, (vfloat)(0.0f));
             if (v_any(sunny)) {
-                ground = glowing_colour(light, &s.normal, albedo, &glow, (vfloat)(0.0f));
+                ground = AS_OPEN(glowing_colour(light, &s.normal, albedo, &glow, (vfloat)(0.0f)), &s.normal, albedo);
                 ground = HAZY(ground, &direction, to_sun, s.t);
 #ifdef SHADE_RADIANCE
                 sun.r = v_select(sunny, c.r - ground.r, sun.r);
@@ -395,7 +410,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
                                   K_GLOBAL const karst_hit *hits, K_GLOBAL float *shadow_rays, K_GLOBAL uint *pixels,
                                   K_GLOBAL float *depth, K_GLOBAL uint *counters, karst_shade_anchor anchor,
                                   K_GLOBAL const ulong *data, float own_detail, K_GLOBAL uint *taken, uint num_packets,
-                                  uint part_packets SHADE_SKY_PARAMETERS)
+                                  uint part_packets SHADE_SKY_PARAMETERS SHADE_OPEN_PARAMETERS)
 {
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     /* Not an address that compilers know: PoCL 3.1 gives work-groups memory by changing the kernel alone, and misses
@@ -414,7 +429,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     for (; part < num_parts; part = atomic_inc(taken)) {
         const uint first = part * part_packets, left = num_packets - first;
         for (uint i = 0; i < part_packets && i < left; i++)
-            shade_packet(&scene, pixels, depth, first + i, counts SHADE_SKY);
+            shade_packet(&scene, pixels, depth, first + i, counts SHADE_SKY SHADE_OPEN);
     }
     /* Each item is refused once, and the last of them leaves the word as it was. */
     if (part == num_parts + (uint)get_num_groups(0) - 1)
@@ -429,7 +444,7 @@ __kernel K_WIDE void shade_pixels(float detail, float blend, karst_pinhole pinho
     barrier(CLK_LOCAL_MEM_FENCE);
 #endif
     /* Packets past the picture's end have no valid pixel. */
-    shade_packet(&scene, pixels, depth, (uint)get_global_id(0), counts SHADE_SKY);
+    shade_packet(&scene, pixels, depth, (uint)get_global_id(0), counts SHADE_SKY SHADE_OPEN);
     /* Each work-item has counters of its own: adding to shared ones would make it wait. */
     __local uint sums[KARST_PACKET_RAYS * KARST_GROUP_PACKETS][NUM_COUNTS];
     add_group_counts(counters, counts, sums);

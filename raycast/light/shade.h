@@ -38,6 +38,7 @@ typedef struct {
 #define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 #define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
+#define KARST_SHADE_OCCLUSION 64u /* pixels are as open as karst_shader_set_occlusion says; takes radiance */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
 karst_shader *karst_shader_create(karst_context *context, unsigned ways, karst_error *error);
@@ -50,6 +51,9 @@ void karst_shader_set_anchor(karst_shader *shader, const karst_position *anchor)
 void karst_shader_set_skies(karst_shader *shader, karst_skies *skies);
 /* Of a shader for paint: the colours of these pools' bricks, borrowed. Until then nothing is painted. */
 void karst_shader_set_colours(karst_shader *shader, const karst_colours *colours, const karst_cache_buffers *bricks);
+/* Of a shader for occlusion: how open the picture's pixels are (raycast/light/occlusion.h), borrowed until the next
+ * call. It is called before karst_shade_pixels. */
+void karst_shader_set_occlusion(karst_shader *shader, const karst_buffer *open);
 void karst_shader_destroy(karst_shader *shader); /* NULL is fine */
 
 /* Beside those of karst_shade_pixels: mirrored rays, by karst_bounce_mirror, and by karst_shade_rays what of their hits
@@ -82,7 +86,11 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
                       const karst_light *light, const karst_shade_stream *stream, karst_buffer *parts,
                       karst_buffer *counters, karst_error *error);
 
-/* Surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
+/* With task->each_lamp: the light of each lamp on the surfaces of a part of the stream. Lamps that cast no shadows add
+ * theirs to parts, whether or not `next` is there. Of each other lamp, in their order, `to_lamps` has task->num_packets
+ * packets of rays, and `shining` a word for each packet: bits of the lanes that have a ray. Adds to counter 4 alone.
+ *
+ * Without: surfaces of one generation of paths: rays as karst_shade_rays has them, whose flags are those of
  * raycast/light/paths_shared.h. Adds to parts (three planes) what they see of sky and emission, and leaves in
  * `to_lamps` and, unless it is the last generation, in `next` a ray for each of them, which may be idle: to a lamp,
  * whose light is its throughput, and on from the surface. lamps: task->num_lamps of karst_lamp. Adds to counters: of
@@ -92,6 +100,7 @@ typedef struct {
     const karst_buffer *rays, *count, *hits, *lamps;
     uint32_t max_rays;
     karst_buffer *next, *to_lamps;
+    karst_buffer *shining; /* of task->each_lamp; else NULL */
 } karst_path_streams;
 bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_light *light, const karst_path_task *task, const karst_path_streams *streams,

@@ -38,7 +38,7 @@ karst_media *karst_media_create(karst_context *context, const karst_media_config
     media->land = config->land ? *config->land : *config->air;
     media->data = config->look.data ? config->look.data->mem : NULL;
     const size_t num_slots = (size_t)media->air.num_bricks + KARST_CACHE_ROOT_BRICKS;
-    const bool keeps = config->look.source != NULL;
+    const bool keeps = config->look.source != NULL, has_groups = keeps && config->groups > 1;
     media->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     media->asked = karst_buffer_create(context, "view", sizeof(uint32_t), NULL, error);
     media->counters =
@@ -48,10 +48,14 @@ karst_media *karst_media_create(karst_context *context, const karst_media_config
     media->states =
         karst_buffer_create(context, "sun depth", (keeps ? num_slots : 1) * sizeof(karst_sun_depth), NULL, error);
     media->used = karst_buffer_create(context, "sun depth", (keeps ? num_slots : 1) * sizeof(uint32_t), NULL, error);
+    media->looks =
+        karst_buffer_create(context, "sun depth", (has_groups ? num_slots : 1) * sizeof(uint32_t), NULL, error);
+    media->chosen =
+        karst_buffer_create(context, "sun depth", (has_groups ? num_slots : 1) * sizeof(uint32_t), NULL, error);
     if (media->land.brick_bits != media->air.brick_bits)
         karst_fail(error, KARST_USAGE, "land and air have samples of different width");
     else if (media->view && media->asked && media->counters && media->grids && media->states &&
-             media->used && build(media, error))
+             media->used && media->looks && media->chosen && build(media, error))
         return media;
     karst_media_destroy(media);
     return NULL;
@@ -68,7 +72,7 @@ void karst_media_destroy(karst_media *media)
     karst_program_destroy(media->marching);
     karst_program_destroy(media->lighting);
     karst_buffer *buffers[] = {media->view, media->asked, media->counters,
-                               media->grids, media->states, media->used};
+                               media->grids, media->states, media->used, media->looks, media->chosen};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     free(media);
@@ -89,7 +93,7 @@ bool karst_media_depths(karst_media *media, const karst_cast_view *view, const k
            KARST_ARGUMENTS(media->rays, error, POOL_ARGUMENTS(media->air, media->asked), KARST_BUFFER_ARG(media->view),
                            KARST_VALUE_ARG(task), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
                            KARST_BUFFER_ARG(depths), KARST_BUFFER_ARG(media->counters)) &&
-           karst_launch(media->context, media->rays, KARST_STAGE_CAST, (num_rays + lanes - 1) / lanes, 1, error) &&
+           karst_launch(media->context, media->rays, KARST_STAGE_MEDIA, (num_rays + lanes - 1) / lanes, 1, error) &&
            karst_media_take_counts(media, num_missing, &made, error);
 }
 
@@ -100,8 +104,8 @@ bool karst_media_look(karst_media *media, const karst_media_picture *picture, ka
     return karst_media_send_view(media, picture->view, error) &&
            KARST_ARGUMENTS(media->look, error, POOL_ARGUMENTS(media->air, media->asked), KARST_BUFFER_ARG(media->view),
                            KARST_VALUE_ARG(task), KARST_VALUE_ARG(*picture->pinhole),
-                           KARST_BUFFER_ARG(picture->hits)) &&
-           karst_media_launch_picture(media, media->look, picture->pinhole, KARST_STAGE_CAST, error);
+                           KARST_BUFFER_ARG(picture->hits), KARST_BUFFER_ARG(media->used)) &&
+           karst_media_launch_picture(media, media->look, picture->pinhole, KARST_STAGE_MEDIA, error);
 }
 
 bool karst_media_survey_sun(karst_media *media, const karst_media_picture *picture, karst_error *error)
@@ -114,17 +118,20 @@ bool karst_media_survey_sun(karst_media *media, const karst_media_picture *pictu
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
     const uint32_t num_slots = media->air.num_bricks + KARST_CACHE_ROOT_BRICKS,
                    with_land = media->config.land && media->config.mode == KARST_MEDIA_FULL;
+    const bool chooses = media->config.groups > 1 && !picture->makes_all;
+    const karst_buffer *used = chooses ? media->chosen : media->used;
     const cl_float4 to_sun = {{light->sun_direction[0], light->sun_direction[1], light->sun_direction[2], 0}};
     return karst_media_send_view(media, picture->view, error) &&
+           (!chooses || karst_media_choose(media, picture->view->serial, error)) &&
            KARST_ARGUMENTS(media->sun, error, POOL_ARGUMENTS(media->air, media->asked),
                            POOL_ARGUMENTS(media->land, media->asked), KARST_BUFFER_ARG(media->view),
                            KARST_VALUE_ARG(task), KARST_VALUE_ARG(at), KARST_VALUE_ARG(to_sun),
                            KARST_VALUE_ARG(light->shadow_distance), KARST_VALUE_ARG(num_slots),
-                           KARST_VALUE_ARG(with_land), KARST_BUFFER_ARG(media->used),
+                           KARST_VALUE_ARG(with_land), KARST_BUFFER_ARG(used),
                            KARST_BUFFER_ARG(media->air.brick_owner),
                            KARST_BUFFER_ARG(media->grids), KARST_BUFFER_ARG(media->states),
                            KARST_BUFFER_ARG(media->counters)) &&
-           karst_launch(media->context, media->sun, KARST_STAGE_CAST, num_slots, 1, error);
+           karst_launch(media->context, media->sun, KARST_STAGE_SUN_DEPTH, num_slots, 1, error);
 }
 
 bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t *num_made, karst_error *error)
@@ -135,6 +142,12 @@ bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t
     *num_lacking = counts[KARST_MEDIA_LACKING];
     *num_made = counts[KARST_MEDIA_MADE];
     return karst_buffer_fill(media->counters, 0, 0, sizeof counts, error);
+}
+
+void karst_media_age(karst_media *media)
+{
+    if (media->sun_number && ++media->sun_number == 0)
+        media->sun_number = 1;
 }
 
 bool karst_media_forget(karst_media *media, karst_error *error)

@@ -26,6 +26,7 @@ __kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     media_lighting light;
     light.most_depth = task.most_depth;
     light.metres = task.metres;
+    light.used = 0;
     media_frame_of_view(&frame, view);
     walk_depth(&pool, &frame, &way, lanes, &light, &sums);
     float depth[LANES];
@@ -58,9 +59,9 @@ __kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
  * of the grid stands for. */
 #define SUN_DEPTH_CONE 0.06f
 
-/* What the pixels of a picture ask for, with nothing drawn. */
+/* What the pixels of a picture ask for, with nothing drawn; it counts as looked at. */
 __kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
-                                karst_pinhole pinhole, K_GLOBAL const karst_hit *hits)
+                                karst_pinhole pinhole, K_GLOBAL const karst_hit *hits, K_GLOBAL uint *used)
 {
     const pools pool = POOL_FIELDS;
     vint x, y;
@@ -81,6 +82,7 @@ __kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
     media_lighting light;
     light.most_depth = task.most_depth;
     light.metres = task.metres;
+    light.used = used;
     media_frame_of_view(&frame, view);
     walk_depth(&pool, &frame, &way, valid, &light, &sums);
 }
@@ -112,6 +114,7 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     media_lighting light;
     light.most_depth = 64.0f;
     light.metres = task.metres;
+    light.used = 0;
     vint missing = (vint)(0);
     for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += LANES) {
         const vint lanes = v_lt(V_LANE + first, (vint)(KARST_SUN_DEPTH_PLACES));

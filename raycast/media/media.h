@@ -25,6 +25,8 @@ typedef struct {
     bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
     karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
                               * is shaded, and only depths are asked for */
+    uint32_t groups;         /* 2 or more: when the sun or content moves, a picture makes this part of the grids anew,
+                              * the oldest first and of these the most looked at; 0, 1: all of them */
 } karst_media_config;
 
 /* Errors: KARST_FAILED. */
@@ -55,11 +57,13 @@ typedef struct {
     const karst_buffer *hits;
     karst_buffer *parts;
     bool has_sun, has_mirror; /* which planes its parts have */
+    bool makes_all;           /* without groups, as nobody watches */
 } karst_media_picture;
 
 /* Lays media before the sample. Asynchronous. Errors: KARST_FAILED. */
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error);
-/* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. */
+/* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. What they look at
+ * counts as used, for karst_media_survey_sun. */
 bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error);
 /* After karst_media_pixels: makes the grids of the bricks that were used and have none, or one that lacked something.
  * Stamps and wants are the store's, and the land's. Asynchronous. Errors: KARST_FAILED. */
@@ -67,6 +71,8 @@ bool karst_media_survey_sun(karst_media *media, const karst_media_picture *pictu
 /* What the last two found: rays that lacked something, and grids that were made. Waits. A picture is whole once both
  * are 0. Errors: KARST_FAILED. */
 bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t *num_made, karst_error *error);
+/* Content moves: grids are of an earlier time, and count until they are made anew. */
+void karst_media_age(karst_media *media);
 /* What is known of the sun is forgotten, as content changed. Errors: KARST_FAILED. */
 bool karst_media_forget(karst_media *media, karst_error *error);
 

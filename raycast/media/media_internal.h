@@ -12,6 +12,7 @@ struct karst_media {
     cl_kernel rays, look, sun, pixels;
     cl_mem data;
     karst_buffer *view, *asked, *counters, *grids, *states, *used;
+    karst_buffer *looks, *chosen; /* of groups alone: packets that looked at a slot; as `used`, what is made */
     karst_cast_view sent; /* what the queued write reads */
     float direction[3];
     uint32_t sun_number; /* counts places of the sun, from 1 */
@@ -29,6 +30,9 @@ struct karst_media {
 
 /* media_light.c: the kernel of karst_media_pixels. Does nothing where nothing is shaded. */
 bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error *error);
+/* media_groups.c. Which of the bricks that were looked at with `serial` have their grids made: as media->chosen. Waits.
+ * Errors: KARST_FAILED. */
+bool karst_media_choose(karst_media *media, uint32_t serial, karst_error *error);
 /* media_launch.c */
 bool karst_media_send_view(karst_media *media, const karst_cast_view *view, karst_error *error);
 karst_media_task karst_media_task_of(const karst_media *media, float metres, float detail, float most_depth);

@@ -10,9 +10,10 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
     if (!look->source)
         return true;
     const karst_virtual_file world = {"world.clh", look->source};
-    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s %s", segments,
+    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s%s %s", segments,
              karst_cache_brick_option(&media->air), media->config.mode,
-             media->config.has_atmosphere ? "-DSHADE_ATMOSPHERE" : "", look->options);
+             media->config.has_atmosphere ? "-DSHADE_ATMOSPHERE" : "",
+             media->config.groups > 1 ? " -DMEDIA_GROUPS" : "", look->options);
     media->lighting = karst_program_build(media->context, "raycast/media/media_light.cl", options, &world, 1, error);
     return media->lighting && (media->pixels = karst_program_kernel(media->lighting, "media_pixels", error));
 }
@@ -43,6 +44,7 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                         KARST_BUFFER_ARG(media->states),
                                         KARST_BUFFER_ARG(media->air.brick_owner),
                                         KARST_BUFFER_ARG(media->used),
+                                        KARST_BUFFER_ARG(media->looks),
                                         KARST_BUFFER_ARG(media->counters),
                                         KARST_VALUE_ARG(media->data),
                                         /* of an atmosphere alone */
@@ -51,6 +53,6 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
     const size_t num_arguments = sizeof arguments / sizeof *arguments - (media->config.has_atmosphere ? 0 : 2);
     return karst_media_send_view(media, picture->view, error) &&
            karst_arguments(media->pixels, arguments, num_arguments, error) &&
-           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_SHADE, error);
+           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_MEDIA, error);
 }
 

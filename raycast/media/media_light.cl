@@ -82,7 +82,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL float *parts, uint has_sun, uint has_mirror, karst_shade_anchor anchor,
                                   K_GLOBAL const uint *grids, K_GLOBAL const karst_sun_depth *states,
                                   K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
-                                  K_GLOBAL uint *counters,
+                                  K_GLOBAL uint *looks, K_GLOBAL uint *counters,
                                   K_GLOBAL const ulong *data
 #ifdef SHADE_ATMOSPHERE
                                   ,
@@ -114,6 +114,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.grid_states = states;
     lighting.owners = owners;
     lighting.used = used;
+    lighting.looks = looks;
     lighting.serial = view->serial;
     lighting.sun = task.sun;
     lighting.sun_colour = uniform_colour(light.sun_colour);
@@ -147,6 +148,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                    (vfloat)(LAND_CONE)};
         media_sums above = EMPTY_SUMS;
         lighting.most_depth = 16.0f;
+        lighting.used = 0;
         walk_depth(&pool, &frame, &to_sun, lit, &lighting, &above);
         missing |= above.missing & lit;
         from_sun = v_select(lit, tone_exp2_minus(above.tau * LOG2_E), from_sun);

@@ -20,7 +20,7 @@ float density(vec3 p)
     return 300.0 * fbm(q / 1024.0, 8) - p.y;
 }
 END
-parts=${PARTS:-settled flight size pool distance lanes production bounds start collect}
+parts=${PARTS:-settled light flight size pool distance lanes production bounds start collect}
 wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
 
 # bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
@@ -72,6 +72,33 @@ if wants settled; then
     done
     [ -e "$out/hills-800x600.flat" ] &&
         line "hills 800x600: memory of what the view uses" "$(calc "$(get hills-800x600 cache.used_bytes) * 1e-6")" MB 100 at-most
+fi
+
+# Rays after the camera's. A ball of glass fills half of the picture; without it there is its ground alone.
+if wants light; then
+    echo; echo "Mirrors, clear matter and lights: 800x600, sun shadows"
+    cat > "$out/ground.karst" << 'END'
+/*{ "voxel": 0.00390625, "view": 120, "camera": { "position": ["0", "1", "-3.2"], "pitch": -4, "fov": 50 },
+    "sun": { "azimuth": 305, "elevation": 38 } }*/
+float density(vec3 p) { return 0.2 * fbm(p / 0.7, 6) - p.y; }
+END
+    cat "$out/ground.karst" - > "$out/ball.karst" << 'END'
+float clear(vec3 p) { return 1.0 - length(p - vec3(0.0, 0.9, 0.0)); }
+material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }
+END
+    if bench light-mirror hills --size 800x600 --mirror 1 --beside no-mirror $one; then
+        line "hills, all of it a mirror" "$(get light-mirror ratios.settled_frame_per_frame_without_mirror.median)" \
+            "x the frame without" 1.6 at-most
+        line "  a mirrored ray, cast" "$(calc "$(get light-mirror settled.streams.mirror.ns_per_ray.median) / \
+            $(get light-mirror settled.streams.primary.ns_per_ray.median)")" "x a camera's" 1.6 at-most
+    fi
+    # of frame WORLD, in floors of its own run
+    floors() { bench "light-$1" "$2" --size 800x600 $one && get "light-$1" ratios.settled_frame_per_floor.median; }
+    ground=$(floors ground "$out/ground.karst") && ball=$(floors ball "$out/ball.karst") &&
+        line "a ball of glass over half the picture" "$(calc "$ball / $ground")" "x the frame without" 2.2 at-most
+    hills=$(floors hills hills) && lake=$(floors lake lake) &&
+        line "lake" "$(calc "$lake / $hills")" "x hills" 3 at-most
+    lanterns=$(floors lanterns lanterns) && line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
 fi
 
 if wants flight; then

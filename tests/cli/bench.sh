@@ -37,6 +37,16 @@ complains 2 "would be the same" "no shadows beside no shadows" bench hills --bes
 complains 2 "would be the same" "no mirror beside no mirror" bench hills --beside no-mirror --mirror 0
 complains 2 "0 to 1" "more than a mirror" bench hills --mirror 1.5
 complains 2 "^karst: --frames is about a flight" "frames of no flight" bench hills --frames 3
+complains 2 "whole numbers from 1" "particles that are no numbers" bench smoke --particles 250,many
+complains 2 "from 1 to 1024" "no groups" bench smoke --groups 0
+complains 2 "tables of their own" "particles along a path" bench smoke --particles 10 --path orbit
+complains 2 "no parameter .particles." "particles where there are none" bench hills --particles 10 --size 16x16 --pool 64
+run bench smoke --particles 30 --groups 1,2 --frames 1 --size 48x32 --pool 64 --json -
+awk -f "$flatten" stdout > flat
+[ $status -eq 0 ] && grep -q '^particles..particles = 30$' flat && [ "$(grep -c '^groups..groups = ' flat)" -eq 2 ] &&
+    grep -q '^groups..thesis.frame_ms = 2.8007' flat &&
+    awk '/^particles..(media|sun_depth|production)_ms/ && $3 > 0 { num++ } END { exit num != 3 }' flat
+result "particles and groups: a table of each, beside the thesis"
 complains 2 "^karst: --budget is about a flight" "a budget for no flight" bench hills --budget 3
 complains 2 "^karst: --fps is about a flight" "frames a second of no flight" bench hills --fps 3
 complains 2 "same file, a.out" "two outputs to one file" bench hills --json a.out --trace a.out

@@ -179,6 +179,25 @@ prints "sample: through a slab of fog to the ground" '"hit_m":(100\.0|99\.99)' '
     '"oracle_optical_depth":0\.(2000|1999)' '"transmittance":0\.8186'
 run sample slab.karst --ray 0,100,0,0,1,0
 prints "sample: a ray into the open sky" 'hit +none within 500 m' 'optical depth +0$' 'transmittance +1$'
+printf 'x,y,z,radius,extinction\n0,5,0,2,0.5\n3,5,0,2,0.5\n' > balls.csv
+cat > balls.karst << 'END'
+/*{ "voxel": 0.125, "view": 60, "particles": [{ "file": "balls.csv" }] }*/
+float density(vec3 p) { return -p.y; }
+medium air(vec3 p) { medium m; m.extinction = 0.0; return m; }
+END
+run sample balls.karst --ray=-9,5,0,1,0,0 --json
+prints "sample: two balls that overlap" '"oracle_optical_depth":3\.5(0000)?[,}]'
+complains 2 "time" "sample: a time that is no number" sample balls.karst --ray=-9,5,0,1,0,0 --time nan
+printf 'x,y,z,radius,extinction,vx,vy,vz\n0,5,0,2,0.5,0,0,0\n3,5,0,2,0.5,4,0,0\n' > balls.csv
+run render balls.karst -q --time-step 1 --frames 2 --time -1 -o 'balls%d.png' --size 48x32 --samples 1 --display none \
+    --camera=0,5,-14,0,0
+first=$(cksum < balls0.png) second=$(cksum < balls1.png)
+run render balls.karst -q --time 0 -o balls.png --size 48x32 --samples 1 --display none --camera=0,5,-14,0,0
+[ $status -eq 0 ] && [ "$first" != "$second" ] && [ "$second" = "$(cksum < balls.png)" ]
+result "render --time-step: pictures of a time each"
+printf 'x,y,z,radius,extinction\n0,5,0,2,0.5\n3,5,zero,2,0.5\n' > balls.csv
+complains 5 "balls.csv:3" "sample: a line that is no particle" sample balls.karst --ray=-9,5,0,1,0,0
+complains 2 "how many pictures" "render: a time that goes for nobody" render balls.karst --time-step 0.1
 complains 4 "wrong.karst:2:12" "sample: a world that does not compile" sample wrong.karst --at 0,0,0
 complains 4 "did you mean 'alps'" "sample: a misspelt world" sample alp --at 0,0,0
 complains 2 "which world" "sample: no world" sample --at 0,0,0

@@ -114,7 +114,8 @@ static void test_stages_have_the_names_of_the_statistics(void **state)
 {
     (void)state;
     static const char *const names[KARST_NUM_STAGES] = {"cast",      "refine",   "shade",    "collect",
-                                                        "subdivide", "evaluate", "finalise", "display"};
+                                                        "subdivide", "evaluate", "finalise", "display",
+                                                        "media", "sun_depth"};
     for (int i = 0; i < KARST_NUM_STAGES; i++)
         assert_string_equal(karst_stage_name((karst_stage)i), names[i]);
     assert_string_equal(karst_stage_name(KARST_NUM_STAGES), "unknown");

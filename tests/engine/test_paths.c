@@ -242,6 +242,60 @@ static void lights_are_as_bright_as_they_say(void **state)
     }
 }
 
+#define LAMPS 9
+/* The text of SHAPES with the lamps whose bits are set, every third of which casts no shadow. */
+static void lamps_text(char *text, size_t size_bytes, unsigned which)
+{
+    int at = snprintf(text, size_bytes, "/*{ " NIGHT ", " BLACK_SKY ", " CAMERA ", \"lights\": [");
+    for (int i = 0, num = 0; i < LAMPS; i++)
+        if (which >> i & 1u)
+            at += snprintf(text + at, size_bytes - (size_t)at,
+                           "%s{ \"position\": [%g, %g, %g], \"colour\": [%d, 2, %d], \"radius\": 0, \"shadow\": %s }",
+                           num++ ? ", " : "", -3 + 0.75 * i, 0.5 + 0.4 * (i % 5), -3.5 + 1.1 * (i % 4), 1 + i % 3,
+                           3 - i % 3, i % 3 ? "true" : "false");
+    snprintf(text + at, size_bytes - (size_t)at,
+             "] }*/\n" SHAPES "vec3 colour(vec3 p, vec3 n) { return vec3(0.5); }\n");
+}
+
+/* Many lamps are the sum of each, wherever packets, blocks of rays and their strips end. */
+static void lamps_add_up(void **state)
+{
+    (void)state;
+    /* 48 x 36: whole strips; 45 x 35: none. */
+    for (int odd = 0; odd < 2; odd++) {
+        static double sum[3 * NUM];
+        const int width_px = odd ? 45 : WIDTH, height_px = odd ? 35 : HEIGHT;
+        const size_t num = 3 * (size_t)width_px * (size_t)height_px;
+        memset(sum, 0, sizeof sum);
+        int num_dark = 0;
+        double worst = 0;
+        for (int which = 0; which <= LAMPS; which++) {
+            char text[4096];
+            lamps_text(text, sizeof text, which < LAMPS ? 1u << which : (1u << LAMPS) - 1);
+            karst_engine_config config = config_of(text, 1);
+            config.integrator = KARST_INTEGRATOR_DIRECT;
+            config.width_px = width_px;
+            config.height_px = height_px;
+            bool settled = false;
+            karst_engine *engine = create(&config);
+            assert_ok(karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error));
+            assert_ok(karst_engine_read_radiance(engine, light, num, &error));
+            karst_engine_destroy(engine);
+            unlink(path);
+            assert_true(settled);
+            for (size_t i = 0; i < num; i++)
+                if (which < LAMPS) {
+                    sum[i] += (double)light[i];
+                    num_dark += which == 1 && light[i] == 0;
+                } else {
+                    worst = fmax(worst, fabs((double)light[i] - sum[i]) / (1e-3 + sum[i]));
+                }
+        }
+        print_message("%d x %d: worst %.2g off, %d values without one lamp\n", width_px, height_px, worst, num_dark);
+        assert_true(worst < 1e-5 && num_dark > (int)num / 20);
+    }
+}
+
 /* Painted ground in a white sky is as bright as its paint. */
 static void paint_is_lit(void **state)
 {
@@ -381,6 +435,7 @@ int main(void)
         cmocka_unit_test(light_adds_up_in_a_hollow),
         cmocka_unit_test(a_wall_takes_its_share),
         cmocka_unit_test(lights_are_as_bright_as_they_say),
+        cmocka_unit_test(lamps_add_up),
         cmocka_unit_test(paint_is_lit),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
         cmocka_unit_test(little_memory_settles),

@@ -5,6 +5,7 @@
 #include <stddef.h>
 
 #define DENSITY "float density(vec3 p) { return -p.y; }\n"
+#define CLEAR "float clear(vec3 p) { return 1. - length(p); }\n"
 #define BODY(text) "float density(vec3 p) {\n" text "\n}\n"
 /* A text as it stands, in the table below. */
 #define PLAIN(text) text, "", 0, "", "", 0, ""
@@ -492,6 +493,19 @@ static const hostile_text hostile_texts[] = {
     {"a material that nothing declares", PLAIN(BODY("material m; return m.mirror-p.y;")), NULL},
     {"surfaces without end", DENSITY "material surface(vec3 p,vec3 n){material m;m.emission=p;",
      "m.emission=sin(m.emission.yzx+n*#.);", 4000, "return m;}", "", 0, "", NULL},
+    {"an index", PLAIN(DENSITY CLEAR "float index(vec3 p){return 1.+p.x;}"), NULL},
+    {"an index without clear matter", PLAIN(DENSITY "float index(vec3 p){return 1.5;}"), NULL},
+    {"an index that is no number", PLAIN(DENSITY CLEAR "float index(vec3 p){return sqrt(-1.-p.x*p.x)/0.;}"), NULL},
+    {"an index beyond all floats", PLAIN(DENSITY CLEAR "float index(vec3 p){return exp(1e4*p.x)*1e38;}"), NULL},
+    {"an index that jumps everywhere", PLAIN(DENSITY CLEAR "float index(vec3 p){return 1.+fract(1e6*p.x);}"), NULL},
+    {"an index that returns nothing", PLAIN(DENSITY CLEAR "float index(vec3 p){}"), "never returns a value"},
+    {"an index that is a vector", PLAIN(DENSITY CLEAR "vec3 index(vec3 p){return p;}"), NULL},
+    {"an index with a normal", PLAIN(DENSITY CLEAR "float index(vec3 p,vec3 n){return n.x;}"), NULL},
+    {"an index that calls itself", PLAIN(DENSITY CLEAR "float index(vec3 p){return index(p);}"),
+     "'index' calls itself"},
+    {"clear matter that is its index", PLAIN(DENSITY "float index(vec3 p){return p.x;}float clear(vec3 p){return "
+                                             "index(p);}"),
+     NULL},
     {"a medium", PLAIN(DENSITY "medium air(vec3 p){medium m;return m;}"), NULL},
     {"a medium that returns nothing", PLAIN(DENSITY "medium air(vec3 p){}"), "never returns a value"},
     {"a medium of all that is infinite",

@@ -241,6 +241,45 @@ static void test_untouched(void **s)
     }
 }
 
+/* What touches 0 gently, or with an edge, is executed as steep on one side of the surface as on the other: samples tell
+ * where it lies. All are balls of radius 4. */
+static void test_steep(void **s)
+{
+    (void)s;
+    static const char *const bodies[] = {
+        "float d = max(0.0, 4.0 - length(p)); return d * d;",
+        "return pow(clamp(4.0 - length(p), 0.0, 1.0), 3.0);",
+        "return pow(max(0.0, 4.0 - length(p)), 1.5);",
+        "return smoothstep(0.0, 1.0, 4.0 - length(p));",
+        "return 1.0 - smoothstep(3.0, 4.0, length(p));",
+        "return sqrt(max(0.0, 4.0 - length(p)));",
+        "return sqrt(max(0.0, 16.0 - dot(p, p)));",
+        "return log(1.0 + max(0.0, 4.0 - length(p)));",
+        "return exp(max(0.0, 4.0 - length(p))) - 1.0;",
+        "float d = length(p); if (d > 4.0) return 0.0; d = 1.0 - d * d / 16.0; return d * d * d;",
+        "return max(0.0, 4.0 - length(p)) * smoothstep(0.0, 1.0, 4.0 - length(p));",
+        "return mix(1.0, 0.0, smoothstep(3.0, 4.0, length(p)));",
+    };
+    for (size_t i = 0; i < sizeof bodies / sizeof bodies[0]; i++) {
+        karst_world_file *file = open_body(bodies[i]);
+        const karst_program_graph *program = file->program;
+        karst_error error = {0};
+        karst_oracle *oracle =
+            karst_oracle_create(&program->world, NULL, program->header.seed, program->header.voxel_log2_m, &error);
+        assert_non_null(oracle);
+        double inside_m[3] = {2.4, 3.18, 0}, outside_m[3] = {2.4, 3.22, 0};
+        const karst_position origin = {{0}, {0}};
+        karst_position in = karst_position_add_m(origin, inside_m, program->header.voxel_log2_m),
+                       out = karst_position_add_m(origin, outside_m, program->header.voxel_log2_m);
+        double solid = karst_oracle_density(oracle, &in, -1).precise,
+               air = karst_oracle_density(oracle, &out, -1).precise;
+        if (!(solid > 0 && air < 0 && solid < -3 * air && -air < 3 * solid))
+            fail_msg("%s: %g inside, %g outside", bodies[i], solid, air);
+        karst_oracle_destroy(oracle);
+        karst_world_file_destroy(file);
+    }
+}
+
 /* Zero is air, in proofs too. */
 static void test_proofs(void **s)
 {
@@ -257,6 +296,7 @@ int main(void)
         cmocka_unit_test(test_signs),
         cmocka_unit_test(test_same_field),
         cmocka_unit_test(test_untouched),
+        cmocka_unit_test(test_steep),
         cmocka_unit_test(test_proofs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -115,6 +115,8 @@ static void test_texts(void **s)
             fail_msg("%s: %s", t->name, shared->error.message);
         double ms = (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) * 1e3 +
                     (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-3;
+        if (getenv("KARST_VERBOSE") && ms > MOST_MS / 8)
+            print_message("%s: %.0f ms, %ld MiB\n", t->name, ms, usage.ru_maxrss / 1024);
         most_ms = fmax(ms, most_ms);
         most_kib = usage.ru_maxrss > most_kib ? usage.ru_maxrss : most_kib;
         if (!getenv("KARST_TEST_QUICK") && (ms > MOST_MS || usage.ru_maxrss / 1024 > MOST_MIB))

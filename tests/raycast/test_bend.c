@@ -24,6 +24,8 @@ typedef struct {
 
 static const long double pi = 3.14159265358979323846264338327950288L;
 
+static const float tolerances[2] = {KARST_BEND_TOLERANCE, KARST_BEND_FINE_TOLERANCE};
+
 #define ROD_INDEX 1.5f
 #define ROD_BEND 0.4f /* n^2 = ROD_INDEX^2 (1 - (ROD_BEND r / R)^2) */
 #define CORE_RADIUS 50.0f
@@ -119,8 +121,8 @@ static double luneburg_spread(float tolerance, int *most_steps)
     *most_steps = 0;
     for (int i = 1; i < 20; i++, num++) {
         const float x = R * (float)i / 20, z = -sqrtf(R * R - x * x);
-        const way_out out = follow(LUNEBURG, (vector3){x * 0.6f, x * 0.8f, z}, (vector3){0, 0, 1}, tolerance, 256,
-                                   NULL, NULL);
+        const way_out out =
+            follow(LUNEBURG, (vector3){x * 0.6f, x * 0.8f, z}, (vector3){0, 0, 1}, tolerance, 256, NULL, NULL);
         assert_true(out.leaves);
         *most_steps = out.steps > *most_steps ? out.steps : *most_steps;
         sum += pow(out.at.x / R, 2) + pow(out.at.y / R, 2) + pow(out.at.z / R - 1, 2);
@@ -132,7 +134,7 @@ static void luneburgs_lens_focuses(void **state)
 {
     (void)state;
     int steps, fine_steps;
-    const double spread = luneburg_spread(1e-4f, &steps), fine = luneburg_spread(4e-6f, &fine_steps);
+    const double spread = luneburg_spread(tolerances[0], &steps), fine = luneburg_spread(tolerances[1], &fine_steps);
     print_message("spread %.2g R in %d steps, %.2g R in %d\n", spread, steps, fine, fine_steps);
     assert_true(spread < 1e-3);
     assert_true(fine < 1e-5);
@@ -186,7 +188,7 @@ static void the_fish_eye_goes_in_circles(void **state)
             const double angle = i * 0.16;
             const vector3 way = {(float)cos(angle), (float)sin(angle), 0};
             circle c = {.centre = {0, i ? -R / tan(angle) : 0, 0}, .radius = i ? R / fabs(sin(angle)) : R};
-            const way_out out = follow(FISH_EYE, (vector3){-R, 0, 0}, way, fine ? 4e-6f : 1e-4f, 256,
+            const way_out out = follow(FISH_EYE, (vector3){-R, 0, 0}, way, tolerances[fine], 256,
                                        i ? see_circle : NULL, &c);
             assert_true(out.leaves);
             const double off = hypot(out.at.x / R - 1, out.at.y / R);
@@ -233,7 +235,7 @@ static void a_graded_rod_has_its_period(void **state)
     for (int fine = 0; fine < 2; fine++) {
         zeros seen = {0};
         const double n0 = (double)ROD_INDEX * sqrt(1 - pow(0.4 * 0.5, 2)); /* at x = R / 2 */
-        const way_out out = follow(ROD, (vector3){0.5f * R, 0, 0}, (vector3){0, 0, 1}, fine ? 4e-6f : 1e-4f, 250,
+        const way_out out = follow(ROD, (vector3){0.5f * R, 0, 0}, (vector3){0, 0, 1}, tolerances[fine], 250,
                                    see_zero, &seen);
         assert_false(out.leaves);
         assert_true(seen.num > 6);
@@ -270,7 +272,7 @@ static void bouguers_product_is_kept(void **state)
         const float x = R * (float)i / 13, z = -sqrtf(R * R - x * x);
         bouguer b = {0};
         const way_out out =
-            follow(WELL, (vector3){x, 0, z}, (vector3){0.36f, 0.48f, 0.8f}, 1e-4f, 256, see_bouguer, &b);
+            follow(WELL, (vector3){x, 0, z}, (vector3){0.36f, 0.48f, 0.8f}, tolerances[0], 256, see_bouguer, &b);
         assert_true(out.leaves);
         worst = fmax(worst, b.worst);
     }
@@ -290,7 +292,7 @@ static void jumps_are_surfaces(void **state)
     for (int i = 0; i < 46; i++) {
         const long double x = (long double)CORE_RADIUS * i / 50, n = 1.5L;
         const float z = -80;
-        const way_out out = follow(CORE, (vector3){(float)x, 0, z}, (vector3){0, 0, 1}, 1e-4f, 256, NULL, NULL);
+        const way_out out = follow(CORE, (vector3){(float)x, 0, z}, (vector3){0, 0, 1}, tolerances[0], 256, NULL, NULL);
         assert_true(out.leaves);
         /* The angles at the core, and the way out of it. */
         const long double a = asinl(x / (long double)CORE_RADIUS), sine = n * sinl(a);

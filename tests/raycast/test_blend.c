@@ -225,11 +225,16 @@ static void check_hits(const ground *of, double tolerance)
     for (int i = 0; i < NUM_RAYS; i++) {
         double d[3], origin[3] = {0, 0, 0};
         random_direction(&random, d);
+        /* Flat, since wide rays do not blend. */
+        d[1] *= 0.4;
+        const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] /= length;
         d[1] = -fabs(d[1]);
         rays[i] = make_ray(origin, d, 200);
         /* Most hit in the last eighth of a level, or about where one begins. */
         double hit_t = 30 / (fabs(d[1]) + 0.05), at = 0.87 + 0.15 * next_random(&random);
-        rays[i].cone = (float)(ldexp(at, 1 + i % 2) / hit_t);
+        rays[i].cone = (float)fmin(ldexp(at, 1 + i % 2) / hit_t, 0.06);
         rays[i].t_max = (float)fmin(200, 15.9 / rays[i].cone);
     }
     karst_cast_view view = scene_view(&s, anchor, 1);
@@ -362,12 +367,80 @@ static void test_the_same_hits_with_clear_nodes_lanes_segments_and_steps(void **
     scene_destroy(&s);
 }
 
+static karst_hit *settled_hits(scene *s, karst_caster *caster, karst_cast_view *view, const karst_ray *rays,
+                               uint32_t num)
+{
+    karst_hit *hits = NULL;
+    do {
+        free(hits);
+        view->serial++;
+        hits = cast(s, caster, view, rays, num, false);
+    } while (scene_serve(s, view->serial));
+    return hits;
+}
+
+/* Rays of a stream that pass a level within a brick see what they see without blending, and their hits say so; narrower
+ * ones do not. The same in both shapes. */
+static void test_wide_rays_do_not_blend(void **state)
+{
+    (void)state;
+    enum { NUM = 600 };
+    const double anchor[3] = {0.5, 30.5, 0.5}, zero[3] = {0, 0, 0};
+    static karst_ray rays[2][NUM];
+    uint64_t random = 5;
+    for (int i = 0; i < NUM; i++) {
+        double d[3];
+        random_direction(&random, d);
+        d[1] = -fabs(d[1]);
+        for (int wide = 0; wide < 2; wide++) {
+            rays[wide][i] = make_ray(zero, d, 300);
+            rays[wide][i].cone = wide ? 0.07f : 0.055f; /* 1/16 lies between */
+        }
+    }
+    karst_hit *first = NULL;
+    for (int k = 0; k < 2; k++) {
+        scene s = open_scene(contexts[k], &steep);
+        karst_caster *caster = open_caster(&s, "");
+        int num_unlike[2] = {0}, num_hits[2] = {0};
+        for (int wide = 0; wide < 2; wide++) {
+            karst_cast_view view = scene_view(&s, anchor, 1);
+            karst_hit *plain = settled_hits(&s, caster, &view, rays[wide], NUM);
+            view.blend = 0.5f;
+            karst_hit *hits = settled_hits(&s, caster, &view, rays[wide], NUM);
+            for (int i = 0; i < NUM; i++) {
+                if (KARST_HIT_KIND(hits[i].kind) == KARST_HIT_SURFACE) {
+                    num_hits[wide]++;
+                    assert_int_equal((hits[i].kind & KARST_HIT_UNBLENDED) != 0, wide);
+                }
+                num_unlike[wide] += hits[i].t != plain[i].t;
+            }
+            free(plain);
+            if (!first)
+                first = hits;
+            else if (!wide)
+                for (int i = 0; i < NUM; i++)
+                    assert_true(first[i].t == hits[i].t && first[i].kind == hits[i].kind);
+            if (first != hits)
+                free(hits);
+        }
+        print_message("%d and %d hits, %d and %d of them not as without blending\n", num_hits[0], num_hits[1],
+                      num_unlike[0], num_unlike[1]);
+        assert_true(num_hits[0] > NUM / 4 && num_hits[1] > NUM / 4);
+        assert_int_equal(num_unlike[1], 0);
+        assert_true(num_unlike[0] > NUM / 20);
+        karst_caster_destroy(caster);
+        scene_destroy(&s);
+    }
+    free(first);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_nothing_pops),
         cmocka_unit_test(test_hits_are_on_the_blended_field),
         cmocka_unit_test(test_the_same_hits_with_clear_nodes_lanes_segments_and_steps),
+        cmocka_unit_test(test_wide_rays_do_not_blend),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
 }

@@ -263,6 +263,21 @@ static void any_hit_agrees(void **state)
         found += KARST_HIT_KIND(hits[i].kind) != KARST_HIT_MISS;
     }
     assert_in_range(found, 50, N - 50);
+    /* Where only that is wanted, of as many as a word says. */
+    karst_error error = {0};
+    const uint32_t num = N - 7, untouched = 99;
+    uint32_t marks[N];
+    karst_buffer *in = karst_buffer_create(s.context, "rays", sizeof rays, rays, &error),
+                 *count = karst_buffer_create(s.context, "count", sizeof num, &num, &error),
+                 *out = scene_buffer(s.context, "marks", sizeof marks);
+    scene_check(karst_buffer_fill(out, untouched, 0, sizeof marks, &error), &error);
+    scene_check(karst_cast_stream_marks(caster, &view, in, N, count, out, &error), &error);
+    scene_check(karst_buffer_read(out, 0, marks, sizeof marks, &error), &error);
+    for (uint32_t i = 0; i < N; i++)
+        assert_int_equal(marks[i], i < num ? KARST_HIT_KIND(hits[i].kind) != KARST_HIT_MISS : untouched);
+    karst_buffer_destroy(in);
+    karst_buffer_destroy(count);
+    karst_buffer_destroy(out);
     free(hits);
     free(any);
     karst_caster_destroy(caster);

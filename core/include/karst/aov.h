@@ -18,6 +18,8 @@ typedef enum {
     KARST_AOV_LEVEL,    /* of the brick that was hit: its voxels are 2^level finest ones wide; -1: nothing is; level */
     KARST_AOV_SAMPLES,  /* of the pixel; samples */
     KARST_AOV_SUMS,     /* radiance of all samples together, for karst_engine_set_sums; sum.R, sum.G, sum.B */
+    KARST_AOV_OCCLUSION, /* how much of what a surface looks up to is open, 0 to 1; 1 where nothing is; only of an
+                          * engine with karst_engine_config.occlusion; occlusion */
     KARST_NUM_AOVS
 } karst_aov;
 
@@ -30,8 +32,8 @@ const char *karst_aov_channel(karst_aov aov, int channel);
 
 /* Of the last frame, pixel by pixel, top row first. All but radiance, samples and sums are of rays through the pixels'
  * centres, which are cast again for that. Errors: KARST_USAGE (another number of values than width * height *
- * karst_aov_width; no frame yet; radiance, sums or albedo of an engine that keeps bytes only, see
- * karst_engine_read_radiance), KARST_FAILED. */
+ * karst_aov_width; no frame yet; occlusion of an engine without; radiance, sums or albedo of an engine that keeps bytes
+ * only, see karst_engine_read_radiance), KARST_FAILED. */
 bool karst_engine_read_aov(karst_engine *engine, karst_aov aov, float *values, size_t num_values, karst_error *error);
 
 #ifdef __cplusplus

@@ -24,6 +24,21 @@ bool karst_engine_set_parameters(karst_engine *engine, const karst_parameter *pa
 /* The value in force. Errors: KARST_USAGE (no such name). */
 bool karst_engine_parameter(const karst_engine *engine, const char *name, double *value, karst_error *error);
 
+/* Sets the time in seconds, -1e9 to 1e9, from the next frame on; an engine begins at 0. It says where the particles are
+ * that a world's header names, and what iTime is in its text. What did not move stays. Of what iTime changes all is
+ * made anew. Errors: KARST_USAGE (a time out of range or not a number; particles that move too far apart for the
+ * world's voxels; a text whose compiling depends on iTime), KARST_FAILED; then the time is as it was. */
+bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *error);
+double karst_engine_time(const karst_engine *engine);
+
+/* When the sun moves, or what fills the air, each frame makes one part in `groups` of the depths towards the sun that
+ * it looks at anew: the oldest first, and of these the most visible. 1, with which an engine begins, makes all of them.
+ * A view that stands comes to rest with the same picture, some frames later; karst_engine_settle makes all at once.
+ * After the groups of Mattsson ("Simulating optical depth for participating media using ray tracing", 2022). From the
+ * next frame on. Errors: KARST_USAGE (0, or more than KARST_ENGINE_MAX_MEDIA_GROUPS). */
+#define KARST_ENGINE_MAX_MEDIA_GROUPS 1024u
+bool karst_engine_set_media_groups(karst_engine *engine, uint32_t groups, karst_error *error);
+
 /* A world made ready for an engine. */
 typedef struct karst_prepared_world karst_prepared_world;
 

@@ -62,6 +62,14 @@ bool karst_integrator_parse(const char *name, karst_integrator *integrator, kars
 #define KARST_ENGINE_DEFAULT_BOUNCES 64 /* of KARST_INTEGRATOR_FULL */
 #define KARST_ENGINE_MAX_PHOTONS 16777216
 
+/* Whether what stands around a surface hides the light from all around, in KARST_INTEGRATOR_DIRECT. */
+typedef enum {
+    KARST_OCCLUSION_OF_WORLD, /* as the world says: "occlusion" in its header; without it, not */
+    KARST_OCCLUSION_ON,
+    KARST_OCCLUSION_OFF,
+    KARST_NUM_OCCLUSIONS
+} karst_occlusion_mode;
+
 /* Where the sun stands: a compass bearing, and how high, in degrees. */
 typedef struct {
     double azimuth_deg, elevation_deg;
@@ -128,6 +136,9 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
+    /* KARST_OCCLUSION_OF_WORLD. One more ray a pixel; what is seen in mirrors and through clear matter is as without.
+     * KARST_INTEGRATOR_FULL has no use for it. */
+    karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
     /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; 0: KARST_ENGINE_DEFAULT_BOUNCES, beyond which
      * hardly any light is left. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may

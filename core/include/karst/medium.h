@@ -22,13 +22,15 @@ typedef struct {
                           * out, by a thousandth of the way */
     const char *device;   /* as `karst info` lists them; NULL: the first GPU, else the first CPU */
     const karst_log *log; /* NULL: silent */
+    double time_s;        /* where particles are, and what iTime is; -1e9 to 1e9 */
 } karst_medium_ray;
 
 typedef struct {
     double hit_m;         /* where the ray meets land; INFINITY: nowhere within the world's view distance */
     double length_m;      /* how far it was followed */
     double optical_depth; /* of the way there: the integral of the extinction, by the device, from bricks */
-    double oracle_optical_depth; /* the same by Simpson's rule on the oracle's extinction, in double */
+    double oracle_optical_depth; /* the same by Simpson's rule on the oracle's extinction, in double; of particles, by
+                                  * where the ray is in which ball, with no detail left out: exact */
     double transmittance;        /* exp(-optical_depth): the share of light that comes through */
 } karst_medium_depth;
 

@@ -20,6 +20,8 @@ typedef enum {
     KARST_STAGE_EVALUATE,
     KARST_STAGE_FINALISE,
     KARST_STAGE_DISPLAY,
+    KARST_STAGE_MEDIA,     /* rays through what fills the air */
+    KARST_STAGE_SUN_DEPTH, /* its depth towards the sun */
     KARST_NUM_STAGES
 } karst_stage;
 const char *karst_stage_name(karst_stage stage);
@@ -30,9 +32,10 @@ typedef enum {
     KARST_STREAM_SHADOW,  /* to the sun, from what the others hit */
     KARST_STREAM_MIRROR,  /* mirrored by land; only with karst_engine_config.mirror */
     KARST_STREAM_CLEAR,   /* reflected and refracted by clear matter, and of a world with such mirrored by land */
+    KARST_STREAM_OCCLUSION, /* how much light from all around comes in; only with karst_engine_config.occlusion */
     KARST_NUM_STREAMS
 } karst_stream;
-/* "primary", "shadow", "mirror", "clear"; "unknown" of other numbers. Static. Thread-safe. */
+/* "primary", "shadow", "mirror", "clear", "occlusion"; "unknown" of other numbers. Static. Thread-safe. */
 const char *karst_stream_name(karst_stream stream);
 
 typedef struct {

@@ -102,6 +102,7 @@ struct karst_ast_function {
     karst_ast_statement *statement; /* parsed body */
     bool busy;                      /* being inlined: finds recursion */
     karst_ast_function *next;
+    karst_ast_function *named_next; /* karst_parser_named */
 };
 
 #endif

@@ -439,13 +439,124 @@ static void read_point_models(reader *r, json_t *list)
     r->header->num_models = (uint32_t)num;
 }
 
+/* A number from `low` on, or the name of a parameter. */
+static karst_header_number number_or_parameter(reader *r, json_t *value, const char *key, double low, double high)
+{
+    if (!json_is_string(value))
+        return (karst_header_number){.value = number_of(r, value, key, low, high)};
+    const char *name = text_of(r, value, key);
+    for (uint32_t i = 0; i < r->header->num_parameters; i++)
+        if (strcmp(r->header->parameters[i].name, name) == 0) {
+            r->header->parameters[i].is_named = true;
+            return (karst_header_number){.parameter = name};
+        }
+    fail(r, key, "name one of \"params\", or write a number",
+         karst_format(r->source->arena, "\"%s\" is of a parameter \"%.60s\", which there is not", key, name));
+}
+
+/* Three numbers; one stands for all of them. */
+static void read_three(reader *r, json_t *object, const char *key, double low, double high, double to[3])
+{
+    json_t *v = json_object_get(object, key);
+    if (v && json_is_array(v) && json_array_size(v) != 3)
+        fail(r, key, "write [1, 2, 3]", karst_format(r->source->arena, "\"%s\" is three numbers", key));
+    for (size_t i = 0; v && i < 3; i++)
+        to[i] = number_of(r, json_is_array(v) ? json_array_get(v, i) : v, key, low, high);
+}
+
+static void read_one(reader *r, json_t *object, const char *key, double low, double high, double *to)
+{
+    json_t *v = json_object_get(object, key);
+    if (v)
+        *to = number_of(r, v, key, low, high);
+}
+
+static void read_emitter(reader *r, json_t *object, karst_header_particles *p)
+{
+    static const char *const shapes[KARST_NUM_HEADER_EMITTERS] = {"ball", "box", "disc"};
+    const char *shape = text_of(r, json_object_get(object, "emitter"), "emitter");
+    json_t *v;
+    int i = 0;
+    while (i < KARST_NUM_HEADER_EMITTERS && strcmp(shape, shapes[i]) != 0)
+        i++;
+    if (i == KARST_NUM_HEADER_EMITTERS)
+        fail(r, "emitter", "write \"ball\", \"box\" or \"disc\"",
+             karst_format(r->source->arena, "an emitter has no shape \"%.60s\"", shape));
+    p->emitter = (karst_header_emitter)i;
+    read_three(r, object, "size", 0, 1e15, p->size);
+    read_three(r, object, "velocity", -1e15, 1e15, p->velocity);
+    read_one(r, object, "spread", 0, 1e15, &p->spread);
+    read_one(r, object, "stray", 0, 1e15, &p->stray);
+    read_one(r, object, "life", 1e-6, 1e9, &p->life);
+    read_one(r, object, "fade", 0, 0.5, &p->fade);
+    if ((v = json_object_get(object, "count")))
+        p->count = number_or_parameter(r, v, "count", 0, 1e9);
+    v = json_object_get(object, "radius");
+    if (v && json_is_array(v) && json_array_size(v) != 2)
+        fail(r, "radius", "write [0.5, 2]", "\"radius\" is a number, or two: at birth, and at the end");
+    for (size_t k = 0; v && k < 2; k++)
+        p->radius[k] = number_or_parameter(r, json_is_array(v) ? json_array_get(v, k) : v, "radius", 0, 1e15);
+    if ((v = json_object_get(object, "extinction")))
+        p->extinction = number_or_parameter(r, v, "extinction", 0, 1e15);
+    if ((v = json_object_get(object, "seed"))) {
+        if (!json_is_integer(v) || json_integer_value(v) < 0 || json_integer_value(v) > UINT32_MAX)
+            fail(r, "seed", NULL, "\"seed\" is an integer from 0 to 4294967295");
+        p->seed = (uint32_t)json_integer_value(v);
+    }
+}
+
+static karst_header_particles read_group(reader *r, json_t *object)
+{
+    karst_header_particles p = {.at = {"0", "0", "0"}, .size = {1, 1, 1}, .life = 1, .count = {.value = 100},
+                                .radius = {{.value = 0.5}, {.value = 0.5}}, .extinction = {.value = 1}};
+    const bool has_file = json_object_get(object_of(r, object, "particles"), "file") != NULL;
+    json_t *v;
+    if (has_file == (json_object_get(object, "emitter") != NULL))
+        fail(r, "particles", "write { \"file\": \"smoke.csv\" } or { \"emitter\": \"ball\", \"count\": 500 }",
+             "a group of particles has either a \"file\" or an \"emitter\"");
+    warn_unknown(r, object, "a group of particles",
+                 has_file ? "file at combine"
+                          : "emitter at combine size velocity spread stray life fade count radius extinction seed");
+    if ((v = json_object_get(object, "combine"))) {
+        const char *how = text_of(r, v, "combine");
+        if (strcmp(how, "sum") != 0 && strcmp(how, "union") != 0)
+            fail(r, "combine", "write \"union\" or \"sum\"",
+                 karst_format(r->source->arena, "particles do not combine as \"%.60s\"", how));
+        p.is_sum = strcmp(how, "sum") == 0;
+    }
+    if ((v = json_object_get(object, "at")) && (!json_is_array(v) || json_array_size(v) != 3))
+        fail(r, "at", "write [\"0\", \"320\", \"0\"]", "\"at\" is three decimals, in metres");
+    for (size_t i = 0; v && i < 3; i++)
+        p.at[i] = coordinate_of(r, json_array_get(v, i), "at");
+    if (has_file)
+        p.file = text_of(r, json_object_get(object, "file"), "file");
+    else
+        read_emitter(r, object, &p);
+    return p;
+}
+
+/* After the parameters, which it may name. */
+static void read_particles(reader *r, json_t *list)
+{
+    size_t num = json_array_size(list);
+    if (!json_is_array(list) || num > KARST_HEADER_MAX_PARTICLES)
+        fail(r, "particles", "write [{ \"emitter\": \"ball\", \"count\": 500 }]",
+             karst_format(r->source->arena, "\"particles\" is a list in brackets of %u groups at most",
+                          KARST_HEADER_MAX_PARTICLES));
+    karst_header_particles *particles = karst_arena_alloc(r->source->arena, (num + 1) * sizeof *particles);
+    for (size_t i = 0; i < num; i++)
+        particles[i] = read_group(r, json_array_get(list, i));
+    r->header->particles = particles;
+    r->header->num_particles = (uint32_t)num;
+}
+
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
     json_t *v;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights models");
+                 "mirror data lights models particles occlusion");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -473,6 +584,12 @@ static void read_root(reader *r)
     }
     if ((v = json_object_get(r->root, "mirror")))
         h->mirror = number_of(r, v, "mirror", 0, 1);
+    if ((v = json_object_get(r->root, "occlusion"))) {
+        if (!json_is_boolean(v))
+            fail(r, "occlusion", "write \"occlusion\": true",
+                 "\"occlusion\" is true or false: whether what stands around hides light from all around");
+        h->has_occlusion = json_is_true(v);
+    }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))
@@ -492,6 +609,8 @@ static void read_root(reader *r)
         json_t *value;
         json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
     }
+    if ((v = json_object_get(r->root, "particles")))
+        read_particles(r, v);
 }
 
 /* The text of the object in the first comment; false: there is none. */

@@ -25,6 +25,7 @@ typedef struct {
     double min, max, step;    /* -DBL_MAX, DBL_MAX, 0 where the header is silent */
     const char *unit, *label; /* never NULL */
     uint32_t where;
+    bool is_named; /* by particles */
 } karst_header_parameter;
 
 #define KARST_HEADER_MAX_MODELS 256u
@@ -36,6 +37,26 @@ typedef struct {
     double turn_deg[3]; /* about x, then y, then z; 0 */
     double scale;       /* 1 */
 } karst_header_model;
+
+/* A number, or the name of a parameter that has it. */
+typedef struct {
+    double value;
+    const char *parameter; /* NULL: the value */
+} karst_header_number;
+
+#define KARST_HEADER_MAX_PARTICLES 64u
+typedef enum { KARST_HEADER_BALL, KARST_HEADER_BOX, KARST_HEADER_DISC, KARST_NUM_HEADER_EMITTERS } karst_header_emitter;
+
+/* A group of particles (docs/WORLDS.md): a file of them, or an emitter. Lengths in metres, times in seconds. */
+typedef struct {
+    const char *file; /* as the header has it; NULL: an emitter */
+    bool is_sum;
+    const char *at[3]; /* decimal text; "0" */
+    karst_header_emitter emitter;
+    double size[3], velocity[3], spread, stray, life, fade; /* 1, 1, 1; 0; 1; 0 */
+    karst_header_number count, radius[2], extinction;       /* 100; 0.5; 1 */
+    uint32_t seed;                                           /* 0 */
+} karst_header_particles;
 
 /* All optional; has_ fields say what was given, everything else holds its default. Strings are never NULL and live in
  * the source's arena. */
@@ -82,10 +103,13 @@ typedef struct {
     double dust; /* how dusty its air is; 1 */
     bool has_exposure;
     double exposure_stops; /* of pictures */
+    bool has_occlusion;    /* what stands around surfaces hides light from all around */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
     uint32_t num_models;
     const karst_header_model *models; /* in the source's arena */
+    uint32_t num_particles;
+    const karst_header_particles *particles; /* in the source's arena */
     uint32_t num_parameters;
     karst_header_parameter parameters[KARST_HEADER_MAX_PARAMETERS];
     uint32_t num_data;

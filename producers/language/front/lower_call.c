@@ -131,7 +131,7 @@ static karst_ast_function *find_function(karst_lower_state *s, uint32_t name, bo
     karst_ast_function *best = NULL;
     int best_cost = 0;
     bool tie = false;
-    for (karst_ast_function *f = s->parser->functions; f; f = f->next) {
+    for (karst_ast_function *f = karst_parser_named(s->parser, name); f; f = f->named_next) {
         if (f->name != name || f->is_prelude != in_prelude)
             continue;
         *any = true;
@@ -153,7 +153,7 @@ static _Noreturn void no_fit(karst_lower_state *s, uint32_t name, bool in_prelud
 {
     const char *hint = NULL;
     int listed = 0;
-    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+    for (const karst_ast_function *f = karst_parser_named(s->parser, name); f; f = f->named_next)
         if (f->name == name && f->is_prelude == in_prelude && listed++ < 4)
             hint = hint ? karst_format(s->arena, "%s, %s", hint, signature(s, f))
                         : karst_format(s->arena, "there is %s", signature(s, f));
@@ -193,7 +193,7 @@ static _Noreturn void unknown_function(karst_lower_state *s, uint32_t name, uint
 
 static bool is_function(const karst_lower_state *s, uint32_t name)
 {
-    for (const karst_ast_function *f = s->parser->functions; f; f = f->next)
+    for (const karst_ast_function *f = karst_parser_named(s->parser, name); f; f = f->named_next)
         if (f->name == name && (f->is_prelude || !karst_in_prelude(s)))
             return true;
     return karst_is_builtin(karst_lower_name(s, name));
@@ -213,7 +213,7 @@ static const karst_ast_expr *root_of(const karst_ast_expr *e, bool *has_index)
 
 static bool may_change(const karst_lower_state *s, uint32_t name, uint32_t argument)
 {
-    for (const karst_ast_function *f = s->parser->functions; f; f = f->next) {
+    for (const karst_ast_function *f = karst_parser_named(s->parser, name); f; f = f->named_next) {
         const karst_ast_variable *p = f->name == name && !f->is_prelude ? f->parameters : NULL;
         for (uint32_t i = 0; p && i < argument; i++)
             p = p->next;
@@ -316,7 +316,8 @@ static size_t data_function(const karst_lower_state *s, const karst_ast_expr *e)
         which++;
     if (karst_in_prelude(s) || (which == DATA_TEXTURE && !s->io->header->num_data))
         return NUM_DATA_FUNCTIONS;
-    for (const karst_ast_function *f = s->parser->functions; f && which < NUM_DATA_FUNCTIONS; f = f->next)
+    const karst_ast_function *f = which < NUM_DATA_FUNCTIONS ? karst_parser_named(s->parser, e->name) : NULL;
+    for (; f; f = f->named_next)
         if (f->name == e->name && !f->is_prelude)
             return NUM_DATA_FUNCTIONS; /* the user's functions hide all others of that name */
     return which;

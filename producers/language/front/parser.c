@@ -76,6 +76,9 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
     else
         p->functions = f;
     p->last_function = f;
+    const uint32_t list = name & (KARST_FUNCTION_LISTS - 1);
+    *(p->last_named[list] ? &p->last_named[list]->named_next : &p->named[list]) = f;
+    p->last_named[list] = f;
 }
 
 static void parse_global(karst_parser *p, karst_ast_type type, bool is_const)

@@ -40,6 +40,8 @@ typedef enum {
 #define KARST_MAX_FIELDS 256u
 #define KARST_MAX_ARGUMENTS 64u
 
+#define KARST_FUNCTION_LISTS 1024u /* a power of two */
+
 typedef struct {
     karst_source *source;
     karst_names *names;
@@ -49,11 +51,18 @@ typedef struct {
     uint32_t depth;
     bool is_prelude;
     karst_ast_function *functions, *last_function;
+    karst_ast_function *named[KARST_FUNCTION_LISTS], *last_named[KARST_FUNCTION_LISTS]; /* the same, by their names */
     karst_ast_variable *globals, *last_global;
     karst_ast_struct *structs;             /* the latest first, those of open blocks among them */
     const karst_ast_struct *outer_structs; /* the first that was there before the innermost open block */
     uint32_t num_functions, num_globals, num_structs;
 } karst_parser;
+
+/* The first of the functions among which all of that name are, in order, each the former's `named_next`. */
+static inline karst_ast_function *karst_parser_named(const karst_parser *p, uint32_t name)
+{
+    return p->named[name & (KARST_FUNCTION_LISTS - 1)];
+}
 
 void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *names);
 /* Adds the declarations of a whole text; a body is matched for brackets only. */

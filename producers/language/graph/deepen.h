@@ -3,8 +3,8 @@
  * samples the surface lies nor which way it faces. So another field is executed, which is positive in the same places:
  *
  * - of what takes few values, decided by comparisons alone, the differences that are compared: b - a of a < b;
- * - else the same with what was flat made negative: the x of max(0, x), -1 for the 0 beside a 1. It is nowhere above
- *   the old one, and where they differ the old one is exactly 0. */
+ * - else the same with what was flat made negative: the x of max(0, x), -1 for the 0 beside a 1; and x for what has x's
+ *   sign and is flatter (deepen_forms.h). */
 #ifndef KARST_LANGUAGE_DEEPEN_H
 #define KARST_LANGUAGE_DEEPEN_H
 

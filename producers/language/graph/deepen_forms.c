@@ -4,6 +4,7 @@ typedef struct {
     karst_graph *graph;
     const karst_range *ranges; /* of the nodes that were there at first */
     karst_expr *anew;          /* of each: what it becomes */
+    uint8_t *is_sign; /* of each: only where it is positive counts, so that what is steeper at 0 may stand in */
 } rewriter;
 
 static const karst_expr_node *node(const rewriter *r, karst_expr e) { return &r->graph->nodes[e]; }
@@ -30,10 +31,11 @@ static karst_expr taken_from(rewriter *r, karst_expr k, karst_expr e, int depth)
                taken_from(r, k, n.arg[1], depth + 1));
 }
 
-/* `value`, which is 0 where `source` is 0, and positive where that is positive: so that the source's depth shows. */
-static karst_expr with_depth_of(rewriter *r, karst_expr value, karst_expr source)
+/* `value`, which is 0 where `source` is 0, and positive where that is positive: so that the source's depth shows; of
+ * node e, the source alone where that will do, as values often touch 0 too gently to tell where. */
+static karst_expr with_depth_of(rewriter *r, karst_expr e, karst_expr value, karst_expr source)
 {
-    return two(r, KARST_OP_ADD, value, two(r, KARST_OP_MIN, source, number(r, 0)));
+    return r->is_sign[e] ? source : two(r, KARST_OP_ADD, value, two(r, KARST_OP_MIN, source, number(r, 0)));
 }
 
 /* The t of t * t * (3 - 2 * t). */
@@ -80,16 +82,19 @@ static karst_expr difference(rewriter *r, karst_expr e, karst_expr a, karst_expr
 {
     const karst_expr_node n = *node(r, e);
     if (is_number(r, a, 1) && faded(r, n.arg[1]) && is_share(r, faded(r, n.arg[1])))
-        return with_depth_of(r, two(r, KARST_OP_SUBTRACT, a, b), rest_of(r, n.arg[1]));
+        return with_depth_of(r, e, two(r, KARST_OP_SUBTRACT, a, b), rest_of(r, n.arg[1]));
     if (is_constant(r, a))
         return taken_from(r, a, b, 0);
     bool both = never_negative(r, n.arg[0]) && never_negative(r, n.arg[1]) && !is_constant(r, b);
     karst_expr d = two(r, KARST_OP_SUBTRACT, a, b);
-    return both ? with_depth_of(r, d, two(r, KARST_OP_MAX, a, b)) : d;
+    return both ? two(r, KARST_OP_ADD, d, two(r, KARST_OP_MIN, two(r, KARST_OP_MAX, a, b), number(r, 0))) : d;
 }
 
-static karst_expr sum(rewriter *r, karst_expr a, karst_expr b)
+static karst_expr sum(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
 {
+    const karst_expr_node *n = node(r, e);
+    if (r->is_sign[e] && never_negative(r, n->arg[0]) && never_negative(r, n->arg[1]))
+        return two(r, KARST_OP_MAX, a, b);
     for (int k = 0; k < 2; k++) {
         const karst_expr_node *size = node(r, k ? b : a);
         karst_expr x = k ? a : b;
@@ -97,7 +102,7 @@ static karst_expr sum(rewriter *r, karst_expr a, karst_expr b)
             return two(r, KARST_OP_MULTIPLY, number(r, 2), two(r, KARST_OP_MAX, x, number(r, 0)));
         const karst_expr_node *power = size;
         if (is_number(r, x, -1) && power->op == KARST_OP_EXP2) /* 2^x - 1 */
-            return with_depth_of(r, two(r, KARST_OP_ADD, a, b), power->arg[0]);
+            return with_depth_of(r, e, two(r, KARST_OP_ADD, a, b), power->arg[0]);
     }
     return two(r, KARST_OP_ADD, a, b);
 }
@@ -115,19 +120,64 @@ static karst_expr base_of_power(const rewriter *r, karst_expr exponent)
     return KARST_NO_EXPR;
 }
 
-static karst_expr blend(rewriter *r, const karst_expr_node *n, const karst_expr *arg)
+static karst_expr blend(rewriter *r, karst_expr e, const karst_expr *arg)
 {
+    const karst_expr_node copy = *node(r, e), *n = &copy;
     karst_expr rest = rest_of(r, n->arg[2]);
     karst_expr mix = karst_expr_3(r->graph, KARST_OP_MIX, arg[0], arg[1], arg[2]);
     if (rest && is_number(r, arg[1], 0) && never_negative(r, n->arg[0]))
-        return with_depth_of(r, mix, two(r, KARST_OP_MULTIPLY, arg[0], rest));
+        return with_depth_of(r, e, mix, two(r, KARST_OP_MULTIPLY, arg[0], rest));
     bool both = never_negative(r, n->arg[0]) && never_negative(r, n->arg[1]) && !is_constant(r, arg[0]) &&
                 !is_constant(r, arg[1]);
     if (!rest || !both)
         return mix;
-    return with_depth_of(r, mix,
+    return with_depth_of(r, e, mix,
                          two(r, KARST_OP_MAX, two(r, KARST_OP_MULTIPLY, arg[0], rest),
                              two(r, KARST_OP_MULTIPLY, arg[1], arg[2])));
+}
+
+/* Of what is never negative the least; of x * x * x, x. */
+static karst_expr product(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
+{
+    const karst_expr_node n = *node(r, e);
+    for (int k = 0; k < 2 && r->is_sign[e]; k++) {
+        const karst_expr_node *square = node(r, n.arg[k]);
+        karst_expr x = n.arg[1 - k];
+        if (square->op == KARST_OP_MULTIPLY && square->arg[0] == x && square->arg[1] == x)
+            return r->anew[x];
+    }
+    bool is_scaled = is_constant(r, a) || is_constant(r, b);
+    if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[0]].lo > 0)
+        return b;
+    if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[1]].lo > 0)
+        return a;
+    if (r->is_sign[e] && !is_scaled && never_negative(r, n.arg[0]) && never_negative(r, n.arg[1]))
+        return two(r, KARST_OP_MIN, a, b);
+    return a == n.arg[0] && b == n.arg[1] ? e : two(r, KARST_OP_MULTIPLY, a, b);
+}
+
+/* Whether of argument k, too, no more counts than where it is positive. */
+static bool passes_sign(const rewriter *r, const karst_expr_node *n, int k)
+{
+    bool both = n->arg[1] && never_negative(r, n->arg[0]) && never_negative(r, n->arg[1]);
+    switch (n->op) {
+    case KARST_OP_SELECT:
+        return k > 0;
+    case KARST_OP_MIN:
+    case KARST_OP_MAX:
+        return true;
+    case KARST_OP_MULTIPLY:
+        return both || r->ranges[n->arg[1 - k]].lo > 0;
+    case KARST_OP_ADD:
+        return both;
+    case KARST_OP_DIVIDE:
+        return k == 0 && r->ranges[n->arg[1]].lo > 0;
+    case KARST_OP_SQRT:
+    case KARST_OP_ABS:
+        return never_negative(r, n->arg[0]);
+    default:
+        return false;
+    }
 }
 
 static karst_expr rewrite(rewriter *r, karst_expr e)
@@ -145,13 +195,13 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
     case KARST_OP_SUBTRACT:
         return difference(r, e, arg[0], arg[1]);
     case KARST_OP_ADD:
-        return sum(r, arg[0], arg[1]);
+        return sum(r, e, arg[0], arg[1]);
     case KARST_OP_MIX:
-        return blend(r, &n, arg);
+        return blend(r, e, arg);
     case KARST_OP_LOG: /* of 1 + x */
         x = above_one(r, arg[0]);
         return x && above_one(r, n.arg[0]) && never_negative(r, above_one(r, n.arg[0]))
-                   ? with_depth_of(r, e, x)
+                   ? with_depth_of(r, e, e, x)
                    : e;
     case KARST_OP_LENGTH:
         x = arg[0];
@@ -160,8 +210,9 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
                 return e;
             x = k ? two(r, KARST_OP_MAX, x, arg[k]) : x;
         }
-        return with_depth_of(r, e, x);
+        return with_depth_of(r, e, e, x);
     case KARST_OP_MULTIPLY:
+        return product(r, e, arg[0], arg[1]);
     case KARST_OP_MIN:
     case KARST_OP_MAX:
     case KARST_OP_DIVIDE:
@@ -169,10 +220,12 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
     case KARST_OP_EXP2:
         x = base_of_power(r, n.arg[0]);
         if (x)
-            return with_depth_of(r, e, r->anew[x]);
+            return with_depth_of(r, e, e, r->anew[x]);
         return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
     case KARST_OP_SQRT:
     case KARST_OP_ABS:
+        if (r->is_sign[e] && never_negative(r, n.arg[0]))
+            return arg[0];
         return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
     case KARST_OP_FMA:
     case KARST_OP_SELECT:
@@ -189,10 +242,15 @@ karst_expr karst_deepen_forms(karst_graph *graph, const karst_kinds_settings *se
     rewriter r = {.graph = graph, .ranges = ranges};
     r.anew = karst_arena_alloc(graph->arena, (density + 1) * sizeof *r.anew);
     uint8_t *needed = karst_arena_alloc(graph->arena, density + 1);
-    needed[density] = 1;
+    r.is_sign = karst_arena_alloc(graph->arena, density + 1);
+    needed[density] = r.is_sign[density] = 1;
     for (karst_expr e = density; e > 0; e--)
-        for (int k = 0; needed[e] && k < 4; k++)
-            needed[graph->nodes[e].arg[k]] = 1;
+        for (int k = 0; needed[e] && k < 4 && graph->nodes[e].arg[k]; k++) {
+            karst_expr argument = graph->nodes[e].arg[k];
+            bool is_sign = r.is_sign[e] && passes_sign(&r, &graph->nodes[e], k);
+            r.is_sign[argument] = is_sign && (r.is_sign[argument] || !needed[argument]);
+            needed[argument] = 1;
+        }
     for (karst_expr e = 1; e <= density; e++) {
         graph->where = graph->nodes[e].where;
         r.anew[e] = needed[e] && graph->nodes[e].type == KARST_TYPE_FLOAT ? rewrite(&r, e) : e;

@@ -1,0 +1,409 @@
+/* Occlusion: against many rays, closed forms, and what it may not depend on. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "core/engine/engine_parts.h"
+#include "karst/karst.h"
+
+enum { WIDTH = 96, HEIGHT = 72, NUM = WIDTH * HEIGHT };
+enum { TRUE_WIDTH = 320, TRUE_HEIGHT = 240, TRUE_NUM = TRUE_WIDTH * TRUE_HEIGHT }; /* beside many rays */
+
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
+
+static karst_engine_config base_config(const char *world)
+{
+    return (karst_engine_config){.world = world,
+                                 .display = KARST_DISPLAY_NONE,
+                                 .width_px = WIDTH,
+                                 .height_px = HEIGHT,
+                                 .occlusion = KARST_OCCLUSION_ON,
+                                 .exposure = KARST_EXPOSURE_GIVEN,
+                                 .pool_bytes = (uint64_t)64 << 20};
+}
+
+static karst_engine *create(const karst_engine_config *config)
+{
+    karst_error error = {0};
+    karst_engine *engine = karst_engine_create(config, &error);
+    if (!engine)
+        fail_msg("%s", error.message);
+    return engine;
+}
+
+typedef struct {
+    float open[TRUE_NUM], light[3 * TRUE_NUM], depth[TRUE_NUM], normal[3 * TRUE_NUM];
+    karst_stats stats;
+} picture;
+
+static void settle(karst_engine *engine, picture *p)
+{
+    bool settled = false;
+    assert_ok(karst_engine_settle(engine, 400, NULL, NULL, &settled, &error));
+    karst_engine_stats(engine, &p->stats);
+    assert_true(settled);
+    const size_t num = (size_t)engine->width_px * (size_t)engine->height_px;
+    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * num, &error));
+    assert_ok(karst_engine_read_aov(engine, KARST_AOV_DEPTH, p->depth, num, &error));
+    assert_ok(karst_engine_read_aov(engine, KARST_AOV_NORMAL, p->normal, 3 * num, &error));
+    if (engine->occlusion)
+        assert_ok(karst_engine_read_aov(engine, KARST_AOV_OCCLUSION, p->open, num, &error));
+}
+
+static void take(const karst_engine_config *config, picture *p)
+{
+    karst_engine *engine = create(config);
+    settle(engine, p);
+    karst_engine_destroy(engine);
+}
+
+static picture one, other;
+
+/* A world's text in a file that goes again. */
+static void write_world(const char *text, char path[64])
+{
+    snprintf(path, 64, "/tmp/karst-occlusion-XXXXXX.karst");
+    int fd = mkstemps(path, 6);
+    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
+    close(fd);
+}
+
+#define HEAD(more)                                                                                              \
+    "/*{ \"voxel\": 0.015625, \"view\": 400, \"sun\": { \"azimuth\": 60, \"elevation\": 40 },\n"                \
+    "\"sky\": { \"zenith\": [1, 1, 1], \"horizon\": [1, 1, 1], \"haze\": 1e12 },\n"                             \
+    "\"camera\": { \"position\": [\"0\", \"1.5\", \"-5\"], \"pitch\": -12, \"fov\": 70 }" more " }*/\n"         \
+    "vec3 colour(vec3 p, vec3 n) { return vec3(0.5, 0.25, 0.1); }\n"
+static const char court[] = HEAD("") "float density(vec3 p) {\n"
+                                     "    float wall = min(min(p.z - 1.0, 3.0 - p.z), 3.0 - abs(p.y));\n"
+                                     "    float ball = 0.8 - length(p - vec3(-1.5, 1.2, -0.5));\n"
+                                     "    float pit = 1.0 - length(p - vec3(2.0, 0.0, -1.5));\n"
+                                     "    return max(max(min(-p.y, -pit), wall), ball);\n"
+                                     "}\n";
+static const char plane[] = HEAD("") "float density(vec3 p) { return -p.y - 0.3 * p.x; }\n";
+static const char box[] = HEAD("") "float density(vec3 p) {\n"
+                                   "    vec3 q = abs(p - vec3(0.0, 1.0, 0.0));\n"
+                                   "    return min(max(max(q.x, q.y), q.z) - 6.0, 9.0 - max(max(q.x, q.y), q.z));\n"
+                                   "}\n";
+
+/* ---- against many rays ---- */
+
+enum { TRUE_RAYS = 4096, AT_ONCE = 16 };
+
+/* Rays with a cosine's density about a normal: as a lattice with the golden section has them. */
+static void true_rays(karst_ray *rays, const float origin[3], const float n[3], float width, float t_max)
+{
+    const double up[3] = {n[0], n[1], n[2]};
+    const int axis = fabs(up[0]) < 0.7 ? 0 : 1;
+    double a[3], b[3], along = up[axis], length = 0;
+    for (int i = 0; i < 3; i++) {
+        a[i] = (i == axis) - along * up[i];
+        length += a[i] * a[i];
+    }
+    for (int i = 0; i < 3; i++)
+        a[i] /= sqrt(length);
+    for (int i = 0; i < 3; i++)
+        b[i] = up[(i + 1) % 3] * a[(i + 2) % 3] - up[(i + 2) % 3] * a[(i + 1) % 3];
+    for (int r = 0; r < TRUE_RAYS; r++) {
+        const double square = (r + 0.5) / TRUE_RAYS, turn = 2 * M_PI * 0.61803398874989485 * r;
+        const double u = sqrt(square) * cos(turn), v = sqrt(square) * sin(turn), w = sqrt(1 - square);
+        rays[r] = (karst_ray){.t_max = t_max, .width = width, .cone = 0.0625f, .side = KARST_SIDE_FRONT};
+        double sum = 0, d[3];
+        for (int i = 0; i < 3; i++) {
+            d[i] = u * a[i] + v * b[i] + w * up[i];
+            sum += d[i] * d[i];
+        }
+        for (int i = 0; i < 3; i++) {
+            rays[r].origin[i] = origin[i];
+            rays[r].direction[i] = (float)(d[i] / sqrt(sum));
+        }
+    }
+}
+
+/* What they see, once there is what they ask for, as far as the pool has room. */
+static void cast_true(karst_engine *engine, karst_buffer *rays, karst_hit *hits, uint32_t num)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_buffer *on_device = karst_buffer_create(engine->context, "hits", num * sizeof *hits, NULL, NULL);
+    assert_non_null(on_device);
+    for (int round = 0; round < 24; round++) {
+        karst_allowance left = {.bricks = 4096, .tiles = 4096, .ns = INFINITY};
+        karst_work work;
+        karst_engine_next_serial(engine);
+        karst_engine_picture_view(engine, &view, &pinhole);
+        assert_ok(karst_cast_rays(engine->caster, &view, rays, num, false, on_device, &error));
+        assert_ok(karst_engine_answer_round(engine, &engine->camera.position, &left, &work, &error));
+        if (work.num_loads + work.num_subdivides == 0)
+            break;
+    }
+    assert_ok(karst_buffer_read(on_device, 0, hits, num * sizeof *hits, &error));
+    karst_buffer_destroy(on_device);
+}
+
+typedef struct {
+    double square, bias, worst;
+    int num;
+} off_by;
+
+static off_by compare_with_rays(const char *world, int num_pixels)
+{
+    karst_engine_config config = base_config(world);
+    config.width_px = TRUE_WIDTH, config.height_px = TRUE_HEIGHT;
+    config.pool_bytes = (uint64_t)512 << 20;
+    karst_engine *engine = create(&config);
+    settle(engine, &one);
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    const float voxel_m = exp2f((float)karst_engine_voxel_log2_m(engine));
+    karst_hit *records = malloc(TRUE_NUM * sizeof *records), *hits = malloc(AT_ONCE * TRUE_RAYS * sizeof *hits);
+    karst_ray *rays = malloc(AT_ONCE * TRUE_RAYS * sizeof *rays);
+    assert_true(records && hits && rays);
+    assert_ok(karst_buffer_read(engine->hits, 0, records, TRUE_NUM * sizeof *records, &error));
+    off_by off = {0};
+    int at[AT_ONCE], num_at = 0, asked = 0;
+    uint32_t state = 12345;
+    while (asked < num_pixels) {
+        const int x = (int)((state = state * 1664525u + 1013904223u) >> 8) % TRUE_WIDTH,
+                  y = (int)((state = state * 1664525u + 1013904223u) >> 8) % TRUE_HEIGHT;
+        asked++;
+        const karst_hit *hit = &records[karst_packet_order((uint32_t)x, (uint32_t)y, TRUE_WIDTH, TRUE_HEIGHT)];
+        const float *n = one.normal + 3 * (y * TRUE_WIDTH + x);
+        if (KARST_HIT_KIND(hit->kind) == KARST_HIT_SURFACE && n[0] * n[0] + n[1] * n[1] + n[2] * n[2] > 0.5f) {
+            float d[3], origin[3], length = 0;
+            const float sx = ((x + 0.5f) * 2 / TRUE_WIDTH - 1) * pinhole.half_width,
+                        sy = (1 - (y + 0.5f) * 2 / TRUE_HEIGHT) * pinhole.half_height;
+            for (int i = 0; i < 3; i++) {
+                d[i] = pinhole.forward[i] + sx * pinhole.right[i] + sy * pinhole.up[i];
+                length += d[i] * d[i];
+            }
+            for (int i = 0; i < 3; i++)
+                origin[i] = d[i] / sqrtf(length) * one.depth[y * TRUE_WIDTH + x] / voxel_m;
+            const float width = fmaxf(hit->t * pinhole.cone, ldexpf(1.0001f, (int)KARST_HIT_LEVEL(hit->kind)));
+            true_rays(rays + num_at * TRUE_RAYS, origin, n, width, pinhole.t_max - hit->t);
+            at[num_at++] = y * TRUE_WIDTH + x;
+        }
+        if (num_at < AT_ONCE && asked < num_pixels)
+            continue;
+        const uint32_t num = (uint32_t)(num_at * TRUE_RAYS);
+        karst_buffer *stream = karst_buffer_create(engine->context, "rays", num * sizeof *rays, rays, NULL);
+        if (num == 0)
+            continue;
+        assert_non_null(stream);
+        cast_true(engine, stream, hits, num);
+        karst_buffer_destroy(stream);
+        for (int i = 0; i < num_at; i++) {
+            int misses = 0;
+            for (int r = 0; r < TRUE_RAYS; r++)
+                misses += KARST_HIT_KIND(hits[i * TRUE_RAYS + r].kind) == KARST_HIT_MISS;
+            const double by = one.open[at[i]] - (double)misses / TRUE_RAYS;
+            off.square += by * by;
+            off.bias += by;
+            off.worst = fmax(off.worst, fabs(by));
+            off.num++;
+        }
+        num_at = 0;
+    }
+    free(records);
+    free(hits);
+    free(rays);
+    karst_engine_destroy(engine);
+    return off;
+}
+
+static void estimates_are_near_many_rays(void **state)
+{
+    (void)state;
+    static const char *const worlds[] = {NULL, "karst", "hills", "ruins", "asteroid", "canyons"};
+    const bool full = getenv("KARST_TEST_FULL") != NULL;
+    char path[64];
+    write_world(court, path);
+    for (size_t i = 0; i < (full ? sizeof worlds / sizeof *worlds : 1); i++) {
+        const off_by off = compare_with_rays(worlds[i] ? worlds[i] : path, full ? 1000 : 40);
+        const double rms = sqrt(off.square / off.num);
+        print_message("%s: %d pixels, rms %.4f, mean %+.4f, worst %.3f\n", worlds[i] ? worlds[i] : "court", off.num,
+                      rms, off.bias / off.num, off.worst);
+        assert_true(off.num >= (full ? 300 : 25));
+        assert_true(rms <= 0.05);
+    }
+    unlink(path);
+}
+
+/* ---- closed forms ---- */
+
+static void a_plane_is_open(void **state)
+{
+    (void)state;
+    for (int lanes = 16; lanes; lanes = lanes == 16 ? 1 : 0) {
+        char path[64];
+        write_world(plane, path);
+        karst_engine_config config = base_config(path);
+        config.lanes = lanes;
+        take(&config, &one);
+        config.occlusion = KARST_OCCLUSION_OFF;
+        take(&config, &other);
+        unlink(path);
+        for (int i = 0; i < NUM; i++)
+            assert_true(one.open[i] == 1);
+        assert_memory_equal(one.light, other.light, 3 * NUM * sizeof(float));
+        assert_true(one.stats.num_rays[KARST_STREAM_OCCLUSION] > NUM / 4);
+        assert_int_equal(other.stats.num_rays[KARST_STREAM_OCCLUSION], 0);
+    }
+}
+
+static void a_closed_box_is_black(void **state)
+{
+    (void)state;
+    char path[64];
+    write_world(box, path);
+    const karst_engine_config config = base_config(path);
+    take(&config, &one);
+    unlink(path);
+    float most = 0, widest = 0;
+    for (int i = 0; i < NUM; i++) {
+        assert_true(isfinite(one.depth[i]));
+        widest = fmaxf(widest, one.open[i]);
+        for (int c = 0; c < 3; c++)
+            most = fmaxf(most, one.light[3 * i + c]);
+    }
+    print_message("a closed box is %g open at most, its brightest part %g\n", widest, most);
+    assert_true(widest == 0);
+    assert_true(most < 1e-6f);
+}
+
+/* Of white surfaces nothing is lost, however they hide one another: what is thrown back comes again. */
+static void a_furnace_stays_white(void **state)
+{
+    (void)state;
+    char path[64];
+    char text[2048];
+    snprintf(text, sizeof text, "%s", court);
+    char *colour = strstr(text, "vec3(0.5, 0.25, 0.1)");
+    memcpy(colour, "vec3(1.0, 1.00, 1.0)", strlen("vec3(0.5, 0.25, 0.1)"));
+    write_world(text, path);
+    karst_engine_config config = base_config(path);
+    take(&config, &one);
+    config.occlusion = KARST_OCCLUSION_OFF;
+    take(&config, &other);
+    unlink(path);
+    float most = 0;
+    bool any = false;
+    for (int i = 0; i < 3 * NUM; i++)
+        most = fmaxf(most, fabsf(one.light[i] - other.light[i]));
+    for (int i = 0; i < NUM; i++)
+        any = any || one.open[i] < 0.7f;
+    print_message("white surfaces are off by %g at most\n", most);
+    assert_true(any && most < 1e-5f);
+}
+
+/* ---- what it may not depend on ---- */
+
+static void it_depends_on_the_view_alone(void **state)
+{
+    (void)state;
+    char path[64];
+    write_world(court, path);
+    karst_engine_config config = base_config(path);
+    karst_engine *engine = create(&config);
+    karst_camera camera = karst_engine_default_camera(engine), away = camera;
+    away.position.voxel[0] += 120;
+    away.yaw_deg += 50;
+    assert_ok(karst_engine_set_camera(engine, &away, &error));
+    settle(engine, &one);
+    assert_ok(karst_engine_set_camera(engine, &camera, &error));
+    settle(engine, &one);
+    karst_engine_destroy(engine);
+    config.lanes = 1;
+    take(&config, &other);
+    assert_memory_equal(one.open, other.open, NUM * sizeof(float));
+    assert_memory_equal(one.light, other.light, 3 * NUM * sizeof(float));
+    config.samples = 3;
+    take(&config, &one);
+    config.lanes = 16;
+    take(&config, &other);
+    unlink(path);
+    assert_memory_equal(one.open, other.open, NUM * sizeof(float));
+    assert_memory_equal(one.light, other.light, 3 * NUM * sizeof(float));
+}
+
+static void a_window_is_a_part_of_the_whole(void **state)
+{
+    (void)state;
+    static const karst_engine_window windows[] = {
+        {WIDTH, HEIGHT, 13, 18}, {WIDTH, HEIGHT, WIDTH - 41, HEIGHT - 29}};
+    char path[64];
+    write_world(court, path);
+    for (uint32_t samples = 1; samples <= 2; samples++) {
+        karst_engine_config config = base_config(path);
+        config.samples = samples;
+        take(&config, &one);
+        for (size_t w = 0; w < 2; w++) {
+            config.window = windows[w];
+            config.width_px = 41, config.height_px = 29;
+            take(&config, &other);
+            for (int y = 0; y < 29; y++)
+                for (int x = 0; x < 41; x++) {
+                    const int here = y * 41 + x, there = (y + windows[w].y0_px) * WIDTH + x + windows[w].x0_px;
+                    assert_true(other.open[here] == one.open[there]);
+                    assert_memory_equal(other.light + 3 * here, one.light + 3 * there, 3 * sizeof(float));
+                }
+        }
+    }
+    unlink(path);
+}
+
+static void what_is_not_there_is_said(void **state)
+{
+    (void)state;
+    char path[64];
+    karst_error said = {0};
+    write_world(court, path);
+    karst_engine_config config = base_config(path);
+    config.occlusion = (karst_occlusion_mode)7;
+    assert_null(karst_engine_create(&config, &said));
+    assert_int_equal(said.status, KARST_USAGE);
+    config.occlusion = KARST_OCCLUSION_OF_WORLD;
+    karst_engine *engine = create(&config);
+    settle(engine, &one);
+    said = (karst_error){0};
+    assert_false(karst_engine_read_aov(engine, KARST_AOV_OCCLUSION, one.open, NUM, &said));
+    assert_int_equal(said.status, KARST_USAGE);
+    karst_engine_destroy(engine);
+    unlink(path);
+    write_world(HEAD(", \"occlusion\": true") "float density(vec3 p) { return -p.y; }\n", path);
+    engine = create(&config);
+    settle(engine, &one);
+    karst_engine_destroy(engine);
+    unlink(path);
+    assert_true(one.stats.num_rays[KARST_STREAM_OCCLUSION] > 0);
+    write_world(HEAD(", \"occlusion\": 1") "float density(vec3 p) { return -p.y; }\n", path);
+    said = (karst_error){0};
+    assert_null(karst_engine_create(&config, &said));
+    assert_int_equal(said.status, KARST_BAD_WORLD);
+    assert_non_null(strstr(said.message, "occlusion"));
+    unlink(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(estimates_are_near_many_rays), cmocka_unit_test(a_plane_is_open),
+        cmocka_unit_test(a_closed_box_is_black),        cmocka_unit_test(a_furnace_stays_white),
+        cmocka_unit_test(it_depends_on_the_view_alone), cmocka_unit_test(a_window_is_a_part_of_the_whole),
+        cmocka_unit_test(what_is_not_there_is_said),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
