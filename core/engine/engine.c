@@ -183,6 +183,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     bool moved = engine->view_changed && !engine->size_changed;
     if (engine->view_changed) {
         karst_ladder_view_changed(&engine->ladder);
+        karst_engine_forget_photons(engine);
         if (!karst_engine_restart_samples(engine, true, error))
             return false;
     }
@@ -204,9 +205,12 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
     if (!karst_engine_end_media(engine, error))
         return false;
     bool rung_moved = step_ladder(engine, &work), pace_changed = step_pace(engine, &work, moved);
-    engine->complete = work.num_requests == 0 && !engine->media_lacks && stats->num_produced == 0 &&
+    const bool lacks_nothing = work.num_requests == 0 && !engine->media_lacks && stats->num_produced == 0 &&
                        stats->num_evicted == 0 && !rung_moved && !pace_changed &&
                        karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
+    engine->complete = karst_engine_end_photons(engine, lacks_nothing);
+    if (rung_moved || pace_changed)
+        karst_engine_forget_photons(engine);
     if (!karst_engine_end_sample(engine, engine->complete, rung_moved || pace_changed, error))
         return false;
     stats->settled = engine->complete && engine->num_summed == engine->samples &&

@@ -64,6 +64,7 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     karst_engine_adopt_world(engine, world);
     *world = (karst_engine_world){0};
     engine->reported_non_finite = false;
+    engine->photons.is_aimed = false;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         engine->stores[i].reported_non_finite = false;
     if (kept)
@@ -75,7 +76,8 @@ static bool build(karst_engine *engine, karst_engine_world *world, karst_error *
 {
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, engine->edits != NULL,
-                                         karst_engine_contents(engine)};
+                                         karst_engine_contents(engine),
+                                         karst_engine_has_caustics(engine)};
     return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error) &&
            karst_engine_world_set_layers(engine, world, error);
 }

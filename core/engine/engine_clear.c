@@ -3,24 +3,6 @@
 
 #include "core/engine/engine_parts.h"
 
-/* Whether the eye is in clear matter, by the text's own density, and what that absorbs per metre there. */
-static bool find_eye(const karst_engine *engine, float absorption_per_m[3])
-{
-    const karst_world_file *file = engine->shown.file->content[KARST_CONTENT_CLEAR];
-    karst_oracle *oracle = engine->shown.content[KARST_CONTENT_CLEAR].oracle;
-    const karst_position *at = &engine->camera.position;
-    static const float up[3] = {0, 1, 0};
-    karst_oracle_value values[KARST_NUM_ROOTS];
-    if (!(karst_oracle_density(oracle, at, -1).precise > 0))
-        return false;
-    if (karst_has_output(file->program->world.root, KARST_OUTPUT_ABSORPTION)) {
-        karst_oracle_shading(oracle, at, up, -1, values);
-        for (int c = 0; c < 3; c++)
-            absorption_per_m[c] = fmaxf(values[KARST_ROOT_ABSORPTION + c].device, 0);
-    }
-    return true;
-}
-
 static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                       const karst_light *light)
 {
@@ -41,8 +23,10 @@ static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_vie
         .parts = karst_radiance_parts(engine->radiance),
         .shadow_rays = engine->shadow_rays,
         .counters = engine->counters,
+        .has_caustics = karst_engine_has_caustics(engine),
     };
-    picture.is_inside = has_clear && find_eye(engine, picture.absorption_per_m);
+    picture.is_inside =
+        has_clear && karst_engine_is_in_clear(engine, &engine->camera.position, picture.absorption_per_m);
     karst_clear_shader_set_anchor(engine->shown.clear_shader, &engine->camera.position);
     return picture;
 }
@@ -88,12 +72,34 @@ bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *vi
     return karst_clear_cover(engine->clear, &picture, error);
 }
 
+typedef struct {
+    karst_engine *engine;
+    const karst_cast_view *view;
+    const karst_pinhole *pinhole;
+    const karst_light *light;
+} lit_stream;
+
+/* To what is seen through clear matter, or in it. */
+static bool add_lights(void *user, const karst_bounce *bounce, bool again, karst_error *error)
+{
+    const lit_stream *lit = user;
+    const karst_bounce_stream stream = karst_bounce_get_stream(bounce);
+    karst_path_picture picture = karst_engine_path_picture(lit->engine, lit->view, lit->pinhole, lit->light, again);
+    picture.mirrors = false;
+    return karst_engine_draw_lights_of(lit->engine, &picture, stream.rays, stream.total, stream.hits, error);
+}
+
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               bool again, karst_error *error)
 {
     if (!engine->clear)
         return true;
     const karst_light light = karst_engine_light(engine);
-    const karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    lit_stream lit = {engine, view, pinhole, &light};
+    if (karst_engine_has_caustics(engine)) {
+        picture.more = add_lights;
+        picture.user = &lit;
+    }
     return karst_clear_trace(engine->clear, &picture, again, error);
 }

@@ -96,8 +96,8 @@ unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_
     const bool radiance = mirror || lights || occlusion || world->has_air || config->samples > 1 ||
                           config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
-           (mirror ? KARST_SHADE_MIRROR : 0u) | (lights ? KARST_SHADE_PATHS : 0u) |
-           (occlusion ? KARST_SHADE_OCCLUSION : 0u);
+           (mirror ? KARST_SHADE_MIRROR : 0u) | (occlusion ? KARST_SHADE_OCCLUSION : 0u) |
+           (lights || karst_engine_wants_caustics(config, world) ? KARST_SHADE_PATHS : 0u);
 }
 
 bool karst_engine_check_budget_ms(double budget_ms, karst_error *error)
@@ -158,7 +158,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
 {
     karst_engine_config own = *given;
     const karst_engine_config *config = &own;
-    if (!karst_engine_check_paths(given, error))
+    if (!karst_engine_check_paths(given, error) || !karst_engine_check_caustics(given, error))
         return NULL;
     /* Paths look for the sun by rays of their own. */
     own.no_shadows |= given->integrator == KARST_INTEGRATOR_FULL;
@@ -239,7 +239,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if (!karst_camera_parse(engine->world->camera, engine->world->voxel_log2_m, &engine->camera, error))
         goto failed;
     engine->view_changed = true;
-
     if (!open_context(engine, config, opening, error))
         goto failed;
     karst_helper_set_task(config->helper, config);
@@ -250,7 +249,8 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
         goto failed;
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, config->edits != NULL,
-                                         karst_engine_contents_of(engine->shown.file)};
+                                         karst_engine_contents_of(engine->shown.file),
+                                         karst_engine_wants_caustics(config, engine->world)};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
@@ -278,7 +278,8 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if ((engine->shade & KARST_SHADE_OCCLUSION) &&
         !(engine->occlusion = karst_occlusion_create(engine->context, error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error)))
+    if (((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error))) ||
+        !karst_engine_create_photons(engine, config, error))
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
@@ -324,6 +325,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
     karst_paths_destroy(engine->paths);
+    karst_photons_destroy(engine->photons.photons);
     karst_clear_destroy(engine->clear);
     karst_occlusion_destroy(engine->occlusion);
     karst_cache_destroy(engine->cache);

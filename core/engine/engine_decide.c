@@ -40,6 +40,8 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     view.ends_at_missing = 1;
+    if (rays == last_rays(engine) && !karst_engine_look_at_photons(engine, &view, &pinhole, error))
+        return false;
     if (rays == THROUGH_CLEAR)
         return karst_engine_trace_clear(engine, &view, &pinhole, true, error);
     if (rays == FROM_MIRRORED)

@@ -7,6 +7,16 @@
 #include "raycast/light/light.h"
 #include "raycast/cast/pinhole.h"
 
+/* Where photons bring the light that clear matter lets through, it hides the sun. */
+static bool hide_sun_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, cl_mem shaded, karst_error *error)
+{
+    return !karst_engine_has_caustics(engine) || !engine->clear ||
+           !karst_engine_has_content(engine, KARST_CONTENT_CLEAR) ||
+           karst_cast_shadows(engine->stores[KARST_CONTENT_CLEAR].caster, view, pinhole, light, engine->shadow_rays,
+                              shaded, error);
+}
+
 /* By sun, sky and mirrors. */
 static bool shade(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                   const karst_light *light, cl_mem pixels, karst_error *error)
@@ -25,7 +35,8 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
     const bool shadowed =
         !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light->sun_direction, error)) &&
                              karst_cast_picture_shadows(engine->caster, view, pinhole, light, engine->shadow_rays,
-                                                        shaded, engine->shadows_asked, engine->shadow_hints, error));
+                                                        shaded, engine->shadows_asked, engine->shadow_hints, error) &&
+                             hide_sun_by_clear(engine, view, pinhole, light, shaded, error));
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     /* Media lie before what they dim, and say how much of what is mirrored comes through. */
     return shadowed && karst_engine_draw_media(engine, view, pinhole, light, error) &&
@@ -83,6 +94,7 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     if (!cast || !karst_engine_cast_into_clear(engine, &view, &pinhole, true, error) ||
         !karst_engine_refine(engine, &view, &pinhole, error) ||
+        !karst_engine_trace_photons(engine, &view, &pinhole, error) ||
         (engine->cover && !karst_cover_hits(engine->cover, engine->hits, error)) || !clear_counters(engine, error))
         return false;
     cl_mem pixels = karst_surface_begin(engine->surface, error);

@@ -29,6 +29,7 @@
 #include "raycast/light/clear.h"
 #include "raycast/light/occlusion.h"
 #include "raycast/light/paths.h"
+#include "raycast/light/photons.h"
 #include "raycast/light/radiance.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/views.h"
@@ -81,6 +82,7 @@ typedef struct {
     karst_shader *shader;
     karst_skies *skies;                 /* NULL: it has no atmosphere */
     karst_engine_refining refining;
+    karst_engine_refining photon_refining; /* as that of clear matter, for photons that land mirrors */
     karst_engine_content content[KARST_NUM_CONTENTS];
     karst_layer *models; /* NULL: it has none, or they are not loaded yet */
     karst_layer *particles; /* the same of these, in the air */
@@ -96,6 +98,7 @@ typedef struct {
     bool start_on_host; /* the producer: see karst_world_build */
     bool has_layers;    /* they are to take part in what it makes */
     unsigned contents;  /* those to be made beside the land: bit i stands for karst_content i */
+    bool has_photons;   /* land that mirrors is to mirror as exactly as clear matter does */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -118,6 +121,16 @@ typedef struct {
     double step_m[3], yaw_deg, pitch_deg;
     double turn_rad; /* of the step, about the vertical */
 } karst_engine_motion;
+
+/* Photons of a view; zeros: there are none. */
+typedef struct {
+    karst_photons *photons;
+    karst_position anchor; /* where they were aimed from */
+    bool is_aimed;
+    uint32_t bounces;
+    uint32_t num_traced; /* batches that lacked nothing */
+    uint32_t num_new;    /* and those after them that this frame traced */
+} karst_engine_photons;
 
 struct karst_engine {
     const karst_log *log;
@@ -151,6 +164,7 @@ struct karst_engine {
     karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
     karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_engine_photons photons;
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
@@ -315,6 +329,8 @@ bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_con
 /* After its values or seed changed; does nothing without refiners. Errors: KARST_FAILED. */
 bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error);
 void karst_engine_world_close_refiner(karst_engine_world *world);
+/* That of land that mirrors photons; none where its gradient is too large. Errors: KARST_FAILED. */
+bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_context *context, karst_error *error);
 /* A part of such: gradient, layout and data, of any root in a density's place. Errors: KARST_BAD_WORLD,
  * KARST_FAILED. */
 bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_world *world,
@@ -481,6 +497,40 @@ bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *vie
 /* Likewise from where mirrored rays end. */
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
                                           const karst_pinhole *pinhole, karst_error *error);
+
+/* What there is to be followed of the picture at hand; `again`: for what it asks for. */
+karst_path_picture karst_engine_path_picture(const karst_engine *engine, const karst_cast_view *view,
+                                             const karst_pinhole *pinhole, const karst_light *light, bool again);
+/* engine_lamps.c. The world's own lights, after `num` that are there; and with the sun, if it shines, before them. */
+uint32_t karst_engine_own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOST_LAMPS], uint32_t num);
+uint32_t karst_engine_lamps(const karst_engine *engine, const karst_light *light, karst_lamp lamps[KARST_MOST_LAMPS]);
+/* Whether a place is in clear matter, by the text's own density, and what that absorbs per metre. */
+bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *at, float absorption_per_m[3]);
+/* engine_paths.c. What a world's own lights, and photons, add to what a stream's rays hit. */
+bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                 const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
+/* engine_photons.c. What of a configuration concerns caustics. Errors: KARST_USAGE. */
+bool karst_engine_check_caustics(const karst_engine_config *config, karst_error *error);
+/* Whether the world has what makes them, and the engine has photons. Where it has, light that is not looked for by
+ * photons does not pass clear matter. */
+bool karst_engine_wants_caustics(const karst_engine_config *config, const karst_world_info *world);
+bool karst_engine_has_caustics(const karst_engine *engine);
+/* Makes them if they are asked for; says why not. Errors: KARST_FAILED. */
+bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config *config, karst_error *error);
+/* They are to be traced anew. */
+void karst_engine_forget_photons(karst_engine *engine);
+/* Before a picture is shaded: traces some more of the view, or what they ask for. */
+bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                karst_error *error);
+/* Once more, for what they ask for. */
+bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                  karst_error *error);
+/* After a frame: those that were traced in it are kept if it lacked nothing. Returns whether it is complete. */
+bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing);
+/* Adds them to what rays hit (rays NULL: the picture's own). */
+bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                 const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
 /* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
 bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,

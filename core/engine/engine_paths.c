@@ -3,8 +3,6 @@
 #include <string.h>
 
 #include "core/engine/engine_parts.h"
-#include "raycast/light/light.h"
-#include "raycast/shadow_shared.h"
 
 static const char *const integrator_names[KARST_NUM_INTEGRATORS] = {"direct", "full"};
 
@@ -29,57 +27,14 @@ bool karst_engine_check_paths(const karst_engine_config *config, karst_error *er
            karst_fail(error, KARST_USAGE, "full light without shadows is none: leave one of them out");
 }
 
-/* The sun as a lamp. */
-static karst_lamp sun_of(const karst_light *light)
-{
-    karst_lamp sun = {.kind = KARST_LAMP_SUN, .shadow = 1};
-    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
-    sun.direction[3] = 0.5f * KARST_SUN_CONE;
-    memcpy(sun.colour, light->sun_colour, 3 * sizeof(float));
-    return sun;
-}
-
-static karst_lamp lamp_of(const karst_engine *engine, const karst_world_light *from)
-{
-    static const uint32_t kinds[] = {[KARST_WORLD_SUN] = KARST_LAMP_SUN,
-                                     [KARST_WORLD_POINT] = KARST_LAMP_POINT,
-                                     [KARST_WORLD_SPOT] = KARST_LAMP_SPOT};
-    const double degree = M_PI / 180, half_rad = from->angle_deg * degree / 2;
-    const karst_light towards = karst_light_of_sun(from->azimuth_deg, from->elevation_deg);
-    karst_lamp lamp = {.kind = kinds[from->kind], .shadow = from->shadow};
-    double away_m[3], strength = 1;
-    memcpy(lamp.direction, towards.sun_direction, 3 * sizeof(float));
-    lamp.direction[3] = (float)tan(from->size_deg * degree / 2);
-    if (from->kind != KARST_WORLD_SUN) {
-        const int voxel_log2_m = engine->world->voxel_log2_m;
-        karst_position_difference_m(engine->camera.position, from->position, voxel_log2_m, away_m);
-        for (int axis = 0; axis < 3; axis++)
-            lamp.place[axis] = (float)ldexp(away_m[axis], -voxel_log2_m);
-        lamp.place[3] = (float)ldexp(from->radius_m, -voxel_log2_m);
-        strength = ldexp(1, -2 * voxel_log2_m); /* of a metre's distance, at a voxel's */
-    }
-    /* A soft cone begins to fade within its angle, which stays some: kernels divide by it. */
-    lamp.dark = (float)cos(half_rad);
-    lamp.bright = (float)fmax(cos(half_rad * (1 - from->soft)), lamp.dark + 1e-5);
-    for (int c = 0; c < 3; c++)
-        lamp.colour[c] = (float)(strength * from->colour[c]);
-    return lamp;
-}
-
-/* The world's own after `num` that are there. */
-static uint32_t own_lamps(const karst_engine *engine, karst_lamp lamps[KARST_MOST_LAMPS], uint32_t num)
-{
-    for (uint32_t i = 0; i < engine->world->num_lights; i++)
-        lamps[num++] = lamp_of(engine, &engine->world->lights[i]);
-    return num;
-}
-
-/* What there is to be followed of the picture at hand; `again`: for what it asks for. */
-static karst_path_picture path_picture(const karst_engine *engine, const karst_cast_view *view,
-                                       const karst_pinhole *pinhole, const karst_light *light, bool again)
+karst_path_picture karst_engine_path_picture(const karst_engine *engine, const karst_cast_view *view,
+                                             const karst_pinhole *pinhole, const karst_light *light, bool again)
 {
     const karst_world_info *world = engine->world;
+    const bool hides = karst_engine_has_caustics(engine) && engine->clear &&
+                       karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
     return (karst_path_picture){.caster = engine->caster,
+                                .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
                                 .shader = engine->shader,
                                 .view = view,
                                 .pinhole = pinhole,
@@ -98,34 +53,41 @@ static bool follow(karst_engine *engine, const karst_path_picture *picture, kars
     if (engine->samples > 1 && engine->num_summed == engine->samples)
         return karst_paths_set_lamps(engine->paths, NULL, 0, error) &&
                karst_paths_follow(engine->paths, picture, 0, error);
-    karst_lamp lamps[KARST_MOST_LAMPS] = {sun_of(picture->light)};
-    const float *sun = lamps[0].colour;
-    const uint32_t num = own_lamps(engine, lamps, sun[0] > 0 || sun[1] > 0 || sun[2] > 0);
+    karst_lamp lamps[KARST_MOST_LAMPS];
+    const uint32_t num = karst_engine_lamps(engine, picture->light, lamps);
     return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
            karst_paths_follow(engine->paths, picture, engine->bounces, error);
+}
+
+bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                 const karst_buffer *count, const karst_buffer *hits, karst_error *error)
+{
+    karst_lamp lamps[KARST_MOST_LAMPS];
+    const uint32_t num = karst_engine_own_lamps(engine, lamps, 0);
+    /* As the sun does, they shine through matter where pictures are without shadows. */
+    for (uint32_t i = 0; i < num; i++)
+        lamps[i].shadow = lamps[i].shadow && engine->shadows;
+    if (num && (!karst_paths_set_lamps(engine->paths, lamps, num, error) ||
+                !(rays ? karst_paths_add_lamps_of(engine->paths, picture, rays, count, hits, error)
+                       : karst_paths_add_lamps(engine->paths, picture, error))))
+        return false;
+    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error);
 }
 
 /* To the picture's surfaces, or those that they mirror. */
 static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool mirrored, karst_error *error)
 {
-    karst_lamp lamps[KARST_MOST_LAMPS];
-    const uint32_t num = own_lamps(engine, lamps, 0);
-    /* As the sun does, they shine through matter where pictures are without shadows. */
-    for (uint32_t i = 0; i < num; i++)
-        lamps[i].shadow = lamps[i].shadow && engine->shadows;
-    if (!karst_paths_set_lamps(engine->paths, lamps, num, error))
-        return false;
     if (!mirrored)
-        return karst_paths_add_lamps(engine->paths, picture, error);
+        return karst_engine_draw_lights_of(engine, picture, NULL, NULL, NULL, error);
     const karst_bounce_stream stream = karst_bounce_get_stream(engine->bounce);
     picture->mirrors = false; /* nothing is seen in two of them */
-    return karst_paths_add_lamps_of(engine->paths, picture, stream.rays, stream.total, stream.hits, error);
+    return karst_engine_draw_lights_of(engine, picture, stream.rays, stream.total, stream.hits, error);
 }
 
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error)
 {
-    const karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    const karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return follow(engine, &picture, error);
 }
 
@@ -134,7 +96,7 @@ bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view,
 {
     if (!engine->paths)
         return true;
-    karst_path_picture picture = path_picture(engine, view, pinhole, light, false);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return add_lights(engine, &picture, mirrored, error);
 }
 
@@ -156,7 +118,7 @@ bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
-    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, &light, true);
     return add_lights(engine, &picture, true, error);
 }
 
@@ -166,7 +128,7 @@ bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *vie
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
-    karst_path_picture picture = path_picture(engine, view, pinhole, &light, true);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, &light, true);
     return engine->integrator == KARST_INTEGRATOR_FULL ? follow(engine, &picture, error)
                                                        : add_lights(engine, &picture, false, error);
 }

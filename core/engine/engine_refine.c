@@ -27,7 +27,8 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (!update(&world->content[i].refining, world, error))
             return false;
-    return update(&world->bending.index, world, error) && update(&world->refining, world, error);
+    return update(&world->bending.index, world, error) && update(&world->refining, world, error) &&
+           update(&world->photon_refining, world, error);
 }
 
 /* What a refiner is for. */
@@ -102,10 +103,10 @@ bool karst_engine_world_make_refining(const karst_engine_world *world, karst_con
     return false;
 }
 
-bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+/* None where the gradient is too large. */
+static bool build_for_rays(karst_engine_refining *refining, const karst_engine_world *world,
+                           const karst_world_file *file, karst_context *context, karst_error *error)
 {
-    karst_engine_refining *refining = &world->content[KARST_CONTENT_CLEAR].refining;
-    const karst_world_file *file = world->file->content[KARST_CONTENT_CLEAR];
     karst_error why = {0};
     if (!file || build(refining, world, file, OF_RAYS, context, &why))
         return true;
@@ -113,9 +114,21 @@ bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_con
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);
 }
 
+bool karst_engine_world_build_clear_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    return build_for_rays(&world->content[KARST_CONTENT_CLEAR].refining, world,
+                          world->file->content[KARST_CONTENT_CLEAR], context, error);
+}
+
+bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_context *context, karst_error *error)
+{
+    return build_for_rays(&world->photon_refining, world, world->file, context, error);
+}
+
 void karst_engine_world_close_refiner(karst_engine_world *world)
 {
     karst_engine_finish_refining(&world->refining);
+    karst_engine_finish_refining(&world->photon_refining);
     karst_engine_finish_refining(&world->content[KARST_CONTENT_CLEAR].refining);
 }
 

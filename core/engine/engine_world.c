@@ -134,7 +134,9 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
            karst_engine_world_build_clear(world, context, wishes, error) &&
            karst_engine_world_build_skies(world, context, error) &&
            (!wishes->refine ||
-            karst_engine_world_make_refining(world, context, wishes->has_layers, &world->refining, error));
+            karst_engine_world_make_refining(world, context, wishes->has_layers, &world->refining, error)) &&
+           (!(wishes->has_photons && (world->file->info.has_own_mirror || world->file->info.mirror > 0)) ||
+            karst_engine_world_build_photon_refiner(world, context, error));
 }
 
 bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info *info, karst_error *error)

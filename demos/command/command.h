@@ -205,6 +205,7 @@ typedef struct {
     bool has_mirror, occlusion, no_occlusion;
     const char *light; /* NULL: direct */
     uint64_t bounces;
+    uint64_t caustics;
     karst_integrator parsed_light;
     const char *tone;     /* NULL: filmic */
     const char *exposure; /* NULL: what the world or the picture says */
@@ -237,6 +238,8 @@ typedef struct {
          &(look)->light, 0, 0, NULL},                                                                                \
         {"bounces", 0, COMMAND_INTEGER, "N", "surfaces that light meets: full 64, clear matter 6 by default",          \
          &(look)->bounces, 1, KARST_ENGINE_MAX_BOUNCES, NULL},                                                       \
+        {"caustics", 0, COMMAND_INTEGER, "N", "photons for the light that mirrors and clear matter throw",           \
+         &(look)->caustics, 1, KARST_ENGINE_MAX_PHOTONS, NULL},                                                      \
         {"tone", 0, COMMAND_TEXT, "TONE", "from light to colours: filmic or plain (default: filmic)", &(look)->tone, \
          0,      0, NULL},                                                                                           \
     {                                                                                                                \

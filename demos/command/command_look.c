@@ -53,6 +53,7 @@ void command_set_look(const command_look *look, karst_engine_config *config)
     config->occlusion = command_occlusion(look->occlusion, look->no_occlusion);
     config->integrator = look->parsed_light;
     config->bounces = (uint32_t)look->bounces;
+    config->caustics = (uint32_t)look->caustics;
     config->tone = look->parsed_tone;
     config->media = look->parsed_media;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE

@@ -189,6 +189,14 @@ char *command_record_json(command_record *record)
     json_object_set_new(root, "thin",
                         json_pack("{s:I, s:I}", "raised", (json_int_t)last->num_thin_raised, "given_up",
                                   (json_int_t)last->num_thin_given_up));
+    const karst_stats_caustics *light = &last->caustics;
+    if (light->num_photons)
+        json_object_set_new(
+            root, "caustics",
+            json_pack("{s:I, s:I, s:f, s:f, s:f, s:f, s:f, s:f}", "photons", (json_int_t)light->num_photons, "landed",
+                      (json_int_t)light->num_landed, "emitted", light->emitted, "deposited", light->deposited,
+                      "direct", light->direct, "absorbed", light->absorbed, "escaped", light->escaped, "cut_off",
+                      light->cut_off));
     json_object_set_new(root, "memory_bytes", describe_memory(last));
     char *dump = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     json_decref(root);

@@ -183,6 +183,15 @@ bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const
                                      again ? NULL : bounce->marks->mem, error);
 }
 
+bool karst_bounce_cast_more_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
+                                    const karst_pinhole *pinhole, const karst_light *light, bool again,
+                                    karst_error *error)
+{
+    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    return karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
+                                     again ? NULL : bounce->marks->mem, error);
+}
+
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error)
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;

@@ -35,6 +35,10 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
 /* Casts those, likewise; and adds what the sun does where nothing hides it. With a sun only. */
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error);
+/* The same rays into what else hides the sun. */
+bool karst_bounce_cast_more_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
+                                    const karst_pinhole *pinhole, const karst_light *light, bool again,
+                                    karst_error *error);
 bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, karst_buffer *parts, karst_error *error);
 
 /* The buffers of the stream, which are the bounce's until there is other room: as many rays as the word `total` holds,

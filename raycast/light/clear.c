@@ -185,11 +185,6 @@ static uint32_t num_packets(const karst_pinhole *pinhole)
 
 static size_t local_size(const karst_clear *clear) { return clear->context->lanes == 1 ? GPU_LOCAL_SIZE : 1; }
 
-static uint32_t rays_per_item(const karst_clear *clear)
-{
-    return clear->context->lanes == 1 ? 1 : KARST_PACKET_RAYS * PACKETS_PER_ITEM;
-}
-
 static karst_clear_task task_of(const karst_clear_picture *picture)
 {
     const karst_pinhole *p = picture->pinhole;
@@ -316,19 +311,26 @@ static bool find_matter_of_picture(karst_clear *clear, const karst_clear_picture
                         local_size(clear), error);
 }
 
+bool karst_clear_find_matter(karst_clear_shader *shader, const karst_cast_view *view, const karst_buffer *rays,
+                             const karst_buffer *count, const karst_buffer *ways, uint32_t max_rays,
+                             const karst_buffer *hits, karst_buffer *matter, uint32_t room, karst_error *error)
+{
+    const cl_kernel kernel = shader->kernels[MATTER_OF_STREAM];
+    const bool one_lane = shader->context->lanes == 1;
+    const uint32_t per_item = one_lane ? 1 : KARST_PACKET_RAYS * PACKETS_PER_ITEM;
+    return KARST_ARGUMENTS(kernel, error, KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(ways),
+                           KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(matter), KARST_VALUE_ARG(room), KARST_VALUE_ARG(shader->anchor),
+                           KARST_VALUE_ARG(shader->data)) &&
+           karst_launch(shader->context, kernel, KARST_STAGE_SHADE, (max_rays + per_item - 1) / per_item,
+                        one_lane ? GPU_LOCAL_SIZE : 1, error);
+}
+
 static bool find_matter_of_stream(karst_clear *clear, const karst_clear_picture *picture,
                                   const karst_bounce_stream *stream, karst_error *error)
 {
-    const karst_clear_shader *shader = picture->clear_shader;
-    const cl_kernel kernel = shader->kernels[MATTER_OF_STREAM];
-    const uint32_t per_item = rays_per_item(clear);
-    return KARST_ARGUMENTS(kernel, error, KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(stream->total),
-                           KARST_BUFFER_ARG(clear->ways), KARST_VALUE_ARG(picture->view->detail),
-                           KARST_VALUE_ARG(picture->view->blend), KARST_BUFFER_ARG(clear->over_hits),
-                           KARST_BUFFER_ARG(clear->matter), KARST_VALUE_ARG(stream->room),
-                           KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data)) &&
-           karst_launch(clear->context, kernel, KARST_STAGE_SHADE, (stream->room + per_item - 1) / per_item,
-                        local_size(clear), error);
+    return karst_clear_find_matter(picture->clear_shader, picture->view, stream->rays, stream->total, clear->ways,
+                                   stream->room, clear->over_hits, clear->matter, stream->room, error);
 }
 
 static bool scan(karst_clear *clear, const karst_clear_picture *picture, karst_buffer *total, uint32_t blocks,
@@ -468,13 +470,17 @@ static bool shade(karst_clear *clear, const karst_clear_picture *picture, bool a
 {
     const karst_pinhole *pinhole = picture->pinhole;
     if (!karst_bounce_shade(clear->bounce, picture->shader, picture->view, pinhole, picture->light, picture->parts,
-                            picture->counters, error))
+                            picture->counters, error) ||
+        (picture->more && !picture->more(picture->user, clear->bounce, again, error)))
         return false;
     if (!clear->sun)
         return true;
     karst_profile_set_stream(clear->context, KARST_STREAM_SHADOW);
     const bool cast = karst_bounce_cast_shadows(clear->bounce, picture->land, picture->view, pinhole, picture->light,
-                                                again, error);
+                                                again, error) &&
+                      (!picture->has_caustics || !picture->clear ||
+                       karst_bounce_cast_more_shadows(clear->bounce, picture->clear, picture->view, pinhole,
+                                                      picture->light, again, error));
     karst_profile_set_stream(clear->context, KARST_NUM_STREAMS);
     return cast && (again || karst_bounce_add_sun(clear->bounce, pinhole, picture->parts, error));
 }

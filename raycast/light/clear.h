@@ -13,8 +13,9 @@
  * Surfaces and normals are those of the true density where its gradient is at hand (raycast/cast/refine.h): what 16
  * bits leave of a brick's would turn rays by 3e-4 rad, and more at coarse levels.
  *
- * What is approximate: the sun reaches what lies in or behind clear matter straight, as if that were not there; haze is
- * taken to lie in clear matter, too, between the surfaces that rays meet there; rays that are cut off see the sky.
+ * What is approximate: without photons (raycast/light/photons.h) the sun reaches what lies in or behind clear matter
+ * straight, as if that were not there; haze is taken to lie in clear matter, too, between the surfaces that rays meet
+ * there; rays that are cut off see the sky.
  *
  * Streams are made as those of bounces are (raycast/light/bounce.h): in order, without gaps, by prefix sums. */
 #ifndef KARST_RAYCAST_CLEAR_H
@@ -37,6 +38,12 @@ void karst_clear_shader_destroy(karst_clear_shader *shader); /* NULL is fine */
 /* As of karst_shader. */
 void karst_clear_shader_set_anchor(karst_clear_shader *shader, const karst_position *anchor);
 void karst_clear_shader_set_skies(karst_clear_shader *shader, karst_skies *skies);
+
+/* Index and absorption (KARST_CLEAR_MATTER_PLANES planes of `room` rays) of the clear matter that a stream's rays hit,
+ * of as many as the word `count` holds, max_rays at most. Asynchronous. Errors: KARST_FAILED. */
+bool karst_clear_find_matter(karst_clear_shader *shader, const karst_cast_view *view, const karst_buffer *rays,
+                             const karst_buffer *count, const karst_buffer *ways, uint32_t max_rays,
+                             const karst_buffer *hits, karst_buffer *matter, uint32_t room, karst_error *error);
 
 /* The streams. `sun`: shadow rays come with them. Errors: KARST_FAILED. */
 karst_clear *karst_clear_create(karst_context *context, bool sun, karst_error *error);
@@ -64,6 +71,10 @@ typedef struct {
     uint32_t bounces; /* surfaces of clear matter that a ray may meet after its first; 1 at least */
     karst_buffer *hits, *parts, *shadow_rays; /* as of karst_shade_pixels; the last NULL without a sun */
     karst_buffer *counters;                   /* up to KARST_CLEAR_COUNT_CUT */
+    bool has_caustics; /* the sun does not shine through clear matter: photons bring its light */
+    /* What else the rays of a stream see that ended, once it is shaded; `again` as below. NULL: nothing. */
+    bool (*more)(void *user, const karst_bounce *stream, bool again, karst_error *error);
+    void *user;
 } karst_clear_picture;
 
 /* Casts the camera's rays into clear matter. `keeps`: its hits are those of the picture from now on; else it is for

@@ -14,7 +14,7 @@
 struct karst_paths {
     karst_context *context;
     karst_program *program;
-    cl_kernel begin, add, count, scan, pack, count_lit, pack_lit, add_lit;
+    cl_kernel begin, add, hide, count, scan, pack, count_lit, pack_lit, add_lit;
     uint32_t room, num_blocks, num_lamps, num_shadows; /* room: rays; num_shadows: lamps that cast some */
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
     karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
@@ -37,6 +37,7 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
     if (paths->program) {
         paths->begin = karst_program_kernel(paths->program, "paths_begin", error);
         paths->add = karst_program_kernel(paths->program, "paths_add", error);
+        paths->hide = karst_program_kernel(paths->program, "paths_hide", error);
         paths->count = karst_program_kernel(paths->program, "paths_count", error);
         paths->scan = karst_program_kernel(paths->program, "paths_scan", error);
         paths->pack = karst_program_kernel(paths->program, "paths_pack", error);
@@ -44,8 +45,8 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
         paths->pack_lit = karst_program_kernel(paths->program, "paths_pack_lit", error);
         paths->add_lit = karst_program_kernel(paths->program, "paths_add_lit", error);
     }
-    if (!paths->begin || !paths->add || !paths->count || !paths->scan || !paths->pack || !paths->count_lit ||
-        !paths->pack_lit || !paths->add_lit) {
+    if (!paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan || !paths->pack ||
+        !paths->count_lit || !paths->pack_lit || !paths->add_lit) {
         karst_paths_destroy(paths);
         return NULL;
     }
@@ -67,7 +68,7 @@ void karst_paths_destroy(karst_paths *paths)
     if (!paths)
         return;
     cl_kernel kernels[] = {paths->begin, paths->add,       paths->count,    paths->scan,
-                           paths->pack,  paths->count_lit, paths->pack_lit, paths->add_lit};
+                           paths->pack,  paths->count_lit, paths->pack_lit, paths->add_lit, paths->hide};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -140,6 +141,17 @@ static bool launch_rays(const karst_paths *paths, cl_kernel kernel, size_t num, 
                         local_size, error);
 }
 
+/* Rays to lamps that clear matter hides bring no light from now on. */
+static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, karst_buffer *rays,
+                       const karst_buffer *count, uint32_t num, karst_error *error)
+{
+    karst_buffer *marks = picture->again ? NULL : paths->hits;
+    return karst_cast_stream_marks(picture->over, picture->view, rays, num, count, marks, error) &&
+           (!marks || (KARST_ARGUMENTS(paths->hide, error, KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count),
+                                       KARST_BUFFER_ARG(marks)) &&
+                       karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
+}
+
 /* The light of lamps that the generation's rays to them reach. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
                       karst_error *error)
@@ -181,8 +193,10 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
         !launch_blocks(paths, paths->pack_lit, all, error))
         return false;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
-                                              picture->again ? NULL : paths->hits, error);
+    const bool cast =
+        (!picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error)) &&
+        karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
+                                picture->again ? NULL : paths->hits, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
     if (!cast || picture->again)
         return cast;
@@ -306,4 +320,28 @@ bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture
     return begin(paths, picture, true, error) &&
            add_each_lamp(paths, picture, paths->rays, paths->total[0], picture->hits,
                          whole ? width_px / KARST_PACKET_SIDE : 0, error);
+}
+
+bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                                    const karst_buffer *count, const karst_buffer *hits, karst_path_stream *stream,
+                                    karst_error *error)
+{
+    const karst_lamp white = {.colour = {1, 1, 1}, .kind = KARST_LAMP_NORMAL};
+    const uint32_t num_pixels = (uint32_t)picture->pinhole->width_px * (uint32_t)picture->pinhole->height_px;
+    if (num_pixels > paths->room)
+        return karst_fail(error, KARST_FAILED, "there is no room for the light of %u pixels", num_pixels);
+    if (!karst_paths_set_lamps(paths, &white, 1, error) || (!rays && !begin(paths, picture, true, error)))
+        return false;
+    const karst_path_streams streams = {.rays = rays ? rays : paths->rays,
+                                        .count = rays ? count : paths->total[0],
+                                        .hits = hits,
+                                        .lamps = paths->lamps,
+                                        .max_rays = num_pixels,
+                                        .next = paths->next,
+                                        .to_lamps = paths->to_lamps};
+    /* As if it were followed no further; no light is added. */
+    const karst_path_task task = {.is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = 1};
+    *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
+    return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
+                             picture->parts, picture->counters, error);
 }

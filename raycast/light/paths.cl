@@ -54,6 +54,16 @@ __kernel K_WIDE void paths_add(int width_px, int height_px, K_GLOBAL const karst
 
 /* ---- rays to each lamp ---- */
 
+/* Rays of a stream that have a mark bring no light. */
+__kernel void paths_hide(K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GLOBAL const uint *marks)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= *count || !marks[i])
+        return;
+    rays[i].t_max = 0.0f;
+    rays[i].throughput[0] = rays[i].throughput[1] = rays[i].throughput[2] = 0.0f;
+}
+
 /* How many rays each block of a part has, of as many parts as lamps cast shadows: one work-item for each block. */
 __kernel void paths_count_lit(K_GLOBAL const uint *shining, K_GLOBAL uint *counts, uint num_blocks)
 {

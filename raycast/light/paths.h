@@ -36,6 +36,7 @@ typedef struct {
     const karst_buffer *hits; /* of the pinhole's rays */
     karst_buffer *parts, *counters;
     bool mirrors; /* surfaces do, if they say so */
+    karst_caster *over; /* of clear matter that hides lamps, as land does; NULL: none does */
     bool again;   /* for stamps and wishes alone: parts and counters stay as they are */
 } karst_path_picture;
 
@@ -51,5 +52,17 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
 bool karst_paths_add_lamps(karst_paths *paths, const karst_path_picture *picture, karst_error *error);
 bool karst_paths_add_lamps_of(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
                               const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
+/* A stream of rays that start in the surfaces of another's hits, along their normals, each with the share of what light
+ * falls there that reaches its pixel; idle where nothing was hit. Surfaces count as ones that do not mirror, and rays
+ * are those of the picture if `rays` is NULL. The buffers are the paths', until lamps are added or paths are followed.
+ * Asynchronous. Errors: KARST_FAILED. */
+typedef struct {
+    const karst_buffer *rays, *count;
+    uint32_t max_rays;
+} karst_path_stream;
+bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *rays,
+                                    const karst_buffer *count, const karst_buffer *hits, karst_path_stream *stream,
+                                    karst_error *error);
 
 #endif

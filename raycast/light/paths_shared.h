@@ -8,11 +8,14 @@
 /* In karst_ray.pixel: what the ray sees of lamps that have a place in the sky is its own, since the surface that it
  * comes from did not look for them. */
 #define KARST_PATH_SEES_SUN 0x80000000u
+/* And: the surface that the ray comes from mirrored it. */
+#define KARST_PATH_MIRRORED 0x40000000u
 
 /* What shines on surfaces beside sky and emission. */
 #define KARST_LAMP_SUN 0u   /* from a disc in the sky */
 #define KARST_LAMP_POINT 1u /* from a ball, all around */
 #define KARST_LAMP_SPOT 2u  /* from a ball, in a cone */
+#define KARST_LAMP_NORMAL 3u /* from along each surface's normal: what surfaces make of light, whatever it is */
 typedef struct {
     float place[4];     /* of a point or a spot: from the anchor, level-0 voxels; [3]: the ball's radius */
     float direction[4]; /* unit; to a sun, or where a spot shines; [3]: radius of a sun's disc, as seen at distance 1 */
@@ -36,7 +39,8 @@ typedef struct {
     /* With each_lamp: of the stream's packets, taken column by column where it has strips, those from this one on, and
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
-    uint pad[2];
+    uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
+    uint pad;
 } karst_path_task;
 K_ASSERT_SIZE(karst_path_task, 48);
 /* Strips whose packets are neighbours of a stream to lamps: with as many columns they are the pixels of a beam. */

@@ -13,6 +13,7 @@ static const golden_hashes golden[] = {
     {"alps", 0x2457dbf38f54fea7, 0x888ec07408a90400},
     {"asteroid", 0x5bb7e1ca6f51b161, 0x92000413475ec179},
     {"canyons", 0x19d8dc7e2046b4c3, 0x639740988715bb19},
+    {"caustics", 0x07948486500ad856, 0x2f7b835931326857},
     {"clouds", 0xfcadf2f28e755f97, 0xef8b04c9aad79f1c},
     {"dunes", 0x35ae260de0f26a14, 0x0de87386c6bb0a30},
     {"fog", 0xfe048f4ce62380f6, 0x93596dd3a2967811},

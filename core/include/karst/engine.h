@@ -60,6 +60,7 @@ bool karst_integrator_parse(const char *name, karst_integrator *integrator, kars
 
 #define KARST_ENGINE_MAX_BOUNCES 1024
 #define KARST_ENGINE_DEFAULT_BOUNCES 64 /* of KARST_INTEGRATOR_FULL */
+#define KARST_ENGINE_MAX_PHOTONS 16777216
 
 /* Whether what stands around a surface hides the light from all around, in KARST_INTEGRATOR_DIRECT. */
 typedef enum {
@@ -144,6 +145,12 @@ typedef struct {
      * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
+    /* Photons from all lights with shadows, whose light lands by way of mirrors and clear matter and makes caustics; up
+     * to KARST_ENGINE_MAX_PHOTONS, 32 MiB for each half a million. 0: none, and light passes clear matter straight. A
+     * world where nothing makes caustics is shown as without, with a warning. A frame traces some of them; a settled
+     * picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
+     * KARST_INTEGRATOR_DIRECT, and with shadows. */
+    uint32_t caustics;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the

@@ -56,6 +56,20 @@ typedef struct {
     uint64_t num_resident_bricks, num_requests, num_produced;
 } karst_stats_store;
 
+/* What became of the photons that make caustics (karst_engine_config.caustics), of this view so far. Energies are of
+ * all colours together, in units of a light's colour times square metres of what it shines on; what is emitted is the
+ * sum of the others, to the last quantum. */
+typedef struct {
+    uint64_t num_photons; /* traced; all of them once the picture is settled */
+    uint64_t num_landed;  /* on land, by way of mirrors or clear matter */
+    double emitted;
+    double deposited; /* of those */
+    double direct;    /* on land that a light shines on without, which is shaded in other ways */
+    double absorbed;  /* by clear matter */
+    double escaped;   /* to where the view ends */
+    double cut_off;   /* met more surfaces than photons may */
+} karst_stats_caustics;
+
 /* One frame, or the state after it. */
 typedef struct {
     char device[128];
@@ -91,6 +105,7 @@ typedef struct {
     /* Pixels per voxel: as set, and as this frame's rays asked for. More than set where the pools do not hold the view,
      * or production is behind a budget in ms. */
     double detail_asked_px, detail_given_px;
+    karst_stats_caustics caustics;
     size_t num_stores; /* beside the land's, of which `bricks` tells; 0 of most worlds */
     karst_stats_store stores[KARST_STATS_MAX_STORES];
     size_t num_memory;

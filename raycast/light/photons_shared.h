@@ -1,0 +1,101 @@
+/* Photons as host and kernels see them: raycast/light/photons.h. Compiled twice: see core/device/dialect.h. */
+#ifndef KARST_RAYCAST_PHOTONS_SHARED_H
+#define KARST_RAYCAST_PHOTONS_SHARED_H
+
+#include "raycast/light/paths_shared.h"
+#include "raycast/rays_shared.h"
+
+/* What a lamp shines into is cut into cells: of a sun the disc across its light, as wide as the view and centred on the
+ * eye, into rings that grow outwards; of others the directions in bands of equal cosine. Rings and bands are the rows,
+ * each cut into as many columns all around. */
+#define KARST_PHOTON_ROWS 256u
+#define KARST_PHOTON_CELLS (KARST_PHOTON_ROWS * KARST_PHOTON_ROWS) /* of a lamp */
+#define KARST_PHOTON_PROBES 1u                                     /* rays that look what is in a cell */
+
+/* What shines: as karst_lamp, from the eye. */
+typedef struct {
+    float place[4];  /* of a point or a spot, level-0 voxels; [3]: the ball's radius */
+    float axis[4];   /* unit; to a sun, or along a spot; [3]: radius of a sun's disc, as seen at distance 1 */
+    float across[4]; /* unit, across the axis and one another; [3] unused */
+    float along[4];
+    float colour[4];     /* on a surface that faces it; unless it is a sun, one voxel away. [3] unused */
+    float absorption[4]; /* of clear matter that it is in, per level-0 voxel. [3] unused */
+    float dark, bright;  /* of a spot */
+    float least_cosine;  /* where its bands begin: the cosine to the axis */
+    uint kind;           /* KARST_LAMP_* */
+    uint is_inside;      /* it is in clear matter */
+    uint pad[3];
+} karst_photon_lamp;
+K_ASSERT_SIZE(karst_photon_lamp, 128);
+
+/* A cell that photons are sent into: those from `first` to the next cell's, in the order of cells. */
+typedef struct {
+    uint first;
+    uint cell;      /* row * KARST_PHOTON_ROWS + column, and from bit 16 on the lamp */
+    float share;    /* of the cell's area (level-0 voxels squared) or solid angle, that each stands for */
+    float distance; /* of what it shines on from the eye, level-0 voxels */
+} karst_photon_cell;
+K_ASSERT_SIZE(karst_photon_cell, 16);
+
+/* What a photon leaves on land. */
+typedef struct {
+    float place[3]; /* from the photons' anchor, level-0 voxels */
+    uint tag;       /* which cell of the grid it lies in, among neighbours */
+    float flux[3];  /* of red, green and blue */
+    uint normal;    /* of the land, ten bits an axis; 0: it left nothing */
+} karst_photon;
+K_ASSERT_SIZE(karst_photon, 32);
+
+/* What becomes of a photon, in whole quanta of energy, of all colours together: given = lost + left. */
+#define KARST_PHOTON_FLIES 0u   /* it has met nothing that mirrors or is clear */
+#define KARST_PHOTON_TURNED 1u  /* it has */
+#define KARST_PHOTON_LANDED 2u  /* on land, after that */
+#define KARST_PHOTON_DIRECT 3u  /* on land that the lamp itself shines on */
+#define KARST_PHOTON_ESCAPED 4u /* to where the view ends */
+#define KARST_PHOTON_CUT 5u     /* it met more surfaces than it may */
+#define KARST_PHOTON_UNSURE 6u  /* it met what is not there yet, and only asks for it */
+typedef struct {
+    uint fate;
+    uint given, lost; /* lost: to clear matter on its way */
+    uint left;
+} karst_photon_fate;
+K_ASSERT_SIZE(karst_photon_fate, 16);
+
+/* Sums of that: quanta by where they went. */
+#define KARST_PHOTON_SUM_GIVEN 0
+#define KARST_PHOTON_SUM_LOST 1
+#define KARST_PHOTON_SUM_LANDED 2
+#define KARST_PHOTON_SUM_DIRECT 3
+#define KARST_PHOTON_SUM_ESCAPED 4
+#define KARST_PHOTON_SUM_CUT 5
+#define KARST_PHOTON_SUM_NUM_LANDED 6 /* photons, not quanta */
+#define KARST_PHOTON_SUMS 7
+#define KARST_PHOTON_SUM_RAYS 256u /* photons that a work-item adds up */
+
+/* The grid that they are looked for in: buckets of a table; blocks of them are summed together. */
+#define KARST_PHOTON_BLOCK 256u
+
+/* What a launch is about. */
+typedef struct {
+    uint batch, num_batches; /* photon `batch` + i * num_batches is ray i of the batch */
+    uint num_photons;        /* of all batches */
+    uint num_cells;
+    uint lamp; /* of probes */
+    uint is_probe;
+    uint generation; /* surfaces that have been met */
+    uint is_last;    /* photons that meet one more end there */
+    uint is_sure;    /* they go on only from what lacks nothing, and leave nothing */
+    uint has_clear;  /* there is clear matter */
+    float detail, voxel_m;
+    float t_max;      /* how far from the eye all ends */
+    float pixel_cone; /* a pixel's width at distance 1 */
+    float quantum;    /* quanta of energy in a unit of flux */
+    float reach;      /* how far photons are gathered from, at distance 1 from the eye */
+    float scale;      /* quanta of what is gathered in a unit of irradiance */
+    float whole;      /* what is gathered counts so often: 1 once all are traced */
+    float offset[3];  /* from the anchor of what is shaded to that of the photons */
+    uint mask;        /* buckets - 1: a power of two */
+} karst_photon_task;
+K_ASSERT_SIZE(karst_photon_task, 88);
+
+#endif

@@ -1,0 +1,374 @@
+/* Caustics: where photons land, against rays in double; that no energy is lost; that nothing but the scene, the view
+ * and their number decides what is seen. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "karst/karst.h"
+
+enum { SIDE = 96, NUM = SIDE * SIDE };
+
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
+
+/* A ring of inner radius 1 that mirrors 0.8, around (-4, 0); a ball of glass around (4, 0). The sun stands over -x. */
+#define ELEVATION_DEG 40.0
+#define RING_X (-4.0)
+#define RING_HEIGHT 0.9
+#define RING_MIRROR 0.8
+#define BALL_X 4.0
+#define BALL_RADIUS 0.5
+#define BALL_Y 0.75
+#define ALBEDO 0.5
+#define EYE_HEIGHT 20.0
+#define FOV_DEG 7.5
+static const char *const world =
+    "/*{ \"voxel\": 0.00390625, \"view\": 60,\n"
+    "\"sun\": { \"azimuth\": 270, \"elevation\": 40, \"colour\": [1, 1, 1] },\n"
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
+    "\"camera\": { \"position\": [\"-4\", \"20\", \"0\"], \"pitch\": -90, \"fov\": 7.5 } }*/\n"
+    "float ring(vec3 p) { return max(abs(length(p.xz - vec2(-4.0, 0.0)) - 1.03) - 0.03, p.y - 0.9); }\n"
+    "float density(vec3 p) { return max(-p.y, -ring(p)); }\n"
+    "float clear(vec3 p) { return 0.5 - length(p - vec3(4.0, 0.75, 0.0)); }\n"
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.5);\n"
+    "    if (p.y > 0.003) { m.colour = vec3(0.0); m.mirror = 0.8; } return m; }\n"
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5;\n"
+    "    m.absorption = vec3(0.2, 0.0, 0.5); return m; }\n";
+static const char *const plain = "/*{ \"voxel\": 0.0625, \"view\": 60,\n"
+                                 "\"camera\": { \"position\": [\"0\", \"2\", \"0\"] } }*/\n"
+                                 "float density(vec3 p) { return -p.y; }\n";
+
+typedef struct {
+    float light[3 * NUM];
+    karst_stats stats;
+} picture;
+static picture one, other;
+
+static karst_engine *open_engine(const char *text, const karst_engine_config *like, karst_error *error)
+{
+    char path[64] = "/tmp/karst-caustics-XXXXXX.karst";
+    karst_engine_config config = *like;
+    int fd = mkstemps(path, 6);
+    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
+    close(fd);
+    config.world = path;
+    config.display = KARST_DISPLAY_NONE;
+    if (!config.width_px)
+        config.width_px = config.height_px = SIDE;
+    config.exposure = KARST_EXPOSURE_GIVEN;
+    config.pool_bytes = (uint64_t)128 << 20;
+    karst_engine *engine = karst_engine_create(&config, error);
+    unlink(path);
+    return engine;
+}
+
+static karst_engine *create(const char *text, const karst_engine_config *like)
+{
+    karst_error error = {0};
+    karst_engine *engine = open_engine(text, like, &error);
+    if (!engine)
+        fail_msg("%s", error.message);
+    return engine;
+}
+
+static void settle(karst_engine *engine, picture *p, size_t num_pixels)
+{
+    bool settled = false;
+    assert_ok(karst_engine_settle(engine, 600, NULL, NULL, &settled, &error));
+    karst_engine_stats(engine, &p->stats);
+    assert_true(settled);
+    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * num_pixels, &error));
+}
+
+static void look_at(karst_engine *engine, double x)
+{
+    karst_camera camera = karst_engine_default_camera(engine);
+    const double to_m[3] = {x - RING_X, 0, 0};
+    camera.position = karst_position_add_m(camera.position, to_m, -8);
+    assert_ok(karst_engine_set_camera(engine, &camera, &error));
+}
+
+/* ---- rays in double ---- */
+
+static double truth[3][NUM];
+
+/* The side of a pixel on the floor, in metres; and the floor's pixels, from above. */
+static double pixel_m(void) { return 2 * EYE_HEIGHT * tan(FOV_DEG / 2 * M_PI / 180) / SIDE; }
+
+/* flux of red, green, blue that falls at (x, z) from the picture's middle. */
+static void land(double x, double z, const double flux[3])
+{
+    const int column = (int)floor(x / pixel_m() + SIDE / 2.0), row = (int)floor(SIDE / 2.0 - z / pixel_m());
+    if (column < 0 || row < 0 || column >= SIDE || row >= SIDE)
+        return;
+    for (int c = 0; c < 3; c++)
+        truth[c][row * SIDE + column] += flux[c] / (pixel_m() * pixel_m());
+}
+
+/* Light of the sun that the ring's inside mirrors to the floor, whatever often: by angle and height of where it first
+ * meets the wall. It flies along +x. */
+static void shine_on_ring(void)
+{
+    enum { AROUND = 1200, UP = 1000 };
+    const double slope = tan(ELEVATION_DEG * M_PI / 180), level = cos(ELEVATION_DEG * M_PI / 180);
+    memset(truth, 0, sizeof truth);
+    for (int i = 0; i < AROUND; i++)
+        for (int j = 0; j < UP; j++) {
+            const double angle = ((i + 0.5) / AROUND - 0.5) * M_PI, height = (j + 0.5) / UP * RING_HEIGHT;
+            double x = cos(angle), z = sin(angle), dx = 1, dz = 0, y = height;
+            /* over the near wall, a chord ago */
+            if (y + 2 * x * slope < RING_HEIGHT)
+                continue;
+            double flux = level * x * (M_PI / AROUND) * (RING_HEIGHT / UP);
+            for (;;) {
+                flux *= RING_MIRROR;
+                const double toward = dx * x + dz * z;
+                dx -= 2 * toward * x, dz -= 2 * toward * z;
+                const double chord = -2 * (dx * x + dz * z);
+                if (y / slope <= chord)
+                    break;
+                x += dx * chord, z += dz * chord, y -= chord * slope;
+            }
+            const double all[3] = {flux, flux, flux};
+            land(x + dx * (y / slope), z + dz * (y / slope), all);
+        }
+}
+
+/* How far the floor there is from the near wall, along the light: it is in the wall's shadow up to height / slope. */
+static double from_near_wall(double x, double z) { return x + sqrt(fmax(0, 1 - z * z)); }
+
+static bool refract(double d[3], const double n[3], double ratio, double *share)
+{
+    const double c = -(d[0] * n[0] + d[1] * n[1] + d[2] * n[2]), square = 1 - ratio * ratio * (1 - c * c);
+    if (square <= 0)
+        return false;
+    const double f = sqrt(square), rs = (ratio * c - f) / (ratio * c + f), rp = (ratio * f - c) / (ratio * f + c);
+    *share *= 1 - (rs * rs + rp * rp) / 2;
+    for (int i = 0; i < 3; i++)
+        d[i] = ratio * d[i] + (ratio * c - f) * n[i];
+    return true;
+}
+
+/* Light that the ball mirrors outside, and that goes straight through: nearly all; little is mirrored inside. */
+static void shine_on_ball(void)
+{
+    enum { ACROSS = 1200 };
+    const double e = ELEVATION_DEG * M_PI / 180, way[3] = {cos(e), -sin(e), 0}, up[3] = {sin(e), cos(e), 0};
+    static const double absorption[3] = {0.2, 0, 0.5};
+    memset(truth, 0, sizeof truth);
+    for (int i = 0; i < ACROSS; i++)
+        for (int j = 0; j < ACROSS; j++) {
+            const double a = 2 * (i + 0.5) / ACROSS - 1, b = 2 * (j + 0.5) / ACROSS - 1, in = 1 - a * a - b * b;
+            if (in <= 0)
+                continue;
+            double o[3], n[3], d[3] = {way[0], way[1], way[2]}, share = 4 * BALL_RADIUS * BALL_RADIUS / ACROSS / ACROSS;
+            for (int k = 0; k < 3; k++) {
+                n[k] = a * up[k] + b * (k == 2) - sqrt(in) * way[k];
+                o[k] = BALL_RADIUS * n[k];
+            }
+            const double toward = way[0] * n[0] + way[1] * n[1], whole = share;
+            const double back[3] = {way[0] - 2 * toward * n[0], way[1] - 2 * toward * n[1], -2 * toward * n[2]};
+            refract(d, n, 1 / 1.5, &share);
+            if (back[1] < 0) {
+                const double far = -(o[1] + BALL_Y) / back[1], lost = whole - share;
+                land(o[0] + far * back[0], o[2] + far * back[2], (const double[3]){lost, lost, lost});
+            }
+            const double inside = -2 * (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]);
+            for (int k = 0; k < 3; k++) {
+                o[k] += inside * d[k];
+                n[k] = -o[k] / BALL_RADIUS;
+            }
+            if (!refract(d, n, 1.5, &share) || d[1] >= 0)
+                continue;
+            const double t = -(o[1] + BALL_Y) / d[1];
+            double flux[3];
+            for (int c = 0; c < 3; c++)
+                flux[c] = share * exp(-absorption[c] * inside);
+            land(o[0] + t * d[0], o[2] + t * d[2], flux);
+        }
+}
+
+/* Rms of what differs, over the largest true value, over pixels that count; the largest is smoothed as the picture is:
+ * the mean of the pixels around. */
+static double rms_of_peak(const picture *p, bool (*counts)(double x, double z, double *direct), int channel,
+                          double *ratio)
+{
+    double sum = 0, peak = 0, is = 0, should = 0;
+    int num = 0;
+    for (int row = 1; row < SIDE - 1; row++)
+        for (int column = 1; column < SIDE - 1; column++) {
+            const double x = (column + 0.5 - SIDE / 2.0) * pixel_m(), z = (SIDE / 2.0 - row - 0.5) * pixel_m();
+            double direct = 0, around = 0;
+            if (!counts(x, z, &direct))
+                continue;
+            const int i = row * SIDE + column;
+            for (int dy = -1; dy <= 1; dy++)
+                for (int dx = -1; dx <= 1; dx++)
+                    around += truth[channel][i + dy * SIDE + dx] / 9;
+            const double light = p->light[3 * i + channel] / ALBEDO - direct;
+            sum += (light - truth[channel][i]) * (light - truth[channel][i]);
+            peak = fmax(peak, around);
+            is += light, should += truth[channel][i];
+            num++;
+        }
+    assert_true(num > 500);
+    *ratio = is / should;
+    return sqrt(sum / num) / peak;
+}
+
+/* Floor inside the ring, but for a few pixels along edges. */
+static bool is_in_ring(double x, double z, double *direct)
+{
+    const double edge = 3 * pixel_m(), slope = tan(ELEVATION_DEG * M_PI / 180);
+    const double past = from_near_wall(x, z) - RING_HEIGHT / slope;
+    *direct = past > 0 ? sin(ELEVATION_DEG * M_PI / 180) : 0;
+    return x * x + z * z < (1 - edge) * (1 - edge) && fabs(past) > edge;
+}
+
+/* Floor in the ball's shadow, but for where the ball itself is before it. */
+static bool is_behind_ball(double x, double z, double *direct)
+{
+    const double e = ELEVATION_DEG * M_PI / 180, edge = 3 * pixel_m(), middle = BALL_Y / tan(e);
+    const double across = (x - middle) * sin(e);
+    *direct = 0;
+    return across * across + z * z < (BALL_RADIUS - edge) * (BALL_RADIUS - edge) &&
+           x * x + z * z > (BALL_RADIUS + 2 * edge) * (BALL_RADIUS + 2 * edge);
+}
+
+static void check_energy(const karst_stats_caustics *c, uint64_t num)
+{
+    const double sum = c->deposited + c->direct + c->absorbed + c->escaped + c->cut_off;
+    assert_int_equal(c->num_photons, num);
+    assert_true(c->num_landed > num / 20 && c->num_landed < num);
+    assert_true(c->emitted > 0 && c->deposited > 0);
+    assert_true(fabs(sum - c->emitted) <= 1e-9 * c->emitted);
+}
+
+/* ---- tests ---- */
+
+static uint32_t most_photons(void)
+{
+    return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 12000 : 40000;
+}
+
+static void light_lands_where_rays_say(void **state)
+{
+    (void)state;
+    const uint32_t num = most_photons();
+    /* Noise and blur fall together. */
+    const double most = num >= 1000000 ? 0.05 : 0.05 * pow(1e6 / num, 0.35);
+    const karst_engine_config config = {.caustics = num};
+    karst_engine *engine = create(world, &config);
+    double ratio;
+    settle(engine, &one, NUM);
+    check_energy(&one.stats.caustics, num);
+    assert_true(one.stats.caustics.absorbed > 0); /* the ball is not seen, but shone on */
+    shine_on_ring();
+    const double ring = rms_of_peak(&one, is_in_ring, 0, &ratio);
+    print_message("ring: rms %.4f of the peak, light %.4f of the true\n", ring, ratio);
+    assert_true(ring <= most);
+    assert_true(fabs(ratio - 1) < 0.03);
+    /* The nephroid's cusp lies half a radius behind the middle. */
+    int brightest = 0;
+    for (int column = SIDE / 2; column < SIDE; column++) {
+        const double x = (column + 0.5 - SIDE / 2.0) * pixel_m();
+        const float *light = &one.light[3 * (SIDE / 2 * SIDE + column)];
+        if (x < 0.9 && (!brightest || light[0] > one.light[3 * (SIDE / 2 * SIDE + brightest)]))
+            brightest = column;
+    }
+    assert_true(fabs((brightest + 0.5 - SIDE / 2.0) * pixel_m() - 0.5) < 3 * pixel_m());
+
+    look_at(engine, BALL_X);
+    settle(engine, &other, NUM);
+    check_energy(&other.stats.caustics, num);
+    shine_on_ball();
+    for (int c = 0; c < 3; c += 2) {
+        const double ball = rms_of_peak(&other, is_behind_ball, c, &ratio);
+        print_message("ball, channel %d: rms %.4f of the peak, light %.4f of the true\n", c, ball, ratio);
+        assert_true(ball <= most);
+        assert_true(fabs(ratio - 1) < 0.05);
+    }
+    karst_engine_destroy(engine);
+}
+
+/* One lane and sixteen, frames with a budget in ms and without, and whatever was seen before. */
+static void bits_are_the_same_everywhere(void **state)
+{
+    (void)state;
+    enum { SMALL = 32, NUM_FEW = 20000 }; /* two batches */
+    static const karst_engine_config configs[] = {
+        {.caustics = NUM_FEW, .width_px = SMALL, .height_px = SMALL, .lanes = 16},
+        {.caustics = NUM_FEW, .width_px = SMALL, .height_px = SMALL, .lanes = 1, .budget_ms = 200},
+    };
+    for (size_t i = 0; i < sizeof configs / sizeof *configs; i++) {
+        karst_engine *engine = create(world, &configs[i]);
+        picture *p = i ? &other : &one;
+        if (i == 0) {
+            look_at(engine, BALL_X);
+            settle(engine, p, SMALL * SMALL);
+            look_at(engine, RING_X);
+        }
+        settle(engine, p, SMALL * SMALL);
+        check_energy(&p->stats.caustics, NUM_FEW);
+        karst_engine_destroy(engine);
+        assert_memory_equal(one.light, p->light, 3 * SMALL * SMALL * sizeof(float));
+        assert_memory_equal(&one.stats.caustics, &p->stats.caustics, sizeof one.stats.caustics);
+    }
+}
+
+static void expect_usage(const karst_engine_config *config, const char *what)
+{
+    karst_error error = {0};
+    assert_null(open_engine(plain, config, &error));
+    assert_int_equal(error.status, KARST_USAGE);
+    assert_non_null(strstr(error.message, what));
+}
+
+static char warned[512];
+static void listen(void *user, karst_log_level level, const char *line)
+{
+    (void)user;
+    if (level == KARST_LOG_WARNING)
+        snprintf(warned, sizeof warned, "%s", line);
+}
+
+static void what_cannot_be_is_told(void **state)
+{
+    (void)state;
+    karst_engine_config config = {.caustics = KARST_ENGINE_MAX_PHOTONS + 1};
+    expect_usage(&config, "photons");
+    config = (karst_engine_config){.caustics = 100, .integrator = KARST_INTEGRATOR_FULL};
+    expect_usage(&config, "full light");
+    config = (karst_engine_config){.caustics = 100, .no_shadows = true};
+    expect_usage(&config, "shadows");
+    const karst_log log = {.write = listen, .max_level = KARST_LOG_WARNING};
+    config = (karst_engine_config){.caustics = 100, .log = &log, .tone = KARST_TONE_OF_FILM};
+    config.width_px = config.height_px = 32;
+    karst_engine *engine = create(plain, &config);
+    assert_non_null(strstr(warned, "nothing makes caustics"));
+    settle(engine, &one, 32 * 32);
+    assert_int_equal(one.stats.caustics.num_photons, 0);
+    karst_engine_destroy(engine);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(light_lands_where_rays_say),
+        cmocka_unit_test(bits_are_the_same_everywhere),
+        cmocka_unit_test(what_cannot_be_is_told),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
