@@ -56,7 +56,7 @@ complains 1 "no-such-folder" "a report in a folder that is not there" bench hill
 complains 5 "unable to open nothing.json: No such file or directory$" "a comparison with nothing" bench hills --compare nothing.json
 echo '{"world": "hills"}' > other.json
 complains 5 "no report of karst bench" "a comparison with something else" bench hills --compare other.json
-[ -z "$(ls | grep -vE '^(stdout|stderr|other.json)$')" ]
+[ -z "$(ls | grep -vE '^(stdout|stderr|other.json|flat)$')" ]
 result "none of these left anything behind"
 complains 2 "about the world glass" "effects of another world" bench hills --effects none
 complains 2 "nothing is called 'foo'; there are: none, shadows" "an effect that there is not" bench glass --effects none,foo
