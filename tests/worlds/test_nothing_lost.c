@@ -389,7 +389,7 @@ static void test_nothing_lost(void **state)
 
 /* Were all constant that has samples of one sign (tests/producers/test_thin.c builds kernels that say so), surface
  * would be lost, and the search finds it. The lattice has none to lose: what is clear there only touches its planes.
- * Nor has that of "glass", "lens" and "caustics", which is one plane where the camera looks. */
+ * Nor has the ground of "glass" and "lens", one plane where the camera looks; that of "caustics" has a ring. */
 static void test_sampling_alone_is_caught(void **state)
 {
     shipped_world world;
@@ -401,10 +401,10 @@ static void test_sampling_alone_is_caught(void **state)
     print_message("%s, by samples alone: %u of %u nodes that were looked at lost surface\n", world.name, num_lost,
                   list.num_by_samples < NUM_SEARCHED ? list.num_by_samples : NUM_SEARCHED);
     if (strcmp(world.name, "lattice") == 0 || strcmp(world.name, "glass") == 0 ||
-        strcmp(world.name, "lens") == 0 || strcmp(world.name, "caustics") == 0)
+        strcmp(world.name, "lens") == 0)
         assert_int_equal(num_lost, 0);
     else
-        assert_true(num_lost >= LEAST_LOST);
+        assert_true(num_lost >= (strcmp(world.name, "caustics") == 0 ? 1 : LEAST_LOST));
     free(list.nodes);
     shipped_close(&world);
 }
