@@ -8,7 +8,8 @@
 #include "producers/density/world_file.h"
 
 struct karst_world {
-    karst_world_file *file;
+    karst_world_file *whole;
+    karst_world_file *file;        /* it, or the content of it that was asked for */
     karst_gradient_world *derived; /* NULL: it would be too large */
     uint64_t *data;                /* of the density's tape */
     /* Samplers clone them. */
