@@ -132,6 +132,12 @@ typedef struct {
     uint32_t num_new;    /* and those after them that this frame traced */
 } karst_engine_photons;
 
+/* Media as engine_six_way.c draws them, without the world around them. */
+typedef struct {
+    bool is_on;
+    float sun_direction[3], sun, behind; /* how bright both are */
+} karst_engine_alone;
+
 struct karst_engine {
     const karst_log *log;
     karst_engine_world shown;
@@ -150,6 +156,7 @@ struct karst_engine {
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
     bool media_moves;                 /* particles moved since the last picture */
+    karst_engine_alone alone;
     double time_s;                    /* karst_engine_set_time */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
@@ -417,10 +424,15 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
 
-/* engine_media.c; all do nothing where the world has no air. Lays media before the sample that was shaded, and makes
- * what light needs to come through them. */
+/* engine_media.c; all do nothing where the world has no air. Lays media before the sample that was shaded; before what
+ * a stream sees that was cast and is not shaded yet; and, once all of these are, makes what light needs to come
+ * through what they looked at. */
 bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error);
+bool karst_engine_veil_stream(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, const karst_media_stream *stream, karst_error *error);
+bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                               const karst_light *light, karst_error *error);
 /* The picture's rays ask for what they lack of media. */
 bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
@@ -456,7 +468,8 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
                                 const karst_light *light, karst_error *error);
 /* Casts the mirrored rays that the picture had once more, for what they ask for; or those from their hits to the sun.
  */
-bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
+bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                   karst_error *error);
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
 
