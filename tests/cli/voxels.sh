@@ -27,10 +27,10 @@ refused()
     [ $status -eq "$wanted" ] && grep -qE -e "$pattern" stderr && [ -z "$(ls -A | grep -E '^(out|\.karst)')" ]
     result "$name"
 }
-# Its ball is centred on a box of 40 m whose lower corner is at 0, and lies in cubes of 128 voxels on both sides of one.
+# Its density is no distance. Its ball is centred on a box of 40 m whose lower corner is at 0, and lies in cubes of 128 voxels on both sides of one.
 cat > ball.karst << 'END'
 /*{ "voxel": 0.125, "params": { "r": { "value": 15, "min": 1, "max": 19 } } }*/
-float density(vec3 p) { return r - length(p - 20.0); }
+float density(vec3 p) { float x = r - length(p - 20.0); return x * (1.0 + 60.0 * x * x); }
 medium air(vec3 p) { medium m; m.extinction = 0.1 * (p.x - 36.0); m.albedo = vec3(0.9); return m; }
 float clear(vec3 p) { return 2.0 - length(p - vec3(20.0, 37.0, 20.0)); }
 END
