@@ -173,9 +173,11 @@ $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 # An archive, so that a program takes only what it uses.
 $(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
 	$(Q)rm -f $@ && $(AR) rcs $@ $(SUPPORT_OBJECTS)
+# It drops files on a window; the headers of OpenGL bring those of X.
+$(OBJ)/tests/window/test_opening: TEST_LIBS := -lX11
 $(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(TEST_LIBS) $(KLIBS) -o $@
 $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
