@@ -185,7 +185,7 @@ static karst_ast_expr *parse_primary(karst_parser *p)
         p->at++;
         return e;
     }
-    if (keyword != KARST_KEYWORD_NONE)
+    if (keyword != KARST_KEYWORD_NONE && !karst_parser_is_spelling(p, t))
         karst_source_error(p->source, t->where, NULL, "expected a value, not '%s'", karst_name_text(p->names, t->what));
     p->at++;
     karst_ast_expr *e;
