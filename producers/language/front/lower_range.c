@@ -53,15 +53,11 @@ static range range_of(const karst_graph *graph, karst_expr e, uint32_t *visits)
     case KARST_OP_BIT_AND:
         return by && node->type == KARST_TYPE_INT && by->value >= 0 ? (range){0, by->value} : anything;
     case KARST_OP_ADD:
+    case KARST_OP_INT_ADD: { /* far from where ints wrap */
         a = range_of(graph, node->arg[0], visits);
-        if (!by)
-            return anything;
-        return (range){a.low + by->value, a.high + by->value};
-    case KARST_OP_INT_ADD: /* far from where ints wrap */
-        a = range_of(graph, node->arg[0], visits);
-        if (!by || fabs(by->value) > 0x1p30 || !(a.low > -0x1p30 && a.high < 0x1p30))
-            return anything;
-        return (range){a.low + by->value, a.high + by->value};
+        const range b = range_of(graph, node->arg[1], visits), sum = {a.low + b.low, a.high + b.high};
+        return sum.low > -0x1p30 && sum.high < 0x1p30 ? sum : anything;
+    }
     default:
         return anything;
     }

@@ -227,7 +227,13 @@ static bool spells_type(const karst_parser *p)
     const karst_token *next = karst_parser_ahead(p, 1), *second = karst_parser_ahead(p, 2);
     bool is_cast = karst_token_is(next, ')') && (second->kind == KARST_TOKEN_NAME || karst_token_is(second, '(') ||
                                                  second->kind == KARST_TOKEN_FLOAT || second->kind == KARST_TOKEN_INT);
-    return next->kind == KARST_TOKEN_NAME || karst_token_is(next, '(') || karst_token_is(next, '[') || is_cast;
+    size_t behind = 1; /* an array's size */
+    if (karst_token_is(next, '['))
+        for (behind = 2; !karst_token_is(karst_parser_ahead(p, behind - 1), ']'); behind++)
+            if (karst_parser_ahead(p, behind)->kind == KARST_TOKEN_END)
+                return false;
+    const karst_token *last = karst_parser_ahead(p, behind);
+    return last->kind == KARST_TOKEN_NAME || karst_token_is(last, '(') || is_cast;
 }
 
 bool karst_parser_at_type(const karst_parser *p)
