@@ -155,7 +155,7 @@ static const char *const built_ins[] = {
     "saturate(p.x * 0.7 + 0.2) * p.y",
     "fmod(p.x, 0.7) + fmod(p.xyz, vec3(0.9)).z + fmod(p.xy, 0.6).y",
     "lerp(p.x, p.y, p.z) + lerp(p.xy, p.yz, 0.3).y + lerp(p.xy, p.yz, p.zx).x",
-    "asfloat(floatBitsToUint(p.x)) + asfloat(floatBitsToInt(p.y)) + ldexp(p.z, 3)",
+    "asfloat((int(floor(p.x * 3.0)) & 7) * 65536 + 0x3f800000) * p.y + ldexp(p.z, 3)",
     "expm1(p.x) + log1p(abs(p.y)) + hypot(p.y, p.z)",
     "cbrt(p.x) + copysign(p.y, p.z) + fdim(p.z, p.x)",
     "refract(normalize(p), vec3(0.0, 1.0, 0.0), 0.8).x",
