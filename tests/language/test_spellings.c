@@ -85,8 +85,8 @@ static void test_surroundings(void **state)
         "layout(std140, binding = 0) uniform Block { float a; vec4 b; };\nuniform Other { mat4 m; } other;\n",
         "layout(std430) buffer Data { float values[]; };\n",
         "cbuffer Params : register(b0) { float a; float4 b; };\n",
-        "struct VSOut { float4 pos : SV_POSITION; float2 uv : TEXCOORD0; };\nTexture2D tex : register(t0);\n"
-        "float4 main(VSOut i, uint id : SV_VertexID) : SV_Target { return tex.Sample(s, i.uv); }\n",
+        "struct VSOut { float4 pos : SV_POSITION; float2 uv : TEXCOORD0; };\nTexture2D tex : register(t0);\n",
+        "float4 main(float2 uv : TEXCOORD0, uint id : SV_VertexID) : SV_Target { return tex.Sample(s, uv); }\n",
         "[numthreads(8, 8, 1)]\nvoid CSMain(uint3 id : SV_DispatchThreadID) { }\n",
     };
     (void)state;
