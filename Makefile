@@ -173,6 +173,8 @@ $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 # An archive, so that a program takes only what it uses.
 $(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
 	$(Q)rm -f $@ && $(AR) rcs $@ $(SUPPORT_OBJECTS)
+# It drops files on a window; the headers of OpenGL bring those of X.
+$(OBJ)/tests/window/test_opening: TEST_LIBS := -lX11
 # What tests/support/faults.c stands before.
 FAULTS := malloc calloc realloc strdup clFinish clBuildProgram clCompileProgram clCreateBuffer clEnqueueNDRangeKernel clEnqueueReadBuffer \
     clEnqueueWriteBuffer clEnqueueFillBuffer clEnqueueMapBuffer sqlite3_step sqlite3_exec sqlite3_backup_step sqlite3_errcode \
@@ -180,7 +182,7 @@ FAULTS := malloc calloc realloc strdup clFinish clBuildProgram clCompileProgram 
 $(OBJ)/tests/api/%: WRAP = $(FAULTS:%=-Wl,--wrap=%)
 $(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $(WRAP) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $(WRAP) $< $(SUPPORT) $(LIBRARY) -lcmocka $(TEST_LIBS) $(KLIBS) -o $@
 $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@

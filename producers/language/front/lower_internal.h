@@ -39,6 +39,7 @@ typedef struct {
     uint32_t result, returned, broken, continued;
     bool may_break, may_continue; /* in a loop or a switch; in a loop */
     size_t first_variable, first_in_block;
+    struct karst_loop *loop; /* whose body is being lowered, outside of a switch; NULL: none (lower_stmt.c) */
 } karst_frame;
 
 typedef struct {
