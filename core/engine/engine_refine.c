@@ -4,10 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
 #include "producers/edits/edits.h"
 #include "producers/language/emit/emit.h"
-#include "producers/points/points.h"
+#include "producers/points/points_kind.h"
 
 static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
 {
@@ -102,7 +102,7 @@ bool karst_engine_world_make_refining(const karst_engine_world *world, karst_con
 {
     *refining = (karst_engine_refining){.refiner = NULL};
     const unsigned what =
-        (has_edits ? OF_EDITS : 0u) | (karst_engine_world_has_models(world) ? (unsigned)OF_MODELS : 0u);
+        (has_edits ? OF_EDITS : 0u) | (karst_points_kind.is_named(world->file->program) ? (unsigned)OF_MODELS : 0u);
     if (build(refining, world, world->file, what, context, error))
         return true;
     karst_engine_finish_refining(refining);
@@ -151,7 +151,8 @@ bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view,
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
     karst_refiner *refiner = engine->shown.refining.refiner;
-    const karst_buffer *models = engine->shown.models ? karst_points_layer_data(engine->shown.models) : NULL;
+    const karst_layer *points = karst_engine_world_layer(&engine->shown, &karst_points_kind);
+    const karst_buffer *models = points ? karst_points_layer_data(points) : NULL;
     if (refiner && engine->edits)
         karst_refiner_set_layer(refiner, karst_edits_data(engine->edits), models);
     else if (refiner && models)

@@ -9,7 +9,7 @@
 #include "producers/density/bounds_cost.h"
 #include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
-#include "producers/density/world_models.h"
+#include "producers/points/points_kind.h"
 
 /* ---- opening ---- */
 
@@ -48,10 +48,10 @@ static bool make_oracles(karst_world *world, karst_error *error)
 static bool open_models(karst_world *world, karst_error *error)
 {
     size_t num;
-    karst_model *models = karst_world_models(world->file, &num, error);
+    karst_model *models = karst_named_models(world->file->program, world->metadata.voxel_log2_m, &num, error);
     bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num,
                                                              world->metadata.voxel_log2_m, UINT64_MAX, NULL, error));
-    karst_world_models_free(models, num);
+    karst_named_models_free(models, num);
     return done;
 }
 
