@@ -55,7 +55,7 @@ static box box_of(const karst_point *points, uint32_t begin, uint32_t end)
     return b;
 }
 
-static bool build_tree(surroundings *s, karst_error *error)
+static bool build_tree(const points_import *import, surroundings *s, karst_error *error)
 {
     uint32_t count = (s->num + LEAF - 1) / LEAF;
     for (s->num_levels = 0; s->num_levels < MAX_TREE_LEVELS; count = (count + FAN - 1) / FAN) {
@@ -65,6 +65,8 @@ static bool build_tree(surroundings *s, karst_error *error)
         if (!s->nodes[level])
             return karst_fail(error, KARST_FAILED, "out of memory for %u points", s->num);
         for (uint32_t i = 0; i < count; i++) {
+            if (level == 0 && i % BLOCK == 0)
+                karst_points_stay_small(import);
             uint32_t begin = i * (level ? FAN : LEAF), of = level ? s->counts[level - 1] : s->num;
             uint32_t end = of - begin < (level ? FAN : LEAF) ? of : begin + (level ? FAN : LEAF);
             if (level == 0) {
@@ -370,8 +372,7 @@ bool karst_points_look_around(points_import *import, karst_error *error)
     s.links =
         s.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *s.links, anew, error)
                  : NULL;
-    bool done = s.links && build_tree(&s, error);
-    karst_points_stay_small(import);
+    bool done = s.links && build_tree(import, &s, error);
     if (done) {
         const box *all = &s.nodes[s.num_levels - 1][0];
         double side = 0;
