@@ -290,7 +290,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
     karst_engine_say_what_paths_miss(engine);
-    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_models(engine, error)) {
+    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_layers(engine, error)) {
         karst_engine_destroy(engine);
         return NULL;
     }
