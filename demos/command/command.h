@@ -24,6 +24,8 @@
  *   command_sample.c   karst sample
  *   command_mesh.c     karst mesh
  *   command_heights.c  karst heights
+ *   command_voxels.c   karst voxels
+ *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
@@ -181,6 +183,22 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
                            const command_exr *exr, karst_error *error);
 /* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
 bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
+
+/* ---- command_six_way.c ---- */
+
+/* Light maps of moments that are step_s apart, on one sheet for each map. */
+typedef struct {
+    const char *pattern; /* of two files: %s becomes positive and negative */
+    int size_px[2];      /* of a moment's map */
+    uint64_t num;        /* moments, at least 1 */
+    double start_s, step_s;
+    uint32_t max_frames;
+} command_six_way;
+/* Errors: KARST_USAGE, KARST_FAILED (a file that cannot be written). */
+bool command_six_way_check(const command_six_way *maps, karst_error *error);
+/* Draws and writes them, each file whole or not at all, and says so. Errors: as karst_engine_six_way; KARST_FAILED also
+ * of what did not settle, once it is written. */
+bool command_six_way_run(karst_engine *engine, const command_six_way *maps, command_talk *talk, karst_error *error);
 
 /* ---- command_ray.c ---- */
 
@@ -452,6 +470,13 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
 /* ---- subcommands: arguments without their own names ---- */
 
 /* A subcommand. `run` returns false with an error; on --help it prints its help to stdout and returns true. */
+/* ---- command_box.c ---- */
+
+/* --box: X0,Y0,Z0,X1,Y1,Z1 in metres, of cells so wide; `most` of them along an axis, called so for people. Errors:
+ * KARST_USAGE. */
+bool command_parse_box(const char *box, double cell_m, const char *cells_name, int64_t most, int voxel_log2_m,
+                       karst_position *corner, int64_t num_cells[3], karst_error *error);
+
 typedef struct {
     const char *name, *summary;
     bool (*run)(int argc, char **argv, command_talk *talk, karst_error *error);
@@ -467,6 +492,7 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);

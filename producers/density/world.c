@@ -9,14 +9,34 @@
 #include "producers/density/bounds_cost.h"
 #include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
+#include "producers/points/points_kind.h"
 
 /* ---- opening ---- */
+
+static bool choose_part(karst_world *world, const karst_world_config *config, karst_error *error)
+{
+    static const struct {
+        karst_content content;
+        const char *what, *function;
+    } parts[] = {[KARST_WORLD_CLEAR] = {KARST_CONTENT_CLEAR, "clear matter", "float clear(vec3 p)"},
+                 [KARST_WORLD_AIR] = {KARST_CONTENT_AIR, "air", "medium air(vec3 p)"}};
+    const char *name = world->whole->info.name;
+    if ((unsigned)config->part > KARST_WORLD_AIR)
+        return karst_fail(error, KARST_USAGE, "there is no part %d of a world", (int)config->part);
+    world->file = world->whole->content[parts[config->part].content];
+    if (!world->file)
+        return karst_fail(error, KARST_USAGE, "%s has no %s: it does not define %s", name, parts[config->part].what,
+                          parts[config->part].function);
+    if (config->part == KARST_WORLD_AIR && world->whole->program->header.num_particles > 0)
+        karst_log_print(config->log, KARST_LOG_WARNING, "%s: its particles are left out", name);
+    return true;
+}
 
 static bool find(karst_world *world, const karst_world_config *config, karst_error *error)
 {
     char path[PATH_MAX];
-    world->file = karst_world_find(config, path, error);
-    if (!world->file)
+    world->file = world->whole = karst_world_find(config, path, error);
+    if (!world->whole || (config->part != KARST_WORLD_LAND && !choose_part(world, config, error)))
         return false;
     world->path = strdup(path);
     return world->path || karst_fail(error, KARST_FAILED, "out of memory");
@@ -42,6 +62,16 @@ static bool make_oracles(karst_world *world, karst_error *error)
             (world->gradient_oracle = karst_oracle_create(&world->derived->world, values, seed, voxel_log2_m, error)));
     free(values);
     return done || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+static bool open_models(karst_world *world, karst_error *error)
+{
+    size_t num;
+    karst_model *models = karst_named_models(world->file->program, world->metadata.voxel_log2_m, &num, error);
+    bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num,
+                                                             world->metadata.voxel_log2_m, UINT64_MAX, NULL, error));
+    karst_named_models_free(models, num);
+    return done;
 }
 
 /* ---- what it says of itself ---- */
@@ -94,7 +124,9 @@ static bool describe(karst_world *world, const karst_world_config *config, karst
         .view_distance_m = info->view_distance_m,
         .extent_m = header->has_extent ? header->extent_m : 0,
         .declared_lipschitz = header->has_lipschitz ? header->lipschitz : 0,
-        .has_colour = karst_has_output(world->file->program->root, KARST_OUTPUT_COLOUR),
+        .has_colour = world->file == world->whole
+                          ? karst_has_output(world->file->program->root, KARST_OUTPUT_COLOUR)
+                          : world->file->program->world.root[KARST_ROOT_COLOUR] != KARST_NO_EXPR,
     };
     karst_camera_parse(info->camera, header->voxel_log2_m, &world->metadata.camera, NULL);
     return list_parameters(world, error);
@@ -107,7 +139,8 @@ karst_world *karst_world_open(const karst_world_config *config, karst_error *err
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error))
+    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error) &&
+        (world->file != world->whole || open_models(world, error))) /* models stand in the land */
         return world;
     karst_world_close(world);
     return NULL;
@@ -120,7 +153,8 @@ void karst_world_close(karst_world *world)
     karst_oracle_destroy(world->gradient_oracle);
     karst_oracle_destroy(world->oracle);
     karst_gradient_world_destroy(world->derived);
-    karst_world_file_destroy(world->file);
+    karst_model_list_finish(&world->models);
+    karst_world_file_destroy(world->whole);
     free(world->parameters);
     free(world->data);
     free(world->path);

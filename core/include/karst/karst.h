@@ -14,6 +14,7 @@
 #include "karst/helper.h"
 #include "karst/image.h"
 #include "karst/log.h"
+#include "karst/maps.h"
 #include "karst/measure.h"
 #include "karst/medium.h"
 #include "karst/mesh.h"
@@ -25,5 +26,6 @@
 #include "karst/saved.h"
 #include "karst/stats.h"
 #include "karst/view.h"
+#include "karst/voxels.h"
 #include "karst/world.h"
 #endif
