@@ -197,8 +197,8 @@ demo: $(COMMAND)
 
 # ONLY=text runs those whose path holds the text, JOBS=1 one after the other. What takes longest comes first.
 check: all $(TEST_PROGRAMS)
-	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests \
-	    $(if $(PARTIAL),,$(TEST_SCRIPTS)) $(TEST_PROGRAMS)
+	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' STORE='$(abspath $(BUILD))/tests.store' sh tests/run.sh \
+	    $(OBJ)/tests $(if $(PARTIAL),,$(TEST_SCRIPTS)) $(TEST_PROGRAMS)
 
 # ONLY=text runs the programs that measure parts, whose path holds the text; PARTS="settled start" parts of the standard.
 bench: all $(BENCH_PROGRAMS)

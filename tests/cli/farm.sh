@@ -10,7 +10,7 @@ export KARST_DATA_DIR="$PWD/demos"
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 cd "$scratch" || exit 1
-export POCL_CACHE_DIR="$PWD/store"
+export POCL_CACHE_DIR="${POCL_CACHE_DIR:-$PWD/store}"
 
 run()
 {
@@ -64,7 +64,7 @@ result "a shell reads the words as they were"
 seed=${FARM_SEED:-$(date +%N)}
 awk -v seed="$seed" -v parts=$parts 'BEGIN { srand(seed); sure = 1 + int(parts * rand()) }
     { killed = NR == sure || rand() < 0.2
-      if (killed) printf "cp -R store store%d; POCL_CACHE_DIR=$PWD/store%d timeout -s %s %.2f ", NR, NR, rand() < 0.7 ? "KILL" : "TERM", 0.1 + 0.8 * rand()
+      if (killed) printf "cp -R \"$POCL_CACHE_DIR\" store%d; POCL_CACHE_DIR=$PWD/store%d timeout -s %s %.2f ", NR, NR, rand() < 0.7 ? "KILL" : "TERM", 0.1 + 0.8 * rand()
       print }' jobs > some_killed
 by="GNU parallel"
 parallel --version 2> /dev/null | grep -q '^GNU' || by=xargs
