@@ -36,7 +36,7 @@ detail=$(for picture in ./[0-9]*.png; do cmp "$picture" alone.png; done 2>&1)
 [ -z "$detail" ] && [ "$(ls ./[0-9]*.png | wc -l)" -eq "$num" ]
 result "each has the picture of one alone"
 # What PoCL leaves in its own folder is its own: names that nothing reads.
-detail=$(find "$KARST_CACHE_DIR/programs" -name '*.tmp*')
+detail=$(find "$KARST_CACHE_DIR/programs" -name '*.new')
 [ -d "$KARST_CACHE_DIR/programs" ] && [ -z "$detail" ]
 result "nothing half written is left in Karst's store"
 find "$KARST_CACHE_DIR" -type f | sort > before
