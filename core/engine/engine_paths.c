@@ -108,8 +108,11 @@ void karst_engine_say_what_paths_miss(const karst_engine *engine)
                clear = karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
     if (air || clear)
         karst_log_print(engine->log, KARST_LOG_WARNING,
-                        "%s: full light does not see its %s yet: pictures are as without", engine->world->name,
-                        air && clear ? "air and its clear matter" : air ? "air" : "clear matter");
+                        "%s: full light does not see its %s yet: pictures are as without%s", engine->world->name,
+                        air && clear ? "air and its clear matter"
+                        : air        ? "air"
+                                     : "clear matter",
+                        air ? "; direct light with --scattering paths shows all light in air" : "");
 }
 
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
