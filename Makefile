@@ -66,8 +66,8 @@ TEST_FOLDERS := $(if $(PARTIAL),$(wildcard $(MODULES:%=tests/%)),$(wildcard test
 find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '$(1)_*.c')))
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
-TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
+    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -173,9 +173,14 @@ $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 # An archive, so that a program takes only what it uses.
 $(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
 	$(Q)rm -f $@ && $(AR) rcs $@ $(SUPPORT_OBJECTS)
+# What tests/support/faults.c stands before.
+FAULTS := malloc calloc realloc strdup clFinish clBuildProgram clCompileProgram clCreateBuffer clEnqueueNDRangeKernel clEnqueueReadBuffer \
+    clEnqueueWriteBuffer clEnqueueFillBuffer clEnqueueMapBuffer sqlite3_step sqlite3_exec sqlite3_backup_step sqlite3_errcode \
+    sqlite3_extended_errcode dlopen
+$(OBJ)/tests/api/%: WRAP = $(FAULTS:%=-Wl,--wrap=%)
 $(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $(WRAP) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
 $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
@@ -192,8 +197,8 @@ demo: $(COMMAND)
 
 # ONLY=text runs those whose path holds the text, JOBS=1 one after the other. What takes longest comes first.
 check: all $(TEST_PROGRAMS)
-	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' sh tests/run.sh $(OBJ)/tests \
-	    $(if $(PARTIAL),,$(TEST_SCRIPTS)) $(TEST_PROGRAMS)
+	$(Q)KARST=$(COMMAND) CONFIG=$(CONFIG) ONLY='$(ONLY)' STORE='$(abspath $(BUILD))/tests.store' sh tests/run.sh \
+	    $(OBJ)/tests $(if $(PARTIAL),,$(TEST_SCRIPTS)) $(TEST_PROGRAMS)
 
 # ONLY=text runs the programs that measure parts, whose path holds the text; PARTS="settled start" parts of the standard.
 bench: all $(BENCH_PROGRAMS)

@@ -4,7 +4,8 @@
 # cmocka does so when asked to. The last line is the sum. Several programs run at once, and are told of in their order;
 # those named in tests/alone run by themselves, last. tests/run_selftest.sh shows that whatever goes wrong is told.
 # Variables: JOBS (programs at once, default: as many as there are cores), ONLY (run programs whose path holds it),
-# CONFIG (asan sets the sanitizers' options), TEST_TIMEOUT_S (of one program), ALONE (another list than tests/alone).
+# CONFIG (asan sets the sanitizers' options), TEST_TIMEOUT_S (of one program), ALONE (another list than tests/alone),
+# STORE (a folder: what drivers have built for scripts; most of a script's time goes into that).
 set -u
 logs=$1
 shift
@@ -46,13 +47,27 @@ cpu_between()
         END { printf "%.0f", sum - before }' "$1" "$2"
 }
 
+# take_store FOLDER, keep_store FOLDER: from and to what scripts share. Drivers rename what is whole into place, so that a
+# command that was ended leaves nothing half there but its temporary files; Karst's markers are its own.
+take_store()
+{
+    [ -d "${STORE:-}" ] && flock "$STORE.lock" cp -R "$STORE" "$1"
+}
+keep_store()
+{
+    [ -n "${STORE:-}" ] && [ -d "$1" ] && mkdir -p "$STORE" && for entry in "$1"/??; do
+        [ -d "$entry" ] && flock "$STORE.lock" cp -Rn "$entry" "$STORE"
+    done
+}
+
 # run_one NUMBER PROGRAM
 run_one()
 {
     name=$(name_of "$2")
     log="$logs/$(echo "$name" | tr / _).log"
     shell=
-    # Scripts end commands by force, which others would be told of: each has a driver's store of its own. Programs share one.
+    # Scripts end commands by force, which others would be told of: each has a driver's store of its own, which begins with
+    # what scripts before it have had built. Programs share one.
     store=
     case $2 in *.sh) shell=sh store="$logs/$(echo "$name" | tr / _).store" ;; esac
     rm -f "$log"
@@ -61,7 +76,7 @@ run_one()
     again=
     options=${ASAN_OPTIONS:-}
     for try in 1 2 3; do
-        [ -n "$store" ] && rm -rf "$store"
+        [ -n "$store" ] && rm -rf "$store" && take_store "$store"
         # A shell's background ignores these signals, and so would the program.
         env --default-signal=INT,QUIT ${store:+"POCL_CACHE_DIR=$store"} ${options:+"ASAN_OPTIONS=$options"} \
             timeout -k 10 "${TEST_TIMEOUT_S:-1800}" $shell "$2" > "$log" 2>&1 < /dev/null &
@@ -77,6 +92,7 @@ run_one()
         again=", again: the leak checker had crashed"
     done
     times > "$work/$1.after"
+    [ -n "$store" ] && [ $status -eq 0 ] && keep_store "$store"
     [ -n "$store" ] && rm -rf "$store"
     took="$(($(date +%s) - start)) s, CPU $(cpu_between "$work/$1.before" "$work/$1.after") s"
 

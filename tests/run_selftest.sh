@@ -58,6 +58,13 @@ for JOBS in 1 3; do
     [ $status -eq 0 ] && [ -z "$(find logs -name '*.store')" ]
     result "$JOBS at once: a script has a driver's store of its own, which goes with it"
 done
+# What a script has had built is there for the next; what goes wrong, and what is no driver's, stays out.
+program built.sh 'mkdir -p "$POCL_CACHE_DIR/AB/program" && echo kernel > "$POCL_CACHE_DIR/AB/program/a.so" && : > "$POCL_CACHE_DIR/marker-1"; echo "ok 1 - a"'
+program spoiled.sh 'mkdir -p "$POCL_CACHE_DIR/CD" && echo "not ok 1 - a"; exit 1'
+program finds.sh '[ "$(cat "$POCL_CACHE_DIR/AB/program/a.so")" = kernel ] && [ "$(ls "$POCL_CACHE_DIR")" = AB ] && echo "ok 1 - a"'
+JOBS=1 STORE=$scratch/kept run_them tests/built.sh tests/spoiled.sh tests/finds.sh
+[ "$(last)" = "2 passed, 1 failed" ] && grep -q '^ok *finds' said && [ "$(ls kept)" = AB ]
+result "a script's store begins with what those before it built"
 run_them tests/nothing
 [ $status -eq 1 ] && [ "$(last)" = "0 passed, 1 failed" ]
 result "a program that is not there is told"

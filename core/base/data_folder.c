@@ -84,9 +84,15 @@ bool karst_data_find(const char *kind, const char *name, const char *suffix, cha
         return (length >= 0 && (size_t)length < size_bytes) ||
                karst_fail(error, KARST_USAGE, "'%.60s...': the name is too long", name);
     }
-    wanted w = {kind, name, suffix, path, size_bytes};
-    if (*name && visit_all(try_folder, &w))
+    char found[PATH_MAX + 512];
+    wanted w = {kind, name, suffix, found, sizeof found};
+    if (*name && visit_all(try_folder, &w)) {
+        if (strlen(found) >= size_bytes)
+            return karst_fail(error, KARST_USAGE, "'%.60s' is found by a path of %zu characters; there is room for %zu",
+                              name, strlen(found), size_bytes ? size_bytes - 1 : 0);
+        strcpy(path, found);
         return true;
+    }
     return karst_fail(error, KARST_BAD_DATA,
                       "no %.*s called '%.60s' comes with Karst; a file's name ends in %s, and KARST_DATA_DIR says "
                       "where else to look",

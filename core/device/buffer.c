@@ -160,6 +160,23 @@ karst_buffer *karst_buffer_create_blank(karst_context *context, const char *name
     return create(context, name, size_bytes, NULL, false, error);
 }
 
+karst_buffer *karst_buffer_create_over(karst_context *context, const char *name, const void *memory, size_t size_bytes,
+                                       karst_error *error)
+{
+    karst_buffer *buffer = karst_buffer_account(context, name, 0, error);
+    cl_int code = CL_SUCCESS;
+    if (!buffer)
+        return NULL;
+    buffer->mem =
+        clCreateBuffer(context->cl, CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, size_bytes, (void *)memory, &code);
+    if (code == CL_SUCCESS)
+        return buffer;
+    karst_fail(error, KARST_FAILED, "cannot use %zu bytes of memory for %s: %s", size_bytes, name,
+               karst_cl_error_name(code));
+    karst_buffer_destroy(buffer);
+    return NULL;
+}
+
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error)
 {
     karst_buffer *buffer = calloc(1, sizeof(*buffer));

@@ -126,6 +126,11 @@ void *karst_buffer_memory(const karst_buffer *buffer);
 /* Enters memory that is not the device's own in the account (an OpenGL buffer, say): mem is NULL, and it is only for
  * destroying. */
 karst_buffer *karst_buffer_account(karst_context *context, const char *name, size_t size_bytes, karst_error *error);
+/* A buffer that kernels read and that is this memory, where the device's memory is the host's; elsewhere a copy of it.
+ * It is of 0 bytes to whoever counts memory or copies from it. Borrows the memory, which begins with a page, for the
+ * buffer's life. Errors: KARST_FAILED. */
+karst_buffer *karst_buffer_create_over(karst_context *context, const char *name, const void *memory, size_t size_bytes,
+                                       karst_error *error);
 void karst_buffer_destroy(karst_buffer *buffer); /* NULL is fine */
 /* Write and read wait until it is done; fill (whole 32-bit values) does not. Ranges outside the buffer are refused. */
 bool karst_buffer_write(karst_buffer *buffer, size_t offset_bytes, const void *data, size_t size_bytes,

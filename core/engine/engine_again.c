@@ -21,7 +21,7 @@ bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error
     /* Mirrored rays start where those to the sun do. */
     return (!engine->shadows || karst_cast_shadows_again(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                          engine->shadows_asked, error)) &&
-           (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, error) &&
+           (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, &pinhole, error) &&
                                 karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error))) &&
            karst_engine_look_at_occlusion(engine, &view, error) &&
            karst_engine_look_at_paths(engine, &view, &pinhole, error) &&

@@ -63,7 +63,7 @@ bool karst_engine_report_index(karst_engine *engine, karst_error *error)
     karst_engine_bending *bending = &engine->shown.bending;
     uint32_t num = 0;
     float place[3];
-    if (!engine->clear || !bending->bender || bending->reported)
+    if (!bending->bender || bending->reported)
         return true;
     if (!karst_bender_faults(bending->bender, &num, place, error))
         return false;

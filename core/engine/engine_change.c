@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/engine/engine_particles.h"
+#include "core/engine/engine_layers.h"
+#include "producers/particles/particle_list.h"
 
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world)
 {
@@ -53,10 +54,10 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     if (!karst_engine_set_view_distance(engine, info, error))
         return false;
     bool same = karst_fingerprint_same(&engine->shown.fingerprint, &world->fingerprint) &&
-                karst_engine_world_same_models(&engine->shown, world);
+                karst_engine_world_same_layers(&engine->shown, world, false);
     bool changed[KARST_NUM_CONTENTS];
     karst_engine_changed_contents(&engine->shown, world, changed);
-    if (karst_engine_world_has_particles(&engine->shown) || karst_engine_world_has_particles(world))
+    if (!karst_engine_world_same_layers(&engine->shown, world, true))
         changed[KARST_CONTENT_AIR] = true;
     karst_finish(engine->context, NULL); /* nothing may run of what goes */
     rescale_position(&engine->camera.position, engine->world->voxel_log2_m, info->voxel_log2_m);
@@ -159,7 +160,7 @@ bool karst_engine_take_values(karst_engine *engine, karst_number *values, karst_
 {
     karst_engine_world *shown = &engine->shown;
     karst_fingerprint fingerprint;
-    if (!karst_engine_move_particles(engine, values, error)) {
+    if (!karst_engine_move_layers(engine, values, error)) {
         free(values);
         return false;
     }
@@ -189,6 +190,16 @@ bool karst_engine_take_values(karst_engine *engine, karst_number *values, karst_
 }
 
 /* ---- the time ---- */
+
+bool karst_program_put_time(const karst_program_graph *program, double time_s, karst_number *values)
+{
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        if (program->parameters[i].is_implicit && strcmp(program->parameters[i].name, "iTime") == 0) {
+            values[i] = karst_number_shortest(time_s);
+            return true;
+        }
+    return false;
+}
 
 /* iTime becomes the engine's time. Errors: KARST_USAGE, KARST_FAILED. */
 static bool apply_time(karst_engine *engine, karst_error *error)
@@ -221,7 +232,7 @@ bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *err
     if (time_s == before_s)
         return true;
     engine->time_s = time_s;
-    if (apply_time(engine, error) && karst_engine_move_particles(engine, NULL, error))
+    if (apply_time(engine, error) && karst_engine_move_layers(engine, NULL, error))
         return true;
     engine->time_s = before_s;
     apply_time(engine, NULL);
@@ -262,7 +273,7 @@ void karst_prepared_world_destroy(karst_prepared_world *world)
 bool karst_engine_change_world(karst_engine *engine, karst_prepared_world *world, bool *kept, karst_error *error)
 {
     bool done = build(engine, &world->world, error) && replace_world(engine, &world->world, kept, error) &&
-                karst_engine_colour_models(engine, error) && apply_time(engine, error);
+                karst_engine_colour_layers(engine, error) && apply_time(engine, error);
     karst_prepared_world_destroy(world);
     return done;
 }
@@ -285,7 +296,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         world->file->info.has_atmosphere ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
-        !karst_engine_world_same_models(old, world) ||
+        !karst_engine_world_same_layers(old, world, false) ||
         !karst_engine_set_view_distance(engine, &world->file->info, error))
         return true;
     bool is_same = false;
@@ -296,8 +307,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         return karst_engine_set_view_distance(engine, engine->world, error);
     world->producer = old->producer;
     old->producer = NULL;
-    world->models = old->models;
-    old->models = NULL;
+    karst_engine_world_hand_layers(old, world);
     world->shader = karst_engine_tape_shader(engine->context, engine->shade, world->producer->data[0], error);
     karst_engine_world_close(old);
     karst_engine_adopt_world(engine, world);

@@ -89,6 +89,20 @@ static bool add_lights(void *user, const karst_bounce *bounce, bool again, karst
     return karst_engine_draw_lights_of(lit->engine, &picture, stream.rays, stream.total, stream.hits, error);
 }
 
+/* Media before what a stream sees. */
+static bool veil(void *user, const karst_clear_stream *of, bool again, karst_error *error)
+{
+    const lit_stream *lit = user;
+    const karst_media_stream stream = {.rays = of->stream->rays,
+                                       .count = of->stream->total,
+                                       .hits = of->stream->hits,
+                                       .over_hits = of->over_hits,
+                                       .ways = of->ways,
+                                       .max_rays = of->stream->room,
+                                       .adds = !again};
+    return karst_engine_veil_stream(lit->engine, lit->view, lit->pinhole, lit->light, &stream, error);
+}
+
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               bool again, karst_error *error)
 {
@@ -97,9 +111,9 @@ bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view,
     const karst_light light = karst_engine_light(engine);
     karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
     lit_stream lit = {engine, view, pinhole, &light};
-    if (karst_engine_has_caustics(engine)) {
+    picture.user = &lit;
+    picture.veil = veil;
+    if (karst_engine_has_caustics(engine))
         picture.more = add_lights;
-        picture.user = &lit;
-    }
     return karst_clear_trace(engine->clear, &picture, again, error);
 }

@@ -88,7 +88,7 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
 unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
 {
     if (config->integrator == KARST_INTEGRATOR_FULL)
-        return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS;
+        return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS | (world->has_clear ? KARST_SHADE_THROUGH_CLEAR : 0u);
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
                         (world->has_own_mirror && config->mirror >= 0) || world->has_clear;
     const bool lights = world->num_lights > 0;
@@ -275,10 +275,10 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if ((engine->shade & KARST_SHADE_MIRROR) && !has_clear &&
         !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_OCCLUSION) &&
-        !(engine->occlusion = karst_occlusion_create(engine->context, error)))
-        goto failed;
-    if (((engine->shade & KARST_SHADE_PATHS) && !(engine->paths = karst_paths_create(engine->context, error))) ||
+    const unsigned shade = engine->shade;
+    if (((shade & KARST_SHADE_OCCLUSION) && !(engine->occlusion = karst_occlusion_create(engine->context, error))) ||
+        ((shade & KARST_SHADE_PATHS) &&
+         !(engine->paths = karst_paths_create(engine->context, shade & KARST_SHADE_THROUGH_CLEAR, error))) ||
         !karst_engine_create_photons(engine, config, error))
         goto failed;
     if (!engine->counters || !engine->caster ||
@@ -290,7 +290,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
     karst_engine_say_what_paths_miss(engine);
-    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_models(engine, error)) {
+    if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_layers(engine, error)) {
         karst_engine_destroy(engine);
         return NULL;
     }

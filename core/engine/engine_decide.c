@@ -57,7 +57,7 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
                                                         engine->shadows_asked, error)
                              : karst_cast_picture_shadows(engine->caster, &view, &pinhole, &light, engine->shadow_rays,
                                                           NULL, engine->shadows_asked, NULL, error));
-    return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, error)) &&
+    return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, &pinhole, error)) &&
            karst_engine_look_at_occlusion(engine, &view, error) &&
            karst_engine_look_at_paths(engine, &view, &pinhole, error);
 }

@@ -17,6 +17,15 @@ static bool hide_sun_by_clear(karst_engine *engine, const karst_cast_view *view,
                               shaded, error);
 }
 
+/* What surfaces mirror, and what is seen through clear matter. */
+static bool draw_next(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                      const karst_light *light, karst_error *error)
+{
+    return (!engine->bounce || (karst_engine_draw_mirrored(engine, view, pinhole, light, error) &&
+                                karst_engine_draw_lights(engine, view, pinhole, light, true, error))) &&
+           karst_engine_trace_clear(engine, view, pinhole, false, error);
+}
+
 /* By sun, sky and mirrors. */
 static bool shade(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                   const karst_light *light, cl_mem pixels, karst_error *error)
@@ -40,9 +49,8 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     /* Media lie before what they dim, and say how much of what is mirrored comes through. */
     return shadowed && karst_engine_draw_media(engine, view, pinhole, light, error) &&
-           (!engine->bounce || (karst_engine_draw_mirrored(engine, view, pinhole, light, error) &&
-                                karst_engine_draw_lights(engine, view, pinhole, light, true, error))) &&
-           karst_engine_trace_clear(engine, view, pinhole, false, error);
+           (engine->alone.is_on || draw_next(engine, view, pinhole, light, error)) &&
+           karst_engine_survey_media(engine, view, pinhole, light, error);
 }
 
 static bool paint(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, cl_mem pixels,

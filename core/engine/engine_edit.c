@@ -1,45 +1,14 @@
-/* Layers of an engine's scene: its world's models, then edits (karst/edit.h). */
+/* Edits of an engine's scene (karst/edit.h): a layer over those that its world names. */
 #include <stdlib.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
 #include "karst/edit.h"
 #include "karst/saved.h"
 #include "producers/edits/edits.h"
 
-/* What changed is forgotten at once, between two frames; the next one makes anew what the last one's rays used. */
 static bool drop_dirty(karst_engine *engine, karst_error *error)
 {
-    const karst_drop_box *boxes;
-    size_t num = engine->edits->ops->take_dirty(engine->edits, &boxes);
-    engine->dropped = (karst_dropped){0};
-    engine->view_changed = true;
-    engine->media_is_stale = true; /* the land shades them */
-    return karst_cache_drop(engine->cache, boxes, num, engine->serial, &engine->dropped, error);
-}
-
-bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error)
-{
-    const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
-                                     .finalise_options =
-                                         karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
-    karst_layer *layers[2];
-    size_t num = 0;
-    if (!karst_engine_world_load_models(engine, world, error) ||
-        !karst_engine_world_set_particles(engine, world, error))
-        return false;
-    if (world->models)
-        layers[num++] = world->models;
-    if (engine->edits && world->file->info.voxel_log2_m != karst_edits_list(engine->edits)->voxel_log2_m)
-        return karst_fail(error, KARST_USAGE,
-                          "%s has voxels of 2^%d m, and the edits were made in voxels of 2^%d m: undo them first, or "
-                          "give the world the same voxel",
-                          world->file->info.name, world->file->info.voxel_log2_m,
-                          karst_edits_list(engine->edits)->voxel_log2_m);
-    if (engine->edits)
-        layers[num++] = engine->edits;
-    return num == 0 || (karst_finish(engine->context, error) &&
-                        karst_world_file_set_layers(world->producer, world->file, &build, layers, num,
-                                                    engine->colours, error));
+    return karst_engine_drop_dirty(engine, engine->edits, false, &engine->dropped, error);
 }
 
 static bool make_layer(karst_engine *engine, karst_error *error)
@@ -92,9 +61,9 @@ static bool make_colours(karst_engine *engine, karst_error *error)
     return true;
 }
 
-bool karst_engine_colour_models(karst_engine *engine, karst_error *error)
+bool karst_engine_colour_layers(karst_engine *engine, karst_error *error)
 {
-    return !karst_engine_world_has_coloured_models(&engine->shown) || make_colours(engine, error);
+    return !karst_engine_world_has_coloured_layers(&engine->shown) || make_colours(engine, error);
 }
 
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error)

@@ -48,6 +48,8 @@ static karst_light sunlight(const karst_engine *engine)
     karst_light light = karst_light_of_sun(sun.azimuth_deg, sun.elevation_deg);
     if (engine->world->has_sun_colour)
         memcpy(light.sun_colour, engine->world->sun_colour, sizeof engine->world->sun_colour);
+    if (engine->alone.is_on)
+        memcpy(light.sun_direction, engine->alone.sun_direction, sizeof engine->alone.sun_direction);
     return light;
 }
 
@@ -73,6 +75,10 @@ karst_light karst_engine_light(const karst_engine *engine)
     memcpy(light.ground_steep, world->ground_steep, sizeof world->ground_steep);
     if (engine->shown.skies)
         karst_skies_light(engine->shown.skies, &light);
+    for (int c = 0; engine->alone.is_on && c < 3; c++) {
+        light.sun_colour[c] = engine->alone.sun;
+        light.sky_zenith[c] = engine->alone.behind;
+    }
     return light;
 }
 

@@ -36,10 +36,14 @@ static bool prepare(karst_engine *engine, karst_error *error)
     karst_world_file_colour_options(file, options);
     const karst_media_config config = {
         .air = karst_store_get_buffers(engine->stores[KARST_CONTENT_AIR].store),
-        .land = engine->shadows ? karst_cache_get_buffers(engine->cache) : NULL,
+        .land = engine->shadows && !engine->alone.is_on ? karst_cache_get_buffers(engine->cache) : NULL,
         .mode = mode_of(engine->media_mode),
-        .scattering = engine->scattering,
-        .has_atmosphere = engine->shown.skies != NULL,
+        .scattering = engine->alone.is_on ? KARST_SCATTERING_OCTAVES : engine->scattering,
+        .has_atmosphere = engine->shown.skies != NULL && !engine->alone.is_on,
+        .has_streams = !engine->alone.is_on && (engine->bounce || engine->clear),
+        .glows = karst_has_output(file->program->world.root, KARST_OUTPUT_EMISSION),
+        .has_lamps = !engine->alone.is_on && engine->world->num_lights > 0,
+        .is_alone = engine->alone.is_on,
         .groups = engine->media_groups,
         .look = {.source = file->code.colour_source, .options = options, .data = producer->data[0]}};
     if (!karst_finish(engine->context, error))
@@ -55,18 +59,33 @@ static bool prepare(karst_engine *engine, karst_error *error)
 static karst_media_picture picture_of(const karst_engine *engine, const karst_cast_view *view,
                                       const karst_pinhole *pinhole, const karst_light *light)
 {
-    return (karst_media_picture){.view = view,
-                                 .pinhole = pinhole,
-                                 .light = light,
-                                 .anchor = &engine->camera.position,
-                                 .skies = engine->shown.skies,
-                                 .metres = exp2f((float)engine->world->voxel_log2_m),
-                                 .detail = MEDIA_DETAIL,
-                                 .hits = engine->hits,
-                                 .parts = karst_radiance_parts(engine->radiance),
-                                 .has_sun = engine->shadows,
-                                 .has_mirror = engine->bounce != NULL,
-                                 .makes_all = engine->settles};
+    const bool has_clear = engine->clear && karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
+    const double voxel_m = exp2(engine->world->voxel_log2_m);
+    karst_media_picture picture = {.view = view,
+                                   .pinhole = pinhole,
+                                   .light = light,
+                                   .anchor = &engine->camera.position,
+                                   .skies = engine->shown.skies,
+                                   .metres = (float)voxel_m,
+                                   .detail = MEDIA_DETAIL,
+                                   .hits = engine->hits,
+                                   .parts = karst_radiance_parts(engine->radiance),
+                                   .has_sun = engine->shadows,
+                                   .has_mirror = engine->bounce || engine->clear,
+                                   .over_hits = has_clear ? karst_clear_first_hits(engine->clear) : NULL,
+                                   .makes_all = engine->settles};
+    if (has_clear && karst_engine_is_in_clear(engine, &engine->camera.position, picture.absorption))
+        for (int c = 0; c < 3; c++)
+            picture.absorption[c] *= (float)voxel_m;
+    return picture;
+}
+
+/* The world's own. */
+static bool add_lamps(const karst_engine *engine, const karst_media_picture *picture, karst_error *error)
+{
+    karst_lamp lamps[KARST_MOST_LAMPS];
+    const uint32_t num = karst_engine_own_lamps(engine, lamps, 0);
+    return engine->alone.is_on || karst_media_add_lamps(engine->media, picture, lamps, num, error);
 }
 
 bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -85,8 +104,25 @@ bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, 
            (!moves || (karst_media_look(engine->media, &picture, error) &&
                        karst_media_survey_sun(engine->media, &picture, error))) &&
            karst_media_take_counts(engine->media, &num_lacking, &num_made, error) &&
-           karst_media_pixels(engine->media, &picture, error) &&
-           karst_media_survey_sun(engine->media, &picture, error);
+           karst_media_pixels(engine->media, &picture, error) && add_lamps(engine, &picture, error);
+}
+
+bool karst_engine_veil_stream(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, const karst_media_stream *stream, karst_error *error)
+{
+    if (!karst_engine_has_content(engine, KARST_CONTENT_AIR) || !engine->media)
+        return true;
+    const karst_media_picture picture = picture_of(engine, view, pinhole, light);
+    return karst_media_stream_rays(engine->media, &picture, stream, error);
+}
+
+bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                               const karst_light *light, karst_error *error)
+{
+    if (!karst_engine_has_content(engine, KARST_CONTENT_AIR))
+        return true;
+    const karst_media_picture picture = picture_of(engine, view, pinhole, light);
+    return karst_media_survey_sun(engine->media, &picture, error);
 }
 
 bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

@@ -2,11 +2,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/engine/engine_particles.h"
+#include "core/engine/engine_parts.h"
 #include "karst/medium.h"
 #include "karst/query.h"
 #include "producers/density/world_internal.h"
 #include "producers/language/oracle/oracle.h"
+#include "producers/particles/particles_kind.h"
 #include "producers/steps/medium.h"
 
 #define NUM_TILES 60000u
@@ -72,13 +73,14 @@ static bool find_land(following *f, const karst_medium_ray *ray, karst_medium_de
 static bool take_particles(following *f, const karst_medium_ray *ray, const karst_world_build *build,
                            karst_error *error)
 {
-    karst_world_groups groups;
-    if (f->world->file->program->header.num_particles == 0)
+    const karst_layer_scene scene = {.context = f->context,
+                                     .program = f->world->file->program,
+                                     .values = f->values,
+                                     .voxel_log2_m = f->world->metadata.voxel_log2_m,
+                                     .time_s = ray->time_s};
+    if (!karst_particles_kind.is_named(scene.program))
         return true;
-    if (karst_world_groups_init(&groups, f->world->file, f->values, error))
-        f->particles = karst_particles_layer_create(f->context, KARST_SHAPE_AUTO, groups.groups, groups.num,
-                                                    f->world->metadata.voxel_log2_m, ray->time_s, error);
-    karst_world_groups_finish(&groups);
+    f->particles = karst_particles_kind.create(&scene, error);
     return f->particles &&
            karst_world_file_set_layers(f->producer, f->air, build, &f->particles, 1, NULL, error);
 }

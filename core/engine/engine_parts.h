@@ -35,6 +35,7 @@
 #include "raycast/light/views.h"
 #include "raycast/media/media.h"
 
+#define KARST_MOST_LAYER_KINDS 8
 #define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
 
@@ -84,8 +85,7 @@ typedef struct {
     karst_engine_refining refining;
     karst_engine_refining photon_refining; /* as that of clear matter, for photons that land mirrors */
     karst_engine_content content[KARST_NUM_CONTENTS];
-    karst_layer *models; /* NULL: it has none, or they are not loaded yet */
-    karst_layer *particles; /* the same of these, in the air */
+    karst_layer *layers[KARST_MOST_LAYER_KINDS]; /* by kind (engine_layers.c); NULL: none, or not made yet */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
 } karst_engine_world;
@@ -132,6 +132,12 @@ typedef struct {
     uint32_t num_new;    /* and those after them that this frame traced */
 } karst_engine_photons;
 
+/* Media as engine_six_way.c draws them, without the world around them. */
+typedef struct {
+    bool is_on;
+    float sun_direction[3], sun, behind; /* how bright both are */
+} karst_engine_alone;
+
 struct karst_engine {
     const karst_log *log;
     karst_engine_world shown;
@@ -151,6 +157,7 @@ struct karst_engine {
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
     bool media_moves;                 /* particles moved since the last picture */
+    karst_engine_alone alone;
     double time_s;                    /* karst_engine_set_time */
     karst_producer *producer;
     karst_layer *edits; /* NULL: there were none yet */
@@ -273,26 +280,16 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
 
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
-/* Makes the world's models and the engine's edits part of what an open world's producer makes; does nothing without
- * either. Errors: KARST_USAGE (voxels of another size), KARST_FAILED, and as karst_engine_world_load_models. */
+/* engine_layers.c. Makes the layers that an open world's header names, and the engine's edits, part of what the world's
+ * producers make. Errors: KARST_BAD_DATA (files that the header names), KARST_USAGE (voxels of another size than the
+ * edits'), KARST_FAILED. */
 bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error);
-/* If the shown world's models have colours: room for them, and a shader that shows them. Errors: KARST_FAILED. */
-bool karst_engine_colour_models(karst_engine *engine, karst_error *error);
-/* engine_models.c. Loads the models that an open world's header names. Errors: KARST_BAD_DATA (their files),
- * KARST_USAGE, KARST_FAILED. */
-bool karst_engine_world_load_models(karst_engine *engine, karst_engine_world *world, karst_error *error);
-bool karst_engine_world_has_models(const karst_engine_world *world);
-bool karst_engine_world_has_coloured_models(const karst_engine_world *world); /* of those that are loaded */
-/* Whether two worlds of one voxel have the same models in the same places. */
-bool karst_engine_world_same_models(const karst_engine_world *a, const karst_engine_world *b);
+/* engine_edit.c. If the shown world's layers have colours: room for them, and a shader that shows them. Errors:
+ * KARST_FAILED. */
+bool karst_engine_colour_layers(karst_engine *engine, karst_error *error);
+/* engine_change.c. Where a text asks for iTime: that. Returns whether it does. */
+bool karst_program_put_time(const karst_program_graph *program, double time_s, karst_number *values);
 
-/* engine_particles.c. Makes the particles that an open world's header names part of what fills its air, at the engine's
- * time. Errors: KARST_BAD_DATA (their files), KARST_USAGE, KARST_FAILED. */
-bool karst_engine_world_set_particles(karst_engine *engine, karst_engine_world *world, karst_error *error);
-bool karst_engine_world_has_particles(const karst_engine_world *world);
-/* The shown world's particles go where the engine's time says, or `values` of parameters; what moved is forgotten.
- * Errors: as above; those of numbers before anything has changed. */
-bool karst_engine_move_particles(karst_engine *engine, const karst_number *values, karst_error *error);
 /* engine_stores.c. How what fills the air is built; it borrows `finalise`. */
 karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, char finalise[64]);
 
@@ -430,9 +427,14 @@ void karst_engine_end_store_stats(karst_engine *engine);
 
 /* engine_media.c; all do nothing where the world has no air. How they are shown, once. */
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config);
-/* Lays media before the sample that was shaded, and makes what light needs to come through them. */
+/* Lays media before the sample that was shaded; before what a stream sees that was cast and is not shaded yet; and,
+ * once all of these are, makes what light needs to come through what they looked at. */
 bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error);
+bool karst_engine_veil_stream(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                              const karst_light *light, const karst_media_stream *stream, karst_error *error);
+bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                               const karst_light *light, karst_error *error);
 /* The picture's rays ask for what they lack of media. */
 bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
@@ -468,7 +470,8 @@ bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *vie
                                 const karst_light *light, karst_error *error);
 /* Casts the mirrored rays that the picture had once more, for what they ask for; or those from their hits to the sun.
  */
-bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, karst_error *error);
+bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                                   karst_error *error);
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
 

@@ -47,8 +47,28 @@ karst_path_picture karst_engine_path_picture(const karst_engine *engine, const k
                                            (world->has_own_mirror && engine->mirror >= 0)};
 }
 
-static bool follow(karst_engine *engine, const karst_path_picture *picture, karst_error *error)
+/* What paths go through; NULL: there is none. `clear` holds it. */
+static const karst_path_clear *clear_of(karst_engine *engine, karst_path_clear *clear)
 {
+    if (!karst_engine_has_content(engine, KARST_CONTENT_CLEAR))
+        return NULL;
+    const karst_position *eye = &engine->camera.position;
+    *clear = (karst_path_clear){.caster = engine->stores[KARST_CONTENT_CLEAR].caster,
+                                .shader = engine->shown.clear_shader,
+                                .refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
+                                .bender = engine->shown.bending.bender,
+                                .voxel_m = exp2(engine->world->voxel_log2_m)};
+    memcpy(clear->anchor.voxel, eye->voxel, sizeof clear->anchor.voxel);
+    memcpy(clear->anchor.fraction, eye->fraction, sizeof clear->anchor.fraction);
+    clear->is_inside = karst_engine_is_in_clear(engine, eye, clear->absorption_per_m);
+    karst_clear_shader_set_anchor(clear->shader, eye);
+    return clear;
+}
+
+static bool follow(karst_engine *engine, karst_path_picture *picture, karst_error *error)
+{
+    karst_path_clear clear;
+    picture->clear = clear_of(engine, &clear);
     /* With all samples a frame is for the pixels' centres, and adds no light. */
     if (engine->samples > 1 && engine->num_summed == engine->samples)
         return karst_paths_set_lamps(engine->paths, NULL, 0, error) &&
@@ -87,7 +107,7 @@ static bool add_lights(karst_engine *engine, karst_path_picture *picture, bool m
 bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error)
 {
-    const karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
+    karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return follow(engine, &picture, error);
 }
 
@@ -104,15 +124,11 @@ void karst_engine_say_what_paths_miss(const karst_engine *engine)
 {
     if (engine->integrator != KARST_INTEGRATOR_FULL)
         return;
-    const bool air = karst_engine_has_content(engine, KARST_CONTENT_AIR),
-               clear = karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
-    if (air || clear)
+    if (karst_engine_has_content(engine, KARST_CONTENT_AIR))
         karst_log_print(engine->log, KARST_LOG_WARNING,
-                        "%s: full light does not see its %s yet: pictures are as without%s", engine->world->name,
-                        air && clear ? "air and its clear matter"
-                        : air        ? "air"
-                                     : "clear matter",
-                        air ? "; direct light with --scattering paths shows all light in air" : "");
+                        "%s: full light does not see its air yet: pictures are as without; direct light with "
+                        "--scattering paths shows all light in it",
+                        engine->world->name);
 }
 
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
 
 /* Photons of a batch at most: with a budget in ms a frame traces one. */
 #define BATCH_RAYS 16384u
@@ -90,7 +90,9 @@ static karst_photon_scene scene_of(karst_engine *engine, const karst_cast_view *
         .shader = engine->shader,
         .clear_shader = engine->shown.clear_shader,
         /* That of the text alone. */
-        .land_refiner = engine->edits || engine->shown.models ? NULL : engine->shown.photon_refining.refiner,
+        .land_refiner = engine->edits || karst_engine_world_names_layers(&engine->shown, false)
+                            ? NULL
+                            : engine->shown.photon_refining.refiner,
         .clear_refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,
         .view = view,
         .pinhole = pinhole,

@@ -1,11 +1,13 @@
 /* What refining hits needs of a world: its gradient as generated code, and the data that this reads. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
 #include "producers/edits/edits.h"
 #include "producers/language/emit/emit.h"
+#include "producers/points/points_kind.h"
 
 static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
 {
@@ -31,34 +33,37 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
            update(&world->photon_refining, world, error);
 }
 
-/* What a refiner is for. */
-typedef enum { OF_LAND, OF_EDITED_LAND, OF_RAYS } refiner_kind;
+/* What a refiner is for: land with these layers, or rays. */
+enum { OF_EDITS = 1, OF_MODELS = 2, OF_RAYS = 4 };
 
-static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file,
-                                   refiner_kind kind, karst_context *context, karst_error *error)
+static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, unsigned what,
+                                   karst_context *context, karst_error *error)
 {
-    static const char of_edits[] = "\n#include \"producers/edits/edits_points.clh\"\n";
-    char *source = NULL;
+    static const char of_layers[] = "\n#include \"core/engine/engine_refine_layers.clh\"\n";
+    const bool has_layers = (what & (OF_EDITS | OF_MODELS)) != 0;
+    char *source = NULL, options[80];
     if (!karst_emit_surface(&refining->layout, &source, error))
         return NULL;
-    if (kind == OF_EDITED_LAND) {
+    if (has_layers) {
         const size_t length = strlen(source);
-        char *both = realloc(source, length + sizeof of_edits);
+        char *both = realloc(source, length + sizeof of_layers);
         if (!both) {
             free(source);
             karst_fail(error, KARST_FAILED, "out of memory");
             return NULL;
         }
         source = both;
-        memcpy(source + length, of_edits, sizeof of_edits);
+        memcpy(source + length, of_layers, sizeof of_layers);
     }
+    snprintf(options, sizeof options, "-DWORLD_HAS_DATA%s%s", what & OF_EDITS ? " -DREFINE_EDITS" : "",
+             what & OF_MODELS ? " -DREFINE_MODELS" : "");
     const karst_refine_world refined = {.source = source,
-                                        .options = "-DWORLD_HAS_DATA",
+                                        .options = options,
                                         .data = refining->data,
                                         .voxel_m = ldexp(1, file->info.voxel_log2_m),
-                                        .has_layer = kind == OF_EDITED_LAND};
-    karst_refiner *refiner = kind == OF_RAYS ? karst_refiner_create_for_rays(context, &refined, error)
-                                             : karst_refiner_create(context, &refined, error);
+                                        .has_layer = has_layers};
+    karst_refiner *refiner = what & OF_RAYS ? karst_refiner_create_for_rays(context, &refined, error)
+                                            : karst_refiner_create(context, &refined, error);
     free(source);
     return refiner;
 }
@@ -71,17 +76,16 @@ bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_wor
         return false;
     if (!karst_world_layout_init(&refining->layout, &refining->gradient->world))
         return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", world->file->info.name);
-    refining->data =
-        karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
+    refining->data = karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
     return refining->data && update(refining, world, error);
 }
 
 static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,
-                  refiner_kind kind, karst_context *context, karst_error *error)
+                  unsigned what, karst_context *context, karst_error *error)
 {
     if (!karst_engine_derive(refining, world, &file->program->world, context, error))
         return false;
-    refining->refiner = make_refiner(refining, file, kind, context, error);
+    refining->refiner = make_refiner(refining, file, what, context, error);
     return refining->refiner != NULL;
 }
 
@@ -97,7 +101,9 @@ bool karst_engine_world_make_refining(const karst_engine_world *world, karst_con
                                       karst_engine_refining *refining, karst_error *error)
 {
     *refining = (karst_engine_refining){.refiner = NULL};
-    if (build(refining, world, world->file, has_edits ? OF_EDITED_LAND : OF_LAND, context, error))
+    const unsigned what =
+        (has_edits ? OF_EDITS : 0u) | (karst_points_kind.is_named(world->file->program) ? (unsigned)OF_MODELS : 0u);
+    if (build(refining, world, world->file, what, context, error))
         return true;
     karst_engine_finish_refining(refining);
     return false;
@@ -145,7 +151,11 @@ bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view,
     memcpy(anchor.voxel, engine->drawn.position.voxel, sizeof anchor.voxel);
     memcpy(anchor.fraction, engine->drawn.position.fraction, sizeof anchor.fraction);
     karst_refiner *refiner = engine->shown.refining.refiner;
+    const karst_layer *points = karst_engine_world_layer(&engine->shown, &karst_points_kind);
+    const karst_buffer *models = points ? karst_points_layer_data(points) : NULL;
     if (refiner && engine->edits)
-        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits));
+        karst_refiner_set_layer(refiner, karst_edits_data(engine->edits), models);
+    else if (refiner && models)
+        karst_refiner_set_layer(refiner, models, NULL);
     return !refiner || karst_refine_hits(refiner, view, pinhole, &anchor, hits, error);
 }

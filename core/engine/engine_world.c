@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
 #include "producers/density/world_find.h"
 
 static bool remember_values(karst_engine_world *world, const karst_world_config *config, karst_error *error)
@@ -71,10 +71,7 @@ void karst_engine_world_close(karst_engine_world *world)
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
     karst_producer_destroy(world->producer);
-    if (world->models)
-        world->models->ops->destroy(world->models);
-    if (world->particles)
-        world->particles->ops->destroy(world->particles);
+    karst_engine_world_close_layers(world);
     karst_fingerprint_finish(&world->fingerprint);
     free(world->values);
     karst_world_file_destroy(world->file);
@@ -119,7 +116,7 @@ bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *co
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
-    const bool has_layers = wishes->has_layers || karst_engine_world_has_models(world);
+    const bool has_layers = wishes->has_layers || karst_engine_world_names_layers(world, false);
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
                                      .finalise_options = karst_cache_brick_option(buffers),
                                      .in_two_steps = has_layers,

@@ -1,4 +1,9 @@
-/* The steps of an import (core/points/import.c), and what they share. */
+/* The steps of an import (core/points/import.c), and what they share.
+ *
+ * Each step reads files that an earlier one left, and writes others. What is done is noted in a checkpoint (work.c), so
+ * that an import that was cut off, at whatever moment, goes on from there and makes the same bytes: a step that is not
+ * done begins anew, at its own begin or at a place that it has noted, and never changes what it read in a way that
+ * counts twice. Memory is bounded whatever the number of points: what is large lies in files. */
 #ifndef KARST_CORE_POINTS_IMPORT_INTERNAL_H
 #define KARST_CORE_POINTS_IMPORT_INTERNAL_H
 
@@ -8,49 +13,161 @@
 #define POINTS_LINKS 8
 #define POINTS_NEAREST 16
 #define POINTS_RADIUS_OF 9 /* the radius is the distance to this neighbour */
+#define POINTS_FEWEST 16u
+
+/* Files of an import's work. */
+typedef enum {
+    POINTS_RAW,    /* points as they were read */
+    POINTS_WHOLE,  /* in whole units */
+    POINTS_SPREAD, /* by ranges of their keys */
+    POINTS_RANGES, /* which ranges those are */
+    POINTS_SORTED, /* in order, and later with radii and normals */
+    POINTS_KEPT,   /* those without outliers, if there are any */
+    POINTS_NEAR,   /* of each its nearest neighbours */
+    POINTS_TURNS,  /* of each which part it is of, and whether its normal turns over */
+    POINTS_QUEUES, /* who waits to be turned */
+    POINTS_COVERS, /* of each of a level's points: cover and spread; of even levels, */
+    POINTS_COVERS_ODD,
+    POINTS_MODEL, /* the output until it is whole */
+    POINTS_NUM_FILES
+} points_work_file;
+
+typedef enum {
+    POINTS_READ,
+    POINTS_MEASURE,
+    POINTS_SPREAD_OUT,
+    POINTS_SORT,
+    POINTS_LOOK,
+    POINTS_LEAVE_OUT,
+    POINTS_LOOK_AGAIN,
+    POINTS_TURN,
+    POINTS_FINEST,
+    POINTS_COARSER,
+    POINTS_DONE
+} points_step;
+
+/* All that a later step must know and that no file says. */
+typedef struct {
+    uint32_t step;        /* the one to be done next */
+    uint32_t has_dropped; /* POINTS_KEPT is what counts, not POINTS_SORTED */
+    uint64_t num;         /* points that are left */
+    uint64_t done;        /* of the step, in its own counts; 0: it begins */
+    uint64_t num_sorted;
+    double low[3], high[3]; /* where a place is not far out */
+    double min[3], max[3];  /* of those that are not, if has_limits */
+    uint32_t has_limits, pad;
+    karst_points_head head;
+} points_progress;
+
+/* How much is done in memory at once: tests have less. */
+typedef struct {
+    uint64_t most_in_memory;      /* points that are sorted at once; a multiple of 1024 */
+    uint64_t most_between;        /* points between two checkpoints of a step; a multiple of 4096 */
+    uint64_t most_resident_bytes; /* files that are mapped are let go of beyond that */
+} points_limits;
+extern const points_limits karst_points_usual_limits;
 
 typedef struct {
     const karst_points_import_config *config;
-    karst_points_head head;
-    char *temporary; /* the output's name until it is whole */
-    int fd;          /* of it; -1: not open */
-    bool stopped;
+    points_limits limits;
+    points_progress now;
+    karst_points_head *head; /* now.head */
+    char *folder;            /* where the work lies; NULL: in files without names */
+    int lock;                /* of the folder; -1: none */
+    char *model_name;        /* of MODEL where there is no folder; NULL: it is not there */
+    int fds[POINTS_NUM_FILES];
+    struct {
+        void *at;
+        size_t num_bytes;
+    } maps[4];
+    bool stopped, is_resumed;
 } points_import;
 
-/* Whether to go on: asks config.progress. Errors: KARST_FAILED once it says no. */
-bool karst_points_go_on(points_import *import, const char *what, double share, karst_error *error);
+/* work.c: opens what an import keeps its work in, and finds out how far an earlier one came; removes all of it; closes
+ * it (what has a name stays). Errors: KARST_FAILED (also: another process is at it). */
+bool karst_points_begin_work(points_import *import, karst_error *error);
+void karst_points_remove_work(points_import *import);
+void karst_points_end_work(points_import *import);
+/* Notes that all before import->now is done. */
+bool karst_points_checkpoint(points_import *import, karst_error *error);
+/* A file of the work, open for reading and writing, made if it is not there; -1 on errors. It is closed with the work,
+ * or dropped: then it is gone. */
+int karst_points_file(points_import *import, points_work_file file, karst_error *error);
+void karst_points_drop_file(points_import *import, points_work_file file);
+/* Renames MODEL to the output's name; false: errno says why not. */
+bool karst_points_publish(points_import *import);
+/* The same as memory; with `anew` zeroed, and room for it is taken now: a full disk would kill whoever writes to it
+ * later. NULL on errors. karst_points_unmap frees it, NULL is fine. */
+void *karst_points_map_file(points_import *import, points_work_file file, size_t num_bytes, bool anew,
+                            karst_error *error);
+void karst_points_unmap(points_import *import, void *map);
+/* Lets go of pages of mapped files where too many are resident: they are read again when they are touched. */
+void karst_points_stay_small(const points_import *import);
+/* The points that count: sorted, or kept. */
+points_work_file karst_points_in_order(const points_import *import);
 
+/* scratch.c. Whether to go on: asks config.progress. Errors: KARST_FAILED once it says no. */
+bool karst_points_go_on(points_import *import, const char *what, double share, karst_error *error);
 /* A file beside the output that has no name, so that nothing is left of it whatever happens; -1 on errors. */
 int karst_points_scratch(const points_import *import, karst_error *error);
-/* The same as memory, zeroed; NULL on errors. karst_points_unmap frees it. */
-void *karst_points_scratch_map(const points_import *import, size_t num_bytes, karst_error *error);
-void *karst_points_map(int fd, size_t num_bytes, karst_error *error);
-void karst_points_unmap(void *map, size_t num_bytes); /* NULL is fine */
+/* The same with a name, which the caller frees. */
+int karst_points_scratch_with_name(const points_import *import, char **name, karst_error *error);
 bool karst_points_write(const points_import *import, int fd, const void *data, size_t num_bytes, uint64_t offset,
                         karst_error *error);
 bool karst_points_read(const points_import *import, int fd, void *data, size_t num_bytes, uint64_t offset,
                        karst_error *error);
+bool karst_points_fail_disk(const points_import *import, const char *what, karst_error *error);
 
-/* A parallel loop over [0, num) in blocks; `work` is called by several threads. */
+/* A parallel loop over [first, end) in blocks; `work` is called by several threads. */
 typedef void (*karst_points_work)(void *user, uint64_t begin, uint64_t end);
-bool karst_points_in_parallel(points_import *import, const char *what, uint64_t num, uint64_t block,
-                              karst_points_work work, void *user, karst_error *error);
-
-/* sort.c: the points of `from`, in any order, into `to` from byte `offset` on, in Morton order; of points at one place
- * the first is kept, and head.num_duplicates counts the rest. *num becomes how many are left. Closes `from`. */
-bool karst_points_sort(points_import *import, int from, uint64_t *num, int to, uint64_t offset, karst_error *error);
-
-/* near.c: of each of the points, which are in Morton order: radius, the normal (if it is 0), and POINTS_LINKS nearest
- * neighbours (UINT32_MAX: there are fewer). */
-bool karst_points_look_around(points_import *import, karst_point *points, uint32_t num, uint32_t *links,
+typedef struct {
+    const char *what; /* for progress, of which first and end are parts of `num` */
+    uint64_t first, end, num, block;
+} points_loop;
+bool karst_points_in_parallel(points_import *import, const points_loop *loop, karst_points_work work, void *user,
                               karst_error *error);
-/* turn.c: turns normals outwards; fills in num_parts and share_unsure. */
-bool karst_points_turn_together(points_import *import, karst_point *points, uint32_t num, const uint32_t *links,
-                                karst_error *error);
-/* The few that had none: as those of their neighbours that had one. */
-void karst_points_turn_like_given(karst_point *points, uint32_t num, const uint32_t *links);
-void karst_points_turn_up(karst_point *points, uint32_t num);
-/* levels.c: appends the coarser levels to the output. */
+
+/* The steps, each with what it reads -> what it writes. All may fail with KARST_FAILED (disk, memory, stopped). */
+/* read.c: the input -> RAW; now.num, limits. Errors: KARST_BAD_DATA, KARST_USAGE of the input. */
+bool karst_points_read_input(points_import *import, karst_error *error);
+/* read.c: RAW -> WHOLE; unit and centre of the head. Errors: KARST_BAD_DATA. */
+bool karst_points_make_whole(points_import *import, karst_error *error);
+/* sort.c: WHOLE -> SPREAD (if it is more than fits memory), RANGES. */
+bool karst_points_spread(points_import *import, karst_error *error);
+/* sort.c: WHOLE or SPREAD -> SORTED, in Morton order; of points at one place the first is kept, and
+ * head.num_duplicates counts the rest. Errors: KARST_BAD_DATA (too few are left). */
+bool karst_points_sort(points_import *import, karst_error *error);
+/* near.c: finds in SORTED or KEPT of each point: radius, the normal (if it is 0), and POINTS_LINKS nearest neighbours
+ * (UINT32_MAX: there are fewer), NEAR. */
+bool karst_points_look_around(points_import *import, karst_error *error);
+/* finish.c: SORTED -> KEPT, without points that are far from all others. Errors: KARST_BAD_DATA (too few are left). */
+bool karst_points_leave_out(points_import *import, karst_error *error);
+/* turn.c: SORTED or KEPT, NEAR -> TURNS; num_parts and share_unsure. */
+bool karst_points_turn_normals(points_import *import, karst_error *error);
+#define POINTS_TURNS_OVER 0x80000000u
+/* finish.c: SORTED or KEPT, TURNS -> the finest level of MODEL. */
+bool karst_points_add_finest(points_import *import, karst_error *error);
+/* levels.c: appends the coarser levels to MODEL. */
 bool karst_points_add_levels(points_import *import, karst_error *error);
+
+/* tree.c: writes the nodes of a level behind its points in MODEL, and their sum into the head; the finer levels have
+ * theirs. */
+bool karst_points_add_tree(points_import *import, uint32_t level, karst_error *error);
+
+/* spill.c: many stacks of numbers whose lower parts lie in QUEUES. */
+typedef struct points_stacks points_stacks;
+points_stacks *karst_points_stacks_create(points_import *import, uint32_t num, karst_error *error);
+void karst_points_stacks_destroy(points_stacks *stacks); /* NULL is fine */
+bool karst_points_push(points_stacks *stacks, uint32_t stack, uint64_t value, karst_error *error);
+/* false in *has: the stack is empty. */
+bool karst_points_pop(points_stacks *stacks, uint32_t stack, uint64_t *value, bool *has, karst_error *error);
+
+/* import.c: karst_points_import with other limits. */
+bool karst_points_import_within(const karst_points_import_config *config, const points_limits *limits,
+                                karst_points_about *about, karst_error *error);
+/* The median of radii, by counts of their upper halves (floats by 65,536 bins). */
+#define POINTS_RADIUS_BINS 65536u
+uint32_t karst_points_radius_bin(float radius);
+float karst_points_median(const uint64_t counts[POINTS_RADIUS_BINS], uint64_t num);
 
 #endif

@@ -20,6 +20,7 @@ typedef struct {
 typedef struct {
     points_import *import;
     karst_error *error;
+    int fd;    /* of the model */
     int shift; /* a cell is 2^this units wide */
     group sides[2];
     int32_t cell[3];
@@ -55,7 +56,7 @@ static karst_point average_of(const group *g, double least_radius)
 static bool flush(averaging *v)
 {
     size_t num_bytes = v->num_made * sizeof(karst_point);
-    if (!karst_points_write(v->import, v->import->fd, v->made, num_bytes,
+    if (!karst_points_write(v->import, v->fd, v->made, num_bytes,
                             v->level->offset + v->level->num * sizeof(karst_point), v->error))
         return false;
     v->level->sum = karst_points_sum(v->level->sum, v->made, num_bytes);
@@ -102,8 +103,8 @@ static bool add_level(averaging *v, const karst_points_level *from, double share
     for (uint64_t at = 0; done && at < from->num; at += BLOCK) {
         size_t num = from->num - at < BLOCK ? (size_t)(from->num - at) : BLOCK;
         done = karst_points_go_on(v->import, "levels", share, v->error) &&
-               karst_points_read(v->import, v->import->fd, block, num * sizeof *block,
-                                 from->offset + at * sizeof *block, v->error);
+               karst_points_read(v->import, v->fd, block, num * sizeof *block, from->offset + at * sizeof *block,
+                                 v->error);
         for (size_t i = 0; done && i < num; i++)
             done = take(v, &block[i]);
     }
@@ -113,15 +114,18 @@ static bool add_level(averaging *v, const karst_points_level *from, double share
 
 bool karst_points_add_levels(points_import *import, karst_error *error)
 {
-    karst_points_head *head = &import->head;
+    karst_points_head *head = import->head;
     averaging *v = calloc(1, sizeof *v);
     bool done = v || karst_fail(error, KARST_FAILED, "out of memory");
     int shift = 0;
     while (ldexp(1, shift) < 1.3 * (double)head->levels[0].spacing)
         shift++;
+    shift += (int)head->num_levels - 1; /* some are there where an import goes on */
     if (done) {
         v->import = import;
         v->error = error;
+        v->fd = karst_points_file(import, POINTS_MODEL, error);
+        done = v->fd >= 0;
     }
     for (; done && shift < 27 && head->num_levels < KARST_POINTS_MAX_LEVELS; shift++) {
         const karst_points_level *from = &head->levels[head->num_levels - 1];
@@ -129,10 +133,11 @@ bool karst_points_add_levels(points_import *import, karst_error *error)
             break;
         v->shift = shift;
         v->level = &head->levels[head->num_levels];
-        *v->level = (karst_points_level){.offset = from->offset + from->num * sizeof(karst_point),
-                                         .spacing = (uint64_t)1 << shift};
-        done = add_level(v, from, 1 - (double)from->num / (double)head->levels[0].num);
+        *v->level = (karst_points_level){.offset = karst_points_level_end(from), .spacing = (uint64_t)1 << shift};
+        done = add_level(v, from, 1 - (double)from->num / (double)head->levels[0].num) &&
+               karst_points_add_tree(import, head->num_levels, error);
         head->num_levels += done;
+        done = done && karst_points_checkpoint(import, error);
     }
     free(v);
     return done;

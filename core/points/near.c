@@ -247,9 +247,10 @@ static void note(surroundings *s, uint32_t i, const candidates *c, const nearest
     uint32_t *links = s->links + (size_t)i * POINTS_LINKS;
     uint32_t last = n->num - 1 < POINTS_RADIUS_OF ? n->num - 1 : POINTS_RADIUS_OF;
     made->radius = sqrtf(n->square[last]);
-    if (!has_normal(made)) {
+    if (made->is_found || !has_normal(made)) {
+        /* First the mark: an import that is cut off here finds this normal again. */
+        __atomic_store_n(&made->is_found, 1, __ATOMIC_RELEASE);
         fit_plane(c, n, made->normal);
-        made->is_found = 1;
     }
     for (uint32_t k = 0; k < POINTS_LINKS; k++)
         links[k] = k + 1 < n->num ? c->index[n->candidate[k + 1]] : UINT32_MAX;
@@ -317,21 +318,44 @@ static void look_at_block(void *user, uint64_t begin, uint64_t end)
     free(c.index);
 }
 
-bool karst_points_look_around(points_import *import, karst_point *points, uint32_t num, uint32_t *links,
-                              karst_error *error)
+/* Part by part, so that what is done is noted. */
+static bool look_at_all(points_import *import, surroundings *s, karst_error *error)
 {
-    surroundings s = {.points = points, .num = num, .links = links};
-    bool done = build_tree(&s, error);
+    const uint64_t most = import->limits.most_between;
+    bool done = true;
+    for (uint64_t at = import->now.done; done && at < s->num; at += most) {
+        const points_loop loop = {"neighbours", at, s->num - at < most ? s->num : at + most, s->num, BLOCK};
+        done = karst_points_in_parallel(import, &loop, look_at_block, s, error) &&
+               (!s->failed || karst_fail(error, KARST_FAILED, "out of memory for neighbours"));
+        karst_points_stay_small(import);
+        import->now.done = loop.end;
+        done = done && karst_points_checkpoint(import, error);
+    }
+    return done;
+}
+
+bool karst_points_look_around(points_import *import, karst_error *error)
+{
+    const uint32_t num = (uint32_t)import->now.num;
+    const bool anew = import->now.done == 0;
+    surroundings s = {.num = num};
+    s.points = karst_points_map_file(import, karst_points_in_order(import), num * sizeof *s.points, false, error);
+    s.links =
+        s.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *s.links, anew, error)
+                 : NULL;
+    bool done = s.links && build_tree(&s, error);
+    karst_points_stay_small(import);
     if (done) {
         const box *all = &s.nodes[s.num_levels - 1][0];
         double side = 0;
         for (int a = 0; a < 3; a++)
             side = fmax(side, (double)all->max[a] - all->min[a]);
         s.first_reach = (float)(4 * side / sqrt(num)) + 1;
-        done = karst_points_in_parallel(import, "neighbours", num, BLOCK, look_at_block, &s, error) &&
-               (!s.failed || karst_fail(error, KARST_FAILED, "out of memory for neighbours"));
+        done = look_at_all(import, &s, error);
     }
     for (int i = 0; i < s.num_levels; i++)
         free(s.nodes[i]);
+    karst_points_unmap(import, s.links);
+    karst_points_unmap(import, s.points);
     return done;
 }

@@ -8,7 +8,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include "core/points/import_internal.h"
@@ -22,55 +21,35 @@ bool karst_points_go_on(points_import *import, const char *what, double share, k
     return !import->stopped || karst_fail(error, KARST_FAILED, "stopped: %s was not written", config->output);
 }
 
-static bool fail_disk(const points_import *import, const char *what, karst_error *error)
+bool karst_points_fail_disk(const points_import *import, const char *what, karst_error *error)
 {
     return karst_fail(error, KARST_FAILED, "cannot %s beside %s: %s", what, import->config->output, strerror(errno));
+}
+
+int karst_points_scratch_with_name(const points_import *import, char **name, karst_error *error)
+{
+    if (asprintf(name, "%s.XXXXXX", import->config->output) < 0) {
+        *name = NULL;
+        karst_fail(error, KARST_FAILED, "out of memory");
+        return -1;
+    }
+    int fd = mkostemp(*name, O_CLOEXEC);
+    if (fd >= 0)
+        return fd;
+    karst_points_fail_disk(import, "make a temporary file", error);
+    free(*name);
+    *name = NULL;
+    return -1;
 }
 
 int karst_points_scratch(const points_import *import, karst_error *error)
 {
     char *name = NULL;
-    if (asprintf(&name, "%s.XXXXXX", import->config->output) < 0) {
-        karst_fail(error, KARST_FAILED, "out of memory");
-        return -1;
-    }
-    int fd = mkostemp(name, O_CLOEXEC);
-    if (fd < 0)
-        fail_disk(import, "make a temporary file", error);
-    else
+    int fd = karst_points_scratch_with_name(import, &name, error);
+    if (fd >= 0)
         unlink(name);
     free(name);
     return fd;
-}
-
-void *karst_points_map(int fd, size_t num_bytes, karst_error *error)
-{
-    void *map = mmap(NULL, num_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-    if (map != MAP_FAILED)
-        return map;
-    karst_fail(error, KARST_FAILED, "cannot map %zu bytes of a file: %s", num_bytes, strerror(errno));
-    return NULL;
-}
-
-void *karst_points_scratch_map(const points_import *import, size_t num_bytes, karst_error *error)
-{
-    int fd = karst_points_scratch(import, error);
-    if (fd < 0)
-        return NULL;
-    /* Room is taken now: a full disk would kill whoever writes to the map later. */
-    int code = posix_fallocate(fd, 0, (off_t)num_bytes);
-    errno = code;
-    void *map = code ? NULL : karst_points_map(fd, num_bytes, error);
-    if (code)
-        fail_disk(import, "find room for temporary files", error);
-    close(fd);
-    return map;
-}
-
-void karst_points_unmap(void *map, size_t num_bytes)
-{
-    if (map)
-        munmap(map, num_bytes);
 }
 
 bool karst_points_write(const points_import *import, int fd, const void *data, size_t num_bytes, uint64_t offset,
@@ -81,7 +60,7 @@ bool karst_points_write(const points_import *import, int fd, const void *data, s
         if (put < 0 && errno == EINTR)
             continue;
         if (put <= 0)
-            return fail_disk(import, "write", error);
+            return karst_points_fail_disk(import, "write", error);
         done += (size_t)put;
     }
     return true;
@@ -95,7 +74,7 @@ bool karst_points_read(const points_import *import, int fd, void *data, size_t n
         if (got < 0 && errno == EINTR)
             continue;
         if (got <= 0)
-            return fail_disk(import, "read", error);
+            return karst_points_fail_disk(import, "read", error);
         done += (size_t)got;
     }
     return true;
@@ -106,17 +85,18 @@ bool karst_points_read(const points_import *import, int fd, void *data, size_t n
 typedef struct {
     atomic_uint_fast64_t next;
     atomic_bool stopped;
-    uint64_t num, block;
+    const points_loop *loop;
     karst_points_work work;
     void *user;
 } crew;
 
 static bool do_a_block(crew *c)
 {
-    uint64_t begin = atomic_fetch_add(&c->next, c->block), end = begin + c->block < c->num ? begin + c->block : c->num;
-    if (begin >= c->num || atomic_load(&c->stopped))
+    const points_loop *loop = c->loop;
+    uint64_t begin = atomic_fetch_add(&c->next, loop->block);
+    if (begin >= loop->end || atomic_load(&c->stopped))
         return false;
-    c->work(c->user, begin, end);
+    c->work(c->user, begin, loop->end - begin < loop->block ? loop->end : begin + loop->block);
     return true;
 }
 
@@ -127,21 +107,22 @@ static void *help(void *user)
     return NULL;
 }
 
-bool karst_points_in_parallel(points_import *import, const char *what, uint64_t num, uint64_t block,
-                              karst_points_work work, void *user, karst_error *error)
+bool karst_points_in_parallel(points_import *import, const points_loop *loop, karst_points_work work, void *user,
+                              karst_error *error)
 {
-    crew c = {.num = num, .block = block, .work = work, .user = user};
+    crew c = {.next = loop->first, .loop = loop, .work = work, .user = user};
     pthread_t threads[MAX_THREADS];
     unsigned num_threads = import->config->num_threads, num_started = 0;
     long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    const double num = loop->num ? (double)loop->num : 1;
     if (num_threads == 0)
         num_threads = cores > 0 ? (unsigned)cores : 1;
     while (num_started + 1 < num_threads && num_started < MAX_THREADS &&
            pthread_create(&threads[num_started], NULL, help, &c) == 0)
         num_started++;
-    bool goes_on = karst_points_go_on(import, what, 0, error);
+    bool goes_on = karst_points_go_on(import, loop->what, (double)loop->first / num, error);
     while (goes_on && do_a_block(&c))
-        goes_on = karst_points_go_on(import, what, (double)atomic_load(&c.next) / (double)(num ? num : 1), error);
+        goes_on = karst_points_go_on(import, loop->what, (double)atomic_load(&c.next) / num, error);
     if (!goes_on)
         atomic_store(&c.stopped, true);
     for (unsigned i = 0; i < num_started; i++)

@@ -1,5 +1,6 @@
 /* Turning normals outwards: from neighbour to neighbour, where they differ least first (Hoppe's spanning tree, grown by
- * Prim's rule with weights in 256 steps), and each connected part so that its topmost point faces up. */
+ * Prim's rule with weights in 256 steps), and each connected part so that its topmost point faces up. Points are only
+ * read: what turns over is noted beside them. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,12 +8,7 @@
 #include "core/points/import_internal.h"
 
 #define NUM_STEPS 256u
-
-/* Who waits at a step: points, and whom they would follow. */
-typedef struct {
-    uint64_t *waiting;
-    size_t num, capacity;
-} queue;
+#define OFTEN 65536u /* points between two looks at progress and memory */
 
 typedef struct {
     uint32_t topmost;
@@ -20,184 +16,206 @@ typedef struct {
 } part;
 
 typedef struct {
-    karst_point *points;
+    points_import *import;
+    karst_error *error;
+    const karst_point *points;
     uint32_t num;
     const uint32_t *links;
-    uint32_t *part_of;
-    queue queues[NUM_STEPS];
-    uint32_t lowest; /* no queue before has anybody */
+    uint32_t *turns;        /* of each point: its part's number + 1, 0: not reached; and POINTS_TURNS_OVER */
+    points_stacks *waiting; /* at each step: points, and whom they would follow */
+    uint32_t lowest;        /* no step before has anybody */
+    uint32_t num_reached;
     part *parts;
     uint32_t num_parts, max_parts;
 } turning;
 
-static double dot(const karst_point *a, const karst_point *b)
+/* How two normals agree as they are turned. */
+static double dot(const turning *t, uint32_t a, uint32_t b)
 {
     double sum = 0;
     for (int i = 0; i < 3; i++)
-        sum += (double)a->normal[i] * b->normal[i];
-    return sum / (32767.0 * 32767.0);
+        sum += (double)t->points[a].normal[i] * t->points[b].normal[i];
+    return ((t->turns[a] ^ t->turns[b]) & POINTS_TURNS_OVER ? -sum : sum) / (32767.0 * 32767.0);
 }
 
-static void turn_over(karst_point *p)
-{
-    for (int a = 0; a < 3; a++)
-        p->normal[a] = (int16_t)-p->normal[a];
-}
+static const uint32_t *links_of(const turning *t, uint32_t point) { return t->links + (size_t)point * POINTS_LINKS; }
 
 static bool push(turning *t, uint32_t point, uint32_t leader)
 {
-    double apart = 1 - fabs(dot(&t->points[point], &t->points[leader]));
+    double apart = 1 - fabs(dot(t, point, leader));
     uint32_t step = apart > 0 ? (uint32_t)(sqrt(fmin(apart, 1)) * (NUM_STEPS - 1)) : 0;
-    queue *q = &t->queues[step];
-    if (q->num == q->capacity) {
-        size_t capacity = q->capacity ? 2 * q->capacity : 64;
-        uint64_t *grown = realloc(q->waiting, capacity * sizeof *grown);
-        if (!grown)
-            return false;
-        q->waiting = grown;
-        q->capacity = capacity;
-    }
-    q->waiting[q->num++] = (uint64_t)leader << 32 | point;
     t->lowest = step < t->lowest ? step : t->lowest;
-    return true;
+    return karst_points_push(t->waiting, step, (uint64_t)leader << 32 | point, t->error);
 }
 
-/* Takes a point into a part, with its normal as it is; its neighbours follow. */
-static bool reach(turning *t, uint32_t point, uint32_t number)
+/* Takes a point into a part; its neighbours follow. */
+static bool reach(turning *t, uint32_t point, uint32_t number, bool over)
 {
     part *of = &t->parts[number];
-    t->part_of[point] = number + 1; /* 0: not reached */
+    t->turns[point] = (number + 1) | (over ? POINTS_TURNS_OVER : 0);
     if (t->points[point].at[1] > of->height) {
         of->height = t->points[point].at[1];
         of->topmost = point;
     }
-    const uint32_t *links = t->links + (size_t)point * POINTS_LINKS;
+    if (++t->num_reached % OFTEN == 0) {
+        karst_points_stay_small(t->import);
+        if (!karst_points_go_on(t->import, "turning normals", (double)t->num_reached / t->num, t->error))
+            return false;
+    }
+    const uint32_t *links = links_of(t, point);
     for (int k = 0; k < POINTS_LINKS; k++)
-        if (links[k] != UINT32_MAX && !t->part_of[links[k]] && !push(t, links[k], point))
+        if (links[k] != UINT32_MAX && !t->turns[links[k]] && !push(t, links[k], point))
             return false;
     return true;
 }
 
 static bool follow(turning *t, uint32_t point, uint32_t leader)
 {
-    if (dot(&t->points[point], &t->points[leader]) < 0)
-        turn_over(&t->points[point]);
-    return reach(t, point, t->part_of[leader] - 1);
+    const uint32_t of = t->turns[leader];
+    return reach(t, point, (of & ~POINTS_TURNS_OVER) - 1, dot(t, point, leader) < 0);
 }
 
 /* A point that nobody's links led to: it follows its nearest neighbour that is in a part, or begins one. */
 static bool begin(turning *t, uint32_t point)
 {
-    const uint32_t *links = t->links + (size_t)point * POINTS_LINKS;
+    const uint32_t *links = links_of(t, point);
     for (int k = 0; k < POINTS_LINKS; k++)
-        if (links[k] != UINT32_MAX && t->part_of[links[k]])
+        if (links[k] != UINT32_MAX && t->turns[links[k]])
             return follow(t, point, links[k]);
     if (t->num_parts == t->max_parts) {
         uint32_t most = t->max_parts ? 2 * t->max_parts : 64;
         part *grown = realloc(t->parts, most * sizeof *grown);
         if (!grown)
-            return false;
+            return karst_fail(t->error, KARST_FAILED, "out of memory for normals");
         t->parts = grown;
         t->max_parts = most;
     }
     t->parts[t->num_parts++] = (part){.topmost = point, .height = INT32_MIN};
-    return reach(t, point, t->num_parts - 1);
+    return reach(t, point, t->num_parts - 1, false);
 }
 
 static bool follow_all(turning *t)
 {
     while (t->lowest < NUM_STEPS) {
-        queue *q = &t->queues[t->lowest];
-        if (q->num == 0) {
+        uint64_t next;
+        bool has;
+        if (!karst_points_pop(t->waiting, t->lowest, &next, &has, t->error))
+            return false;
+        if (!has)
             t->lowest++;
-            continue;
-        }
-        uint64_t next = q->waiting[--q->num];
-        if (!t->part_of[(uint32_t)next] && !follow(t, (uint32_t)next, (uint32_t)(next >> 32)))
+        else if (!t->turns[(uint32_t)next] && !follow(t, (uint32_t)next, (uint32_t)(next >> 32)))
             return false;
     }
     return true;
 }
 
 /* Parts whose topmost point faces down are inside out; and how many neighbours do not agree in the end. */
-static double finish(turning *t)
+static bool finish(turning *t, double *share)
 {
     uint64_t num_unsure = 0, num_pairs = 0;
-    for (uint32_t i = 0; i < t->num_parts; i++)
-        t->parts[i].height = t->points[t->parts[i].topmost].normal[1] < 0; /* from now on: whether it turns */
-    for (uint32_t i = 0; i < t->num; i++)
-        if (t->parts[t->part_of[i] - 1].height)
-            turn_over(&t->points[i]);
-    for (uint32_t i = 0; i < t->num; i++)
+    for (uint32_t i = 0; i < t->num_parts; i++) {
+        const uint32_t top = t->parts[i].topmost;
+        const int16_t up = t->points[top].normal[1];
+        t->parts[i].height = (t->turns[top] & POINTS_TURNS_OVER ? -up : up) < 0; /* from now on: whether it turns */
+    }
+    for (uint32_t i = 0; i < t->num; i++) { /* who agrees with whom does not depend on that: they are of one part */
         for (int k = 0; k < POINTS_LINKS; k++) {
-            uint32_t other = t->links[(size_t)i * POINTS_LINKS + (size_t)k];
+            const uint32_t other = links_of(t, i)[k];
             if (other == UINT32_MAX)
                 continue;
             num_pairs++;
-            num_unsure += dot(&t->points[i], &t->points[other]) < 0;
+            num_unsure += dot(t, i, other) < 0;
         }
-    return num_pairs ? (double)num_unsure / (double)num_pairs : 0;
+        if (i % OFTEN == 0) {
+            karst_points_stay_small(t->import);
+            if (!karst_points_go_on(t->import, "looking at normals", (double)i / t->num, t->error))
+                return false;
+        }
+    }
+    for (uint32_t i = 0; i < t->num; i++)
+        if (t->parts[(t->turns[i] & ~POINTS_TURNS_OVER) - 1].height)
+            t->turns[i] ^= POINTS_TURNS_OVER;
+    *share = num_pairs ? (double)num_unsure / (double)num_pairs : 0;
+    return true;
 }
 
-bool karst_points_turn_together(points_import *import, karst_point *points, uint32_t num, const uint32_t *links,
-                                karst_error *error)
+static bool turn_together(turning *t)
 {
-    turning *t = calloc(1, sizeof *t);
-    size_t part_bytes = (size_t)num * sizeof(uint32_t);
-    bool done = t || karst_fail(error, KARST_FAILED, "out of memory");
-    if (done) {
-        *t = (turning){.points = points, .num = num, .links = links, .lowest = NUM_STEPS};
-        t->part_of = karst_points_scratch_map(import, part_bytes, error);
-        done = t->part_of != NULL;
-    }
-    for (uint32_t i = 0; done && i < num; i++) {
-        if (i % 65536 == 0 && !karst_points_go_on(import, "turning normals", (double)i / num, error))
-            done = false;
-        else if (!t->part_of[i])
-            done = (begin(t, i) && follow_all(t)) || karst_fail(error, KARST_FAILED, "out of memory for normals");
-    }
-    if (done) {
-        import->head.share_unsure = finish(t);
-        import->head.num_parts = t->num_parts;
-    }
-    for (uint32_t i = 0; t && i < NUM_STEPS; i++)
-        free(t->queues[i].waiting);
-    if (t) {
-        free(t->parts);
-        karst_points_unmap(t->part_of, part_bytes);
-    }
-    free(t);
+    t->waiting = karst_points_stacks_create(t->import, NUM_STEPS, t->error);
+    bool done = t->waiting != NULL;
+    for (uint32_t i = 0; done && i < t->num; i++)
+        if (!t->turns[i])
+            done = begin(t, i) && follow_all(t);
+    done = done && finish(t, &t->import->head->share_unsure);
+    t->import->head->num_parts = t->num_parts;
+    karst_points_stacks_destroy(t->waiting);
+    free(t->parts);
     return done;
 }
 
-void karst_points_turn_like_given(karst_point *points, uint32_t num, const uint32_t *links)
+/* Whether the file has a point's normal, or it has been turned as those around. */
+#define KNOWN 1u
+
+/* The few that had none: as those of their neighbours that had one. */
+static bool turn_like_given(turning *t)
 {
+    for (uint32_t i = 0; i < t->num; i++)
+        t->turns[i] = t->points[i].is_found ? 0 : KNOWN;
     /* Those farther from any that had one follow in later rounds, and what is never reached stays as it is. */
     for (bool any = true; any;) {
         any = false;
-        for (uint32_t i = 0; i < num; i++) {
+        for (uint32_t i = 0; i < t->num; i++) {
             double sum = 0;
             bool knows = false;
-            for (int k = 0; k < POINTS_LINKS && points[i].is_found; k++) {
-                uint32_t other = links[(size_t)i * POINTS_LINKS + (size_t)k];
-                if (other == UINT32_MAX || points[other].is_found)
+            for (int k = 0; k < POINTS_LINKS && !t->turns[i]; k++) {
+                const uint32_t other = links_of(t, i)[k];
+                if (other == UINT32_MAX || !t->turns[other])
                     continue;
                 knows = true;
-                sum += dot(&points[i], &points[other]);
+                sum += dot(t, i, other);
             }
-            if (!knows)
-                continue;
-            if (sum < 0)
-                turn_over(&points[i]);
-            points[i].is_found = 0;
-            any = true;
+            if (knows)
+                t->turns[i] = KNOWN | (sum < 0 ? POINTS_TURNS_OVER : 0);
+            any = any || knows;
+            if (i % OFTEN == 0) {
+                karst_points_stay_small(t->import);
+                if (!karst_points_go_on(t->import, "turning normals", (double)i / t->num, t->error))
+                    return false;
+            }
         }
     }
+    return true;
 }
 
-void karst_points_turn_up(karst_point *points, uint32_t num)
+static bool turn_up(turning *t)
 {
-    for (uint32_t i = 0; i < num; i++)
-        if (points[i].normal[1] < 0)
-            turn_over(&points[i]);
+    for (uint32_t i = 0; i < t->num; i++) {
+        t->turns[i] = t->points[i].normal[1] < 0 ? POINTS_TURNS_OVER : 0;
+        if (i % OFTEN == 0)
+            karst_points_stay_small(t->import);
+    }
+    return true;
+}
+
+bool karst_points_turn_normals(points_import *import, karst_error *error)
+{
+    const uint32_t num = (uint32_t)import->now.num;
+    const bool has_normals = import->head->flags & KARST_POINTS_HAS_GIVEN_NORMALS;
+    turning t = {.import = import, .error = error, .num = num, .lowest = NUM_STEPS};
+    t.points = karst_points_map_file(import, karst_points_in_order(import), num * sizeof *t.points, false, error);
+    t.links = t.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *t.links, false,
+                                               error)
+                       : NULL;
+    t.turns = t.links ? karst_points_map_file(import, POINTS_TURNS, num * sizeof *t.turns, true, error) : NULL;
+    bool done = t.turns != NULL;
+    if (done && has_normals)
+        done = turn_like_given(&t);
+    else if (done && import->config->turn == KARST_POINTS_TURN_UP)
+        done = turn_up(&t);
+    else if (done)
+        done = turn_together(&t);
+    karst_points_unmap(import, t.turns);
+    karst_points_unmap(import, (void *)t.links);
+    karst_points_unmap(import, (void *)t.points);
+    return done;
 }

@@ -182,6 +182,22 @@ bool command_write_picture(const char *path, karst_engine *engine, const uint8_t
 /* Names of karst_aov with commas between them, as bits 1 << karst_aov. Errors: KARST_USAGE. */
 bool command_parse_aovs(const char *text, unsigned *aovs, karst_error *error);
 
+/* ---- command_six_way.c ---- */
+
+/* Light maps of moments that are step_s apart, on one sheet for each map. */
+typedef struct {
+    const char *pattern; /* of two files: %s becomes positive and negative */
+    int size_px[2];      /* of a moment's map */
+    uint64_t num;        /* moments, at least 1 */
+    double start_s, step_s;
+    uint32_t max_frames;
+} command_six_way;
+/* Errors: KARST_USAGE, KARST_FAILED (a file that cannot be written). */
+bool command_six_way_check(const command_six_way *maps, karst_error *error);
+/* Draws and writes them, each file whole or not at all, and says so. Errors: as karst_engine_six_way; KARST_FAILED also
+ * of what did not settle, once it is written. */
+bool command_six_way_run(karst_engine *engine, const command_six_way *maps, command_talk *talk, karst_error *error);
+
 /* ---- command_ray.c ---- */
 
 /* How `karst sample --ray` looks, and what it prints: JSON or text, an empty line before what is not the first. */

@@ -13,8 +13,8 @@ static const struct {
 } ways[ACCURACY_NUM_MEDIA] = {{KARST_SCATTERING_ONCE, "once", 1},
                               {KARST_SCATTERING_OCTAVES, "octaves", 1},
                               {KARST_SCATTERING_PATHS, "paths", 16},
-                              {KARST_SCATTERING_PATHS, "paths", 256},
-                              {KARST_SCATTERING_PATHS, "paths", 1024}};
+                              {KARST_SCATTERING_PATHS, "paths", 64},
+                              {KARST_SCATTERING_PATHS, "paths", 256}};
 
 typedef struct {
     command_talk *talk;

@@ -3,6 +3,7 @@
  *
  *   command_parts.c     which pictures or which tile a part is, and the commands of a job
  *   command_manifest.c  what a part has done: pictures, their sizes and checksums, and what they were made from
+ *   command_join.c      tiles put together, row by row
  *   command_verify.c    karst verify
  */
 #ifndef KARST_DEMOS_COMMAND_FARM_H
@@ -98,5 +99,13 @@ bool command_manifest_is_same_job(const command_manifest_file *a, const command_
                                   karst_error *error);
 /* The file of a picture or a tile, seen from where `manifest` lies; malloc'ed; NULL: out of memory. */
 char *command_manifest_name(const char *manifest, const char *output, bool tiles, size_t num, size_t index);
+
+/* ---- command_join.c ---- */
+
+/* Puts the tiles of a job (of a .png) together in `output`, which appears whole or not at all. Memory is that of some
+ * rows of the picture, whatever its size. Errors: KARST_BAD_DATA (a tile that cannot be read, or is of another size),
+ * KARST_FAILED. */
+bool command_join(const char *manifest, const command_manifest_file *job, const char *output, command_talk *talk,
+                  karst_error *error);
 
 #endif

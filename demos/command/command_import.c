@@ -27,6 +27,9 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst import rabbit.ply -o rabbit.karstpoints\n"
          "  karst import town.las -o town.karstpoints --turn up\n"
          "  karst info rabbit.karstpoints\n"
+         "\nAn import that was cut off, or whose disk was full, goes on when the same command is given again: until "
+         "then\n"
+         "its work lies in MODEL.karstpoints.import.\n"
          "\nLAZ is unpacked first, with laszip -i in.laz -o out.las, or with pdal translate in.laz out.las.\n"
          "\nExit code: 0 done, 1 failed (a disk that is full), 2 wrong usage, 5 a file that cannot be read as points.");
 }
@@ -65,6 +68,7 @@ static bool read_options(const import_options *o, karst_points_import_config *co
                                            .keep_outliers = o->keep_outliers,
                                            .num_threads = (uint32_t)o->num_threads,
                                            .progress = show_progress,
+                                           .resumable = true,
                                            .user = (void *)o};
     return true;
 }
@@ -152,7 +156,10 @@ static bool import_points(const import_options *o, karst_error *error)
     bool done = karst_points_import(&config, &about, error);
     command_end_progress(o->talk);
     if (!done && command_interrupted())
-        return command_fail_interrupted(error, "interrupted: %s was not written", o->output);
+        return command_fail_interrupted(error,
+                                        "interrupted: %s was not written. The same command goes on from there; "
+                                        "removing %s.import gives it up",
+                                        o->output, o->output);
     if (done)
         say(o, &about, (double)(command_clock_ns() - start_ns) / 1e9);
     return done && (!o->json || command_print_points(o->output, true, error));

@@ -25,6 +25,7 @@ typedef struct {
     bool has_seed, no_shadows, no_blend, no_beam, refine, help;
     bool has_time, has_time_step;
     bool flies; /* more pictures than one: along a path, or while time goes */
+    const char *six_way; /* files of light maps, in place of pictures; NULL: none */
     const char *edits;
     const char *part_text, *window_text, *manifest_file;
     uint64_t rows;     /* drawn at once; 0: what suits */
@@ -69,6 +70,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst render hills --path low-flight --frames 10 -o %02d.png\n"
          "  karst render hills --path low-flight -o frames/%05d.exr --jobs 8 | parallel -j 4\n"
          "  karst render smoke --time-step 0.04 --frames 100 -o smoke/%03d.png\n"
+         "  karst render smoke --six-way out_%s.exr --size 256x256 --time-step 0.1 --frames 64\n"
          "\nExit code: 0 done, 1 failed or not settled, 2 wrong usage, 3 no usable device, 4 no such world,\n"
          "5 a path, a file of edits or a manifest that cannot be read, 75 ended by SIGTERM with --manifest: run it\n"
          "again.");
@@ -97,6 +99,10 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"time-step", 0, COMMAND_NUMBER, "S",
          "from picture to picture, along a path, or with --frames where the camera is (default: time stands still)",
          &o->flight.world_step_s, -1e9, 1e9, &o->has_time_step},
+        {"six-way", 0, COMMAND_TEXT, "FILES",
+         "two light maps of the media alone, for game engines, such as smoke_%s.exr; with --frames and --time-step a "
+         "sheet of moments (docs/EXPORT.md)",
+         &o->six_way, 0, 0, NULL},
         {"jobs", 0, COMMAND_INTEGER, "N",
          "draw nothing: print N commands, one a line, that together do it (docs/FARM.md)", &o->num_jobs, 1,
          COMMAND_MAX_PARTS, NULL},
@@ -174,6 +180,44 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         return karst_fail(error, KARST_USAGE,
                           "which world? For example: karst render hills (karst help render lists them)");
     return true;
+}
+
+static command_six_way six_way_of(const render_options *o)
+{
+    return (command_six_way){.pattern = o->six_way,
+                             .size_px = {o->size_px[0], o->size_px[1]},
+                             .num = o->num_pictures ? o->num_pictures : 1,
+                             .start_s = o->flight.world_s,
+                             .step_s = o->flight.world_step_s,
+                             .max_frames = (uint32_t)o->max_frames};
+}
+
+/* Light maps are of one view, and files of their own. */
+static bool check_six_way(const render_options *o, karst_error *error)
+{
+    const char *stray = o->path               ? "path"
+                        : o->output           ? "output"
+                        : o->aov              ? "aov"
+                        : o->stats            ? "stats"
+                        : o->flight.live      ? "live"
+                        : o->flight.has_start ? "start"
+                        : o->flight.has_end   ? "end"
+                        : o->fps > 0          ? "fps"
+                        : o->rows             ? "rows"
+                        : o->window_text      ? "window"
+                        : o->part_text        ? "part"
+                        : o->manifest_file    ? "manifest"
+                        : o->num_jobs         ? "jobs"
+                        : o->resume           ? "resume"
+                                              : NULL;
+    const command_six_way maps = six_way_of(o);
+    if (stray)
+        return karst_fail(error, KARST_USAGE, "--six-way draws light maps of one view: --%s is not for them", stray);
+    if (maps.num > 1 && !o->has_time_step)
+        return karst_fail(error, KARST_USAGE, "--six-way with --frames: how far apart? For example --time-step 0.1");
+    if (maps.num == 1 && o->has_time_step)
+        return karst_fail(error, KARST_USAGE, "--six-way with --time-step: how many moments? For example --frames 64");
+    return command_six_way_check(&maps, error);
 }
 
 /* What concerns a path; fills in the flight. */
@@ -273,7 +317,7 @@ static bool check_part(render_options *o, karst_error *error)
 /* An .exr of full light can be gone on from, unless somebody chose what it holds; and one that is gone on with. */
 static void choose_sums(render_options *o)
 {
-    const bool is_exr = !o->flies && command_is_exr(o->output);
+    const bool is_exr = !o->flies && !o->six_way && command_is_exr(o->output);
     if (o->goes_on || (is_exr && !o->aov && o->look.parsed_light == KARST_INTEGRATOR_FULL))
         o->aovs = (o->aovs ? o->aovs : 1u << KARST_AOV_RADIANCE | 1u << KARST_AOV_DEPTH | 1u << KARST_AOV_NORMAL) |
                   1u << KARST_AOV_SUMS;
@@ -283,11 +327,13 @@ static void choose_sums(render_options *o)
 static bool check_options(render_options *o, karst_display_kind *display, command_talk *talk, karst_error *error)
 {
     memcpy(o->window_px + 2, o->size_px, sizeof o->size_px);
-    o->flies = o->path || (o->has_time_step && o->num_pictures);
+    o->flies = !o->six_way && (o->path || (o->has_time_step && o->num_pictures));
     /* A path says where the camera is. */
     const command_scene scene = {o->world_file,  sizeof o->world_file, o->path ? NULL : &o->camera, &o->edits,
                                  &o->parameters, &o->has_seed,         &o->seed};
-    if (!o->output && !o->flies)
+    if (o->six_way && !check_six_way(o, error))
+        return false;
+    if (!o->output && !o->flies && !o->six_way)
         o->output = "out.png";
     if (!o->look.samples)
         o->look.samples = o->flight.live ? 1 : DEFAULT_SAMPLES;
@@ -309,8 +355,8 @@ static bool check_options(render_options *o, karst_display_kind *display, comman
         return false;
     choose_sums(o);
     return karst_display_kind_parse(o->display, display, error) && command_find_scene(o->world, &scene, talk, error) &&
-           check_flight(o, error) &&
-           (o->flies ||
+           (o->six_way || check_flight(o, error)) &&
+           (o->flies || o->six_way ||
             (command_check_picture(o->output, error) && command_check_output(o->output, "-o", true, error))) &&
            (!o->stats || command_check_output(o->stats, "--stats", false, error));
 }
@@ -436,7 +482,7 @@ static karst_engine_config make_config(const render_options *o, karst_display_ki
     config.num_parameters = o->parameters.num_values;
     int drawn_px[4];
     memcpy(drawn_px, o->window_px, sizeof drawn_px);
-    if (!o->flies && command_bands_suit(o->size_px, o->window_px, (int)o->rows))
+    if (!o->flies && !o->six_way && command_bands_suit(o->size_px, o->window_px, (int)o->rows))
         command_bands_first(o->size_px, o->window_px, (int)o->rows, drawn_px);
     config.width_px = drawn_px[2];
     config.height_px = drawn_px[3];
@@ -592,6 +638,11 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
         if (!karst_camera_parse(o.camera, karst_engine_voxel_log2_m(engine), &camera, error) ||
             !karst_engine_set_camera(engine, &camera, error))
             goto out;
+    }
+    if (o.six_way) {
+        const command_six_way maps = six_way_of(&o);
+        done = command_six_way_run(engine, &maps, talk, error);
+        goto out;
     }
     karst_camera camera = karst_engine_camera(engine);
     karst_camera_format(&camera, karst_engine_voxel_log2_m(engine), record.camera, sizeof record.camera);

@@ -133,49 +133,6 @@ static bool check_pictures(verification *v, command_talk *talk, karst_error *err
     return true;
 }
 
-/* ---- joining ---- */
-
-/* Puts tile `index` into its place of the whole. */
-static bool place_tile(const verification *v, size_t index, uint8_t *rgba, karst_error *error)
-{
-    const command_manifest_file *job = &v->parts[0];
-    int window_px[4], width_px, height_px;
-    char *name = command_manifest_name(v->file, job->output, true, job->num, index);
-    if (!name)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    uint8_t *tile = command_part_tile((command_part){(uint32_t)index + 1, (uint32_t)job->num}, job->size_px, window_px,
-                                      error)
-                        ? karst_image_read_png(name, &width_px, &height_px, error)
-                        : NULL;
-    const bool fits = tile && width_px == window_px[2] && height_px == window_px[3];
-    if (tile && !fits)
-        karst_fail(error, KARST_BAD_DATA, "%s: has %dx%d pixels instead of %dx%d", name, width_px, height_px,
-                   window_px[2], window_px[3]);
-    for (int y = 0; fits && y < height_px; y++)
-        memcpy(rgba + 4 * ((size_t)(window_px[1] + y) * (size_t)job->size_px[0] + (size_t)window_px[0]),
-               tile + 4 * (size_t)y * (size_t)width_px, 4 * (size_t)width_px);
-    free(tile);
-    free(name);
-    return fits;
-}
-
-static bool join(const verification *v, const char *output, command_talk *talk, karst_error *error)
-{
-    const command_manifest_file *job = &v->parts[0];
-    uint8_t *rgba = malloc((size_t)job->size_px[0] * (size_t)job->size_px[1] * 4);
-    bool done = rgba != NULL || karst_fail(error, KARST_FAILED, "out of memory for a picture of %dx%d",
-                                           job->size_px[0], job->size_px[1]);
-    for (size_t index = 0; done && index < job->num; index++) {
-        command_progress(talk, "joining tile %zu of %zu", index + 1, job->num);
-        done = command_interrupted() ? command_fail_interrupted(error, "interrupted")
-                                     : place_tile(v, index, rgba, error);
-    }
-    command_end_progress(talk);
-    done = done && karst_image_write_png(output, rgba, job->size_px[0], job->size_px[1], error);
-    free(rgba);
-    return done;
-}
-
 bool command_verify(int argc, char **argv, command_talk *talk, karst_error *error)
 {
     verification v = {0};
@@ -211,7 +168,7 @@ bool command_verify(int argc, char **argv, command_talk *talk, karst_error *erro
             karst_fail(error, KARST_FAILED, "of %zu %s %zu are missing or wrong: run the job's commands again",
                        v.parts[0].num, v.parts[0].tiles ? "tiles" : "pictures", v.num_missing + v.num_wrong);
         else if (output)
-            done = join(&v, output, talk, error);
+            done = command_join(v.file, &v.parts[0], output, talk, error);
     }
     for (size_t i = 0; i < v.num_parts; i++)
         command_manifest_free(&v.parts[i]);

@@ -131,6 +131,10 @@ void view_copy_command(viewer *v)
         snprintf(word, sizeof word, " --sun %.15g,%.15g", sun.azimuth_deg, sun.elevation_deg);
         strncat(line, word, size_bytes - strlen(line) - 1);
     }
+    if (karst_engine_time(v->engine) != 0) {
+        snprintf(word, sizeof word, " --time %.15g", karst_engine_time(v->engine));
+        strncat(line, word, size_bytes - strlen(line) - 1);
+    }
     for (int i = 0; i < v->sliders.num_sliders; i++) {
         const view_slider *s = &v->sliders.sliders[i];
         if (s->value == s->original)

@@ -46,6 +46,7 @@ static void change_fov(viewer *v, double factor)
     view_set_camera(v, &camera);
 }
 
+#define TIME_STEP_S 0.1
 #define SUN_STEP_DEG 1.0
 #define SUN_ROUND_STEP_DEG 3.0
 
@@ -178,6 +179,16 @@ void view_do(viewer *v, view_action action, int number)
         break;
     case VIEW_DO_SUN_RESET:
         move_sun(v, 0, 0);
+        break;
+    case VIEW_DO_TIME:
+        view_time_toggle(v);
+        break;
+    case VIEW_DO_TIME_EARLIER:
+    case VIEW_DO_TIME_LATER:
+        view_time_step(v, action == VIEW_DO_TIME_EARLIER ? -TIME_STEP_S : TIME_STEP_S);
+        break;
+    case VIEW_DO_TIME_RESET:
+        view_time_step(v, 0);
         break;
     case VIEW_DO_HOME: {
         karst_camera home = karst_engine_default_camera(v->engine);

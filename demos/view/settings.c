@@ -52,6 +52,8 @@ static option_table make_table(view_settings *o, command_talk *talk)
          NULL},
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
          &o->view_distance_m, 1e-9, 1e18, NULL},
+        {"time", 0, COMMAND_NUMBER, "S", "the world's time to begin with, of its particles and iTime (default: 0)",
+         &o->time_s, -1e6, 1e6, NULL},
         {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &o->edits, 0, 0,
          NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},

@@ -46,7 +46,7 @@ static bool open_engine(viewer *v, karst_error *error)
     if (s->camera && !karst_camera_parse(s->camera, karst_engine_voxel_log2_m(v->engine), &v->motion.camera, error))
         return false;
     v->motion.dirty = true;
-    return true;
+    return karst_engine_set_time(v->engine, s->time_s, error);
 }
 
 static bool choose_start(viewer *v, karst_error *error)
@@ -215,8 +215,8 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
         return false;
     if (v->sliders.changed && !view_sliders_apply(v, error))
         return false;
-    bool replayed = view_replay_step(v);
-    bool moving = view_move(v, fmax(dt_s, 1e-4)) || replayed;
+    bool replayed = view_replay_step(v), aged = view_time_turn(v, dt_s);
+    bool moving = view_move(v, fmax(dt_s, 1e-4)) || replayed || aged;
     view_record_step(v);
     if (moving) {
         v->moved_at_s = v->now_s;
@@ -254,7 +254,7 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     }
     if (v->settled)
         view_reload_get_ready(v);
-    *busy = visible && (!v->settled || v->capture.path || v->capture.recording || v->capture.video);
+    *busy = visible && (!v->settled || v->time_runs || v->capture.path || v->capture.recording || v->capture.video);
     if (v->capture.path && !visible)
         *busy = true;
     return true;

@@ -46,7 +46,7 @@ typedef struct {
     bool has_seed, no_shadows, fullscreen, fixed_resolution, hidden_hud, help;
     const char *edits;
     command_look look;
-    double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale;
+    double pool_mib, detail_px, view_distance_m, fps, speed_m_s, eye_m, scale, time_s;
 } view_settings;
 
 /* From flags over environment over the configuration file over defaults. Texts of the latter two live as long as the
@@ -160,6 +160,10 @@ typedef enum {
     VIEW_DO_SUN_EAST,
     VIEW_DO_SUN_WEST,
     VIEW_DO_SUN_RESET,
+    VIEW_DO_TIME,
+    VIEW_DO_TIME_EARLIER,
+    VIEW_DO_TIME_LATER,
+    VIEW_DO_TIME_RESET,
     VIEW_DO_HOME,
     VIEW_DO_GO_TO,
     VIEW_DO_COPY,
@@ -240,6 +244,14 @@ typedef struct {
 
 void view_set_mode(viewer *v, view_mode mode);
 void view_set_camera(viewer *v, const karst_camera *camera);
+
+/* ---- clock.c ---- */
+
+void view_time_toggle(viewer *v);              /* it runs from where it stands, or stands */
+void view_time_step(viewer *v, double step_s); /* it stands, that much later; 0: where it began */
+/* Of a turn of the loop that took dt_s: whether the world is at another time now. */
+bool view_time_turn(viewer *v, double dt_s);
+
 /* Turns by so many pixels of the mouse's way. */
 void view_look(viewer *v, double x_px, double y_px);
 /* Moves for dt seconds; true if the camera is not where it was. */
@@ -453,7 +465,7 @@ struct viewer {
     karst_view view;
     bool has_shown_view[KARST_NUM_VIEWS]; /* its kernel is there */
     uint64_t num_frames, num_shown;
-    bool settled;
+    bool settled, time_runs;
     /* from the last motion to all pixels, to the level that is set in each of them, and to a settled picture */
     double full_after_s, sharp_after_s, settled_after_s;
     bool is_full, is_sharp, is_shown; /* is_shown: the picture of this frame already */

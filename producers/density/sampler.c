@@ -70,10 +70,26 @@ bool karst_sampler_is_edited(const karst_sampler *sampler, const karst_position 
 
 static karst_sample sample_of(karst_oracle_value value) { return (karst_sample){value.device, value.precise}; }
 
+float karst_sampler_with_models(const karst_sampler *sampler, const karst_position *at, int level, float density,
+                                float gradient[3])
+{
+    const karst_model_list *models = &sampler->world->models;
+    return models->data ? karst_model_list_at(models, at, level, density, gradient) : density;
+}
+
+/* Models are told in floats: what they leave alone stays as precise as it is. */
+static double precise_with_models(const karst_sampler *sampler, const karst_position *at, int level, double precise)
+{
+    const float rounded = (float)precise, with = karst_sampler_with_models(sampler, at, level, rounded, NULL);
+    return with != rounded ? (double)with : precise;
+}
+
 karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position *at, double footprint_m)
 {
     int level = karst_world_level(sampler->world, footprint_m);
     karst_sample sample = sample_of(karst_oracle_text_density(sampler->oracle, at, level));
+    sample.device = karst_sampler_with_models(sampler, at, level, sample.device, NULL);
+    sample.precise = precise_with_models(sampler, at, level, sample.precise);
     if (sampler->edits.data) {
         sample.device = karst_edit_list_density(&sampler->edits, at, level, sample.device);
         sample.precise = karst_edit_list_precise(&sampler->edits, at, level, sample.precise, NULL);
@@ -87,7 +103,14 @@ double karst_sampler_precise_density(karst_sampler *sampler, const karst_positio
     double precise = sampler->world->file->program->world.text
                          ? karst_oracle_text_density(sampler->oracle, at, level).precise
                          : karst_oracle_precise_density(sampler->oracle, at, level);
+    precise = precise_with_models(sampler, at, level, precise);
     return sampler->edits.data ? karst_edit_list_precise(&sampler->edits, at, level, precise, NULL) : precise;
+}
+
+bool karst_sampler_is_model(const karst_sampler *sampler, const karst_position *at, int level, float density,
+                            float gradient[3])
+{
+    return sampler->world->models.data && karst_sampler_with_models(sampler, at, level, density, gradient) != density;
 }
 
 /* Near edits: central differences. */
@@ -113,8 +136,7 @@ static void edited_gradient(karst_sampler *sampler, const karst_position *at, do
 bool karst_sampler_is_flat(const karst_sampler *sampler, float text, float executed)
 {
     const karst_resolved_world *world = &sampler->world->file->program->world;
-    return world->text &&
-           (world->graph->nodes[world->text].kind == KARST_KIND_STEPS || (text == 0 && executed != 0));
+    return world->text && (world->graph->nodes[world->text].kind == KARST_KIND_STEPS || (text == 0 && executed != 0));
 }
 
 bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, double footprint_m,
@@ -135,6 +157,14 @@ bool karst_sampler_gradient(karst_sampler *sampler, const karst_position *at, do
     bool is_flat = karst_sampler_is_flat(sampler, text.device, value.device);
     for (int axis = 0; axis < 3; axis++)
         gradient[axis] = is_flat ? (karst_sample){0, 0} : sample_of(values[axis]);
+    float of_model[3];
+    const int level = karst_world_level(sampler->world, footprint_m);
+    if (karst_sampler_is_model(sampler, at, level, karst_oracle_text_density(sampler->oracle, at, level).device,
+                               of_model)) {
+        for (int axis = 0; axis < 3; axis++)
+            gradient[axis] = (karst_sample){of_model[axis], (double)of_model[axis]};
+        text = karst_sampler_density(sampler, at, footprint_m);
+    }
     if (density)
         *density = text;
     return true;
@@ -148,8 +178,17 @@ bool karst_sampler_colour(karst_sampler *sampler, const karst_position *at, cons
     const int level = karst_world_level(sampler->world, footprint_m);
     float over[4] = {0};
     double precisely_over[4] = {0};
+    karst_oracle_value own = {0};
+    if (sampler->edits.data || sampler->world->models.data)
+        own = karst_oracle_text_density(sampler->oracle, at, level);
+    if (sampler->world->models.data) {
+        karst_model_list_colour(&sampler->world->models, at, level, own.device, over);
+        for (int i = 0; i < 4; i++)
+            precisely_over[i] = (double)over[i];
+        own.device = karst_sampler_with_models(sampler, at, level, own.device, NULL);
+        own.precise = precise_with_models(sampler, at, level, own.precise);
+    }
     if (sampler->edits.data) {
-        const karst_oracle_value own = karst_oracle_text_density(sampler->oracle, at, level);
         karst_edit_list_colour(&sampler->edits, at, level, own.device, over);
         karst_edit_list_precise(&sampler->edits, at, level, own.precise, precisely_over);
     }
@@ -220,6 +259,8 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
     if (program_graph->world.text)
         bound_text(program_graph, range);
     const double half_voxels[3] = {(double)box.radius[0], (double)box.radius[1], (double)box.radius[2]};
+    if (world->models.data)
+        karst_model_list_range(&world->models, centre, half_voxels, box.level, range);
     if (sampler->edits.data && !karst_edit_list_range(&sampler->edits, centre, half_voxels, box.level, range)) {
         range[0] = -(double)INFINITY;
         range[1] = (double)INFINITY;

@@ -46,6 +46,8 @@ void karst_sampler_densities(karst_sampler *sampler, const karst_position *at, s
         return;
     }
     run(tape, sampler->oracle, at, num, level, &density);
+    for (size_t i = 0; sampler->world->models.data && i < num; i++)
+        density[i] = karst_sampler_with_models(sampler, &at[i], level, density[i], NULL);
     for (size_t i = 0; sampler->edits.data && i < num; i++)
         density[i] = karst_edit_list_density(&sampler->edits, &at[i], level, density[i]);
 }
@@ -77,7 +79,9 @@ static void find_gradients(karst_sampler *sampler, const karst_tape *tape, const
         const bool is_flat = karst_sampler_is_flat(sampler, density[i], executed[i]);
         for (int axis = 0; axis < 3; axis++)
             gradient[i][axis] = is_flat ? 0 : slopes[axis][i];
-        if (karst_sampler_is_edited(sampler, &at[i], 0))
+        float of_model[3];
+        if (karst_sampler_is_edited(sampler, &at[i], 0) ||
+            karst_sampler_is_model(sampler, &at[i], level, executed[i], of_model))
             copy_gradient(sampler, &at[i], footprint_m, gradient[i], &density[i]);
     }
 }

@@ -17,6 +17,12 @@ struct karst_sampler {
 
 /* Whether an edit may be within half_m of a point, along each axis. */
 bool karst_sampler_is_edited(const karst_sampler *sampler, const karst_position *at, double half_m);
+/* A density with the world's models, and, where it is not NULL, the gradient with it. */
+float karst_sampler_with_models(const karst_sampler *sampler, const karst_position *at, int level, float density,
+                                float gradient[3]);
+/* Whether a model's value is the one that counts there; the gradient is then its own. */
+bool karst_sampler_is_model(const karst_sampler *sampler, const karst_position *at, int level, float density,
+                            float gradient[3]);
 /* Whether the text's density is flat where it and the executed one (deepen.h) are these. */
 bool karst_sampler_is_flat(const karst_sampler *sampler, float text, float executed);
 

@@ -9,6 +9,7 @@
 #include "producers/density/bounds_cost.h"
 #include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
+#include "producers/points/points_kind.h"
 
 /* ---- opening ---- */
 
@@ -42,6 +43,16 @@ static bool make_oracles(karst_world *world, karst_error *error)
             (world->gradient_oracle = karst_oracle_create(&world->derived->world, values, seed, voxel_log2_m, error)));
     free(values);
     return done || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+static bool open_models(karst_world *world, karst_error *error)
+{
+    size_t num;
+    karst_model *models = karst_named_models(world->file->program, world->metadata.voxel_log2_m, &num, error);
+    bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num,
+                                                             world->metadata.voxel_log2_m, UINT64_MAX, NULL, error));
+    karst_named_models_free(models, num);
+    return done;
 }
 
 /* ---- what it says of itself ---- */
@@ -107,7 +118,8 @@ karst_world *karst_world_open(const karst_world_config *config, karst_error *err
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error))
+    if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error) &&
+        open_models(world, error))
         return world;
     karst_world_close(world);
     return NULL;
@@ -120,6 +132,7 @@ void karst_world_close(karst_world *world)
     karst_oracle_destroy(world->gradient_oracle);
     karst_oracle_destroy(world->oracle);
     karst_gradient_world_destroy(world->derived);
+    karst_model_list_finish(&world->models);
     karst_world_file_destroy(world->file);
     free(world->parameters);
     free(world->data);

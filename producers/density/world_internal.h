@@ -6,6 +6,7 @@
 #include "producers/language/graph/derive.h"
 #include "producers/language/oracle/oracle.h"
 #include "producers/density/world_file.h"
+#include "producers/points/model_list.h"
 
 struct karst_world {
     karst_world_file *file;
@@ -16,6 +17,7 @@ struct karst_world {
     char *path;
     karst_world_metadata metadata;
     karst_parameter_info *parameters;
+    karst_model_list models; /* without data: none */
 };
 
 #endif

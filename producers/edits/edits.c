@@ -6,11 +6,9 @@
 #include <string.h>
 
 typedef struct {
-    karst_layer base;
+    karst_buffer_layer on;
     karst_context *context;
-    karst_layer_kernels kernels;
     karst_edit_list list;
-    karst_buffer *data;
     uint32_t num_sent; /* edits that the device has */
     karst_drop_box *dirty;
     size_t num_dirty, max_dirty;
@@ -22,26 +20,26 @@ static bool send(edits_layer *edits, karst_error *error)
 {
     karst_edit_list *list = &edits->list;
     uint32_t num = karst_edit_list_num(list), sent = edits->num_sent < num ? edits->num_sent : num;
-    if (!edits->data || edits->data->size_bytes != list->size_bytes) {
+    if (!edits->on.data || edits->on.data->size_bytes != list->size_bytes) {
         karst_buffer *data = karst_buffer_create(edits->context, "edits", list->size_bytes, list->data, error);
         if (!data)
             return false;
         karst_finish(edits->context, NULL); /* nothing may read the old one any more */
-        karst_buffer_destroy(edits->data);
-        edits->data = data;
+        karst_buffer_destroy(edits->on.data);
+        edits->on.data = data;
     } else if (list->is_rearranged) {
-        if (!karst_buffer_write(edits->data, 0, list->data, list->size_bytes, error))
+        if (!karst_buffer_write(edits->on.data, 0, list->data, list->size_bytes, error))
             return false;
     } else {
         size_t at = (size_t)((const char *)(karst_edit_list_records(list) + sent) - (const char *)list->data);
-        if (!karst_buffer_write(edits->data, at, (const char *)list->data + at,
+        if (!karst_buffer_write(edits->on.data, at, (const char *)list->data + at,
                                 (num - sent) * sizeof(karst_edit_record), error) ||
-            !karst_buffer_write(edits->data, 0, list->data, sizeof(karst_edits_head), error))
+            !karst_buffer_write(edits->on.data, 0, list->data, sizeof(karst_edits_head), error))
             return false;
     }
     list->is_rearranged = false;
     edits->num_sent = num;
-    edits->base.version++;
+    edits->on.base.version++;
     return true;
 }
 
@@ -96,29 +94,9 @@ bool karst_edits_set_num(karst_layer *layer, uint32_t num, karst_error *error)
 
 const karst_edit_list *karst_edits_list(const karst_layer *layer) { return &((const edits_layer *)layer)->list; }
 
-const karst_buffer *karst_edits_data(const karst_layer *layer) { return ((const edits_layer *)layer)->data; }
+const karst_buffer *karst_edits_data(const karst_layer *layer) { return ((const edits_layer *)layer)->on.data; }
 
 /* ---- the layer ---- */
-
-static bool bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
-{
-    const edits_layer *edits = (const edits_layer *)self;
-    return karst_layer_kernels_bound_tiles(&edits->kernels, edits->data, cache, work, error);
-}
-
-static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error)
-{
-    const edits_layer *edits = (const edits_layer *)self;
-    return karst_layer_kernels_bound_loads(&edits->kernels, edits->data, loads, count, error);
-}
-
-static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                     uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
-{
-    const edits_layer *edits = (const edits_layer *)self;
-    return karst_layer_kernels_evaluate(&edits->kernels, edits->data, loads, count, staging, stride_floats, colours,
-                                        error);
-}
 
 static size_t take_dirty(karst_layer *self, const karst_drop_box **boxes)
 {
@@ -137,24 +115,23 @@ static bool check(karst_layer *self, karst_error *error)
 static void destroy(karst_layer *self)
 {
     edits_layer *edits = (edits_layer *)self;
-    karst_layer_kernels_destroy(&edits->kernels);
-    karst_buffer_destroy(edits->data);
+    karst_buffer_layer_finish(&edits->on);
     karst_edit_list_finish(&edits->list);
     free(edits->dirty);
     free(edits);
 }
 
 static const karst_layer_ops edits_ops = {.kind = "edits",
-                                          .bound_tiles = bound_tiles,
-                                          .bound_loads = bound_loads,
-                                          .evaluate = evaluate,
+                                          .bound_tiles = karst_buffer_layer_bound_tiles,
+                                          .bound_loads = karst_buffer_layer_bound_loads,
+                                          .evaluate = karst_buffer_layer_evaluate,
                                           .take_dirty = take_dirty,
                                           .check = check,
                                           .destroy = destroy};
 
 bool karst_edits_allow_colours(karst_layer *layer, karst_error *error)
 {
-    return karst_layer_kernels_build_coloured(&((edits_layer *)layer)->kernels, error);
+    return karst_layer_kernels_build_coloured(&((edits_layer *)layer)->on.kernels, error);
 }
 
 karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int voxel_log2_m, karst_error *error)
@@ -164,11 +141,11 @@ karst_layer *karst_edits_create(karst_context *context, karst_shape shape, int v
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    edits->base.ops = &edits_ops;
+    edits->on.base.ops = &edits_ops;
     edits->context = context;
     if (karst_edit_list_init(&edits->list, voxel_log2_m, error) && send(edits, error) &&
-        karst_layer_kernels_build(&edits->kernels, context, shape, "producers/edits/edits_layer.clh", error))
-        return &edits->base;
-    destroy(&edits->base);
+        karst_layer_kernels_build(&edits->on.kernels, context, shape, "producers/edits/edits_layer.clh", error))
+        return &edits->on.base;
+    destroy(&edits->on.base);
     return NULL;
 }

@@ -290,7 +290,9 @@ karst_program_graph *karst_language_compile(const char *name, const char *text, 
         program->world = (karst_resolved_world){0};
         memset(program->root, 0, sizeof program->root);
         memset(program->has_entry, 0, sizeof program->has_entry);
-        if (c->arena_full || !last || !last->is_error)
+        if (program->arena.is_out_of_memory)
+            karst_fail(error, KARST_FAILED, "%s: out of memory for compiling the world", name);
+        else if (c->arena_full || !last || !last->is_error)
             karst_fail(error, KARST_BAD_WORLD, "%s: the world needs more than %zu MiB to compile", name,
                        KARST_LANGUAGE_ARENA_BYTES >> 20);
         else
@@ -368,10 +370,12 @@ karst_program_graph *karst_language_compile_file(const char *path, const karst_p
     }
     char *text = malloc(KARST_SOURCE_MAX_BYTES + 1); /* one more, so that too much shows */
     size_t length = text ? fread(text, 1, KARST_SOURCE_MAX_BYTES + 1, file) : 0;
-    bool bad = !text || ferror(file);
+    bool bad = text && ferror(file);
     fclose(file);
     karst_program_graph *program = NULL;
-    if (bad)
+    if (!text)
+        karst_fail(error, KARST_FAILED, "%.600s: out of memory for its text", path);
+    else if (bad)
         karst_fail(error, KARST_BAD_WORLD, "%.600s: cannot be read", path);
     else
         program = karst_language_compile(path, text, length, given, num_given, ok, error);

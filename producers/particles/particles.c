@@ -6,11 +6,9 @@
 #include "producers/steps/layer_kernels.h"
 
 typedef struct {
-    karst_layer base;
+    karst_buffer_layer on;
     karst_context *context;
-    karst_layer_kernels kernels;
     karst_particle_list list;
-    karst_buffer *data;
     karst_drop_box *dirty, *told; /* since the last call of take_dirty; what that gave */
     size_t num_dirty;
 } particles_layer;
@@ -18,26 +16,6 @@ typedef struct {
 const karst_particle_list *karst_particles_layer_list(const karst_layer *layer)
 {
     return &((const particles_layer *)layer)->list;
-}
-
-static bool bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
-{
-    const particles_layer *particles = (const particles_layer *)self;
-    return karst_layer_kernels_bound_tiles(&particles->kernels, particles->data, cache, work, error);
-}
-
-static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error)
-{
-    const particles_layer *particles = (const particles_layer *)self;
-    return karst_layer_kernels_bound_loads(&particles->kernels, particles->data, loads, count, error);
-}
-
-static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
-                     uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
-{
-    const particles_layer *particles = (const particles_layer *)self;
-    return karst_layer_kernels_evaluate(&particles->kernels, particles->data, loads, count, staging, stride_floats,
-                                        colours, error);
 }
 
 static size_t take_dirty(karst_layer *self, const karst_drop_box **boxes)
@@ -59,8 +37,7 @@ static bool check(karst_layer *self, karst_error *error)
 static void destroy(karst_layer *self)
 {
     particles_layer *particles = (particles_layer *)self;
-    karst_layer_kernels_destroy(&particles->kernels);
-    karst_buffer_destroy(particles->data);
+    karst_buffer_layer_finish(&particles->on);
     karst_particle_list_finish(&particles->list);
     free(particles->dirty);
     free(particles->told);
@@ -68,9 +45,9 @@ static void destroy(karst_layer *self)
 }
 
 static const karst_layer_ops particles_ops = {.kind = "particles",
-                                              .bound_tiles = bound_tiles,
-                                              .bound_loads = bound_loads,
-                                              .evaluate = evaluate,
+                                              .bound_tiles = karst_buffer_layer_bound_tiles,
+                                              .bound_loads = karst_buffer_layer_bound_loads,
+                                              .evaluate = karst_buffer_layer_evaluate,
                                               .take_dirty = take_dirty,
                                               .check = check,
                                               .destroy = destroy};
@@ -83,15 +60,15 @@ karst_layer *karst_particles_layer_create(karst_context *context, karst_shape sh
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    particles->base.ops = &particles_ops;
+    particles->on.base.ops = &particles_ops;
     particles->context = context;
     if (karst_particle_list_init(&particles->list, groups, num, voxel_log2_m, time_s, error) &&
-        (particles->data =
+        (particles->on.data =
              karst_buffer_create(context, "particles", particles->list.size_bytes, particles->list.data, error)) &&
-        karst_layer_kernels_build(&particles->kernels, context, shape, "producers/particles/particles_layer.clh",
+        karst_layer_kernels_build(&particles->on.kernels, context, shape, "producers/particles/particles_layer.clh",
                                   error))
-        return &particles->base;
-    destroy(&particles->base);
+        return &particles->on.base;
+    destroy(&particles->on.base);
     return NULL;
 }
 
@@ -118,15 +95,15 @@ static bool send(particles_layer *particles, karst_drop_box *boxes, size_t num, 
 {
     if (num == 0)
         return true;
-    karst_buffer *data = karst_buffer_create(particles->context, "particles", particles->list.size_bytes,
-                                             particles->list.data, error);
+    karst_buffer *data =
+        karst_buffer_create(particles->context, "particles", particles->list.size_bytes, particles->list.data, error);
     if (!data) {
         free(boxes);
         return false;
     }
-    karst_buffer_destroy(particles->data);
-    particles->data = data;
-    particles->base.version++;
+    karst_buffer_destroy(particles->on.data);
+    particles->on.data = data;
+    particles->on.base.version++;
     return remember_dirty(particles, boxes, num, error);
 }
 

@@ -1,9 +1,11 @@
 /* The models of a scene: see producers/points/model_list.h. */
 #include "producers/points/model_list.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include "core/points/points_file.h"
@@ -13,185 +15,54 @@
 #define WORDS(bytes) (((bytes) + 7) / 8)
 #define MOST_HALF_VOXELS 0x1p26 /* of a model: products of the matrix fit 64 bits */
 #define MATRIX_BITS 28
+#define MOST_CHECKED_BYTES ((uint64_t)4 << 20) /* of a level of a file that is mapped */
 
 /* ---- one file ---- */
-
-/* Levels of one file as devices read them, before they have a place in the block. */
-typedef struct {
-    karst_model_point *points;
-    karst_model_node *nodes[POINTS_MAX_TREE];
-    int *cover, *spread; /* of each point: see karst_model_node */
-    karst_model_level level;
-} loaded_level;
 
 typedef struct {
     const char *path;
     karst_points_head head;
-    uint32_t first, num; /* levels that are loaded: from number `first` of the file on */
-    loaded_level levels[KARST_POINTS_MAX_LEVELS];
-    double half[3]; /* the box of its points around the centre, units */
-} loaded_file;
+    int fd;
+    uint32_t first, num;                             /* levels that are shown: from number `first` of the file on */
+    uint64_t begin, end;                             /* the part of the file that has them; begin is a page's */
+    size_t at;                                       /* where in the block that lies, bytes */
+    double half[3];                                  /* the box of its points around the centre, units */
+    karst_point_node roots[KARST_POINTS_MAX_LEVELS]; /* of the levels that are shown */
+} model_file;
 
-static void free_file(loaded_file *file)
+static uint64_t page_bytes(void) { return (uint64_t)sysconf(_SC_PAGESIZE); }
+
+static uint64_t bytes_of_level(const karst_points_level *level)
 {
-    for (uint32_t i = 0; i < file->num; i++) {
-        free(file->levels[i].points);
-        free(file->levels[i].cover);
-        free(file->levels[i].spread);
-        for (int k = 0; k < POINTS_MAX_TREE; k++)
-            free(file->levels[i].nodes[k]);
-    }
+    return karst_points_level_end(level) - level->offset;
 }
 
-static size_t bytes_of_level(uint64_t num)
+/* The last node of a level holds all others. */
+static bool read_root(model_file *file, uint32_t level, karst_error *error)
 {
-    return (size_t)num * (sizeof(karst_model_point) + sizeof(karst_model_node) / 7 + 1) + 4096;
-}
-
-static int reach_of(float radius) { return (int)fmin(fmax(ceil(2 * (double)radius), 1), 2.0 * KARST_POINTS_MAX_AT); }
-
-/* From bytes of sRGB (IEC 61966-2-1) to roots of linear parts. */
-static uint32_t colour_of(const uint8_t rgb[3])
-{
-    uint32_t colour = 0;
-    for (int part = 0; part < 3; part++) {
-        double c = rgb[part] / 255.0, linear = c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
-        colour |= (uint32_t)rint(sqrt(linear) * 1023) << (10 * part);
-    }
-    return colour;
-}
-
-static bool take_points(loaded_level *to, const karst_point *from, uint32_t num, karst_error *error)
-{
-    to->level.num_points = num;
-    to->points = malloc(num * sizeof *to->points);
-    to->cover = malloc(num * sizeof *to->cover);
-    to->spread = calloc(num, sizeof *to->spread);
-    if (!to->points || !to->cover || !to->spread)
-        return karst_fail(error, KARST_FAILED, "out of memory for %u points", num);
-    for (uint32_t i = 0; i < num; i++) {
-        karst_model_point *p = &to->points[i];
-        p->reach = to->cover[i] = reach_of(from[i].radius);
-        p->colour = colour_of(from[i].rgb);
-        for (int a = 0; a < 3; a++) {
-            p->at[a] = from[i].at[a];
-            p->normal[a] = (float)from[i].normal[a] / 32767.0f;
-        }
-    }
-    return true;
-}
-
-static double distance(const karst_model_point *a, const karst_model_point *b)
-{
-    double square = 0;
-    for (int i = 0; i < 3; i++)
-        square += ((double)a->at[i] - b->at[i]) * ((double)a->at[i] - b->at[i]);
-    return sqrt(square);
-}
-
-static bool same_cell(const karst_model_point *a, const karst_model_point *b, int shift)
-{
-    return a->at[0] >> shift == b->at[0] >> shift && a->at[1] >> shift == b->at[1] >> shift &&
-           a->at[2] >> shift == b->at[2] >> shift;
-}
-
-/* Widens the covers of averages by what they average; both levels are in the order of cells. false: the levels are not
- * of one another. */
-static bool cover_finer(loaded_level *coarse, const loaded_level *fine)
-{
-    int shift = ilogb((double)coarse->level.spacing);
-    uint32_t i = 0, k = 0, num_coarse = coarse->level.num_points, num_fine = fine->level.num_points;
-    while (i < num_coarse && k < num_fine) {
-        uint32_t end = i, last = k;
-        while (end < num_coarse && same_cell(&coarse->points[end], &coarse->points[i], shift))
-            end++;
-        if (!same_cell(&coarse->points[i], &fine->points[k], shift))
-            return false;
-        for (; last < num_fine && same_cell(&fine->points[last], &coarse->points[i], shift); last++)
-            for (uint32_t c = i; c < end; c++) {
-                double apart = ceil(distance(&fine->points[last], &coarse->points[c]));
-                coarse->cover[c] = (int)fmin(fmax(coarse->cover[c], apart + fine->cover[last]), 0x1p30);
-                coarse->spread[c] = (int)fmin(fmax(coarse->spread[c], apart + fine->spread[last]), 0x1p30);
-            }
-        i = end;
-        k = last;
-    }
-    return i == num_coarse && k == num_fine;
-}
-
-static void grow(karst_model_node *node, const karst_model_node *by)
-{
+    karst_point_node *root = &file->roots[level - file->first];
+    const off_t at = (off_t)(karst_points_level_end(&file->head.levels[level]) - sizeof *root);
+    bool good = pread(file->fd, root, sizeof *root, at) == (ssize_t)sizeof *root && root->reach >= 0 &&
+                root->reach <= root->cover && root->cover <= 1 << 30 && root->spread >= 0 && root->spread <= 1 << 30;
     for (int a = 0; a < 3; a++) {
-        node->min[a] = by->min[a] < node->min[a] ? by->min[a] : node->min[a];
-        node->max[a] = by->max[a] > node->max[a] ? by->max[a] : node->max[a];
+        good = good && root->min[a] >= -KARST_POINTS_MAX_AT && root->max[a] <= KARST_POINTS_MAX_AT &&
+               root->min[a] <= root->max[a];
+        file->half[a] = fmax(file->half[a], fmax(fabs((double)root->min[a]), fabs((double)root->max[a])));
     }
-    node->reach = by->reach > node->reach ? by->reach : node->reach;
-    node->cover = by->cover > node->cover ? by->cover : node->cover;
-    node->spread = by->spread > node->spread ? by->spread : node->spread;
+    return good || karst_fail(error, KARST_BAD_DATA, "%s: its points are damaged: import the points again", file->path);
 }
 
-/* A node that holds one point. */
-static karst_model_node node_of(const loaded_level *of, uint32_t k)
+/* Which levels fit. */
+static bool open_file(model_file *file, uint64_t *room_bytes, const karst_log *log, karst_error *error)
 {
-    karst_model_node node = {.reach = of->points[k].reach, .cover = of->cover[k], .spread = of->spread[k]};
-    memcpy(node.min, of->points[k].at, sizeof node.min);
-    memcpy(node.max, of->points[k].at, sizeof node.max);
-    return node;
-}
-
-static bool build_tree(loaded_level *of, karst_error *error)
-{
-    karst_model_level *level = &of->level;
-    uint32_t below = level->num_points;
-    do {
-        uint32_t count = (below + POINTS_FAN - 1) / POINTS_FAN, tree = level->num_levels;
-        karst_model_node *nodes = malloc(count * sizeof *nodes);
-        of->nodes[tree] = nodes;
-        if (!nodes)
-            return karst_fail(error, KARST_FAILED, "out of memory for %u points", level->num_points);
-        for (uint32_t i = 0; i < count; i++)
-            nodes[i] =
-                (karst_model_node){.min = {INT32_MAX, INT32_MAX, INT32_MAX}, .max = {INT32_MIN, INT32_MIN, INT32_MIN}};
-        for (uint32_t k = 0; k < below; k++) {
-            karst_model_node by = tree == 0 ? node_of(of, k) : of->nodes[tree - 1][k];
-            grow(&nodes[k / POINTS_FAN], &by);
-        }
-        level->counts[tree] = below = count;
-        level->num_levels++;
-    } while (below > 1 && level->num_levels < POINTS_MAX_TREE);
-    level->reach = of->nodes[level->num_levels - 1][0].reach;
-    level->cover = of->nodes[level->num_levels - 1][0].cover;
-    level->spread = of->nodes[level->num_levels - 1][0].spread;
-    return true;
-}
-
-static bool load_level(loaded_file *file, int fd, uint32_t number, karst_error *error)
-{
-    loaded_level *level = &file->levels[number - file->first];
-    const karst_points_level *from = &file->head.levels[number];
-    karst_point *points = karst_points_load_level(fd, file->path, &file->head, number, error);
-    bool done = points && take_points(level, points, (uint32_t)from->num, error);
-    free(points);
-    level->level.spacing = (float)from->spacing;
-    file->num++;
-    if (done && number > file->first && !cover_finer(level, level - 1))
-        done = karst_fail(error, KARST_BAD_DATA, "%s: its levels are not of one another: import the points again",
-                          file->path);
-    return done && build_tree(level, error);
-}
-
-/* Which levels fit, and their points. */
-static bool load_file(loaded_file *file, uint64_t *room_bytes, const karst_log *log, karst_error *error)
-{
-    int fd = karst_points_open(file->path, &file->head, error);
-    if (fd < 0)
+    file->fd = karst_points_open(file->path, &file->head, error);
+    if (file->fd < 0)
         return false;
     const karst_points_head *head = &file->head;
     file->first = head->num_levels - 1;
     while (file->first > 0 &&
-           bytes_of_level(head->levels[file->first - 1].num) + bytes_of_level(head->levels[file->first].num) <=
-               *room_bytes) {
-        *room_bytes -= bytes_of_level(head->levels[file->first].num);
+           bytes_of_level(&head->levels[file->first - 1]) + bytes_of_level(&head->levels[file->first]) <= *room_bytes) {
+        *room_bytes -= bytes_of_level(&head->levels[file->first]);
         file->first--;
     }
     if (file->first > 0)
@@ -199,18 +70,12 @@ static bool load_file(loaded_file *file, uint64_t *room_bytes, const karst_log *
                         "%s: its finest %u levels do not fit the device: points are shown %.3g "
                         "of its lengths apart",
                         file->path, file->first, (double)head->levels[file->first].spacing * head->unit);
-    bool done = true;
-    for (uint32_t i = file->first; done && i < head->num_levels; i++)
-        done = load_level(file, fd, i, error);
-    close(fd);
-    if (!done)
-        return false;
-    for (uint32_t i = 0; i < file->num; i++) {
-        const karst_model_level *level = &file->levels[i].level;
-        const karst_model_node *root = file->levels[i].nodes[level->num_levels - 1];
-        for (int a = 0; a < 3; a++)
-            file->half[a] = fmax(file->half[a], fmax(fabs((double)root->min[a]), fabs((double)root->max[a])));
-    }
+    file->num = head->num_levels - file->first;
+    file->begin = head->levels[file->first].offset / page_bytes() * page_bytes();
+    file->end = karst_points_level_end(&head->levels[head->num_levels - 1]);
+    for (uint32_t level = file->first; level < head->num_levels; level++)
+        if (!read_root(file, level, error))
+            return false;
     return true;
 }
 
@@ -244,7 +109,7 @@ static void rotation(const double turn_deg[3], double r[3][3])
         }
 }
 
-static bool place(const karst_model *model, const loaded_file *file, int voxel_log2_m, karst_model_record *record,
+static bool place(const karst_model *model, const model_file *file, int voxel_log2_m, karst_model_record *record,
                   karst_error *error)
 {
     double r[3][3], m_per_unit = file->head.unit * model->scale, voxel_m = ldexp(1, voxel_log2_m);
@@ -287,37 +152,71 @@ static bool place(const karst_model *model, const loaded_file *file, int voxel_l
 
 /* ---- the block ---- */
 
-static void put_level(karst_model_list *list, size_t *at, const loaded_level *from, karst_model_level *to)
+static bool read_part(const model_file *file, char *to, karst_error *error)
 {
-    *to = from->level;
-    to->points = *at;
-    size_t num_bytes = from->level.num_points * sizeof *from->points;
-    if (list->data)
-        memcpy(list->data + *at, from->points, num_bytes);
-    *at += WORDS(num_bytes);
-    for (uint32_t k = 0; k < from->level.num_levels; k++) {
-        to->nodes[k] = *at;
-        num_bytes = from->level.counts[k] * sizeof *from->nodes[k];
-        if (list->data)
-            memcpy(list->data + *at, from->nodes[k], num_bytes);
-        *at += WORDS(num_bytes);
+    const uint64_t num_bytes = file->end - file->begin;
+    for (uint64_t done = 0; done < num_bytes;) {
+        ssize_t got = pread(file->fd, to + done, (size_t)(num_bytes - done), (off_t)(file->begin + done));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0)
+            return karst_fail(error, KARST_BAD_DATA, "%s: cannot be read: %s", file->path,
+                              got < 0 ? strerror(errno) : "it became shorter");
+        done += (uint64_t)got;
+    }
+    return true;
+}
+
+/* The file's part comes into the block; is_whole: read, not mapped. */
+static bool bring(karst_model_list *list, const model_file *file, bool is_whole, karst_error *error)
+{
+    char *to = (char *)list->data + file->at;
+    if (is_whole && !read_part(file, to, error))
+        return false;
+    if (!is_whole) {
+        const size_t num_bytes = (size_t)(file->end - file->begin);
+        if (mmap(to, num_bytes, PROT_READ, MAP_SHARED | MAP_FIXED, file->fd, (off_t)file->begin) == MAP_FAILED)
+            return karst_fail(error, KARST_FAILED, "%s: cannot be mapped: %s", file->path, strerror(errno));
+        list->maps[list->num_maps++] = (struct karst_model_map){to, num_bytes};
+    }
+    for (uint32_t level = file->first; level < file->head.num_levels; level++) {
+        const karst_points_level *of = &file->head.levels[level];
+        if ((is_whole || bytes_of_level(of) <= MOST_CHECKED_BYTES) &&
+            !karst_points_check_level(file->path, &file->head, level, to + (of->offset - file->begin), error))
+            return false;
+    }
+    return true;
+}
+
+static void fill_level(const model_file *file, uint32_t number, karst_model_level *level)
+{
+    const karst_points_level *of = &file->head.levels[number];
+    const karst_point_node *root = &file->roots[number - file->first];
+    *level = (karst_model_level){.num_points = (uint32_t)of->num,
+                                 .spacing = (float)of->spacing,
+                                 .reach = root->reach,
+                                 .cover = root->cover,
+                                 .spread = root->spread,
+                                 .points = (file->at + (of->offset - file->begin)) / 8};
+    uint64_t at = (file->at + (karst_points_tree_offset(of) - file->begin)) / 8;
+    level->num_levels = (uint32_t)karst_points_tree(level->num_points, level->counts);
+    for (uint32_t tree = 0; tree < level->num_levels; tree++) {
+        level->nodes[tree] = at;
+        at += WORDS(level->counts[tree] * sizeof(karst_point_node));
     }
 }
 
-/* Places all levels one after another; once without a block, to know its size. */
-static size_t put_all(karst_model_list *list, const loaded_file *files, uint32_t num_files, size_t at,
-                      karst_model_level *levels)
+/* Bytes of sRGB to what they stand for. */
+static void fill_linear(float linear[256])
 {
-    for (uint32_t f = 0; f < num_files; f++)
-        for (uint32_t i = 0; i < files[f].num; i++) {
-            karst_model_level passed;
-            put_level(list, &at, &files[f].levels[i], levels ? levels++ : &passed);
-        }
-    return at;
+    for (int i = 0; i < 256; i++) {
+        double c = i / 255.0;
+        linear[i] = (float)(c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4));
+    }
 }
 
-static bool make_block(karst_model_list *list, const loaded_file *files, uint32_t num_files,
-                       const karst_model_record *records, int voxel_log2_m, karst_error *error)
+static bool make_block(karst_model_list *list, model_file *files, uint32_t num_files, const karst_model_record *records,
+                       int voxel_log2_m, uint64_t most_read_bytes, karst_error *error)
 {
     uint32_t num_levels = 0;
     for (uint32_t f = 0; f < num_files; f++)
@@ -325,51 +224,76 @@ static bool make_block(karst_model_list *list, const loaded_file *files, uint32_
     karst_models_head head = {.num_models = list->num_models, .voxel_m = (float)ldexp(1, voxel_log2_m)};
     head.models = WORDS(sizeof head);
     head.levels = head.models + list->num_models * WORDS(sizeof *records);
-    size_t first = head.levels + num_levels * WORDS(sizeof(karst_model_level));
-    list->size_bytes = put_all(list, files, num_files, first, NULL) * sizeof(uint64_t);
-    list->data = calloc(1, list->size_bytes);
-    if (!list->data)
-        return karst_fail(error, KARST_FAILED, "out of memory for models of %zu bytes", list->size_bytes);
+    fill_linear(head.linear);
+    size_t size = (head.levels + num_levels * WORDS(sizeof(karst_model_level))) * sizeof(uint64_t);
+    for (uint32_t f = 0; f < num_files; f++) {
+        size = (size + page_bytes() - 1) / page_bytes() * page_bytes();
+        files[f].at = size;
+        size += (size_t)(files[f].end - files[f].begin);
+    }
+    list->maps = calloc(num_files + 1, sizeof *list->maps);
+    void *memory = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (memory == MAP_FAILED || !list->maps)
+        return karst_fail(error, KARST_FAILED, "out of memory for models of %zu bytes", size);
+    list->data = memory;
+    list->size_bytes = size;
     memcpy(list->data, &head, sizeof head);
     memcpy(list->data + head.models, records, list->num_models * sizeof *records);
-    put_all(list, files, num_files, first, (karst_model_level *)(list->data + head.levels));
+    karst_model_level *level = (karst_model_level *)(list->data + head.levels);
+    uint64_t all_bytes = 0;
+    for (uint32_t f = 0; f < num_files; f++) {
+        all_bytes += files[f].end - files[f].begin;
+        if (!bring(list, &files[f], all_bytes <= most_read_bytes, error))
+            return false;
+        for (uint32_t i = 0; i < files[f].num; i++)
+            fill_level(&files[f], files[f].first + i, level++);
+    }
     return true;
 }
 
-/* The file of a model, loaded if no model before has the same. */
-static loaded_file *file_of(loaded_file *files, uint32_t *num_files, const char *path, uint64_t *room_bytes,
-                            const karst_log *log, karst_error *error)
+/* The file of a model, opened if no model before has the same. */
+static model_file *file_of(model_file *files, uint32_t *num_files, const char *path, uint64_t *room_bytes,
+                           const karst_log *log, karst_error *error)
 {
     for (uint32_t f = 0; f < *num_files; f++)
         if (strcmp(files[f].path, path) == 0)
             return &files[f];
-    loaded_file *file = &files[(*num_files)++];
-    file->path = path;
-    return load_file(file, room_bytes, log, error) ? file : NULL;
+    model_file *file = &files[(*num_files)++];
+    *file = (model_file){.path = path, .fd = -1};
+    return open_file(file, room_bytes, log, error) ? file : NULL;
 }
 
 bool karst_model_list_init(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
                            uint64_t max_bytes, const karst_log *log, karst_error *error)
 {
+    return karst_model_list_init_reading(list, models, num, voxel_log2_m, max_bytes, KARST_MODEL_MOST_READ_BYTES, log,
+                                         error);
+}
+
+bool karst_model_list_init_reading(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
+                                   uint64_t max_bytes, uint64_t most_read_bytes, const karst_log *log,
+                                   karst_error *error)
+{
     *list = (karst_model_list){.num_models = (uint32_t)num};
     if (num > KARST_MAX_MODELS)
         return karst_fail(error, KARST_USAGE, "%zu models: %u are the most", num, KARST_MAX_MODELS);
-    loaded_file *files = calloc(num + 1, sizeof *files);
+    model_file *files = calloc(num + 1, sizeof *files);
     karst_model_record *records = calloc(num + 1, sizeof *records);
     uint32_t num_files = 0;
     bool done = (files && records) || karst_fail(error, KARST_FAILED, "out of memory");
     for (size_t i = 0; done && i < num; i++) {
-        const loaded_file *file = file_of(files, &num_files, models[i].path, &max_bytes, log, error);
+        const model_file *file = file_of(files, &num_files, models[i].path, &max_bytes, log, error);
         done = file && place(&models[i], file, voxel_log2_m, &records[i], error);
         if (!done)
             break;
-        for (const loaded_file *f = files; f < file; f++)
+        for (const model_file *f = files; f < file; f++)
             records[i].first_level += f->num;
         records[i].num_levels = file->num;
     }
-    done = done && make_block(list, files, num_files, records, voxel_log2_m, error);
+    done = done && make_block(list, files, num_files, records, voxel_log2_m, most_read_bytes, error);
     for (uint32_t f = 0; files && f < num_files; f++)
-        free_file(&files[f]);
+        if (files[f].fd >= 0)
+            close(files[f].fd);
     free(files);
     free(records);
     if (!done)
@@ -379,8 +303,16 @@ bool karst_model_list_init(karst_model_list *list, const karst_model *models, si
 
 void karst_model_list_finish(karst_model_list *list)
 {
-    free(list->data);
+    if (list->data)
+        munmap(list->data, list->size_bytes);
+    free(list->maps);
     *list = (karst_model_list){0};
+}
+
+void karst_model_list_let_go(const karst_model_list *list)
+{
+    for (uint32_t i = 0; i < list->num_maps; i++)
+        madvise(list->maps[i].at, list->maps[i].num_bytes, MADV_DONTNEED);
 }
 
 /* ---- looking ---- */
@@ -446,11 +378,13 @@ bool karst_model_list_check(const karst_model_list *list, karst_error *error)
         const karst_model_record *model = &POINTS_MODELS(data)[m];
         for (uint32_t i = 0; i < model->num_levels; i++) {
             const karst_model_level *of = POINTS_LEVELS(data) + model->first_level + i;
-            const karst_model_point *points = (const karst_model_point *)(data + of->points);
+            const karst_point *points = (const karst_point *)(data + of->points);
             for (uint32_t k = 0; k < of->num_points; k++)
-                for (uint32_t tree = 0, at = k / POINTS_FAN; tree < of->num_levels; tree++, at /= POINTS_FAN) {
-                    const karst_model_node *node = (const karst_model_node *)(data + of->nodes[tree]) + at;
-                    bool holds = at < of->counts[tree] && points[k].reach <= node->reach && node->reach <= node->cover;
+                for (uint32_t tree = 0, at = k / KARST_POINTS_FAN; tree < of->num_levels;
+                     tree++, at /= KARST_POINTS_FAN) {
+                    const karst_point_node *node = (const karst_point_node *)(data + of->nodes[tree]) + at;
+                    bool holds = at < of->counts[tree] && karst_point_reach(points[k].radius) <= node->reach &&
+                                 node->reach <= node->cover;
                     for (int a = 0; a < 3; a++)
                         holds = holds && node->min[a] <= points[k].at[a] && points[k].at[a] <= node->max[a];
                     if (!holds)

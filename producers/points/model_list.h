@@ -18,17 +18,32 @@ typedef struct {
 
 /* What a device reads is one block of memory, head first (points_shared.h). */
 typedef struct {
-    uint64_t *data;
+    uint64_t *data; /* whole pages */
     size_t size_bytes;
-    uint32_t num_models;
+    uint32_t num_models, num_maps;
+    struct karst_model_map {
+        void *at;
+        size_t num_bytes;
+    } * maps; /* parts of the block that are files' own pages: read when they are looked at, never written */
 } karst_model_list;
 
-/* Loads the files of all models; models of one file share its points. Fine levels that do not fit max_bytes are left
+/* Files up to this are read and checked whole. Larger ones are mapped, so that opening one takes as long as its coarse
+ * levels do, and memory what is looked at; of these the head and all small levels are checked (karst_points_describe
+ * checks all). */
+#define KARST_MODEL_MOST_READ_BYTES ((uint64_t)64 << 20)
+
+/* Opens the files of all models; models of one file share its points. Fine levels that do not fit max_bytes are left
  * out, which the log is told. Errors: KARST_BAD_DATA (files that are missing or damaged), KARST_USAGE (models too large
  * or too small for the world's voxels, too many), KARST_FAILED. */
 bool karst_model_list_init(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
                            uint64_t max_bytes, const karst_log *log, karst_error *error);
+/* The same with another limit than KARST_MODEL_MOST_READ_BYTES for all files together: for tests. */
+bool karst_model_list_init_reading(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
+                                   uint64_t max_bytes, uint64_t most_read_bytes, const karst_log *log,
+                                   karst_error *error);
 void karst_model_list_finish(karst_model_list *list); /* a zeroed one is fine */
+/* Lets go of mapped pages; they are read again when they are looked at. May be called while others look. */
+void karst_model_list_let_go(const karst_model_list *list);
 
 /* What model number `index` changes, at any level: for karst_cache_drop. */
 karst_drop_box karst_model_list_box(const karst_model_list *list, uint32_t index);
@@ -40,6 +55,19 @@ float karst_model_list_density(const karst_model_list *list, const int64_t voxel
 float karst_model_list_coloured_density(const karst_model_list *list, const int64_t voxel[3], int level, float density,
                                         float colour[4]);
 bool karst_model_list_has_colours(const karst_model_list *list);
+
+/* model_places.c: at exact places rather than at samples. All of these may be called by many threads at once.
+ * The density there with all models, band-limited to a level's voxel (-1: as to level 0's), from the world's own;
+ * `gradient` is that, per metre, and becomes the model's where the model's value is the larger one; it may be NULL. */
+float karst_model_list_at(const karst_model_list *list, const karst_position *at, int level, float density,
+                          float gradient[3]);
+/* The models' colours laid over `over`: red, green and blue (linear), each times coverage, and coverage. */
+void karst_model_list_colour(const karst_model_list *list, const karst_position *at, int level, float density,
+                             float over[4]);
+/* What models make of a range of densities in a closed box at every footprint from 0 to a level's voxel; conservative:
+ * its upper end is no larger than the supports that reach the box. */
+void karst_model_list_range(const karst_model_list *list, const karst_position *centre, const double half_voxels[3],
+                            int level, double range[2]);
 /* The tree holds its points, and covers hold what they say. Errors: KARST_FAILED, with what is wrong. */
 bool karst_model_list_check(const karst_model_list *list, karst_error *error);
 

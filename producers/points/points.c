@@ -5,35 +5,31 @@
 #include <stdlib.h>
 
 typedef struct {
-    karst_layer base;
-    karst_layer_kernels kernels;
+    karst_buffer_layer on;
     karst_model_list list;
-    karst_buffer *data;
+    uint64_t num_loads; /* since mapped pages were let go */
 } points_layer;
+
+/* So many bricks later what is mapped may be elsewhere, and pages that nobody looks at any more are let go. */
+#define LOADS_BETWEEN 4096u
 
 const karst_model_list *karst_points_layer_list(const karst_layer *layer)
 {
     return &((const points_layer *)layer)->list;
 }
 
-static bool bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work, karst_error *error)
-{
-    const points_layer *points = (const points_layer *)self;
-    return karst_layer_kernels_bound_tiles(&points->kernels, points->data, cache, work, error);
-}
-
-static bool bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error)
-{
-    const points_layer *points = (const points_layer *)self;
-    return karst_layer_kernels_bound_loads(&points->kernels, points->data, loads, count, error);
-}
+const karst_buffer *karst_points_layer_data(const karst_layer *layer) { return ((const points_layer *)layer)->on.data; }
 
 static bool evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
                      uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error)
 {
-    const points_layer *points = (const points_layer *)self;
-    return karst_layer_kernels_evaluate(&points->kernels, points->data, loads, count, staging, stride_floats, colours,
-                                        error);
+    points_layer *points = (points_layer *)self;
+    points->num_loads += count;
+    if (points->num_loads >= LOADS_BETWEEN) {
+        karst_model_list_let_go(&points->list);
+        points->num_loads = 0;
+    }
+    return karst_buffer_layer_evaluate(self, loads, count, staging, stride_floats, colours, error);
 }
 
 /* They stay as they are. */
@@ -52,27 +48,34 @@ static bool check(karst_layer *self, karst_error *error)
 static void destroy(karst_layer *self)
 {
     points_layer *points = (points_layer *)self;
-    karst_layer_kernels_destroy(&points->kernels);
-    karst_buffer_destroy(points->data);
+    karst_buffer_layer_finish(&points->on);
     karst_model_list_finish(&points->list);
     free(points);
 }
 
 static const karst_layer_ops points_ops = {.kind = "points",
-                                           .bound_tiles = bound_tiles,
-                                           .bound_loads = bound_loads,
+                                           .bound_tiles = karst_buffer_layer_bound_tiles,
+                                           .bound_loads = karst_buffer_layer_bound_loads,
                                            .evaluate = evaluate,
                                            .take_dirty = take_dirty,
                                            .check = check,
                                            .destroy = destroy};
 
-/* Models may take a quarter of a device's memory, in one piece. */
+/* Models may take a quarter of a device's memory, in one piece. Where that is the host's, large files are not in memory
+ * but for the pages that are looked at. */
 static uint64_t most_bytes(const karst_context *context)
 {
     cl_ulong piece = 0, all = 0;
     clGetDeviceInfo(context->device, CL_DEVICE_MAX_MEM_ALLOC_SIZE, sizeof piece, &piece, NULL);
     clGetDeviceInfo(context->device, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof all, &all, NULL);
-    return piece < all / 4 ? piece : all / 4;
+    return context->is_cpu || piece < all / 4 ? piece : all / 4;
+}
+
+static karst_buffer *make_buffer(karst_context *context, const karst_model_list *list, karst_error *error)
+{
+    return context->is_cpu && list->num_maps
+               ? karst_buffer_create_over(context, "models", list->data, list->size_bytes, error)
+               : karst_buffer_create(context, "models", list->size_bytes, list->data, error);
 }
 
 karst_layer *karst_points_layer_create(karst_context *context, karst_shape shape, const karst_model *models, size_t num,
@@ -83,13 +86,13 @@ karst_layer *karst_points_layer_create(karst_context *context, karst_shape shape
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    points->base.ops = &points_ops;
+    points->on.base.ops = &points_ops;
     if (karst_model_list_init(&points->list, models, num, voxel_log2_m, most_bytes(context), log, error) &&
-        (points->data = karst_buffer_create(context, "models", points->list.size_bytes, points->list.data, error)) &&
-        karst_layer_kernels_build(&points->kernels, context, shape, "producers/points/points_layer.clh", error) &&
+        (points->on.data = make_buffer(context, &points->list, error)) &&
+        karst_layer_kernels_build(&points->on.kernels, context, shape, "producers/points/points_layer.clh", error) &&
         (!karst_model_list_has_colours(&points->list) ||
-         karst_layer_kernels_build_coloured(&points->kernels, error)))
-        return &points->base;
-    destroy(&points->base);
+         karst_layer_kernels_build_coloured(&points->on.kernels, error)))
+        return &points->on.base;
+    destroy(&points->on.base);
     return NULL;
 }

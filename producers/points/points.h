@@ -11,5 +11,7 @@
 karst_layer *karst_points_layer_create(karst_context *context, karst_shape shape, const karst_model *models, size_t num,
                                        int voxel_log2_m, const karst_log *log, karst_error *error);
 const karst_model_list *karst_points_layer_list(const karst_layer *layer);
+/* The models as devices read them, for points_places.clh. */
+const karst_buffer *karst_points_layer_data(const karst_layer *layer);
 
 #endif

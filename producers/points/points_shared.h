@@ -1,43 +1,22 @@
-/* Models of points as devices read them. Compiled twice: see core/device/dialect.h.
+/* Models of points as devices read them: imported files as they are (core/points/record_shared.h), and where they
+ * stand. Compiled twice: see core/device/dialect.h.
  *
- * A model's places are whole units from its centre (core/points/points_file.h), at most 2^27 of them along each axis. A
- * world's place becomes a model's by integers: the voxels from where the model stands, times a matrix in fixed point.
+ * A model's places are whole units from its centre (core/points/record_shared.h), at most 2^27 of them along each axis.
+ * A world's place becomes a model's by integers: the voxels from where the model stands, times a matrix in fixed point.
  * So far out there is nothing to lose, and each instance of a model looks at the same points. */
 #ifndef KARST_PRODUCERS_POINTS_SHARED_H
 #define KARST_PRODUCERS_POINTS_SHARED_H
 
-#include "core/device/dialect.h"
-
-/* A point and its support: the ball in which it has a say. */
-typedef struct {
-    int at[3];
-    int reach; /* radius of the support, rounded up */
-    float normal[3];
-    uint colour; /* red, green and blue, the roots of linear ones: 10 bits each from the lowest on */
-} karst_model_point;
-K_ASSERT_SIZE(karst_model_point, 32);
-
-/* The hull of eight points that follow one another, or of eight such nodes. */
-#define POINTS_FAN 8u
-#define POINTS_MAX_TREE 11
-typedef struct {
-    int min[3], max[3]; /* of places, without supports */
-    int reach;          /* the largest */
-    /* Of the points that these are averages of, at any finer level: no support goes farther from these than `cover`,
-     * and no place lies farther from them than `spread`. */
-    int cover, spread;
-    int pad;
-} karst_model_node;
-K_ASSERT_SIZE(karst_model_node, 40);
+#include "core/points/record_shared.h"
 
 /* A level of a model; offsets in 64-bit words from the buffer's begin. */
 typedef struct {
     uint num_points, num_levels; /* levels of nodes; level 0 has the leaves' */
-    uint counts[POINTS_MAX_TREE];
+    uint counts[KARST_POINTS_MAX_TREE];
     float spacing;            /* units: it serves samples up to POINTS_SPACINGS of them apart */
     int reach, cover, spread; /* the largest */
     int pad;
-    ulong points, nodes[POINTS_MAX_TREE];
+    ulong points, nodes[KARST_POINTS_MAX_TREE];
 } karst_model_level;
 K_ASSERT_SIZE(karst_model_level, 168);
 
@@ -59,8 +38,9 @@ typedef struct {
     float voxel_m;
     uint pad2;
     ulong models, levels;
+    float linear[256]; /* of bytes of sRGB (IEC 61966-2-1) */
 } karst_models_head;
-K_ASSERT_SIZE(karst_models_head, 32);
+K_ASSERT_SIZE(karst_models_head, 1056);
 
 /* Both samples of an edge that a surface crosses must have points in reach, so that it is not lost: a support is this
  * many voxels wide at least (its radius), which is an edge and what points may be apart. */

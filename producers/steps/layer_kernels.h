@@ -32,13 +32,20 @@ bool karst_layer_kernels_build(karst_layer_kernels *kernels, karst_context *cont
 bool karst_layer_kernels_build_coloured(karst_layer_kernels *kernels, karst_error *error);
 void karst_layer_kernels_destroy(karst_layer_kernels *kernels);
 
-/* As in karst_layer_ops, on the layer's data. Asynchronous. Errors: KARST_FAILED. */
-bool karst_layer_kernels_bound_tiles(const karst_layer_kernels *kernels, const karst_buffer *data,
-                                     const karst_cache_buffers *cache, const karst_work *work, karst_error *error);
-bool karst_layer_kernels_bound_loads(const karst_layer_kernels *kernels, const karst_buffer *data, karst_buffer *loads,
-                                     uint32_t count, karst_error *error);
-bool karst_layer_kernels_evaluate(const karst_layer_kernels *kernels, const karst_buffer *data, karst_buffer *loads,
-                                  uint32_t count, karst_buffer *staging, uint32_t stride_floats,
-                                  const karst_layer_colours *colours, karst_error *error);
+/* What the struct of such a kind begins with. The three functions are for its karst_layer_ops. */
+typedef struct {
+    karst_layer base;
+    karst_layer_kernels kernels;
+    karst_buffer *data; /* its content as the device reads it */
+} karst_buffer_layer;
+
+bool karst_buffer_layer_bound_tiles(karst_layer *self, const karst_cache_buffers *cache, const karst_work *work,
+                                    karst_error *error);
+bool karst_buffer_layer_bound_loads(karst_layer *self, karst_buffer *loads, uint32_t count, karst_error *error);
+bool karst_buffer_layer_evaluate(karst_layer *self, karst_buffer *loads, uint32_t count, karst_buffer *staging,
+                                 uint32_t stride_floats, const karst_layer_colours *colours, karst_error *error);
+
+/* Releases kernels and data, whichever are there, and not the struct. */
+void karst_buffer_layer_finish(karst_buffer_layer *layer);
 
 #endif

@@ -158,9 +158,9 @@ class Engine:
         return handle
 
     def _remake(self, size: tuple[int, int], samples: int) -> None:
-        """Another number of samples is another engine: with the same edits, parameters, sun and camera."""
+        """Another number of samples is another engine: with the same edits, parameters, sun, time and camera."""
         camera, edits = _karst.engine_camera(self._handle), _karst.engine_num_edits(self._handle)
-        values, before = self._values(), (self._size, self._samples)
+        values, before, time = self._values(), (self._size, self._samples), _karst.engine_time(self._handle)
         _karst.engine_close(self._handle)
         self._size, self._samples = size, samples
         try:
@@ -170,12 +170,13 @@ class Engine:
             self._handle = self._create()
             raise
         finally:
-            self._restore(camera, values, edits)
+            self._restore(camera, values, edits, time)
 
-    def _restore(self, camera: str, values: dict[str, float], edits: tuple[int, int]) -> None:
+    def _restore(self, camera: str, values: dict[str, float], edits: tuple[int, int], time: float) -> None:
         _karst.engine_set_camera(self._handle, camera)
         if values:
             _karst.engine_set_parameters(self._handle, list(values.items()))
+        _karst.engine_set_time(self._handle, time)
         if sum(edits):
             _karst.engine_edit(self._handle, b"".join(self._log))
             _karst.engine_undo(self._handle, edits[1])
@@ -237,6 +238,17 @@ class Engine:
             angles = None if sun is None else (float(sun[0]), float(sun[1]))
             _karst.engine_set_sun(self._handle, angles)
             self._config["sun"] = angles
+
+    @property
+    def time(self) -> float:
+        """Seconds, -1e9 to 1e9: where particles are, and what `iTime` is. What did not move stays."""
+        with _turn(self):
+            return _karst.engine_time(self._handle)
+
+    @time.setter
+    def time(self, time_s: float) -> None:
+        with _turn(self):
+            _karst.engine_set_time(self._handle, float(time_s))
 
     def set_view(self, name: str) -> None:
         """Shows what the engine does from the next frame on: "level", "bricks", "steps", ...; "picture" is the usual."""

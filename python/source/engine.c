@@ -261,6 +261,31 @@ static PyObject *engine_set_sun(PyObject *module, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* engine_time(engine) */
+static PyObject *engine_time(PyObject *module, PyObject *capsule)
+{
+    (void)module;
+    const handle *h = take(capsule);
+    return h ? PyFloat_FromDouble(karst_engine_time(h->engine)) : NULL;
+}
+
+/* engine_set_time(engine, seconds) */
+static PyObject *engine_set_time(PyObject *module, PyObject *args)
+{
+    (void)module;
+    PyObject *capsule;
+    double time_s;
+    karst_error error = {0};
+    if (!PyArg_ParseTuple(args, "Od", &capsule, &time_s))
+        return NULL;
+    const handle *h = take(capsule);
+    if (!h)
+        return NULL;
+    if (!karst_engine_set_time(h->engine, time_s, &error))
+        return raise_error(&error);
+    Py_RETURN_NONE;
+}
+
 /* engine_set_budget_ms(engine, budget_ms) */
 static PyObject *engine_set_budget_ms(PyObject *module, PyObject *args)
 {
@@ -571,6 +596,8 @@ PyMethodDef engine_methods[] = {{"engine_create", engine_create, METH_O, NULL},
                                 {"engine_set_size", engine_set_size, METH_VARARGS, NULL},
                                 {"engine_sun", engine_sun, METH_O, NULL},
                                 {"engine_set_sun", engine_set_sun, METH_VARARGS, NULL},
+                                {"engine_time", engine_time, METH_O, NULL},
+                                {"engine_set_time", engine_set_time, METH_VARARGS, NULL},
                                 {"engine_set_budget_ms", engine_set_budget_ms, METH_VARARGS, NULL},
                                 {"engine_set_view", engine_set_view, METH_VARARGS, NULL},
                                 {"engine_set_parameters", engine_set_parameters, METH_VARARGS, NULL},

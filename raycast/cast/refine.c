@@ -10,7 +10,7 @@ struct karst_refiner {
     cl_kernel hits;         /* NULL: for rays */
     cl_kernel rays, camera; /* NULL: not for those */
     cl_mem data;
-    cl_mem layer; /* its data; NULL: none were set */
+    cl_mem layer, beneath; /* their data; NULL: none were set */
     bool has_layer;
     float voxels_per_m;
 };
@@ -68,7 +68,11 @@ void karst_refiner_destroy(karst_refiner *refiner)
     free(refiner);
 }
 
-void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer) { refiner->layer = layer->mem; }
+void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer, const karst_buffer *beneath)
+{
+    refiner->layer = layer->mem;
+    refiner->beneath = beneath ? beneath->mem : layer->mem;
+}
 
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
@@ -83,8 +87,9 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, cons
     const karst_argument arguments[] = {KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*anchor),
                                         KARST_VALUE_ARG(refiner->data), KARST_VALUE_ARG(refiner->voxels_per_m),
                                         KARST_VALUE_ARG(footprint), KARST_VALUE_ARG(view->blend),
-                                        KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(refiner->layer)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (refiner->has_layer ? 0 : 1);
+                                        KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(refiner->layer),
+                                        KARST_VALUE_ARG(refiner->beneath)};
+    const size_t num_arguments = sizeof arguments / sizeof *arguments - (refiner->has_layer ? 0 : 2);
     if (refiner->has_layer && !refiner->layer)
         return karst_fail(error, KARST_FAILED, "a refiner with a layer was given no data of it");
     return karst_arguments(refiner->hits, arguments, num_arguments, error) &&

@@ -30,10 +30,10 @@ __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.
 #define REFINE_CALL RAY_INLINE
 #endif
 
-/* With REFINE_LAYER the density is the world's with a layer's content, whose data travel along. */
+/* With REFINE_LAYER the density is the world's with the content of layers, whose data travel along. */
 #ifdef REFINE_LAYER
-#define LAYER_TAKEN , K_GLOBAL const ulong *layer
-#define LAYER_OF(field) , (field)->layer
+#define LAYER_TAKEN , K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath
+#define LAYER_OF(field) , (field)->layer, (field)->beneath
 #else
 #define LAYER_TAKEN
 #define LAYER_OF(field)
@@ -49,7 +49,7 @@ typedef struct {
     vint lanes;                       /* whose hits blend */
     float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
 #ifdef REFINE_LAYER
-    K_GLOBAL const ulong *layer;
+    K_GLOBAL const ulong *layer, *beneath;
 #endif
 #ifdef REFINE_STREAM
     const vector3 *origin; /* of the rays, from the anchor */
@@ -69,7 +69,7 @@ REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *
 {
     const vfloat d = world_point(data, place, level);
 #ifdef REFINE_LAYER
-    return layer_density(layer, place, level, d);
+    return layer_density(layer, beneath, place, level, d);
 #else
     return d;
 #endif
@@ -80,7 +80,7 @@ REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *
 {
     const vfloat d = world_surface(data, place, level, gradient);
 #ifdef REFINE_LAYER
-    return layer_surface(layer, place, level, d, gradient);
+    return layer_surface(layer, beneath, place, level, d, gradient);
 #else
     return d;
 #endif
@@ -384,6 +384,7 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
         refine_field field = {data, &anchor, &direction, here, (vint)(0), 0.0f, 0.0f};
 #ifdef REFINE_LAYER
         field.layer = layer;
+        field.beneath = beneath;
 #endif
         if (blend > 0.0f) { /* as level_weight in raycast/cast/blend.clh */
             field.lanes = mine & v_eq(kind, (vint)((int)KARST_HIT_SURFACE));

@@ -23,11 +23,12 @@ typedef struct {
     const char *options;      /* build options for it */
     const karst_buffer *data; /* borrowed for the refiner's life */
     double voxel_m;           /* of level 0 */
-    /* The text also defines, of what a layer (producers/layer.h) makes of the density, from data of its own,
-     *     vfloat layer_density(K_GLOBAL const ulong *layer, const world_point_at *place, int level, vfloat density);
-     *     vfloat layer_surface(K_GLOBAL const ulong *layer, const world_point_at *place, int level, vfloat density,
-     *                          vfloat gradient[3]);
-     * the density with the layer, the latter with its gradient in place of the density's. Not for rays. */
+    /* The text also defines, of what layers (producers/layer.h) make of the density, from data of their own,
+     *     vfloat layer_density(K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath,
+     *                          const world_point_at *place, int level, vfloat density);
+     *     vfloat layer_surface(K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath,
+     *                          const world_point_at *place, int level, vfloat density, vfloat gradient[3]);
+     * the density with the layers, the latter with its gradient in place of the density's. Not for rays. */
     bool has_layer;
 } karst_refine_world;
 
@@ -38,8 +39,9 @@ karst_refiner *karst_refiner_create_for_rays(karst_context *context, const karst
                                              karst_error *error);
 void karst_refiner_destroy(karst_refiner *refiner); /* NULL is fine */
 
-/* Of a refiner with a layer: the data to read from now on, borrowed until the next call. */
-void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer);
+/* Of a refiner with layers: the data to read from now on, borrowed until the next call. `beneath` is those of a second
+ * one, and may be NULL where the text reads `layer` alone. */
+void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer, const karst_buffer *beneath);
 
 /* Refines the hits of a cast with this view and pinhole in place: t and the normal. Asynchronous on the context's
  * queue. Errors: KARST_FAILED (also: hits too small, or a layer without data). */

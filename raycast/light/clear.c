@@ -495,6 +495,15 @@ static void exchange(karst_clear *clear, const karst_clear_picture *picture)
     karst_bounce_exchange(clear->bounce, &clear->next_rays, &clear->total);
 }
 
+const karst_buffer *karst_clear_first_hits(const karst_clear *clear) { return clear->first_hits; }
+
+static bool veil(karst_clear *clear, const karst_clear_picture *picture, const karst_bounce_stream *stream, bool again,
+                 karst_error *error)
+{
+    const karst_clear_stream of = {stream, picture->clear ? clear->over_hits : NULL, clear->ways};
+    return !picture->veil || picture->bender || picture->veil(picture->user, &of, again, error);
+}
+
 bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, bool again, karst_error *error)
 {
     karst_clear_task task = task_of(picture);
@@ -511,7 +520,8 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
         for (task.bounce = 1; task.bounce <= bounces && num_rays; task.bounce++) {
             const karst_bounce_stream stream = stream_of(clear, picture, num_rays);
             task.is_last = task.bounce == bounces;
-            if (!cast(clear, picture, &task, &stream, error) || !go_on(clear, picture, &task, &stream, error) ||
+            if (!cast(clear, picture, &task, &stream, error) || !veil(clear, picture, &stream, again, error) ||
+                !go_on(clear, picture, &task, &stream, error) ||
                 !shade(clear, picture, again, error))
                 return false;
             exchange(clear, picture);

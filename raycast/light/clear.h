@@ -53,6 +53,12 @@ bool karst_clear_set_room(karst_clear *clear, int width_px, int height_px, karst
 /* What that takes. Thread-safe. */
 double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends);
 
+/* A stream that was cast, with where its rays end on clear matter (NULL: there is none), and karst_clear_way. */
+typedef struct {
+    const karst_bounce_stream *stream; /* its room: rays that there may be now */
+    const karst_buffer *over_hits, *ways;
+} karst_clear_stream;
+
 /* What a picture is made with; all of it borrowed for a call. */
 typedef struct {
     const karst_cast_view *view;
@@ -72,6 +78,9 @@ typedef struct {
     karst_buffer *hits, *parts, *shadow_rays; /* as of karst_shade_pixels; the last NULL without a sun */
     karst_buffer *counters;                   /* up to KARST_CLEAR_COUNT_CUT */
     bool has_caustics; /* the sun does not shine through clear matter: photons bring its light */
+    /* What lies before what the rays of a stream see that was cast: called before it is shaded, to change throughput
+     * and parts; not where the index varies, since rays are bent there. NULL: nothing. */
+    bool (*veil)(void *user, const karst_clear_stream *stream, bool again, karst_error *error);
     /* What else the rays of a stream see that ended, once it is shaded; `again` as below. NULL: nothing. */
     bool (*more)(void *user, const karst_bounce *stream, bool again, karst_error *error);
     void *user;
@@ -80,6 +89,8 @@ typedef struct {
 /* Casts the camera's rays into clear matter. `keeps`: its hits are those of the picture from now on; else it is for
  * what they ask for. Asynchronous, as all that follow. Errors: KARST_FAILED. */
 bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *picture, bool keeps, karst_error *error);
+/* Where they ended in clear matter, in the picture's order; of the last that it keeps. */
+const karst_buffer *karst_clear_first_hits(const karst_clear *clear);
 /* After karst_shade_pixels, before shadows are cast: takes back what was shaded behind clear matter. */
 bool karst_clear_cover(karst_clear *clear, const karst_clear_picture *picture, karst_error *error);
 /* Follows the rays from the picture's surfaces, and adds what they see to its parts. `again`: casts them once more for

@@ -19,9 +19,10 @@ struct karst_paths {
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
     karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
     karst_buffer *total[2]; /* rays in the stream, and in the next one, by turns */
+    karst_clear_paths *clear; /* NULL: paths go through no clear matter */
 };
 
-karst_paths *karst_paths_create(karst_context *context, karst_error *error)
+karst_paths *karst_paths_create(karst_context *context, bool clear, karst_error *error)
 {
     karst_paths *paths = calloc(1, sizeof *paths);
     if (!paths) {
@@ -45,7 +46,10 @@ karst_paths *karst_paths_create(karst_context *context, karst_error *error)
         paths->pack_lit = karst_program_kernel(paths->program, "paths_pack_lit", error);
         paths->add_lit = karst_program_kernel(paths->program, "paths_add_lit", error);
     }
-    if (!paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan || !paths->pack ||
+    if (paths->program && clear)
+        paths->clear = karst_clear_paths_create(context, error);
+    if ((clear && !paths->clear) || !paths->begin || !paths->add || !paths->hide || !paths->count || !paths->scan ||
+        !paths->pack ||
         !paths->count_lit || !paths->pack_lit || !paths->add_lit) {
         karst_paths_destroy(paths);
         return NULL;
@@ -74,6 +78,7 @@ void karst_paths_destroy(karst_paths *paths)
             clReleaseKernel(kernels[i]);
     karst_program_destroy(paths->program);
     free_room(paths);
+    karst_clear_paths_destroy(paths->clear);
     karst_buffer_destroy(paths->lamps);
     karst_buffer_destroy(paths->total[0]);
     karst_buffer_destroy(paths->total[1]);
@@ -87,9 +92,10 @@ static size_t padded(size_t num_pixels)
     return (num < KARST_MOST_LAMPS ? KARST_MOST_LAMPS : num) * PADDING_RAYS;
 }
 
-double karst_paths_bytes(size_t num_pixels)
+double karst_paths_bytes(size_t num_pixels, bool clear)
 {
-    return (double)padded(num_pixels) * (3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t));
+    return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t) +
+                                                 (clear ? karst_clear_paths_ray_bytes() : 0));
 }
 
 bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error)
@@ -105,7 +111,8 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
     paths->counts = karst_buffer_create_blank(context, "stream", paths->num_blocks * sizeof(uint32_t), error);
     paths->shining = karst_buffer_create_blank(context, "stream",
                                                paths->room / (uint32_t)context->lanes * sizeof(uint32_t), error);
-    return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts && paths->shining;
+    return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts && paths->shining &&
+           (!paths->clear || karst_clear_paths_set_room(paths->clear, paths->room, error));
 }
 
 bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t num, karst_error *error)
@@ -207,9 +214,9 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
            launch_blocks(paths, paths->add_lit, blocks, error);
 }
 
-/* From the rays that leave surfaces to the next stream. */
-static bool pack(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count,
-                 const karst_buffer *next_count, uint32_t num, karst_error *error)
+/* From the rays that leave surfaces to the next stream. through: NULL without clear matter. */
+static bool pack(karst_paths *paths, const karst_path_picture *picture, const karst_clear_path_stream *through,
+                 const karst_buffer *count, const karst_buffer *next_count, uint32_t num, karst_error *error)
 {
     const cl_uint again = picture->again;
     karst_context *context = paths->context;
@@ -220,9 +227,26 @@ static bool pack(karst_paths *paths, const karst_path_picture *picture, const ka
            KARST_ARGUMENTS(paths->scan, error, KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(next_count), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(again)) &&
            karst_launch(context, paths->scan, KARST_STAGE_SHADE, 1, 1, error) &&
-           KARST_ARGUMENTS(paths->pack, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
-                           KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(paths->rays)) &&
-           launch_blocks(paths, paths->pack, blocks, error);
+           (through ? karst_clear_paths_pack(paths->clear, through, paths->next, paths->counts, blocks, error)
+                    : KARST_ARGUMENTS(paths->pack, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
+                                      KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks),
+                                      KARST_BUFFER_ARG(paths->rays)) &&
+                          launch_blocks(paths, paths->pack, blocks, error));
+}
+
+/* Where the rays of a generation end: those of the first ended where the picture's hits say. */
+static bool cast(karst_paths *paths, const karst_path_picture *picture, const karst_clear_path_stream *through,
+                 const karst_buffer *count, uint32_t num, bool is_first, karst_error *error)
+{
+    if (through)
+        return (!is_first || karst_clear_paths_begin(paths->clear, through, error)) &&
+               karst_clear_paths_cast(paths->clear, through, is_first ? picture->hits : NULL, error);
+    if (is_first)
+        return true;
+    karst_profile_set_stream(paths->context, KARST_STREAM_MIRROR);
+    const bool done = karst_cast_stream(picture->caster, picture->view, paths->rays, num, count, paths->hits, error);
+    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    return done;
 }
 
 bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
@@ -232,35 +256,46 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
                             .again = picture->again};
+    const bool has_clear = picture->clear && paths->clear;
+    karst_clear_path_stream clear = {.clear = picture->clear,
+                                     .land = picture->caster,
+                                     .view = picture->view,
+                                     .pinhole = picture->pinhole,
+                                     .rays = paths->rays,
+                                     .hits = paths->hits,
+                                     .lamps = paths->lamps,
+                                     .parts = picture->parts,
+                                     .counters = picture->counters,
+                                     .max_bounces = max_bounces};
+    const karst_clear_path_stream *through = has_clear ? &clear : NULL;
     uint32_t left = num_pixels;
     if (num_pixels > paths->room)
         return karst_fail(error, KARST_FAILED, "there is no room for the paths of %u pixels", num_pixels);
     if (!begin(paths, picture, picture->again, error))
         return false;
+    if (through)
+        clear.task = karst_clear_paths_task(picture->clear, picture->view, picture->pinhole);
+    clear.task.num_lamps = paths->num_lamps;
+    clear.task.again = picture->again;
     for (uint32_t bounce = 0; bounce <= max_bounces && left; bounce++) {
-        const karst_buffer *count = paths->total[bounce % 2];
-        karst_buffer *next_count = paths->total[(bounce + 1) % 2];
+        karst_buffer *count = paths->total[bounce % 2], *next_count = paths->total[(bounce + 1) % 2];
         const karst_path_streams streams = {.rays = paths->rays,
                                             .count = count,
-                                            .hits = bounce ? paths->hits : picture->hits,
+                                            .hits = bounce || through ? paths->hits : picture->hits,
                                             .lamps = paths->lamps,
                                             .max_rays = left,
                                             .next = paths->next,
                                             .to_lamps = paths->to_lamps};
-        task.bounce = bounce;
-        task.is_last = bounce == max_bounces;
-        if (bounce) {
-            karst_profile_set_stream(paths->context, KARST_STREAM_MIRROR);
-            const bool cast = karst_cast_stream(picture->caster, picture->view, paths->rays, left, count, paths->hits,
-                                                error);
-            karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
-            if (!cast)
-                return false;
-        }
-        if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
+        clear.count = count;
+        clear.max_rays = left;
+        task.bounce = clear.task.bounce = bounce;
+        task.is_last = clear.task.is_last = bounce == max_bounces;
+        if (!cast(paths, picture, through, count, left, bounce == 0, error) ||
+            !karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
+            (through && !karst_clear_paths_go_on(paths->clear, through, paths->next, paths->to_lamps, error)) ||
             (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
-            (!task.is_last && !pack(paths, picture, count, next_count, left, error)) ||
+            (!task.is_last && !pack(paths, picture, through, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
             return false;

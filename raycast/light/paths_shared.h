@@ -11,6 +11,22 @@
 /* And: the surface that the ray comes from mirrored it. */
 #define KARST_PATH_MIRRORED 0x40000000u
 
+/* What random numbers are for: with each generation's number that is another purpose of raycast/cast/jitter.clh. */
+#define KARST_PATH_OF_DIRECTION 0u
+#define KARST_PATH_OF_CHOICE 1u
+#define KARST_PATH_OF_LAMP 2u
+#define KARST_PATH_OF_PICK 3u
+#define KARST_PATH_OF_GLOSS 4u
+K_INLINE uint karst_path_purpose(uint bounce, uint what)
+{
+    uint h = (bounce * 8u + what + 1u) * 0x9e3779b1u ^ 0x51ed270bu;
+    h ^= h >> 16;
+    h *= 0x85ebca6bu;
+    h ^= h >> 13;
+    h *= 0xc2b2ae35u;
+    return h ^ h >> 16;
+}
+
 /* What shines on surfaces beside sky and emission. */
 #define KARST_LAMP_SUN 0u   /* from a disc in the sky */
 #define KARST_LAMP_POINT 1u /* from a ball, all around */

@@ -38,6 +38,7 @@ typedef struct {
 #define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 #define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
+#define KARST_SHADE_THROUGH_CLEAR 128u /* paths go through clear matter: raycast/light/clear_paths.h */
 #define KARST_SHADE_OCCLUSION 64u /* pixels are as open as karst_shader_set_occlusion says; takes radiance */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */

@@ -65,14 +65,16 @@ void karst_media_destroy(karst_media *media)
 {
     if (!media)
         return;
-    cl_kernel kernels[] = {media->rays, media->look, media->sun, media->pixels};
+    cl_kernel kernels[] = {media->rays, media->look, media->sun, media->pixels, media->stream,
+                           media->add_lamps};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
     karst_program_destroy(media->marching);
     karst_program_destroy(media->lighting);
     karst_buffer *buffers[] = {media->view, media->asked, media->counters,
-                               media->grids, media->states, media->used, media->looks, media->chosen};
+                               media->grids, media->states, media->used, media->looks, media->chosen,
+                               media->lamps};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     free(media);

@@ -1,4 +1,5 @@
 /* Entry points of media: depths of rays, and depth towards the sun beside bricks. See raycast/media/media.h. */
+#include "raycast/media/land_pools.clh"
 #include "raycast/media/march.clh"
 
 /* Two rays a word apart, and so on: word w of ray `ray`. */
@@ -37,23 +38,6 @@ __kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     if (num_missing)
         atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
 }
-
-/* The pools of the land. */
-#define LAND_PARAMETERS                                                                                              \
-    K_GLOBAL const karst_node *l_nodes, K_GLOBAL const karst_brick_info *l_brick_info,                               \
-        K_GLOBAL const karst_brick_sample *l0, K_GLOBAL const karst_brick_sample *l1,                                \
-        K_GLOBAL const karst_brick_sample *l2, K_GLOBAL const karst_brick_sample *l3,                                \
-        K_GLOBAL const karst_brick_sample *l4, K_GLOBAL const karst_brick_sample *l5,                                \
-        K_GLOBAL const karst_brick_sample *l6, K_GLOBAL const karst_brick_sample *l7, uint l_bricks_per_segment,     \
-        K_GLOBAL uint *l_tile_stamp, K_GLOBAL uint *l_brick_stamp, K_GLOBAL uint *l_brick_fallback,                  \
-        K_GLOBAL uint *l_want_brick, K_GLOBAL uint *l_want_children, K_GLOBAL uint *l_want_chunk,                    \
-        K_GLOBAL uint *l_want_rays, K_GLOBAL const karst_tile_info *l_tile_info, K_GLOBAL uint *l_asked
-#define LAND_FIELDS                                                                                                  \
-    {                                                                                                                \
-        l_nodes, l_brick_info, {{l0, l1, l2, l3, l4, l5, l6, l7}, l_bricks_per_segment}, l_tile_stamp,               \
-            l_brick_stamp, l_brick_fallback, l_want_brick, l_want_children, l_want_chunk, l_want_rays, l_tile_info,  \
-            l_asked, 0                                                                                               \
-    }
 
 /* How voxels grow towards the sun, per unit of t: as wide as the sun and its glare are, and no finer than what a place
  * of the grid stands for. */

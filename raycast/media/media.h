@@ -12,6 +12,7 @@
 #include "karst/engine.h"
 #include "raycast/cast/cast.h"
 #include "raycast/light/shade.h"
+#include "raycast/light/paths_shared.h"
 #include "raycast/media/media_shared.h"
 
 typedef struct karst_media karst_media;
@@ -25,6 +26,10 @@ typedef struct {
     uint32_t mode;                   /* KARST_MEDIA_BASIC and so on */
     karst_scattering scattering;
     bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
+    bool glows;       /* the look has emission */
+    bool has_lamps;   /* karst_media_add_lamps is wanted */
+    bool has_streams; /* karst_media_stream_rays is wanted, and hits of clear matter */
+    bool is_alone; /* pictures show media alone, lit by the sun alone, before a wall that glows as the sky's zenith */
     karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
                               * is shaded, and only depths are asked for */
     uint32_t groups;         /* 2 or more: when the sun or content moves, a picture makes this part of the grids anew,
@@ -59,11 +64,31 @@ typedef struct {
     const karst_buffer *hits;
     karst_buffer *parts;
     bool has_sun, has_mirror; /* which planes its parts have */
+    const karst_buffer *over_hits; /* of clear matter, which may lie before those; NULL: there is none */
+    float absorption[3];           /* of what the eye is in, per level-0 voxel */
     bool makes_all;           /* without groups, as nobody watches */
 } karst_media_picture;
 
 /* Lays media before the sample. Asynchronous. Errors: KARST_FAILED. */
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error);
+/* After karst_media_pixels, with has_lamps: adds what media scatter once of the light of these lamps, suns, points and
+ * spots, KARST_MOST_LAMPS at most, whose places are from the picture's anchor. What is between them is looked for from
+ * one place of each pixel's ray a sample. Errors: KARST_FAILED. */
+bool karst_media_add_lamps(karst_media *media, const karst_media_picture *picture, const karst_lamp *lamps,
+                           uint32_t num, karst_error *error);
+/* Between casting and shading a stream of next rays: lays media before what they see, which shading then weakens by as
+ * much. hits: where they end on land; over_hits: on clear matter (NULL: there is none); ways: karst_clear_way (NULL:
+ * no ray is in clear matter); max_rays: as many as the word `count` holds, or more. adds false: rays ask for what they
+ * look at, and nothing else changes. With has_streams alone; else nothing is done. Asynchronous. Errors:
+ * KARST_FAILED. */
+typedef struct {
+    karst_buffer *rays;
+    const karst_buffer *count, *hits, *over_hits, *ways;
+    uint32_t max_rays;
+    bool adds;
+} karst_media_stream;
+bool karst_media_stream_rays(karst_media *media, const karst_media_picture *picture, const karst_media_stream *stream,
+                             karst_error *error);
 /* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. What they look at
  * counts as used, for karst_media_survey_sun. */
 bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error);

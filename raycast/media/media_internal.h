@@ -9,9 +9,10 @@ struct karst_media {
     karst_media_config config;
     karst_cache_buffers air, land;
     karst_program *marching, *lighting;
-    cl_kernel rays, look, sun, pixels;
+    cl_kernel rays, look, sun, pixels, stream, add_lamps;
     cl_mem data;
     karst_buffer *view, *asked, *counters, *grids, *states, *used;
+    karst_buffer *lamps; /* NULL without */
     karst_buffer *looks, *chosen; /* of groups alone: packets that looked at a slot; as `used`, what is made */
     karst_cast_view sent; /* what the queued write reads */
     float direction[3];

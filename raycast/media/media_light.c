@@ -3,6 +3,8 @@
 
 #include "raycast/media/media_internal.h"
 
+#define GPU_LOCAL_SIZE 64
+
 bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error *error)
 {
     const karst_shade_colour *look = &media->config.look;
@@ -13,12 +15,37 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
     if (!look->source)
         return true;
     const karst_virtual_file world = {"world.clh", look->source};
-    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s%s%s %s", segments,
+    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s%s%s%s%s%s%s %s", segments,
              karst_cache_brick_option(&media->air), media->config.mode,
-             media->config.has_atmosphere ? "-DSHADE_ATMOSPHERE" : "",
+             media->config.has_atmosphere ? "-DSHADE_ATMOSPHERE" : "", media->config.is_alone ? " -DMEDIA_ALONE" : "",
+             media->config.has_streams ? " -DMEDIA_STREAMS" : "", media->config.glows ? " -DMEDIA_GLOWS" : "",
+             media->config.has_lamps ? " -DMEDIA_LAMPS" : "",
              media->config.groups > 1 ? " -DMEDIA_GROUPS" : "", scattering, look->options);
     media->lighting = karst_program_build(media->context, "raycast/media/media_light.cl", options, &world, 1, error);
-    return media->lighting && (media->pixels = karst_program_kernel(media->lighting, "media_pixels", error));
+    return media->lighting && (media->pixels = karst_program_kernel(media->lighting, "media_pixels", error)) &&
+           (!media->config.has_lamps ||
+            ((media->add_lamps = karst_program_kernel(media->lighting, "media_lamps", error)) &&
+             (media->lamps = karst_buffer_create(media->context, "stream", KARST_MOST_LAMPS * sizeof(karst_lamp), NULL,
+                                                 error)))) &&
+           (!media->config.has_streams ||
+            (media->stream = karst_program_kernel(media->lighting, "media_stream", error)));
+}
+
+/* What all of a kernel's arguments end with: those of clear matter, then those of an atmosphere. */
+typedef struct {
+    const karst_sky *sky;
+    cl_mem table, over_hits;
+    cl_float4 absorption;
+} light_arguments;
+
+static light_arguments arguments_of(const karst_media_picture *picture)
+{
+    static const karst_sky night;
+    const float *a = picture->absorption;
+    return (light_arguments){.sky = picture->skies ? karst_skies_sky(picture->skies) : &night,
+                             .table = picture->skies ? karst_skies_buffer(picture->skies)->mem : NULL,
+                             .over_hits = picture->over_hits ? picture->over_hits->mem : NULL,
+                             .absorption = {{a[0], a[1], a[2], 0}}};
 }
 
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error)
@@ -30,18 +57,99 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                                       KARST_MEDIA_MOST_DEPTH);
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
     const cl_uint sun = picture->has_sun, mirror = picture->has_mirror;
-    static const karst_sky night;
-    const karst_sky *sky = picture->skies ? karst_skies_sky(picture->skies) : &night;
-    const cl_mem table = picture->skies ? karst_skies_buffer(picture->skies)->mem : NULL;
+    const light_arguments more = arguments_of(picture);
+    karst_argument arguments[64] = {POOL_ARGUMENTS(media->air, media->asked),
+                                    KARST_BUFFER_ARG(media->view),
+                                    KARST_VALUE_ARG(task),
+                                    KARST_VALUE_ARG(*picture->pinhole),
+                                    KARST_VALUE_ARG(*picture->light),
+                                    KARST_BUFFER_ARG(picture->hits),
+                                    KARST_BUFFER_ARG(picture->parts),
+                                    KARST_VALUE_ARG(sun),
+                                    KARST_VALUE_ARG(mirror),
+                                    KARST_VALUE_ARG(at),
+                                    KARST_BUFFER_ARG(media->grids),
+                                    KARST_BUFFER_ARG(media->states),
+                                    KARST_BUFFER_ARG(media->air.brick_owner),
+                                    KARST_BUFFER_ARG(media->used),
+                                    KARST_BUFFER_ARG(media->looks),
+                                    KARST_BUFFER_ARG(media->counters),
+                                    KARST_VALUE_ARG(media->data)};
+    const karst_argument of_clear[] = {KARST_VALUE_ARG(more.over_hits), KARST_VALUE_ARG(more.absorption)},
+                         of_air[] = {KARST_VALUE_ARG(*more.sky), KARST_VALUE_ARG(more.table)};
+    size_t num = 0;
+    while (arguments[num].size_bytes)
+        num++;
+    for (size_t i = 0; media->config.has_streams && i < 2; i++)
+        arguments[num++] = of_clear[i];
+    for (size_t i = 0; media->config.has_atmosphere && i < 2; i++)
+        arguments[num++] = of_air[i];
+    return karst_media_send_view(media, picture->view, error) &&
+           karst_arguments(media->pixels, arguments, num, error) &&
+           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_MEDIA, error);
+}
+
+bool karst_media_add_lamps(karst_media *media, const karst_media_picture *picture, const karst_lamp *lamps,
+                           uint32_t num, karst_error *error)
+{
+    const karst_media_task task = karst_media_task_of(media, picture->metres, picture->view->detail * picture->detail,
+                                                      KARST_MEDIA_MOST_DEPTH);
+    const karst_shade_anchor at = karst_media_anchor(picture->anchor);
+    const light_arguments more = arguments_of(picture);
+    const cl_uint with_land = media->config.land != NULL;
+    if (!media->add_lamps || num == 0)
+        return true;
     const karst_argument arguments[] = {POOL_ARGUMENTS(media->air, media->asked),
+                                        POOL_ARGUMENTS(media->land, media->asked),
                                         KARST_BUFFER_ARG(media->view),
                                         KARST_VALUE_ARG(task),
                                         KARST_VALUE_ARG(*picture->pinhole),
                                         KARST_VALUE_ARG(*picture->light),
                                         KARST_BUFFER_ARG(picture->hits),
+                                        KARST_VALUE_ARG(more.over_hits),
+                                        KARST_BUFFER_ARG(media->lamps),
+                                        KARST_VALUE_ARG(num),
+                                        KARST_VALUE_ARG(with_land),
                                         KARST_BUFFER_ARG(picture->parts),
-                                        KARST_VALUE_ARG(sun),
-                                        KARST_VALUE_ARG(mirror),
+                                        KARST_VALUE_ARG(at),
+                                        KARST_BUFFER_ARG(media->counters),
+                                        KARST_VALUE_ARG(media->data),
+                                        /* of an atmosphere alone */
+                                        KARST_VALUE_ARG(*more.sky),
+                                        KARST_VALUE_ARG(more.table)};
+    const size_t num_arguments = sizeof arguments / sizeof *arguments - (media->config.has_atmosphere ? 0 : 2);
+    return karst_media_send_view(media, picture->view, error) &&
+           karst_buffer_write(media->lamps, 0, lamps, num * sizeof *lamps, error) &&
+           karst_arguments(media->add_lamps, arguments, num_arguments, error) &&
+           karst_media_launch_picture(media, media->add_lamps, picture->pinhole, KARST_STAGE_MEDIA, error);
+}
+
+bool karst_media_stream_rays(karst_media *media, const karst_media_picture *picture, const karst_media_stream *stream,
+                             karst_error *error)
+{
+    const karst_media_task task = karst_media_task_of(media, picture->metres, picture->view->detail * picture->detail,
+                                                      KARST_MEDIA_MOST_DEPTH);
+    const karst_shade_anchor at = karst_media_anchor(picture->anchor);
+    const light_arguments more = arguments_of(picture);
+    const cl_uint adds = stream->adds;
+    const cl_mem over_hits = stream->over_hits ? stream->over_hits->mem : NULL,
+                 ways = stream->ways ? stream->ways->mem : NULL;
+    const size_t lanes = (size_t)media->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 1,
+                 num_items = (stream->max_rays + lanes - 1) / lanes;
+    if (!media->stream || num_items == 0)
+        return true;
+    const karst_argument arguments[] = {POOL_ARGUMENTS(media->air, media->asked),
+                                        KARST_BUFFER_ARG(media->view),
+                                        KARST_VALUE_ARG(task),
+                                        KARST_VALUE_ARG(*picture->pinhole),
+                                        KARST_VALUE_ARG(*picture->light),
+                                        KARST_BUFFER_ARG(stream->rays),
+                                        KARST_BUFFER_ARG(stream->count),
+                                        KARST_BUFFER_ARG(stream->hits),
+                                        KARST_VALUE_ARG(over_hits),
+                                        KARST_VALUE_ARG(ways),
+                                        KARST_BUFFER_ARG(picture->parts),
+                                        KARST_VALUE_ARG(adds),
                                         KARST_VALUE_ARG(at),
                                         KARST_BUFFER_ARG(media->grids),
                                         KARST_BUFFER_ARG(media->states),
@@ -51,11 +159,11 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                         KARST_BUFFER_ARG(media->counters),
                                         KARST_VALUE_ARG(media->data),
                                         /* of an atmosphere alone */
-                                        KARST_VALUE_ARG(*sky),
-                                        KARST_VALUE_ARG(table)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (media->config.has_atmosphere ? 0 : 2);
+                                        KARST_VALUE_ARG(*more.sky),
+                                        KARST_VALUE_ARG(more.table)};
+    const size_t num = sizeof arguments / sizeof *arguments - (media->config.has_atmosphere ? 0 : 2);
     return karst_media_send_view(media, picture->view, error) &&
-           karst_arguments(media->pixels, arguments, num_arguments, error) &&
-           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_MEDIA, error);
+           karst_arguments(media->stream, arguments, num, error) &&
+           karst_launch(media->context, media->stream, KARST_STAGE_MEDIA,
+                        (num_items + local_size - 1) / local_size * local_size, local_size, error);
 }
-

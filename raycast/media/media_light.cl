@@ -1,10 +1,17 @@
 /* Entry point of media: what they make of a picture. See raycast/media/media.h. */
 #define MEDIA_HAS_LIGHT
+#ifdef MEDIA_LAMPS
+#include "raycast/media/land_pools.clh"
+#endif
 #include "raycast/media/march.clh"
 #include "raycast/light/radiance_shared.h"
 #include "raycast/light/surface.clh"
 #ifdef SHADE_ATMOSPHERE
 #include "raycast/light/atmosphere.clh"
+#endif
+#ifdef MEDIA_STREAMS
+#include "raycast/light/clear_shared.h"
+#include "raycast/light/path_rays.clh"
 #endif
 #include "world.clh"
 #include "raycast/cast/exact.clh"
@@ -34,11 +41,22 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
     world_point_at place;
     world_near_at near;
     media_look look;
-    const vfloat none = (vfloat)(0.0f), at = v_select(lanes, t, none);
-    vfloat g = none;
-    exact_steps(&near, light->anchor, light->direction, at, v_max_across(at));
+    const vfloat none = (vfloat)(0.0f);
+    vector3 way = *light->direction;
+    vfloat g = none, at = v_select(lanes, t, none);
+#ifdef MEDIA_STREAMS
+    if (light->origin) { /* as seen from the anchor */
+        const vector3 to = {k_fma(way.x, at, light->origin->x), k_fma(way.y, at, light->origin->y),
+                            k_fma(way.z, at, light->origin->z)};
+        const vfloat far = lane_max(k_sqrt(k_fma(to.x, to.x, k_fma(to.y, to.y, to.z * to.z))), (vfloat)(1.0e-6f));
+        const vfloat per = 1.0f / far;
+        way.x = to.x * per, way.y = to.y * per, way.z = to.z * per;
+        at = v_select(lanes, far, none);
+    }
+#endif
+    exact_steps(&near, light->anchor, &way, at, v_max_across(at));
     if (WORLD_COLOUR_TAKES_PLACES || near.is_far)
-        exact_places(&place, light->anchor, light->direction, at);
+        exact_places(&place, light->anchor, &way, at);
     __local const near_octave *octaves = (__local const near_octave *)light->octaves;
     look.emission.r = look.emission.g = look.emission.b = none;
 #ifdef WORLD_NUM_OUTPUTS
@@ -85,6 +103,21 @@ RAY_INLINE colour light_all_around(const karst_light *light)
     return ground_colour(light, &level, white, (vfloat)(0.0f));
 }
 
+#ifdef MEDIA_ALONE
+/* What is seen of media alone, in place of all that shading made of the pixels. */
+RAY_INLINE void lay_alone(const media_sums *sums, const karst_light *light, float most_depth, vint order, vint valid,
+                          size_t plane, uint has_sun, uint has_mirror, K_GLOBAL float *parts)
+{
+    const vfloat none = (vfloat)(0.0f);
+    const vfloat kept = v_select(v_gt(sums->tau, (vfloat)(most_depth)), none, tone_exp2_minus(sums->tau * LOG2_E));
+    const vfloat own[3] = {sums->light.r, sums->light.g, sums->light.b};
+    const uint num = has_mirror ? 7u : has_sun ? 6u : 3u;
+    for (uint c = 0; c < num; c++)
+        store_ordered(parts + c * plane, order, valid,
+                      c < 3 ? k_fma((vfloat)(light->sky_zenith[c]), kept, own[c]) : none);
+}
+#endif
+
 /* Lays the media before the pixels of a sample, part by part (raycast/light/radiance_shared.h). */
 __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
                                   karst_pinhole pinhole, karst_light light, K_GLOBAL const karst_hit *hits,
@@ -93,6 +126,10 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
                                   K_GLOBAL uint *looks, K_GLOBAL uint *counters,
                                   K_GLOBAL const ulong *data
+#ifdef MEDIA_STREAMS
+                                  ,
+                                  K_GLOBAL const karst_hit *over_hits, float4 absorption
+#endif
 #ifdef SHADE_ATMOSPHERE
                                   ,
                                   karst_sky sky, K_GLOBAL const float *sky_table
@@ -112,7 +149,21 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
     const vector3 direction = pinhole_direction(&pinhole, x, y);
     const surface_hits s = load_surface(hits, order, valid, &direction, pinhole.cone * view->detail, view->blend);
-    const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
+#ifdef MEDIA_ALONE
+    vint hit = (vint)(0);
+#else
+    vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
+#endif
+    vfloat end = v_select(hit, s.t, (vfloat)(pinhole.t_max));
+#ifdef MEDIA_STREAMS
+    /* Behind clear matter a stream goes on. */
+    if (over_hits) {
+        const surface_hits over = load_surface(over_hits, order, valid, &direction, 0.0f, 0.0f);
+        const vint covered = v_mask(v_ne(over.kind, (vint)((int)KARST_HIT_MISS))) & valid & v_lt(over.t, end);
+        end = v_select(covered, over.t, end);
+        hit &= ~covered;
+    }
+#endif
     const vfloat none = (vfloat)(0.0f);
     media_frame frame;
     media_sums sums = EMPTY_SUMS;
@@ -127,7 +178,11 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.serial = view->serial;
     lighting.sun = task.sun;
     lighting.sun_colour = uniform_colour(light.sun_colour);
+#ifdef MEDIA_ALONE
+    lighting.sky_colour.r = lighting.sky_colour.g = lighting.sky_colour.b = none;
+#else
     lighting.sky_colour = light_all_around(&light);
+#endif
     lighting.to_sun = dot3(&direction, light.sun_direction);
     lighting.direction = &direction;
     lighting.data = data;
@@ -137,9 +192,12 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     const media_rays way = {{none, none, none},
                             direction,
                             none,
-                            v_select(hit, s.t, (vfloat)(pinhole.t_max)),
+                            end,
                             none,
                             (vfloat)(pinhole.cone * task.detail)};
+#ifdef MEDIA_STREAMS
+    lighting.origin = 0;
+#endif
     walk_light(&pool, &frame, &way, valid, &lighting, &sums);
 
     vint missing = sums.missing;
@@ -168,7 +226,12 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         from_sun = v_select(lit, tone_exp2_minus(above.tau * LOG2_E), from_sun);
     }
 #endif
+#ifdef MEDIA_ALONE
+    lay_alone(&sums, &light, task.most_depth, order, valid, plane, has_sun, has_mirror, parts);
+    const vint veiled = (vint)(0);
+#else
     const vint veiled = valid & (v_gt(sums.tau, none) | v_lt(from_sun, (vfloat)(1.0f)));
+#endif
     if (v_any(veiled)) {
         const vfloat kept =
             v_select(v_gt(sums.tau, (vfloat)(task.most_depth)), none, tone_exp2_minus(sums.tau * LOG2_E));
@@ -181,6 +244,11 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         own = air_through(&way, own);
 #else
         own = hazy_colour(&light, own, &direction, lighting.to_sun, mean_t);
+#endif
+#ifdef MEDIA_STREAMS
+        own.r *= tone_exp2_minus(mean_t * (absorption.x * LOG2_E));
+        own.g *= tone_exp2_minus(mean_t * (absorption.y * LOG2_E));
+        own.b *= tone_exp2_minus(mean_t * (absorption.z * LOG2_E));
 #endif
         const vfloat added[3] = {own.r * sums.weight, own.g * sums.weight, own.b * sums.weight};
         K_UNROLL
@@ -201,3 +269,219 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     if (num_missing)
         atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
 }
+
+#ifdef MEDIA_STREAMS
+/* What is left of the light of a stream's rays, from where the medium scatters it, inside of clear matter. */
+RAY_INLINE colour left_on_way(K_GLOBAL const karst_clear_way *ways, const path_rays *r, vfloat t)
+{
+    K_GLOBAL const float *words = (K_GLOBAL const float *)ways;
+    const vint at = v_select(r->valid, r->index, (vint)(0)) * (int)(sizeof(karst_clear_way) / sizeof(float));
+    const colour left = {tone_exp2_minus(v_gather_float(words, at) * t * LOG2_E),
+                         tone_exp2_minus(v_gather_float(words, at + 1) * t * LOG2_E),
+                         tone_exp2_minus(v_gather_float(words, at + 2) * t * LOG2_E)};
+    return left;
+}
+
+/* Where rays end: on land, or (over_hits, 0: there is none) on clear matter before it. */
+RAY_INLINE vfloat end_of_rays(K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits, const path_rays *r)
+{
+    const vint at = v_select(r->valid, r->index, (vint)(0)) * (int)(sizeof(karst_hit) / sizeof(float));
+    const vfloat land = lane_min(v_gather_float((K_GLOBAL const float *)hits, at), r->t_max);
+    return over_hits ? lane_min(land, v_gather_float((K_GLOBAL const float *)over_hits, at)) : land;
+}
+
+/* Lays media before what a stream's rays see: adds their light to the rays' pixels, and takes from the rays'
+ * throughput what they hide. `adds` 0: neither, for what rays ask for. */
+__kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+                                  karst_pinhole pinhole, karst_light light, K_GLOBAL karst_ray *rays,
+                                  K_GLOBAL const uint *count, K_GLOBAL const karst_hit *hits,
+                                  K_GLOBAL const karst_hit *over_hits, K_GLOBAL const karst_clear_way *ways,
+                                  K_GLOBAL float *parts, uint adds, karst_shade_anchor anchor,
+                                  K_GLOBAL const uint *grids, K_GLOBAL const karst_sun_depth *states,
+                                  K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
+                                  K_GLOBAL uint *looks, K_GLOBAL uint *counters, K_GLOBAL const ulong *data
+#ifdef SHADE_ATMOSPHERE
+                                  ,
+                                  karst_sky sky, K_GLOBAL const float *sky_table
+#endif
+)
+{
+    const pools pool = POOL_FIELDS;
+    __local near_octave known[WORLD_NEAR_OCTAVES + 1];
+    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as shade.cl */
+    const uint num_rays = *count, lowest = (uint)get_global_id(0) * LANES;
+    world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (lowest >= num_rays)
+        return;
+    const path_rays r = load_paths(rays, lowest, num_rays);
+    const vfloat end = end_of_rays(hits, over_hits, &r);
+    const vector3 *direction = &r.direction, *origin = &r.origin;
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting lighting;
+    lighting.most_depth = task.most_depth;
+    lighting.metres = task.metres;
+    lighting.grids = grids;
+    lighting.grid_states = states;
+    lighting.owners = owners;
+    lighting.used = used;
+    lighting.looks = looks;
+    lighting.serial = view->serial;
+    lighting.sun = task.sun;
+    lighting.sun_colour = uniform_colour(light.sun_colour);
+    lighting.sky_colour = light_all_around(&light);
+    lighting.to_sun = dot3(direction, light.sun_direction);
+    lighting.direction = direction;
+    lighting.origin = origin;
+    lighting.data = data;
+    lighting.anchor = &anchor;
+    lighting.octaves = octaves;
+    media_frame_of_view(&frame, view);
+    const media_rays way = {*origin, *direction, (vfloat)(0.0f), end, r.width * task.detail, r.cone * task.detail};
+    walk_light(&pool, &frame, &way, r.valid, &lighting, &sums);
+#ifdef MEDIA_PATHS
+    const scatter_pixel pixel = {(r.pixel & 0xffff) + pinhole.x0_px, (r.pixel >> 16) + pinhole.y0_px, pinhole.sample};
+    const colour scattered =
+        scattered_light(&pool, &frame, &way, r.valid, &lighting, &light, sums.tau, &pixel, &sums.missing);
+    sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
+#endif
+
+    const uint num_missing = (uint)count_lanes(sums.missing & r.valid);
+    if (num_missing)
+        atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
+    const uint veiled = mask_bits(r.valid & v_gt(sums.tau, (vfloat)(0.0f)));
+    if (!adds || !veiled)
+        return;
+    const vfloat kept =
+        v_select(v_gt(sums.tau, (vfloat)(task.most_depth)), (vfloat)(0.0f), tone_exp2_minus(sums.tau * LOG2_E));
+    const vfloat mean_t = sums.reach / lane_max(sums.weight, (vfloat)(1.0e-12f));
+    const vfloat share = lane_max(sums.weight, (vfloat)(1.0e-6f));
+    const vector3 middle = {k_fma(direction->x, mean_t, origin->x), k_fma(direction->y, mean_t, origin->y),
+                            k_fma(direction->z, mean_t, origin->z)};
+    colour own = {sums.light.r / share, sums.light.g / share, sums.light.b / share};
+#ifdef SHADE_ATMOSPHERE
+    const air_way air = air_way_between(&sky, sky_table, origin, &middle, direction, lighting.to_sun, mean_t);
+    own = air_through(&air, own);
+#else
+    own = colour_through_haze(&light, own, lighting.to_sun, haze_clear_between(&light, origin, &middle, mean_t));
+#endif
+    own.r *= sums.weight, own.g *= sums.weight, own.b *= sums.weight;
+    if (ways) {
+        const colour left = left_on_way(ways, &r, mean_t);
+        own.r *= left.r, own.g *= left.g, own.b *= left.b;
+    }
+    add_paths(parts, (size_t)pinhole.width_px * (size_t)pinhole.height_px, pinhole.width_px, pinhole.height_px, &r,
+              veiled, &own);
+    float through[LANES];
+    v_store_float(kept, through);
+    for (uint l = 0; l < LANES; l++)
+        for (int c = 0; c < 3 && (veiled >> l & 1u); c++)
+            rays[lowest + l].throughput[c] *= through[l];
+}
+#endif
+
+#ifdef MEDIA_LAMPS
+MEDIA_FUNCTION void walk_lamps(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
+                               const media_lighting *light, media_sums *sums)
+{
+    walk_rays(WALK_LAMPS, pool, frame, rays, lanes, light, sums);
+}
+
+/* Adds what media before the pixels of a sample scatter of the lamps' light. */
+__kernel K_WIDE void media_lamps(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const karst_cast_view *view,
+                                 karst_media_task task, karst_pinhole pinhole, karst_light light,
+                                 K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
+                                 K_GLOBAL const karst_lamp *lamps, uint num_lamps, uint with_land,
+                                 K_GLOBAL float *parts, karst_shade_anchor anchor, K_GLOBAL uint *counters,
+                                 K_GLOBAL const ulong *data
+#ifdef SHADE_ATMOSPHERE
+                                 ,
+                                 karst_sky sky, K_GLOBAL const float *sky_table
+#endif
+)
+{
+    const pools pool = POOL_FIELDS, land = LAND_FIELDS;
+    __local near_octave known[WORLD_NEAR_OCTAVES + 1];
+    __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as shade.cl */
+    world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
+    barrier(CLK_LOCAL_MEM_FENCE);
+    vint x, y;
+    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vint order = packet_order(x, y, pinhole.width_px, pinhole.height_px);
+    const vint at = v_select(valid, order, (vint)(0)) * (int)(sizeof(karst_hit) / sizeof(float));
+    const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
+    const vector3 direction = pinhole_direction(&pinhole, x, y);
+    const vfloat none = (vfloat)(0.0f);
+    vfloat end = lane_min(v_gather_float((K_GLOBAL const float *)hits, at), (vfloat)(pinhole.t_max));
+    if (over_hits)
+        end = lane_min(end, v_gather_float((K_GLOBAL const float *)over_hits, at));
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting lighting;
+    lighting.most_depth = task.most_depth;
+    lighting.metres = task.metres;
+    lighting.used = 0;
+    lighting.to_sun = none;
+    lighting.direction = &direction;
+#ifdef MEDIA_STREAMS
+    lighting.origin = 0;
+#endif
+    lighting.data = data;
+    lighting.anchor = &anchor;
+    lighting.octaves = octaves;
+    lighting.lamps.lamps = lamps;
+    lighting.lamps.num = num_lamps;
+    lighting.lamps.seed = lamps_hash((v_int_to_uint(x + pinhole.x0_px) * 0x9e3779b1u) ^
+                                     (v_int_to_uint(y + pinhole.y0_px) * 0x85ebca77u) ^
+                                     (vuint)(pinhole.sample * 0xc2b2ae3du));
+    media_frame_of_view(&frame, view);
+    const media_rays way = {{none, none, none}, direction, none, end, none, (vfloat)(pinhole.cone * task.detail)};
+    walk_lamps(&pool, &frame, &way, valid, &lighting, &sums);
+
+    vint missing = sums.missing;
+    const lit_segments *lit = &sums.lit;
+    const vint lanes = valid & v_gt(lit->total, none);
+    if (v_any(lanes)) {
+        vector3 from, to;
+        vfloat t;
+        vint shadowed;
+        rays_to_lamps(&lighting.lamps, &direction, lit, lanes, pinhole.t_max, &from, &to, &t, &shadowed);
+        const media_rays to_lamp = {from, to, none, t,
+                                    lane_max(lit->t * (pinhole.cone * task.detail), (vfloat)(1.0f)),
+                                    (vfloat)(LAND_CONE)};
+        media_sums between = EMPTY_SUMS, hidden = EMPTY_SUMS;
+        lighting.most_depth = 16.0f;
+        walk_depth(&pool, &frame, &to_lamp, lanes, &lighting, &between);
+        if (with_land && v_any(shadowed))
+            walk_land(&land, &frame, &to_lamp, shadowed, &lighting, &hidden);
+        missing |= (between.missing | hidden.missing) & lanes;
+        const vfloat strength =
+            v_select(lanes & ~hidden.done, lit->total * tone_exp2_minus(between.tau * LOG2_E), none);
+        const vfloat mean_t = sums.reach / lane_max(sums.weight, (vfloat)(1.0e-12f));
+        const vfloat share = lane_max(sums.weight, (vfloat)(1.0e-6f)), per = strength / share;
+        colour own = {lit->hue.r * per, lit->hue.g * per, lit->hue.b * per};
+        const colour black = {none, none, none};
+#ifdef SHADE_ATMOSPHERE
+        const vfloat to_sun = dot3(&direction, light.sun_direction);
+        const air_way air = air_way_of(&sky, sky_table, &direction, to_sun, mean_t);
+        const colour through = air_through(&air, own), before = air_through(&air, black);
+#else
+        const vfloat to_sun = dot3(&direction, light.sun_direction);
+        const colour through = hazy_colour(&light, own, &direction, to_sun, mean_t),
+                     before = hazy_colour(&light, black, &direction, to_sun, mean_t);
+#endif
+        /* What lies before the medium has been added with the light of the sun and the sky. */
+        const vfloat added[3] = {through.r - before.r, through.g - before.g, through.b - before.b};
+        for (int c = 0; c < 3; c++) {
+            K_GLOBAL float *part = parts + (size_t)c * plane;
+            store_ordered(part, order, lanes, k_fma(added[c], share, load_ordered(part, order, lanes)));
+        }
+    }
+    const uint num_missing = (uint)count_lanes(missing & valid);
+    if (num_missing)
+        atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
+}
+#endif

@@ -11,7 +11,7 @@ scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 cd "$scratch" || exit 1
 detail=
-export POCL_CACHE_DIR="$PWD/store"
+export POCL_CACHE_DIR="${POCL_CACHE_DIR:-$PWD/store}"
 
 # The page's blocks, a file each, in their order.
 awk '/^    / { if (!inside) num++; inside = 1; print substr($0, 5) > sprintf("block-%02d", num); next }

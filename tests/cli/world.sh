@@ -195,6 +195,15 @@ first=$(cksum < balls0.png) second=$(cksum < balls1.png)
 run render balls.karst -q --time 0 -o balls.png --size 48x32 --samples 1 --display none --camera=0,5,-14,0,0
 [ $status -eq 0 ] && [ "$first" != "$second" ] && [ "$second" = "$(cksum < balls.png)" ]
 result "render --time-step: pictures of a time each"
+run render balls.karst -q --six-way 'maps_%s.exr' --time-step 1 --frames 3 --size 16x12 --samples 1 --display none \
+    --camera=0,5,-14,0,0
+[ $status -eq 0 ] && [ -s maps_positive.exr ] && [ -s maps_negative.exr ] && ! cmp -s maps_positive.exr maps_negative.exr
+result "render --six-way: two sheets of light maps"
+complains 2 "smoke_%s.exr" "render: light maps without two names" render balls.karst --six-way maps.exr
+complains 2 "how far apart" "render: light maps of moments at no time" render balls.karst --six-way 'm_%s.exr' --frames 3
+complains 2 "\-\-output is not for them" "render: light maps and a picture" render balls.karst --six-way 'm_%s.exr' -o a.png
+complains 2 "nothing in its air" "render: light maps of a world without media" render plain.karst --six-way 'm_%s.exr' \
+    --size 16x12 --display none
 printf 'x,y,z,radius,extinction\n0,5,0,2,0.5\n3,5,zero,2,0.5\n' > balls.csv
 complains 5 "balls.csv:3" "sample: a line that is no particle" sample balls.karst --ray=-9,5,0,1,0,0
 complains 2 "how many pictures" "render: a time that goes for nobody" render balls.karst --time-step 0.1

@@ -164,6 +164,81 @@ static void test_rows_come_back(void **state)
     karst_image_close(NULL);
 }
 
+static void test_bytes_come_back(void **state)
+{
+    (void)state;
+    karst_error error = {0};
+    int width_px, height_px;
+    static uint8_t rows[NUM * 4];
+    assert_true(karst_image_write_png(in_folder("f.png"), rgba, WIDTH, HEIGHT, &error));
+    karst_image_reader *reader = karst_image_open_png(in_folder("f.png"), &width_px, &height_px, &error);
+    assert_non_null(reader);
+    assert_int_equal(width_px, WIDTH);
+    assert_int_equal(height_px, HEIGHT);
+    assert_null(karst_image_note(reader));
+    for (int y = 0; y < HEIGHT; y += 7)
+        assert_true(karst_image_read_bytes(reader, rows + y * WIDTH * 4, HEIGHT - y < 7 ? HEIGHT - y : 7, &error));
+    for (int i = 0; i < NUM; i++) {
+        assert_memory_equal(rows + 4 * i, rgba + 4 * i, 3);
+        assert_int_equal(rows[4 * i + 3], 255);
+    }
+    assert_false(karst_image_read_bytes(reader, rows, 1, &error));
+    assert_int_equal(error.status, KARST_USAGE);
+    error = (karst_error){0};
+    float value;
+    assert_false(karst_image_read_rows(reader, names, 1, 0, 1, &value, &error));
+    assert_int_equal(error.status, KARST_USAGE);
+    karst_image_close(reader);
+}
+
+/* Whether all of a PNG comes, a row at a time; else why not. */
+static bool read_bytes(const char *path, karst_error *why)
+{
+    static uint8_t row[KARST_IMAGE_MAX_PX * 4];
+    int width_px = 0, height_px = 0;
+    karst_image_reader *reader = karst_image_open_png(path, &width_px, &height_px, why);
+    bool done = reader != NULL;
+    for (int y = 0; done && y < height_px; y++)
+        done = karst_image_read_bytes(reader, row, 1, why);
+    if (reader && !done) { /* and it stays so */
+        karst_error again = {0};
+        assert_false(karst_image_read_bytes(reader, row, 1, &again));
+        assert_int_equal(again.status, KARST_BAD_DATA);
+    }
+    karst_image_close(reader);
+    return done;
+}
+
+/* libpng checks each part's CRC: what is damaged is refused, wherever. */
+static void test_damaged_bytes_are_refused(void **state)
+{
+    (void)state;
+    static char good[1 << 16], bad[1 << 16];
+    assert_true(karst_image_write_png(in_folder("g.png"), rgba, WIDTH, HEIGHT, NULL));
+    const size_t size = read_file(in_folder("g.png"), good, sizeof good);
+    for (size_t at = 0; at < size; at += at < 64 || at + 32 > size ? 1 : 61)
+        for (int cut = 0; cut < 2; cut++) {
+            karst_error why = {0};
+            memcpy(bad, good, size);
+            bad[at] = (char)(bad[at] ^ 0x81);
+            FILE *file = fopen(in_folder("g.png"), "wb");
+            assert_true(file && fwrite(bad, 1, cut ? at : size, file) == (cut ? at : size) && fclose(file) == 0);
+            if (read_bytes(in_folder("g.png"), &why))
+                fail_msg("byte %zu %s: nothing was noticed", at, cut ? "and all behind are gone" : "has changed");
+            assert_int_equal(why.status, KARST_BAD_DATA);
+        }
+    /* One with rows in seven passes: 2 x 2 pixels, up to where they begin. */
+    static const uint8_t interlaced[] = {0x89, 'P',  'N',  'G',  13,   10, 26, 10, 0,  0,   0,   13,  'I', 'H',
+                                         'D',  'R',  0,    0,    0,    2,  0,  0,  0,  2,   8,   2,   0,   0,
+                                         1,    0x8A, 0xD3, 0xAA, 0xE5, 0,  0,  0,  10, 'I', 'D', 'A', 'T'};
+    FILE *file = fopen(in_folder("g.png"), "wb");
+    assert_true(file && fwrite(interlaced, 1, sizeof interlaced, file) == sizeof interlaced && fclose(file) == 0);
+    karst_error why = {0};
+    assert_false(read_bytes(in_folder("g.png"), &why));
+    assert_int_equal(why.status, KARST_BAD_DATA);
+    assert_non_null(strstr(why.message, "interlaced"));
+}
+
 /* A byte changed anywhere, or an end anywhere: it is refused, or its values are read; nothing worse. */
 static void test_damage_is_survived(void **state)
 {
@@ -234,12 +309,22 @@ static void test_what_is_wrong_is_refused_and_leaves_nothing(void **state)
     assert_int_equal(num_files(), before);
     ASSERT_REFUSED(karst_image_open_exr(in_folder("none.exr"), &width_px, &height_px, &error) != NULL, KARST_BAD_DATA);
     ASSERT_REFUSED(karst_image_open_exr(in_folder("a.png"), &width_px, &height_px, &error) != NULL, KARST_BAD_DATA);
+    ASSERT_REFUSED(karst_image_open_png(in_folder("none.png"), &width_px, &height_px, &error) != NULL, KARST_BAD_DATA);
+    ASSERT_REFUSED(karst_image_open_png(in_folder("a.exr"), &width_px, &height_px, &error) != NULL, KARST_BAD_DATA);
+    karst_image_reader *reader = karst_image_open_exr(in_folder("a.exr"), &width_px, &height_px, NULL);
+    assert_non_null(reader);
+    static uint8_t bytes[WIDTH * 4];
+    ASSERT_REFUSED(karst_image_read_bytes(reader, bytes, 1, &error), KARST_USAGE);
+    karst_image_close(reader);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_rows_are_the_picture),
-                                       cmocka_unit_test(test_rows_come_back), cmocka_unit_test(test_damage_is_survived),
+                                       cmocka_unit_test(test_rows_come_back),
+                                       cmocka_unit_test(test_damage_is_survived),
+                                       cmocka_unit_test(test_bytes_come_back),
+                                       cmocka_unit_test(test_damaged_bytes_are_refused),
                                        cmocka_unit_test(test_what_is_wrong_is_refused_and_leaves_nothing)};
     return cmocka_run_group_tests(tests, make_picture, clean);
 }

@@ -42,6 +42,6 @@ clean()
         grep -q '"settled": true' "$scratch/stats.json" && grep -q '"device": ".*Oclgrind' "$scratch/stats.json"
     result "$name"
 }
-clean "hills, tiny, under oclgrind" hills --size 24x18 --detail 8 --view-distance 200 --pool 2 --samples 2
-clean "asteroid, tiny, under oclgrind" asteroid --size 20x15 --detail 8 --pool 2 --samples 2
+clean "hills, tiny, under oclgrind" hills --size 18x14 --detail 8 --view-distance 200 --pool 2 --samples 2
+clean "asteroid, tiny, under oclgrind" asteroid --size 14x10 --detail 8 --pool 2 --samples 2
 finish

@@ -1,5 +1,7 @@
 /* Measures importing: makes a scan of so many points (KARST_SCAN_POINTS, default 10^6) of a rolling ground with boxes
- * on it, 1 km wide, as a laser sees it from above, and imports it. KARST_SCAN_FILE=path keeps the model there. */
+ * on it, 1 km wide, as a laser sees it from above, and imports it. KARST_SCAN_FILE=path keeps the model there.
+ * KARST_SCAN_WRITE=path writes the scan there, as a PLY, and does nothing else. KARST_SCAN_FOLDER: where the files lie
+ * meanwhile (default: /tmp). */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -64,12 +66,16 @@ static bool say_step(void *user, const char *what, double share)
 int main(void)
 {
     const char *wanted = getenv("KARST_SCAN_POINTS"), *kept = getenv("KARST_SCAN_FILE");
+    const char *only = getenv("KARST_SCAN_WRITE"), *at = getenv("KARST_SCAN_FOLDER");
     uint64_t num = wanted ? (uint64_t)strtod(wanted, NULL) : 1000000;
-    char folder[] = "/tmp/karst-scan-XXXXXX", input[64], output[64];
+    char folder[400], input[512], output[512];
     struct rusage usage;
     struct stat about_file;
     karst_points_about about;
     karst_error error = {0};
+    if (only)
+        return !write_scan(only, num);
+    snprintf(folder, sizeof folder, "%s/karst-scan-XXXXXX", at ? at : "/tmp");
     if (!mkdtemp(folder))
         return 1;
     snprintf(input, sizeof input, "%s/scan.ply", folder);
@@ -81,6 +87,7 @@ int main(void)
                                                .turn = KARST_POINTS_TURN_TOGETHER,
                                                .axes = KARST_POINTS_AS_THEY_ARE,
                                                .progress = say_step,
+                                               .resumable = true,
                                                .user = &start};
     done = done && karst_points_import(&config, &about, &error) && stat(config.output, &about_file) == 0;
     double seconds = now_s() - start;

@@ -60,7 +60,10 @@ def test_arrays_belong_to_their_picture(engine):
 
 def test_the_same_picture_again_at_other_sizes_and_samples(engine):
     first = engine.render()
+    engine.time = 2.5
     small = engine.render(size=(40, 30), samples=1)
+    assert engine.time == 2.5  # of another engine
+    engine.time = 0
     assert small.colour.shape == (30, 40, 4) and small.stats["samples"] == 1
     assert (engine.render(size=(96, 64), samples=2).colour == first.colour).all()
     with pytest.raises(karst.UsageError):
@@ -91,6 +94,9 @@ def test_edits_parameters_sun(engine):
     assert engine.sun == (300, 10) and (engine.render().colour != plain.colour).any()
     engine.sun = None
     assert (engine.render().colour == plain.colour).all()
+    assert engine.time == 0
+    with pytest.raises(karst.UsageError, match="time"):
+        engine.time = float("nan")
     engine.check()
     with pytest.raises(karst.UsageError, match="nothing"):
         engine.set_parameters(nothing=1)

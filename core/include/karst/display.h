@@ -27,9 +27,10 @@ typedef struct karst_display karst_display;
 bool karst_display_kind_parse(const char *name, karst_display_kind *kind, karst_error *error);
 const char *karst_display_kind_name(karst_display_kind kind);
 
-/* Opens a headless display. Errors: KARST_NO_DEVICE, saying which package is missing or what to use instead. AUTO logs
- * what it fell back to and never fails for want of OpenGL. Use from one thread, whose
- * OpenGL context it becomes whenever it is drawn to. Destroy with karst_display_destroy (NULL is fine). */
+/* Opens a headless display. Errors: KARST_USAGE (KARST_DISPLAY_WINDOW: see below), KARST_NO_DEVICE, saying which
+ * package is missing or what to use instead. AUTO logs what it fell back to and never fails for want of OpenGL. Use
+ * from one thread, whose OpenGL context it becomes whenever it is drawn to. Destroy with karst_display_destroy (NULL is
+ * fine). */
 karst_display *karst_display_create(karst_display_kind kind, const karst_log *log, karst_error *error);
 /* For a window: `get_proc` (glfwGetProcAddress) must work now, and the context (OpenGL 3.3 or later) be current in
  * every later call. Pictures are drawn over its current viewport, then it is for the caller to swap. The caller keeps

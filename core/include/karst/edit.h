@@ -61,8 +61,8 @@ typedef struct {
  * KARST_MAX_EDITS), KARST_FAILED. Call it from the engine's own thread. */
 bool karst_engine_edit(karst_engine *engine, const karst_edit *edits, size_t num_edits, karst_error *error);
 #define KARST_MAX_EDITS 10000000u
-/* Takes the last edits back, at most as many as there are, and makes them again; return how many. Errors as above: then
- * *num is 0. */
+/* Takes the last edits back, at most as many as there are, and makes them again; *num becomes how many. Errors:
+ * KARST_FAILED; then *num is 0. From the engine's own thread. */
 bool karst_engine_undo(karst_engine *engine, size_t *num, karst_error *error);
 bool karst_engine_redo(karst_engine *engine, size_t *num, karst_error *error);
 /* How many edits are in force, and how many could be redone. */

@@ -212,12 +212,13 @@ bool karst_engine_set_window(karst_engine *engine, const karst_engine_window *wi
 bool karst_engine_frame(karst_engine *engine, karst_error *error);
 /* Frames until settled, at most max_frames (0: 1000), as for somebody who waits for the last: without a budget in ms
  * each may produce four times budget_bricks. `progress` (may be NULL) is called after each frame; returning false ends
- * the loop. *settled says how it ended. */
+ * the loop. *settled says how it ended. Errors: KARST_FAILED. */
 bool karst_engine_settle(karst_engine *engine, uint32_t max_frames,
                          bool (*progress)(void *user, const karst_stats *stats), void *user, bool *settled,
                          karst_error *error);
 
-/* The last frame's picture: 8-bit RGBA, top row first, width * height * 4 bytes into the caller's memory. */
+/* The last frame's picture: 8-bit RGBA, top row first, width * height * 4 bytes into the caller's memory. Errors:
+ * KARST_USAGE (no frame has been drawn yet; another size), KARST_FAILED. */
 bool karst_engine_read_pixels(karst_engine *engine, uint8_t *rgba, size_t size_bytes, karst_error *error);
 /* The last frame's light, before exposure and tone: linear red, green and blue, the mean of its samples so far; three
  * floats a pixel, top row first. Errors: KARST_USAGE (another number of values; no frame has been drawn yet; an engine
@@ -251,8 +252,8 @@ bool karst_engine_read_depth(karst_engine *engine, float *depth_m, size_t num_va
 /* Statistics of the last frame, copied out. */
 void karst_engine_stats(const karst_engine *engine, karst_stats *stats);
 
-/* Debug pass over the pools: every reference is valid and mutual, nothing leaks, there is no cycle. false: `error`
- * names the first fault. */
+/* Debug pass over the pools: every reference is valid and mutual, nothing leaks, there is no cycle. Errors:
+ * KARST_FAILED, naming the first fault. */
 bool karst_engine_check(karst_engine *engine, karst_error *error);
 
 /* Text for people: devices, displays and limits, line by line through `print`; says how to mend what is missing. Opens

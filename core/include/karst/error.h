@@ -17,7 +17,8 @@ typedef enum {
 } karst_status;
 
 /* Filled by a function that fails; untouched by one that succeeds. The caller owns it. Every `karst_error *error`
- * parameter of the library may be NULL. The first error wins: a function never overwrites one that is already set. */
+ * parameter of the library may be NULL. The first error wins: a function never overwrites one that is already set.
+ * Where memory runs out the status is KARST_FAILED, also of a function whose errors do not name it. */
 typedef struct {
     karst_status status;
     char message[1024]; /* one line, no full stop or newline at its end */

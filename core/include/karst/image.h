@@ -20,8 +20,8 @@ extern "C" {
  * to KARST_IMAGE_MAX_PX), KARST_FAILED; both name the path and the reason. Thread-safe. */
 bool karst_image_write_png(const char *path, const uint8_t *rgba, int width_px, int height_px, karst_error *error);
 /* Reads an 8-bit RGB or RGBA PNG into malloc'ed RGBA (the caller frees), alpha 255 where there is none. *width_px and
- * *height_px change only on success. NULL and KARST_BAD_DATA naming the path and the reason for any other file.
- * Thread-safe. */
+ * *height_px change only on success. Errors, naming the path and the reason: KARST_BAD_DATA (any other file),
+ * KARST_FAILED (memory). Thread-safe. */
 uint8_t *karst_image_read_png(const char *path, int *width_px, int *height_px, karst_error *error);
 
 /* Writes an OpenEXR file of 32-bit floats, whole or not at all: channels R, G, B (the picture's colours, made linear
@@ -74,15 +74,22 @@ const char *karst_image_temporary(const karst_image_writer *writer);
 bool karst_image_end(karst_image_writer *writer, karst_error *error);
 void karst_image_discard(karst_image_writer *writer); /* NULL is fine */
 
-/* Reads an OpenEXR file that was written here, by rows. One thread at a time for each reader. */
+/* Reads pictures by rows: an OpenEXR file that was written here, or any PNG of 8-bit RGB or RGBA that is not
+ * interlaced. One thread at a time for each reader. */
 typedef struct karst_image_reader karst_image_reader;
-/* NULL and KARST_BAD_DATA naming the path and the reason: it is none, damaged, or by another program that lays rows out
- * otherwise. *width_px and *height_px change only on success. */
+/* *width_px and *height_px change only on success. Errors, naming the path and the reason: KARST_BAD_DATA (it is none,
+ * damaged, or by another program that lays rows out otherwise), KARST_FAILED (memory). */
 karst_image_reader *karst_image_open_exr(const char *path, int *width_px, int *height_px, karst_error *error);
+karst_image_reader *karst_image_open_png(const char *path, int *width_px, int *height_px, karst_error *error);
+/* The next rows of a PNG, from the top: RGBA, width * 4 bytes a row, alpha 255 where there is none. What lies behind
+ * the last row is looked at with it. Errors: KARST_USAGE (more rows than are left, or none; an OpenEXR file),
+ * KARST_BAD_DATA (damaged, now or in an earlier row). */
+bool karst_image_read_bytes(karst_image_reader *reader, uint8_t *rgba, int num_rows, karst_error *error);
 /* Its note (karst_image_begin_exr), which lives as long as the reader; NULL: it has none. */
 const char *karst_image_note(const karst_image_reader *reader);
-/* Values of 1 to 3 channels of rows y_px to y_px + num_rows - 1, pixel by pixel, num_channels floats each. Errors:
- * KARST_USAGE (rows that it has not, another number of channels), KARST_BAD_DATA (damaged; a channel is not there). */
+/* Of an OpenEXR file, values of 1 to 3 channels of rows y_px to y_px + num_rows - 1, pixel by pixel, num_channels
+ * floats each. Errors: KARST_USAGE (rows that it has not, another number of channels; a PNG), KARST_BAD_DATA (damaged;
+ * a channel is not there). */
 bool karst_image_read_rows(karst_image_reader *reader, const char *const *names, int num_channels, int y_px,
                            int num_rows, float *values, karst_error *error);
 void karst_image_close(karst_image_reader *reader); /* NULL is fine */

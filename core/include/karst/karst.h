@@ -14,6 +14,7 @@
 #include "karst/helper.h"
 #include "karst/image.h"
 #include "karst/log.h"
+#include "karst/maps.h"
 #include "karst/measure.h"
 #include "karst/medium.h"
 #include "karst/mesh.h"

@@ -37,7 +37,7 @@ typedef struct karst_path karst_path;
  * KARST_BAD_DATA naming file, keyframe (from 1) and field, or the line of a syntax error; KARST_USAGE (voxel_log2_m out
  * of range). Distinct paths may be used from distinct threads, one path from many at a time. */
 karst_path *karst_path_load(const char *file, int voxel_log2_m, karst_error *error);
-/* All of the above that can be checked before the world's voxel is known. */
+/* Checks as much of that as can be known without the world's voxel. Errors: KARST_BAD_DATA. */
 bool karst_path_check(const char *file, karst_error *error);
 void karst_path_destroy(karst_path *path); /* NULL is fine */
 

@@ -40,6 +40,11 @@ typedef struct {
      * the import. NULL: nobody asks. */
     bool (*progress)(void *user, const char *what, double share);
     void *user;
+    /* What is done lies in a folder named OUTPUT.import, with checkpoints: an import that was stopped, killed, or
+     * failed for want of room goes on from there when it is called again for the same input and output, and makes the
+     * same bytes. The folder vanishes once the output is there, and when the input turns out to be bad; another input,
+     * other options, or a start of the machine in between begin anew. */
+    bool resumable;
 } karst_points_import_config;
 
 #define KARST_POINTS_MAX_LEVELS 24
@@ -67,9 +72,10 @@ typedef struct {
 
 /* Imports a file of points: reads it once, sorts it on disk, finds normals and radii, builds the levels. Needs free
  * space of some four times the output, in its folder; memory is some hundreds of MiB, whatever the number of points.
- * The output appears whole or not at all. *about may be NULL. Errors: KARST_USAGE (names, configuration),
- * KARST_BAD_DATA (the input, with the place), KARST_FAILED (disk, memory, stopped by progress). Thread-safe for
- * distinct outputs. Sources: docs/POINTS.md. */
+ * The output appears whole or not at all. Without `resumable` nothing else is left, however it ends. *about may be
+ * NULL. Errors: KARST_USAGE (names, configuration), KARST_BAD_DATA (the input, with the place), KARST_FAILED (disk,
+ * memory, stopped by progress, another process at the same output). Thread-safe for distinct outputs. Sources:
+ * docs/POINTS.md. */
 bool karst_points_import(const karst_points_import_config *config, karst_points_about *about, karst_error *error);
 
 /* What an imported file holds; looks at its sums. Errors: KARST_BAD_DATA (no such file, or a damaged one). Thread-safe.

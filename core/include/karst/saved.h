@@ -21,9 +21,7 @@ extern "C" {
  * process at a time may write; others read meanwhile. A file may come from a stranger: nothing in it is believed before
  * it was checked, and no part of it is run.
  *
- * A handle may be used by one thread at a time, different handles by different threads, also of one file. Errors of all
- * functions here, beside those that they name: KARST_FAILED (memory, a full or failing disk, another process that
- * writes), KARST_BAD_DATA (the file is damaged, or no saved world). */
+ * A handle may be used by one thread at a time, different handles by different threads, also of one file. */
 typedef struct karst_saved karst_saved;
 
 #define KARST_SAVED_VERSION 1 /* of the format that is written; all up to it are read */
@@ -45,11 +43,14 @@ typedef struct {
 /* Makes a file that is not there yet; it appears whole or not at all. The world is compiled, to know that it can be. A
  * path of a world file below the new file's folder is kept relative to that, so that both may be moved; any other is
  * kept absolute. Errors: KARST_USAGE (the camera, too many parameters), KARST_BAD_WORLD (of the world), KARST_FAILED
- * (a file of that name is there already). Thread-safe. */
+ * (a file of that name is there already, a full or failing disk). Thread-safe. */
 bool karst_saved_create(const char *path, const karst_saved_config *config, karst_error *error);
 
 /* Whether a path is a saved world's by its name: it ends in ".karstdb". */
 bool karst_saved_is_name(const char *path);
+
+/* Errors of all functions below, beside those that they name: KARST_FAILED (memory, a full or failing disk, another
+ * process that writes). */
 
 /* Opens a file to be read, or (`for_writing`) to be read and written. Where it cannot be written (another process
  * writes it, or its permissions say so) it is opened for reading all the same: karst_saved_is_writable says whether.
@@ -85,7 +86,7 @@ const karst_saved_about *karst_saved_get_about(const karst_saved *saved);
 uint64_t karst_saved_sum(const char *text, size_t text_bytes);
 
 /* Sets the camera (as karst_camera_parse takes it; NULL: the world's own), and bookmark 0 to 8 (NULL: none), with the
- * next commit. Errors: KARST_USAGE (no camera), KARST_FAILED (not writable). */
+ * next commit. Errors: KARST_USAGE (no camera), KARST_BAD_DATA (the file is damaged), KARST_FAILED (not writable). */
 bool karst_saved_set_camera(karst_saved *saved, const char *camera, karst_error *error);
 bool karst_saved_set_bookmark(karst_saved *saved, int number, const char *camera, karst_error *error);
 
@@ -96,15 +97,17 @@ size_t karst_saved_num_edits(const karst_saved *saved, size_t *num_redoable);
 
 /* Appends edits, whose positions are in voxels of 2^voxel_log2_m metres, after those in force; edits that were undone
  * are gone. All are taken or none. Errors: KARST_USAGE (a value out of range: which edit, counted from 1; more than
- * KARST_MAX_EDITS), KARST_FAILED (not writable). */
+ * KARST_MAX_EDITS), KARST_BAD_DATA (the file is damaged), KARST_FAILED (not writable). */
 bool karst_saved_append(karst_saved *saved, const karst_edit *edits, size_t num_edits, int voxel_log2_m,
                         karst_error *error);
-/* Takes the last edits out of force, at most as many as there are, and back into force; *num becomes how many. */
+/* Takes the last edits out of force, at most as many as there are, and back into force; *num becomes how many. Errors:
+ * KARST_BAD_DATA (the file is damaged), KARST_FAILED (not writable). */
 bool karst_saved_undo(karst_saved *saved, size_t *num, karst_error *error);
 bool karst_saved_redo(karst_saved *saved, size_t *num, karst_error *error);
 
 /* When it returns true, all that was appended, undone, redone and set is on the disk. When it fails, or any of those
- * does, all since the last commit is undone, and the file is as that left it. */
+ * does, all since the last commit is undone, and the file is as that left it. Errors: KARST_BAD_DATA (the file is
+ * damaged). */
 bool karst_saved_commit(karst_saved *saved, karst_error *error);
 
 /* Calls `visit` for each edit of the log from number `first` (from 1) to `last`, in order, with positions in voxels of
@@ -118,7 +121,8 @@ bool karst_saved_visit(karst_saved *saved, size_t first, size_t last, int voxel_
  * (may be NULL) gets a warning for each row of them. */
 karst_edit *karst_saved_read_edits(karst_saved *saved, int voxel_log2_m, size_t *num, size_t *num_lost,
                                    const karst_log *log, karst_error *error);
-/* The same of a file that is opened for it and closed: for karst_engine_config.edits and the like. Thread-safe. */
+/* The same of a file that is opened for it and closed: for karst_engine_config.edits and the like. Thread-safe. Errors:
+ * as karst_saved_open. */
 karst_edit *karst_saved_load_edits(const char *path, int voxel_log2_m, size_t *num, const karst_log *log,
                                    karst_error *error);
 
@@ -127,15 +131,16 @@ karst_edit *karst_saved_load_edits(const char *path, int voxel_log2_m, size_t *n
 /* Looks at every page and row, and hands a line for each that is wrong to `print`; *num_wrong: how many. */
 bool karst_saved_check(karst_saved *saved, void (*print)(void *user, const char *line), void *user, size_t *num_wrong,
                        karst_error *error);
-/* Drops edits that were undone, and gives back all room that nothing uses. Commits first. Errors: KARST_FAILED (not
- * writable). */
+/* Drops edits that were undone, and gives back all room that nothing uses. Commits first. Errors: KARST_BAD_DATA (the
+ * file is damaged), KARST_FAILED (not writable). */
 bool karst_saved_compact(karst_saved *saved, karst_error *error);
 /* Copies what is committed to a new file, which appears whole or not at all, also while another process writes.
  * Errors: KARST_FAILED (a file of that name is there already). */
 bool karst_saved_backup(karst_saved *saved, const char *path, karst_error *error);
 /* Makes a new file of all that can be read of a damaged one, whatever part of that is damaged; `world` (NULL: what the
- * file says) is for where the world is lost. The lines that `log` gets name what is lost. Errors as of open and
- * create. Thread-safe. */
+ * file says) is for where the world is lost. The lines that `log` gets name what is lost. Errors: KARST_USAGE
+ * (the world is lost, and `world` is NULL), KARST_BAD_DATA (it is no saved world at all), KARST_FAILED (there is a file
+ * of the new name already). Thread-safe. */
 bool karst_saved_recover(const char *path, const char *new_path, const char *world, const karst_log *log,
                          karst_error *error);
 

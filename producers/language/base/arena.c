@@ -49,6 +49,7 @@ void *karst_arena_alloc(karst_arena *arena, size_t size_bytes)
         bool large = size_bytes > BLOCK_BYTES / 4;
         size_t room = large ? size_bytes : BLOCK_BYTES;
         block = malloc(BLOCK_HEADER_BYTES + room);
+        arena->is_out_of_memory = arena->is_out_of_memory || !block;
         if (!block)
             return give_up(arena);
         *block = (karst_arena_block){.size_bytes = room};

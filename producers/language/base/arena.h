@@ -12,6 +12,7 @@ typedef struct {
     karst_arena_block *blocks; /* newest first */
     size_t used_bytes;         /* what was handed out, plus what growing arrays left behind */
     size_t limit_bytes;
+    bool is_out_of_memory;     /* it gave up because the host had none, not at its limit */
     void (*full)(void *user); /* called instead of returning NULL; must not return (it leaves by longjmp) */
     void *user;
 } karst_arena;

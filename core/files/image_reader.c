@@ -1,14 +1,17 @@
-/* Reading back OpenEXR files that were written here, by rows. Files are data from strangers: nothing of them is
- * believed before it is compared. */
+/* Reading pictures by rows: PNGs, and OpenEXR files that were written here. Files are data from strangers: nothing of
+ * them is believed before it is compared. */
 #include <OpenEXR/openexr.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/files/image_decoder.h"
 #include "karst/image.h"
 
 struct karst_image_reader {
     char *path;
+    bool is_png;
+    karst_png_decoder png;
     exr_context_t file;
     bool begun; /* there is a decoder */
     exr_decode_pipeline_t decoder;
@@ -53,18 +56,25 @@ static bool look_at_header(karst_image_reader *reader, karst_error *error)
     return reader->rows || karst_fail(error, KARST_FAILED, "out of memory for rows of %s", reader->path);
 }
 
+static karst_image_reader *make_reader(const char *path, karst_error *error)
+{
+    karst_image_reader *reader = calloc(1, sizeof *reader);
+    if (reader && (reader->path = strdup(path)))
+        return reader;
+    free(reader);
+    karst_fail(error, KARST_FAILED, "out of memory for reading %s", path);
+    return NULL;
+}
+
 karst_image_reader *karst_image_open_exr(const char *path, int *width_px, int *height_px, karst_error *error)
 {
     exr_context_initializer_t start = EXR_DEFAULT_CONTEXT_INITIALIZER;
     const exr_decode_pipeline_t none = EXR_DECODE_PIPELINE_INITIALIZER;
-    karst_image_reader *reader = calloc(1, sizeof *reader);
+    karst_image_reader *reader = make_reader(path, error);
     start.error_handler_fn = keep_quiet;
     start.max_image_width = start.max_image_height = KARST_IMAGE_MAX_PX;
-    if (!reader || !(reader->path = strdup(path))) {
-        free(reader);
-        karst_fail(error, KARST_FAILED, "out of memory for reading %s", path);
+    if (!reader)
         return NULL;
-    }
     reader->decoder = none;
     errno = 0;
     if (exr_start_read(&reader->file, path, &start) != EXR_ERR_SUCCESS)
@@ -78,10 +88,43 @@ karst_image_reader *karst_image_open_exr(const char *path, int *width_px, int *h
     return NULL;
 }
 
+karst_image_reader *karst_image_open_png(const char *path, int *width_px, int *height_px, karst_error *error)
+{
+    karst_image_reader *reader = make_reader(path, error);
+    if (!reader)
+        return NULL;
+    reader->is_png = true;
+    if (!karst_png_open(&reader->png, path))
+        fail_reading(reader, reader->png.message, error);
+    else if (reader->png.num_passes > 1)
+        fail_reading(reader, "it is interlaced, and cannot be read row by row", error);
+    else {
+        *width_px = reader->width_px = reader->png.width_px;
+        *height_px = reader->height_px = reader->png.height_px;
+        return reader;
+    }
+    karst_image_close(reader);
+    return NULL;
+}
+
+bool karst_image_read_bytes(karst_image_reader *reader, uint8_t *rgba, int num_rows, karst_error *error)
+{
+    if (!reader->is_png)
+        return karst_fail(error, KARST_USAGE, "%s: bytes are read of a PNG only", reader->path);
+    if (reader->png.message[0])
+        return fail_reading(reader, reader->png.message, error);
+    if (num_rows < 1 || num_rows > reader->height_px - reader->png.num_rows)
+        return karst_fail(error, KARST_USAGE, "%d more rows of %s, of which %d of %d were read", num_rows, reader->path,
+                          reader->png.num_rows, reader->height_px);
+    return karst_png_read(&reader->png, rgba, num_rows) || fail_reading(reader, reader->png.message, error);
+}
+
 const char *karst_image_note(const karst_image_reader *reader)
 {
     int32_t length = 0;
     const char *note = NULL;
+    if (reader->is_png)
+        return NULL;
     return exr_attr_get_string(reader->file, 0, KARST_IMAGE_NOTE, &length, &note) == EXR_ERR_SUCCESS ? note : NULL;
 }
 
@@ -135,6 +178,8 @@ static bool read_chunk(karst_image_reader *reader, const char *const *names, int
 bool karst_image_read_rows(karst_image_reader *reader, const char *const *names, int num_channels, int y_px,
                            int num_rows, float *values, karst_error *error)
 {
+    if (reader->is_png)
+        return karst_fail(error, KARST_USAGE, "%s: a PNG has bytes, not channels", reader->path);
     if (num_channels < 1 || num_channels > 3)
         return karst_fail(error, KARST_USAGE, "%d channels of %s: 1 to 3 are read at once", num_channels, reader->path);
     if (y_px < 0 || num_rows < 1 || num_rows > reader->height_px - y_px)
@@ -161,6 +206,7 @@ void karst_image_close(karst_image_reader *reader)
         exr_decoding_destroy(reader->file, &reader->decoder);
     if (reader->file)
         exr_finish(&reader->file);
+    karst_png_close(&reader->png);
     free(reader->rows);
     free(reader->path);
     free(reader);

@@ -1,0 +1,15 @@
+/* The models that a world's header names: see docs/POINTS.md. */
+#ifndef KARST_PRODUCERS_POINTS_KIND_H
+#define KARST_PRODUCERS_POINTS_KIND_H
+
+#include "producers/layer_kind.h"
+#include "producers/points/points.h"
+
+extern const karst_layer_kind karst_points_kind;
+
+/* All of them, with their paths from the world's own folder on, *num of them; free them with karst_named_models_free.
+ * NULL on errors: KARST_BAD_DATA (paths), KARST_USAGE (places that are none), KARST_FAILED. */
+karst_model *karst_named_models(const karst_program_graph *program, int voxel_log2_m, size_t *num, karst_error *error);
+void karst_named_models_free(karst_model *models, size_t num); /* NULL is fine */
+
+#endif
