@@ -28,9 +28,9 @@ say = @printf '  %-6s %s\n'
 endif
 
 WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
-PKGS   := libpng libtiff-4 jansson sqlite3
+PKGS   := libpng libtiff-4 jansson sqlite3 zlib
 # What the command needs beyond the library's.
-COMMAND_PKGS := cairo glfw3 zlib
+COMMAND_PKGS := cairo glfw3
 CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_tsan    := -O1 -g -fsanitize=thread -fno-omit-frame-pointer
@@ -67,7 +67,7 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)

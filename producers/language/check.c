@@ -115,12 +115,15 @@ static void say_data(const report *r)
             bytes += 8.0 * i->channel[c].num_words;
             bound_bytes += i->channel[c].bound_bytes;
         }
-        char apart[64] = "";
-        if (i->data->size_m[0] > 0)
+        char apart[64] = "", deep[16] = "";
+        if (i->depth) {
+            snprintf(deep, sizeof deep, " x %u", i->depth);
+            snprintf(apart, sizeof apart, ", %.3g m apart", i->voxel_m);
+        } else if (i->data->size_m[0] > 0)
             snprintf(apart, sizeof apart, ", %.3g x %.3g m apart", i->data->size_m[0] / i->width,
                      i->data->size_m[1] / i->height);
-        say(r, "  data %s: %.200s (%s), %u x %u samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
-            i->data->file, i->kind, i->width, i->height, apart, bytes / 1e6, bound_bytes / 1e6);
+        say(r, "  data %s: %.200s (%s), %u x %u%s samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
+            i->data->file, i->kind, i->width, i->height, deep, apart, bytes / 1e6, bound_bytes / 1e6);
     }
 }
 
@@ -178,7 +181,7 @@ static const char *noise_name(const karst_noise *n)
     static const char *const bases[] = {"gradient noise", "value noise", "simplex noise", "worley F1", "worley F2"};
     static const char *const shapes[] = {"fbm", "ridged", "billow", "turbulence"};
     if (n->image)
-        return "an image";
+        return n->image->num_axes > 2 ? "a field" : "an image";
     if (n->base == KARST_NOISE_GRADIENT && (n->num_octaves > 1 || n->shape != KARST_NOISE_SUM))
         return shapes[n->shape];
     return bases[n->base];

@@ -358,11 +358,13 @@ static void read_data(reader *r, const char *name, json_t *value)
     karst_header_data *d = &h->data[h->num_data];
     *d = (karst_header_data){.name = karst_format(r->source->arena, "%s", name),
                              .where = place_of(r, name, place_of(r, "data", r->begin))};
-    warn_unknown(r, object_of(r, value, name), "a file of data", "file size range wrap format shape");
+    warn_unknown(r, object_of(r, value, name), "a file of data", "file grid size range wrap format shape");
     if (!(v = json_object_get(value, "file")))
         fail(r, name, "write { \"file\": \"heights.png\", \"size\": [1000, 1000] }",
              karst_format(r->source->arena, "data \"%s\" has no file", name));
     d->file = text_of(r, v, "file");
+    if ((v = json_object_get(value, "grid")))
+        d->grid = text_of(r, v, "grid");
     if ((v = json_object_get(value, "size")))
         read_pair(r, v, "size", 1e-6, 1e15, d->size_m);
     if ((v = json_object_get(value, "range"))) {

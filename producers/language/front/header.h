@@ -13,6 +13,7 @@
 /* A file of samples that functions of the text look up by its name. */
 typedef struct {
     const char *name, *file; /* file: as the header has it */
+    const char *grid;        /* of a field; NULL: the first */
     double size_m[2];        /* that all samples together take along each axis; 0: not said */
     karst_samples_form form;
     karst_wrap wrap; /* clamp */

@@ -303,18 +303,19 @@ static const struct {
     const char *wanted[3];
 } of_data[] = {
     {"image", 1, {2}, {"the place in an image"}},
+    {"field", 1, {3}, {"the place in a field"}},
     {"texture", 3, {3, 3, 1}, {"the place of a texture", "the normal of a texture", "the size of a texture"}},
 };
-enum { DATA_IMAGE, DATA_TEXTURE, NUM_DATA_FUNCTIONS };
+enum { DATA_IMAGE, DATA_FIELD, DATA_TEXTURE, NUM_DATA_FUNCTIONS };
 
-/* Which of them a call is; NUM_DATA_FUNCTIONS: none. Textures are other things to texts that have no data. */
+/* Which of them a call is; NUM_DATA_FUNCTIONS: none. Fields and textures are other things to texts without data. */
 static size_t data_function(const karst_lower_state *s, const karst_ast_expr *e)
 {
     const char *name = karst_lower_name(s, e->name);
     size_t which = 0;
     while (which < NUM_DATA_FUNCTIONS && strcmp(name, of_data[which].name) != 0)
         which++;
-    if (karst_in_prelude(s) || (which == DATA_TEXTURE && !s->io->header->num_data))
+    if (karst_in_prelude(s) || (which >= DATA_FIELD && !s->io->header->num_data))
         return NUM_DATA_FUNCTIONS;
     const karst_ast_function *f = which < NUM_DATA_FUNCTIONS ? karst_parser_named(s->parser, e->name) : NULL;
     for (; f; f = f->named_next)
@@ -331,7 +332,9 @@ static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, s
     for (uint32_t i = 0; name && i < of_data[which].num_arguments; i++, a = a->next) {
         if (!a)
             karst_source_error(s->source, e->where, NULL, "write %s(%s, %s", of_data[which].name, name,
-                               which == DATA_IMAGE ? "p), p of two components" : "p, n, size), p and n of three");
+                               which == DATA_IMAGE   ? "p), p of two components"
+                               : which == DATA_FIELD ? "p), p of three components"
+                                                     : "p, n, size), p and n of three");
         karst_value v = karst_lower_convert(s, karst_lower_expression(s, a),
                                             karst_type_vector(KARST_TYPE_FLOAT, of_data[which].size[i]),
                                             of_data[which].wanted[i], a->where);
@@ -342,9 +345,13 @@ static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, s
                            of_data[which].name, name, of_data[which].num_arguments);
     s->graph->where = e->where;
     const uint32_t where = data ? data->where : e->where;
-    const uint32_t count =
-        which == DATA_IMAGE ? karst_lower_image(s, name, where, arguments[0], value)
-                            : karst_lower_texture(s, name, where, arguments[0], arguments[1], arguments[2][0], value);
+    uint32_t count = 1;
+    if (which == DATA_IMAGE)
+        count = karst_lower_image(s, name, where, arguments[0], value);
+    else if (which == DATA_FIELD)
+        value[0] = karst_lower_field(s, name, where, arguments[0]);
+    else
+        count = karst_lower_texture(s, name, where, arguments[0], arguments[1], arguments[2][0], value);
     karst_value result = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, count), e->where);
     memcpy(result.e, value, count * sizeof *value);
     return result;

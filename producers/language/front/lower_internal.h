@@ -210,6 +210,9 @@ uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t wher
 uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3],
                              const karst_expr normal[3], karst_expr size, karst_expr value[3]);
 
+/* The value of the grid of that name's data at a place in the file's own coordinates, in metres. Errors: as above. */
+karst_expr karst_lower_field(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3]);
+
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);
 void karst_rule_body(karst_lower_state *s, const karst_ast_statement *body);
