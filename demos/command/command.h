@@ -230,6 +230,8 @@ typedef struct {
     const char *sun;      /* NULL: where the world says */
     const char *media;    /* NULL: full */
     karst_media_mode parsed_media;
+    const char *scattering; /* NULL: octaves */
+    karst_scattering parsed_scattering;
     karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
@@ -274,6 +276,11 @@ typedef struct {
         "media", 0, COMMAND_TEXT, "MODE",                                                                            \
             "light in clouds, fog and smoke: full, shadow (land knows nothing of it) or basic (default: full)",      \
             &(look)->media, 0, 0, NULL                                                                               \
+    },                                                                                                               \
+    {                                                                                                                \
+        "scattering", 0, COMMAND_TEXT, "HOW",                                                                        \
+            "of light in them: once, octaves of it, or paths: all of it, by many samples (default: octaves)",        \
+            &(look)->scattering, 0, 0, NULL                                                                          \
     }
 
 /* Errors: KARST_USAGE. */
