@@ -85,7 +85,8 @@ bool karst_engine_six_way(karst_engine *engine, uint32_t max_frames,
     *settled = false;
     if (!karst_engine_has_content(engine, KARST_CONTENT_AIR))
         return karst_fail(error, KARST_USAGE,
-                          "%s has nothing in its air, so there is nothing to map: docs/WORLDS.md, Media, says how",
+                          "%s has nothing in its air, so there is nothing to map: docs/WORLDS.md (Fog, clouds, smoke) "
+                          "says how",
                           engine->shown.file->info.name);
     if (engine->integrator == KARST_INTEGRATOR_FULL)
         return karst_fail(error, KARST_USAGE, "full light knows no media: light maps need direct light");

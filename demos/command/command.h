@@ -24,6 +24,8 @@
  *   command_sample.c   karst sample
  *   command_mesh.c     karst mesh
  *   command_heights.c  karst heights
+ *   command_voxels.c   karst voxels
+ *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
@@ -468,6 +470,13 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
 /* ---- subcommands: arguments without their own names ---- */
 
 /* A subcommand. `run` returns false with an error; on --help it prints its help to stdout and returns true. */
+/* ---- command_box.c ---- */
+
+/* --box: X0,Y0,Z0,X1,Y1,Z1 in metres, of cells so wide; `most` of them along an axis, called so for people. Errors:
+ * KARST_USAGE. */
+bool command_parse_box(const char *box, double cell_m, const char *cells_name, int64_t most, int voxel_log2_m,
+                       karst_position *corner, int64_t num_cells[3], karst_error *error);
+
 typedef struct {
     const char *name, *summary;
     bool (*run)(int argc, char **argv, command_talk *talk, karst_error *error);
@@ -483,6 +492,7 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
