@@ -28,9 +28,9 @@ say = @printf '  %-6s %s\n'
 endif
 
 WARN   := -Wall -Wextra -Werror=switch -Wstrict-prototypes -Wmissing-prototypes -Wshadow -Wpointer-arith -Wwrite-strings -Wvla
-PKGS   := libpng libtiff-4 jansson sqlite3
+PKGS   := libpng libtiff-4 jansson sqlite3 zlib
 # What the command needs beyond the library's.
-COMMAND_PKGS := cairo glfw3 zlib
+COMMAND_PKGS := cairo glfw3
 CFLAGS_release := -O2 -g
 CFLAGS_debug   := -O0 -g
 CFLAGS_tsan    := -O1 -g -fsanitize=thread -fno-omit-frame-pointer
@@ -67,7 +67,7 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -173,6 +173,8 @@ $(COMMAND): $(COMMAND_OBJECTS) $(LIBRARY)
 # An archive, so that a program takes only what it uses.
 $(SUPPORT): $(SUPPORT_OBJECTS) $(OBJ)/objects
 	$(Q)rm -f $@ && $(AR) rcs $@ $(SUPPORT_OBJECTS)
+# It drops files on a window; the headers of OpenGL bring those of X.
+$(OBJ)/tests/window/test_opening: TEST_LIBS := -lX11
 # What tests/support/faults.c stands before.
 FAULTS := malloc calloc realloc strdup clFinish clBuildProgram clCompileProgram clCreateBuffer clEnqueueNDRangeKernel clEnqueueReadBuffer \
     clEnqueueWriteBuffer clEnqueueFillBuffer clEnqueueMapBuffer sqlite3_step sqlite3_exec sqlite3_backup_step sqlite3_errcode \
@@ -180,7 +182,7 @@ FAULTS := malloc calloc realloc strdup clFinish clBuildProgram clCompileProgram 
 $(OBJ)/tests/api/%: WRAP = $(FAULTS:%=-Wl,--wrap=%)
 $(TEST_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
-	$(Q)$(CC) $(KLDFLAGS) $(WRAP) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@
+	$(Q)$(CC) $(KLDFLAGS) $(WRAP) $< $(SUPPORT) $(LIBRARY) -lcmocka $(TEST_LIBS) $(KLIBS) -o $@
 $(BENCH_PROGRAMS): $(OBJ)/%: $(OBJ)/%.o $(SUPPORT) $(LIBRARY)
 	$(say) LD $@
 	$(Q)$(CC) $(KLDFLAGS) $< $(SUPPORT) $(LIBRARY) -lcmocka $(KLIBS) -o $@

@@ -381,14 +381,15 @@ static karst_node_range steep_range(const karst_ranger *r, const octave_pass *pa
     return n;
 }
 
-/* An image over the piece: by the value at the middle and how steep it is at most along each axis. */
+/* An image or a field over the piece: by the value at the middle and how steep it is at most along each axis. */
 static karst_node_range image_range(const karst_ranger *r, const octave_pass *pass, const karst_octave *octave)
 {
     const karst_image_header *image = image_of(octave);
     const interval all = interval_of((double)image->low, (double)image->high);
-    karst_oracle_cell at[2];
+    karst_oracle_cell at[3] = {{0}};
+    const int num_axes = (int)image->num_axes;
     double slope = 0, steepest = 0;
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < num_axes; i++) {
         const double most = fmax(-(double)image->slope[2 * i], (double)image->slope[2 * i + 1]);
         at[i] = (karst_oracle_cell){pass->place[i].cell, pass->place[i].fraction};
         slope += most * interval_most(pass->rate[i]);
@@ -401,7 +402,7 @@ static karst_node_range image_range(const karst_ranger *r, const octave_pass *pa
     if (r->half > 0)
         return n;
     n.slope = interval_thin(0);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < num_axes; i++)
         n.slope =
             interval_add(n.slope, interval_scale(pass->rate[i], karst_oracle_image(octave, at, r->level, i)));
     return n;

@@ -186,9 +186,14 @@ karst_program *karst_program_build(karst_context *context, const char *entry, co
         karst_fail(error, KARST_FAILED, "%s is not kept", entry);
     } else if (!cl) {
         karst_claim claim = karst_helper_begin_build(context->helper, hash);
-        cl = compile(context, entry, all_options, source, true, error);
+        const int turn = karst_program_cache_take_turn(&key);
+        cl = karst_program_cache_load(context, &key, all_options); /* whose turn it was may have kept it */
+        was_kept = cl != NULL;
+        if (!cl)
+            cl = compile(context, entry, all_options, source, true, error);
+        karst_program_cache_end_turn(turn);
         karst_helper_end_build(context->helper, hash, claim);
-        if (cl)
+        if (cl && !was_kept)
             karst_program_cache_store(context, &key, cl);
     }
     bool is_new = cl && note_program(hash);

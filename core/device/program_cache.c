@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -96,6 +97,38 @@ void karst_program_key_free(karst_program_key *key)
 {
     free(key->text);
     key->text = NULL;
+}
+
+/* ---- taking turns ---- */
+
+#define TURN_TRIES 1500
+#define TURN_STEP_NS 20000000
+
+int karst_program_cache_take_turn(const karst_program_key *key)
+{
+    char path[sizeof key->path + 8];
+    const char *name = key->folder[0] ? strrchr(key->path, '/') : NULL;
+    if (!name)
+        return -1;
+    /* One of 256 files, which stay: programs that share one by chance wait for one another without need. */
+    snprintf(path, sizeof path, "%s/.turn-%.2s", key->folder, name + 1);
+    const int turn = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
+    for (int i = 0; turn >= 0 && i < TURN_TRIES; i++) {
+        if (flock(turn, LOCK_EX | LOCK_NB) == 0)
+            return turn;
+        if (errno != EWOULDBLOCK && errno != EINTR)
+            break;
+        nanosleep(&(struct timespec){.tv_nsec = TURN_STEP_NS}, NULL);
+    }
+    if (turn >= 0)
+        close(turn);
+    return -1;
+}
+
+void karst_program_cache_end_turn(int turn)
+{
+    if (turn >= 0)
+        close(turn);
 }
 
 /* ---- reading ---- */

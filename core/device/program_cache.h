@@ -28,6 +28,13 @@ void karst_program_key_init(karst_program_key *key, const karst_context *context
                             const char *options, const char *source);
 void karst_program_key_free(karst_program_key *key);
 
+/* Processes that start at once with a cold cache build a program one after the other: PoCL's compiler fails, or crashes,
+ * where many build the same one for its store at the same time, and all but the first find it there. Waits until no
+ * other process builds it, half a minute at most. Returns what to give back to karst_program_cache_end_turn; -1, which
+ * is fine, too, where the cache is off or cannot be locked. */
+int karst_program_cache_take_turn(const karst_program_key *key);
+void karst_program_cache_end_turn(int turn);
+
 /* The built program, ready for its kernels, or NULL if there is no good entry. */
 cl_program karst_program_cache_load(karst_context *context, const karst_program_key *key, const char *options);
 /* Keeps a program that was just built. Where the driver must do much work to give a binary out (PoCL compiles each

@@ -181,7 +181,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     engine->shadows = !config->no_shadows;
     engine->mirror = config->mirror;
     engine->integrator = config->integrator;
-    engine->media_mode = config->media;
+    karst_engine_configure_media(engine, config);
     engine->samples = config->samples ? config->samples : 1;
     engine->bounces = config->bounces                              ? config->bounces
                       : config->integrator == KARST_INTEGRATOR_FULL ? KARST_ENGINE_DEFAULT_BOUNCES

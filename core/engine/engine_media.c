@@ -9,6 +9,12 @@
  * before what is behind. */
 #define MEDIA_DETAIL 3.0f
 
+void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config)
+{
+    engine->media_mode = config->media;
+    engine->scattering = config->scattering;
+}
+
 static uint32_t mode_of(karst_media_mode mode)
 {
     return mode == KARST_MEDIA_MODE_BASIC    ? KARST_MEDIA_BASIC
@@ -32,6 +38,7 @@ static bool prepare(karst_engine *engine, karst_error *error)
         .air = karst_store_get_buffers(engine->stores[KARST_CONTENT_AIR].store),
         .land = engine->shadows && !engine->alone.is_on ? karst_cache_get_buffers(engine->cache) : NULL,
         .mode = mode_of(engine->media_mode),
+        .scattering = engine->alone.is_on ? KARST_SCATTERING_OCTAVES : engine->scattering,
         .has_atmosphere = engine->shown.skies != NULL && !engine->alone.is_on,
         .has_streams = !engine->alone.is_on && (engine->bounce || engine->clear),
         .glows = karst_has_output(file->program->world.root, KARST_OUTPUT_EMISSION),
@@ -157,4 +164,17 @@ bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_erro
             return true;
         }
     return karst_fail(error, KARST_USAGE, "media are shown in no mode '%.40s'; there are: full, shadow, basic", name);
+}
+
+static const char *const scattering_names[KARST_NUM_SCATTERINGS] = {"octaves", "once", "paths"};
+
+bool karst_scattering_parse(const char *name, karst_scattering *scattering, karst_error *error)
+{
+    for (int i = 0; i < KARST_NUM_SCATTERINGS; i++)
+        if (strcmp(name, scattering_names[i]) == 0) {
+            *scattering = (karst_scattering)i;
+            return true;
+        }
+    return karst_fail(error, KARST_USAGE, "media scatter light in no way '%.40s'; there are: octaves, once, paths",
+                      name);
 }

@@ -153,6 +153,7 @@ struct karst_engine {
     karst_media *media; /* what is seen of the air's; NULL until it is seen */
     const karst_producer *media_of; /* whom it was made for */
     karst_media_mode media_mode;
+    karst_scattering scattering;
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
     bool media_moves;                 /* particles moved since the last picture */
@@ -424,9 +425,10 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
 
-/* engine_media.c; all do nothing where the world has no air. Lays media before the sample that was shaded; before what
- * a stream sees that was cast and is not shaded yet; and, once all of these are, makes what light needs to come
- * through what they looked at. */
+/* engine_media.c; all do nothing where the world has no air. How they are shown, once. */
+void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config);
+/* Lays media before the sample that was shaded; before what a stream sees that was cast and is not shaded yet; and,
+ * once all of these are, makes what light needs to come through what they looked at. */
 bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                              const karst_light *light, karst_error *error);
 bool karst_engine_veil_stream(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

@@ -126,7 +126,9 @@ void karst_engine_say_what_paths_miss(const karst_engine *engine)
         return;
     if (karst_engine_has_content(engine, KARST_CONTENT_AIR))
         karst_log_print(engine->log, KARST_LOG_WARNING,
-                        "%s: full light does not see its air yet: pictures are as without", engine->world->name);
+                        "%s: full light does not see its air yet: pictures are as without; direct light with "
+                        "--scattering paths shows all light in it",
+                        engine->world->name);
 }
 
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,

@@ -14,7 +14,9 @@
 #define LEAF 16u
 #define FAN 8u
 #define MAX_TREE_LEVELS 12
-#define BLOCK 4096u           /* points that a thread takes at a time */
+#define BLOCK 4096u /* points that a thread takes at a time */
+#define VECTOR 8u   /* candidates that are looked at together */
+typedef float vector __attribute__((vector_size(VECTOR * sizeof(float))));
 #define MANY_CANDIDATES 6000u /* more than that, and a leaf is looked at point by point */
 
 typedef struct {
@@ -53,7 +55,7 @@ static box box_of(const karst_point *points, uint32_t begin, uint32_t end)
     return b;
 }
 
-static bool build_tree(surroundings *s, karst_error *error)
+static bool build_tree(const points_import *import, surroundings *s, karst_error *error)
 {
     uint32_t count = (s->num + LEAF - 1) / LEAF;
     for (s->num_levels = 0; s->num_levels < MAX_TREE_LEVELS; count = (count + FAN - 1) / FAN) {
@@ -63,6 +65,8 @@ static bool build_tree(surroundings *s, karst_error *error)
         if (!s->nodes[level])
             return karst_fail(error, KARST_FAILED, "out of memory for %u points", s->num);
         for (uint32_t i = 0; i < count; i++) {
+            if (level == 0 && i % BLOCK == 0)
+                karst_points_stay_small(import);
             uint32_t begin = i * (level ? FAN : LEAF), of = level ? s->counts[level - 1] : s->num;
             uint32_t end = of - begin < (level ? FAN : LEAF) ? of : begin + (level ? FAN : LEAF);
             if (level == 0) {
@@ -84,24 +88,26 @@ static bool build_tree(surroundings *s, karst_error *error)
 /* Points in a box, as offsets from a place. */
 typedef struct {
     float *at[3], *square;
-    uint32_t *index;
+    uint32_t *index, *close;
     uint32_t num, capacity;
     int32_t origin[3];
+    float likely; /* squares beyond this are hardly those of the nearest: a guess */
 } candidates;
 
 static bool make_room(candidates *c, uint32_t num)
 {
     if (num <= c->capacity)
         return true;
-    uint32_t capacity = c->capacity ? c->capacity : 1024;
+    uint32_t capacity = c->capacity ? c->capacity : 1024; /* a multiple of VECTOR */
     while (capacity < num)
         capacity *= 2;
-    void **arrays[] = {(void **)&c->at[0], (void **)&c->at[1], (void **)&c->at[2], (void **)&c->square,
-                       (void **)&c->index};
+    void **arrays[] = {(void **)&c->at[0],  (void **)&c->at[1], (void **)&c->at[2],
+                       (void **)&c->square, (void **)&c->index, (void **)&c->close};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
-        void *grown = realloc(*arrays[i], (size_t)capacity * sizeof(float));
+        char *grown = realloc(*arrays[i], (size_t)capacity * sizeof(float));
         if (!grown)
             return false;
+        memset(grown + (size_t)c->capacity * sizeof(float), 0, (size_t)(capacity - c->capacity) * sizeof(float));
         *arrays[i] = grown;
     }
     c->capacity = capacity;
@@ -192,16 +198,36 @@ typedef struct {
     uint32_t num;
 } nearest;
 
+/* Those whose squares are at most so large, in their order; returns how many. */
+static uint32_t pick_close(candidates *c, float most)
+{
+    const float *restrict square = c->square;
+    uint32_t *restrict close = c->close, num = 0;
+    for (uint32_t i = 0; i < c->num; i++) { /* without a branch, which nobody could foretell */
+        close[num] = i;
+        num += square[i] <= most;
+    }
+    return num;
+}
+
 static void find_nearest(candidates *c, const float at[3], nearest *n)
 {
-    const float *x = c->at[0], *y = c->at[1], *z = c->at[2];
     float *restrict square = c->square;
-    for (uint32_t i = 0; i < c->num; i++) {
-        float dx = x[i] - at[0], dy = y[i] - at[1], dz = z[i] - at[2];
-        square[i] = dx * dx + dy * dy + dz * dz;
+    for (uint32_t i = 0; i < c->num; i += VECTOR) { /* there is room behind the last one */
+        vector d = {0}, sum = {0};
+        for (int a = 0; a < 3; a++) {
+            memcpy(&d, c->at[a] + i, sizeof d);
+            d -= at[a];
+            sum += d * d;
+        }
+        memcpy(square + i, &sum, sizeof sum);
     }
+    uint32_t num_close = pick_close(c, c->likely);
+    if (num_close < POINTS_NEAREST + 1)
+        num_close = pick_close(c, INFINITY);
     n->num = 0;
-    for (uint32_t i = 0; i < c->num; i++) {
+    for (uint32_t k_close = 0; k_close < num_close; k_close++) {
+        const uint32_t i = c->close[k_close];
         if (n->num == POINTS_NEAREST + 1 && square[i] >= n->square[POINTS_NEAREST])
             continue;
         uint32_t k = n->num < POINTS_NEAREST + 1 ? n->num++ : POINTS_NEAREST;
@@ -212,6 +238,8 @@ static void find_nearest(candidates *c, const float at[3], nearest *n)
         n->square[k] = square[i];
         n->candidate[k] = i;
     }
+    if (n->num == POINTS_NEAREST + 1)
+        c->likely = 1.6f * n->square[POINTS_NEAREST];
 }
 
 static void fit_plane(const candidates *c, const nearest *n, int16_t normal[3])
@@ -305,7 +333,7 @@ static bool look_around(surroundings *s, uint32_t begin, uint32_t end, float *re
 static void look_at_block(void *user, uint64_t begin, uint64_t end)
 {
     surroundings *s = user;
-    candidates c = {0};
+    candidates c = {.likely = 0};
     float reach = s->first_reach;
     bool done = true;
     for (uint64_t at = begin; done && at < end; at += LEAF)
@@ -316,6 +344,7 @@ static void look_at_block(void *user, uint64_t begin, uint64_t end)
         free(c.at[a]);
     free(c.square);
     free(c.index);
+    free(c.close);
 }
 
 /* Part by part, so that what is done is noted. */
@@ -343,8 +372,7 @@ bool karst_points_look_around(points_import *import, karst_error *error)
     s.links =
         s.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *s.links, anew, error)
                  : NULL;
-    bool done = s.links && build_tree(&s, error);
-    karst_points_stay_small(import);
+    bool done = s.links && build_tree(import, &s, error);
     if (done) {
         const box *all = &s.nodes[s.num_levels - 1][0];
         double side = 0;

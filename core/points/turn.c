@@ -8,7 +8,8 @@
 #include "core/points/import_internal.h"
 
 #define NUM_STEPS 256u
-#define OFTEN 65536u /* points between two looks at progress and memory */
+#define OFTEN 65536u         /* points between two looks at progress and memory */
+#define OFTEN_ANYWHERE 1024u /* the latter where points follow one another anywhere: most touch pages of their own */
 
 typedef struct {
     uint32_t topmost;
@@ -57,8 +58,9 @@ static bool reach(turning *t, uint32_t point, uint32_t number, bool over)
         of->height = t->points[point].at[1];
         of->topmost = point;
     }
-    if (++t->num_reached % OFTEN == 0) {
+    if (++t->num_reached % OFTEN_ANYWHERE == 0)
         karst_points_stay_small(t->import);
+    if (t->num_reached % OFTEN == 0) {
         if (!karst_points_go_on(t->import, "turning normals", (double)t->num_reached / t->num, t->error))
             return false;
     }
@@ -132,9 +134,12 @@ static bool finish(turning *t, double *share)
                 return false;
         }
     }
-    for (uint32_t i = 0; i < t->num; i++)
+    for (uint32_t i = 0; i < t->num; i++) {
         if (t->parts[(t->turns[i] & ~POINTS_TURNS_OVER) - 1].height)
             t->turns[i] ^= POINTS_TURNS_OVER;
+        if (i % OFTEN == 0)
+            karst_points_stay_small(t->import);
+    }
     *share = num_pairs ? (double)num_unsure / (double)num_pairs : 0;
     return true;
 }

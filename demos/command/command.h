@@ -24,6 +24,8 @@
  *   command_sample.c   karst sample
  *   command_mesh.c     karst mesh
  *   command_heights.c  karst heights
+ *   command_voxels.c   karst voxels
+ *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
  *   command_new.c      karst new
@@ -228,6 +230,8 @@ typedef struct {
     const char *sun;      /* NULL: where the world says */
     const char *media;    /* NULL: full */
     karst_media_mode parsed_media;
+    const char *scattering; /* NULL: octaves */
+    karst_scattering parsed_scattering;
     karst_sun parsed_sun;
     karst_tone parsed_tone;
     bool has_exposure, auto_exposure;
@@ -272,6 +276,11 @@ typedef struct {
         "media", 0, COMMAND_TEXT, "MODE",                                                                            \
             "light in clouds, fog and smoke: full, shadow (land knows nothing of it) or basic (default: full)",      \
             &(look)->media, 0, 0, NULL                                                                               \
+    },                                                                                                               \
+    {                                                                                                                \
+        "scattering", 0, COMMAND_TEXT, "HOW",                                                                        \
+            "of light in them: once, octaves of it, or paths: all of it, by many samples (default: octaves)",        \
+            &(look)->scattering, 0, 0, NULL                                                                          \
     }
 
 /* Errors: KARST_USAGE. */
@@ -468,6 +477,13 @@ bool command_flight_run(karst_engine *engine, const command_flight *flight, int 
 /* ---- subcommands: arguments without their own names ---- */
 
 /* A subcommand. `run` returns false with an error; on --help it prints its help to stdout and returns true. */
+/* ---- command_box.c ---- */
+
+/* --box: X0,Y0,Z0,X1,Y1,Z1 in metres, of cells so wide; `most` of them along an axis, called so for people. Errors:
+ * KARST_USAGE. */
+bool command_parse_box(const char *box, double cell_m, const char *cells_name, int64_t most, int voxel_log2_m,
+                       karst_position *corner, int64_t num_cells[3], karst_error *error);
+
 typedef struct {
     const char *name, *summary;
     bool (*run)(int argc, char **argv, command_talk *talk, karst_error *error);
@@ -483,6 +499,7 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);

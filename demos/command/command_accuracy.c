@@ -10,7 +10,7 @@
 
 typedef struct {
     const char *json, *csv, *plot;
-    bool quick, samples_alone, help;
+    bool quick, samples_alone, media, help;
 } outputs;
 
 static void print_help(const command_option *options, size_t num_options)
@@ -26,6 +26,7 @@ static void print_help(const command_option *options, size_t num_options)
     puts("\nExamples:\n"
          "  karst accuracy hills\n"
          "  karst accuracy hills --samples\n"
+         "  karst accuracy docs/accuracy/cloud.karst --media --size 64x48 --param depth=10\n"
          "  karst accuracy alps --plot alps.svg --csv alps.csv\n"
          "  karst accuracy hills --quick --json - | jq '.settings[] | select(.default) | .depth_footprints'\n"
          "\ndepth: distance along the ray to where the reference meets the density at the ray's own footprint, one "
@@ -35,6 +36,8 @@ static void print_help(const command_option *options, size_t num_options)
          "rms, PSNR, SSIM: a small picture against one of 16 rays a pixel of the full density.\n"
          "samples: pictures as karst render draws them, against 1024 samples of a quarter of a pixel a voxel, "
          "refined.\n"
+         "media: light that a medium scatters, in each way of --scattering, against delta tracking in double.\n"
+         "Land, sky and haze are left out of the truth: a world without them tells what the scattering is off.\n"
          "d, p: on the front of depth error, of picture error, over time (cast, refine and shade).\n"
          "\nExit code: 0 done, 1 failed, 2 wrong usage, 3 no usable device, 4 no such world.");
 }
@@ -48,6 +51,11 @@ static bool parse_options(int argc, char **argv, command_talk *talk, accuracy *a
         {"quick", 0, COMMAND_FLAG, NULL, "only the default settings, refined and not", &out->quick, 0, 0, NULL},
         {"samples", 0, COMMAND_FLAG, NULL, "only pictures of 1, 4, 16 and 64 samples, with shadows",
          &out->samples_alone, 0, 0, NULL},
+        {"media", 0, COMMAND_FLAG, NULL, "only what the world's medium scatters", &out->media, 0, 0, NULL},
+        {"paths", 0, COMMAND_INTEGER, "N", "of each pixel, for the truth of --media (default: 1000)", &a->paths_px, 2,
+         16777216, NULL},
+        {"detail", 0, COMMAND_NUMBER, "PX", "pixels a voxel, of --media alone (default: 1)", &a->media_detail_px, 0.25,
+         64, NULL},
         {"frames", 0, COMMAND_INTEGER, "N", "settled frames to time each setting by (default: 9)", &a->num_frames, 1,
          100, NULL},
         {"json", 0, COMMAND_TEXT, "FILE", "the report; - is stdout, instead of the table", &out->json, 0, 0, NULL},
@@ -88,9 +96,11 @@ static bool check_options(accuracy *a, const outputs *out, karst_error *error)
             return false;
         num_stdout += paths[i] && strcmp(paths[i], "-") == 0;
     }
-    if (out->samples_alone && (out->quick || out->csv || out->plot))
-        return karst_fail(error, KARST_USAGE, "--samples and --%s: that is about settings, of which none is drawn",
-                          out->quick ? "quick"
+    if (out->samples_alone && out->media)
+        return karst_fail(error, KARST_USAGE, "--samples and --media: only one of them at a time");
+    if ((out->samples_alone || out->media) && (out->quick || out->csv || out->plot))
+        return karst_fail(error, KARST_USAGE, "--%s and --%s: that is about settings, of which none is drawn",
+                          out->media ? "media" : "samples", out->quick ? "quick"
                           : out->csv ? "csv"
                                      : "plot");
     if (num_stdout > 1)
@@ -185,6 +195,7 @@ bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *er
     a->size_px[0] = 320;
     a->size_px[1] = 240;
     a->num_frames = 9;
+    a->paths_px = 1000;
     bool good = parse_options(argc, argv, talk, a, &out, error);
     if (!good || out.help) {
         free(a);
@@ -194,24 +205,27 @@ bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *er
     command_open_driver(talk);
     for (int i = 0; i < 2; i++)
         a->picture_px[i] = a->size_px[i] < PICTURE_SHARE ? 1 : a->size_px[i] / PICTURE_SHARE;
-    if (!out.samples_alone)
+    const bool has_settings = !out.samples_alone && !out.media;
+    if (has_settings)
         choose_settings(a, out.quick);
-    good =
-        check_options(a, &out, error) && find_camera(a, error) && (out.samples_alone || accuracy_trace(a, talk, error));
+    good = check_options(a, &out, error) && find_camera(a, error) && (!has_settings || accuracy_trace(a, talk, error));
     uint64_t sweep_ns = command_clock_ns();
     for (size_t i = 0; good && i < a->num_settings; i++)
         good = accuracy_measure(a, i, talk, error);
     a->sweep_s = (double)(command_clock_ns() - sweep_ns) * 1e-9;
-    good = good && (out.quick || accuracy_measure_samples(a, talk, error));
+    good = good && (out.quick || out.media || accuracy_measure_samples(a, talk, error)) &&
+           (!out.media || accuracy_measure_media(a, talk, error));
     command_end_progress(talk);
     if (good) {
         accuracy_mark_fronts(a);
         bool to_stdout = (out.json && strcmp(out.json, "-") == 0) || (out.csv && strcmp(out.csv, "-") == 0) ||
                          (out.plot && strcmp(out.plot, "-") == 0);
-        if (!to_stdout && !out.samples_alone)
+        if (!to_stdout && has_settings)
             print_table(a);
-        if (!to_stdout)
+        if (!to_stdout) {
             accuracy_print_samples(a);
+            accuracy_print_media(a);
+        }
         good = (!out.json || write_text(out.json, accuracy_json(a), error)) &&
                (!out.csv || write_text(out.csv, accuracy_csv(a), error));
         char *svg = good && out.plot ? accuracy_plot(a, error) : NULL;

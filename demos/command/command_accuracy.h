@@ -3,6 +3,7 @@
  *   command_accuracy.c          options; the order of things; the table on stdout
  *   command_accuracy_measure.c  settings drawn, and what they are off the reference
  *   command_accuracy_samples.c  pictures of more and more samples
+ *   command_accuracy_media.c    what media scatter, in each way there is
  *   command_accuracy_report.c   the Pareto fronts; JSON, CSV and the SVG
  */
 #ifndef KARST_DEMOS_COMMAND_ACCURACY_H
@@ -49,6 +50,16 @@ typedef struct {
 } accuracy_samples;
 #define ACCURACY_NUM_SAMPLES 8
 
+/* Light that media scatter, in one way, against delta tracking. */
+typedef struct {
+    karst_scattering scattering;
+    uint32_t num_samples;
+    double ms; /* of the settled picture, once what it shows is there */
+    /* As shares of the truth's mean: what the means differ by, and rms, less what the truth's own noise makes of it. */
+    double bias, rms;
+} accuracy_media;
+#define ACCURACY_NUM_MEDIA 5
+
 typedef struct {
     /* as asked for */
     const char *world, *device, *camera;
@@ -72,6 +83,12 @@ typedef struct {
     size_t num_settings;
     accuracy_samples truth, samples[ACCURACY_NUM_SAMPLES];
     bool has_samples;
+    uint64_t paths_px; /* of the truth of media */
+    double media_detail_px; /* of their pictures; 0: as others */
+    karst_reference_light_stats light_stats[2]; /* scattered once, and as often as it is */
+    double light_mean[2], light_noise[2], light_s[2];
+    accuracy_media media[ACCURACY_NUM_MEDIA];
+    bool has_media;
 } accuracy;
 
 #define ACCURACY_RAYS_PX 4 /* on the side of a pixel of the supersampled picture */
@@ -93,6 +110,13 @@ void accuracy_free(accuracy *a);
 bool accuracy_measure_samples(accuracy *a, command_talk *talk, karst_error *error);
 /* Their table, if they were drawn. */
 void accuracy_print_samples(const accuracy *a);
+
+/* ---- command_accuracy_media.c ---- */
+
+/* Draws the world's medium in each way of scattering, and follows the paths that it is compared with. */
+bool accuracy_measure_media(accuracy *a, command_talk *talk, karst_error *error);
+/* Their table, if they were drawn. */
+void accuracy_print_media(const accuracy *a);
 
 /* ---- command_accuracy_report.c ---- */
 

@@ -49,6 +49,27 @@ static json_t *samples_json(const accuracy *a)
                      a->truth.detail_px, "refine", true, "pictures", pictures);
 }
 
+static json_t *media_json(const accuracy *a)
+{
+    json_t *media = json_array(), *truths = json_object();
+    static const char *const ways[] = {"octaves", "once", "paths"};
+    for (int t = 0; t < 2; t++) {
+        const karst_reference_light_stats *s = &a->light_stats[t];
+        json_object_set_new(truths, t ? "often" : "once",
+                            json_pack("{s:f, s:f, s:f, s:I, s:I, s:I, s:I}", "mean", a->light_mean[t], "noise",
+                                      a->light_noise[t], "s", a->light_s[t], "num_paths", (json_int_t)s->num_paths,
+                                      "num_lookups", (json_int_t)s->num_lookups, "num_collisions",
+                                      (json_int_t)s->num_collisions, "num_nodes", (json_int_t)s->num_nodes));
+    }
+    for (int i = 0; i < ACCURACY_NUM_MEDIA; i++) {
+        const accuracy_media *m = &a->media[i];
+        json_array_append_new(media,
+                              json_pack("{s:s, s:i, s:f, s:f, s:f}", "scattering", ways[m->scattering], "samples",
+                                        (int)m->num_samples, "ms", m->ms, "bias", m->bias, "rms", m->rms));
+    }
+    return json_pack("{s:o, s:o}", "truth", truths, "pictures", media);
+}
+
 char *accuracy_json(const accuracy *a)
 {
     json_t *settings = json_array();
@@ -78,6 +99,8 @@ char *accuracy_json(const accuracy *a)
                              a->picture_s, "num_unresolved", (json_int_t)a->num_unresolved, "settings", settings);
     if (root && a->has_samples)
         json_object_set_new(root, "samples", samples_json(a));
+    if (root && a->has_media)
+        json_object_set_new(root, "media", media_json(a));
     char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) : NULL;
     json_decref(root);
     if (!text)

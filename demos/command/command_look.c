@@ -33,6 +33,8 @@ bool command_check_look(command_look *look, karst_error *error)
         return false;
     if (look->media && !karst_media_mode_parse(look->media, &look->parsed_media, error))
         return false;
+    if (look->scattering && !karst_scattering_parse(look->scattering, &look->parsed_scattering, error))
+        return false;
     look->has_exposure = look->exposure != NULL;
     look->auto_exposure = look->exposure && strcmp(look->exposure, "auto") == 0;
     if (!look->exposure || look->auto_exposure)
@@ -56,6 +58,7 @@ void command_set_look(const command_look *look, karst_engine_config *config)
     config->caustics = (uint32_t)look->caustics;
     config->tone = look->parsed_tone;
     config->media = look->parsed_media;
+    config->scattering = look->parsed_scattering;
     config->exposure = look->auto_exposure  ? KARST_EXPOSURE_OF_PICTURE
                        : look->has_exposure ? KARST_EXPOSURE_GIVEN
                                             : KARST_EXPOSURE_OF_WORLD;

@@ -2,7 +2,6 @@
 #include "command.h"
 
 #include <limits.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,7 +12,7 @@ typedef struct {
     command_parameters parameters;
     uint64_t seed, num_threads;
     double voxel_m, footprint_m;
-    bool has_seed, has_voxel, json;
+    bool has_seed, has_voxel, json, clear;
     command_talk *talk;
 } mesh_options;
 
@@ -32,53 +31,11 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst mesh hills --box 0,-100,0,500,200,500 --voxel 1 -o hills.glb\n"
          "  karst mesh hills --box 0,-100,0,5000,200,5000 --voxel 10 --footprint 10 -o far.ply\n"
          "  karst mesh asteroid --box 1e15,-500,-500,1000000000000500,500,500 --voxel 2 -o out.obj\n"
+         "  karst mesh glass --clear --box -4,0,-4,4,6,4 --voxel 0.1 -o glass.glb\n"
          "  karst mesh lattice --box 0,0,0,8,8,8 --voxel 0.05 -o lattice.glb --json | jq .triangles\n"
          "\nJSON is one object: file, vertices, triangles, sharp_vertices, cells, open_cells, samples, seconds.\n"
          "\nExit code: 0 done (also without a surface), 1 failed, 2 wrong usage, 4 no such world, or one that does\n"
          "not compile, 5 a file of edits that cannot be read.");
-}
-
-/* Six decimals with commas between them. */
-static bool parse_box(const mesh_options *o, int voxel_log2_m, karst_mesh_config *config, karst_error *error)
-{
-    static const char wanted[] = "a box is X0,Y0,Z0,X1,Y1,Z1 in metres, such as 0,-100,0,500,200,500";
-    char *text = strdup(o->box), *part[6], *rest = text;
-    karst_position high;
-    double extent_m[3];
-    int num_parts = 0;
-    if (!text)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    for (char *next; num_parts < 6 && rest; rest = next) {
-        next = strchr(rest, ',');
-        if (next)
-            *next++ = '\0';
-        part[num_parts++] = rest;
-    }
-    karst_error why = {0};
-    bool done = num_parts == 6 && !rest;
-    if (!done)
-        karst_fail(error, KARST_USAGE, "--box %.64s: %s", o->box, wanted);
-    else if (!karst_position_parse(part[0], part[1], part[2], voxel_log2_m, &config->corner, &why) ||
-             !karst_position_parse(part[3], part[4], part[5], voxel_log2_m, &high, &why))
-        done = karst_fail(error, KARST_USAGE, "--box: %s", why.message);
-    free(text);
-    if (!done)
-        return false;
-    karst_position_difference_m(config->corner, high, voxel_log2_m, extent_m);
-    for (int axis = 0; axis < 3; axis++) {
-        /* A box that is not a whole number of cells gets one more; one that is, but for rounding, does not. */
-        const double cells = ceil(extent_m[axis] / o->voxel_m - 1e-6);
-        if (!(extent_m[axis] > 0))
-            return karst_fail(error, KARST_USAGE, "--box %.64s: its upper corner is not above its lower one along %c",
-                              o->box, "xyz"[axis]);
-        if (!(cells <= KARST_MESH_MAX_CELLS))
-            return karst_fail(error, KARST_USAGE,
-                              "--voxel %g makes %.3g cells along %c, and %d is the limit: try --voxel %.3g", o->voxel_m,
-                              cells, "xyz"[axis], KARST_MESH_MAX_CELLS,
-                              1.01 * extent_m[axis] / KARST_MESH_MAX_CELLS);
-        config->num_cells[axis] = cells < 1 ? 1 : (int64_t)cells;
-    }
-    return true;
 }
 
 static bool show_progress(void *user, double share)
@@ -123,7 +80,8 @@ static bool write_mesh(mesh_options *o, const karst_world *world, karst_error *e
     karst_mesh_config config = {
         .cell_m = o->voxel_m, .footprint_m = o->footprint_m, .num_threads = (int)o->num_threads};
     karst_mesh_stats stats;
-    if (!parse_box(o, about->voxel_log2_m, &config, error))
+    if (!command_parse_box(o->box, o->voxel_m, "cells", KARST_MESH_MAX_CELLS, about->voxel_log2_m, &config.corner,
+                           config.num_cells, error))
         return false;
     karst_edit *edits =
         o->edits ? command_load_edits(o->edits, about->voxel_log2_m, &config.num_edits, NULL, error) : NULL;
@@ -161,7 +119,8 @@ static bool run(mesh_options *o, const karst_log *log, karst_error *error)
                                        .num_parameters = o->parameters.num_values,
                                        .has_seed = o->has_seed,
                                        .seed = (uint32_t)o->seed,
-                                       .log = log};
+                                       .log = log,
+                                       .part = o->clear ? KARST_WORLD_CLEAR : KARST_WORLD_LAND};
     karst_world *world = karst_world_open(&config, error);
     bool done = world && write_mesh(o, world, error);
     karst_world_close(world);
@@ -178,6 +137,7 @@ bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error)
         {"footprint", 0, COMMAND_NUMBER, "W", "metres: without finer detail, as a voxel of that width (default: 0)",
          &o.footprint_m, 0, 1e30, NULL},
         {"edits", 0, COMMAND_TEXT, "FILE", "with the edits of a file: docs/EDITS.md", &o.edits, 0, 0, NULL},
+        {"clear", 0, COMMAND_FLAG, NULL, "the world's clear matter instead of its land", &o.clear, 0, 0, NULL},
         {"json", 0, COMMAND_FLAG, NULL, "what was written, as one JSON object", &o.json, 0, 0, NULL},
         {"quiet", 'q', COMMAND_FLAG, NULL, "say errors and warnings only", &talk->quiet, 0, 0, NULL},
         {"threads", 0, COMMAND_INTEGER, "N", "how many work (default: one for each core)", &o.num_threads, 1, 256,

@@ -307,8 +307,10 @@ static void draw_prompt(viewer *v)
     sheet p = begin_sheet(v, VIEW_PANEL_PROMPT, width, height);
     if (!p.cairo)
         return;
-    say(&p, p.x, TEXT, 0, VIEW_TEXT_STRONG, "Go to");
-    say(&p, p.width - PAD, SMALL, 1, VIEW_TEXT_DIM, "x,y,z or x,y,z,yaw,pitch,fov in metres and degrees");
+    say(&p, p.x, TEXT, 0, VIEW_TEXT_STRONG, v->prompt_is_world ? "Open" : "Go to");
+    say(&p, p.width - PAD, SMALL, 1, VIEW_TEXT_DIM,
+        v->prompt_is_world ? "a world of Karst's, such as hills, or a file"
+                           : "x,y,z or x,y,z,yaw,pitch,fov in metres and degrees");
     p.y += LINE + 2;
     char text[sizeof v->prompt + 8];
     snprintf(text, sizeof text, "%s\u258f", v->prompt);

@@ -124,6 +124,15 @@ static void toggle_replay(viewer *v)
         view_complain(v, "%s", error.message);
 }
 
+static void open_prompt(viewer *v, bool is_world, int mods)
+{
+    v->prompt_shown = true;
+    v->prompt_is_world = is_world;
+    v->prompt_skips = is_world && !(mods & (CTRL | GLFW_MOD_ALT | GLFW_MOD_SUPER));
+    v->prompt[0] = v->prompt_error[0] = 0;
+    view_release_all(v);
+}
+
 void view_do(viewer *v, view_action action, int number)
 {
     v->hud_dirty = true;
@@ -196,9 +205,10 @@ void view_do(viewer *v, view_action action, int number)
         break;
     }
     case VIEW_DO_GO_TO:
-        v->prompt_shown = true;
-        v->prompt[0] = v->prompt_error[0] = 0;
-        view_release_all(v);
+        open_prompt(v, false, number);
+        break;
+    case VIEW_DO_OPEN:
+        open_prompt(v, true, number);
         break;
     case VIEW_DO_COPY:
         view_copy_command(v);
@@ -274,6 +284,11 @@ void view_do(viewer *v, view_action action, int number)
 
 static void run_prompt(viewer *v)
 {
+    if (v->prompt_is_world) {
+        v->prompt_shown = false;
+        view_open_wish(v, v->prompt);
+        return;
+    }
     /* Three numbers are a place: angles stay. */
     char text[sizeof v->prompt + 64];
     int commas = 0;
@@ -297,21 +312,29 @@ static void append_to_prompt(viewer *v, const char *text)
 {
     size_t length = strlen(v->prompt);
     for (; *text && length + 1 < sizeof v->prompt; text++)
-        if (strchr("0123456789+-.,eE ", *text))
+        if (v->prompt_is_world ? (unsigned char)*text >= ' ' && *text != 127 : !!strchr("0123456789+-.,eE ", *text))
             v->prompt[length++] = *text;
+    v->prompt[length] = 0;
+}
+
+/* A character may have several bytes. */
+static void erase_from_prompt(viewer *v)
+{
+    size_t length = strlen(v->prompt);
+    while (length && ((unsigned char)v->prompt[--length] & 0xc0) == 0x80)
+        continue;
     v->prompt[length] = 0;
 }
 
 static void prompt_key(viewer *v, int key, int mods)
 {
-    size_t length = strlen(v->prompt);
     v->hud_dirty = true;
     if (key == GLFW_KEY_ESCAPE) {
         v->prompt_shown = false;
     } else if (key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER) {
         run_prompt(v);
-    } else if (key == GLFW_KEY_BACKSPACE && length) {
-        v->prompt[length - 1] = 0;
+    } else if (key == GLFW_KEY_BACKSPACE) {
+        erase_from_prompt(v);
     } else if (key == GLFW_KEY_V && mods & CTRL) {
         const char *text = glfwGetClipboardString(v->window);
         append_to_prompt(v, text ? text : "");
@@ -320,9 +343,20 @@ static void prompt_key(viewer *v, int key, int mods)
 
 void view_char_event(viewer *v, unsigned codepoint)
 {
-    if (!v->prompt_shown || codepoint > 126)
+    bool skips = v->prompt_skips;
+    v->prompt_skips = false;
+    if (!v->prompt_shown || skips)
         return;
-    append_to_prompt(v, (char[]){(char)codepoint, 0});
+    char text[5] = {0};
+    if (codepoint < 0x80) {
+        text[0] = (char)codepoint;
+    } else {
+        int num_more = codepoint < 0x800 ? 1 : codepoint < 0x10000 ? 2 : 3;
+        text[0] = (char)(0xf00 >> num_more | codepoint >> 6 * num_more);
+        for (int i = 1; i <= num_more; i++)
+            text[i] = (char)(0x80 | (codepoint >> 6 * (num_more - i) & 0x3f));
+    }
+    append_to_prompt(v, text);
     v->prompt_error[0] = 0;
     v->hud_dirty = true;
 }

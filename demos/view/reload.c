@@ -14,6 +14,7 @@
 struct view_compilation {
     karst_engine *engine;
     char world_file[PATH_MAX];
+    bool is_other; /* another world than the one on show */
     bool has_seed;
     uint32_t seed;
     /* Parameters that somebody moved: they stay, as long as the file has them and says the same of them. */
@@ -142,16 +143,9 @@ static bool show_colours(viewer *v, const struct view_compilation *c, bool *chan
     return true;
 }
 
-static bool start(viewer *v, bool *changed, karst_error *error)
+/* What the text that is on show now asks for: its own seed, and the parameters that somebody moved. */
+static void ask_for_shown(viewer *v, struct view_compilation *c)
 {
-    view_reload *r = &v->reload;
-    struct view_compilation *c = calloc(1, sizeof *c);
-    if (!c) {
-        view_complain(v, "out of memory");
-        return true;
-    }
-    look(v, &r->mtime_ns, &r->size_bytes, &r->inode);
-    c->engine = v->engine;
     memcpy(c->world_file, v->world_file, sizeof c->world_file);
     c->has_seed = v->settings.has_seed;
     c->seed = (uint32_t)v->settings.seed;
@@ -163,7 +157,27 @@ static bool start(viewer *v, bool *changed, karst_error *error)
         c->moved[c->num_moved].value = s->value;
         c->moved[c->num_moved++].original = s->original;
     }
-    if (!show_colours(v, c, changed, error)) {
+}
+
+/* `other`: a world's file; NULL: the one on show is compiled anew. */
+static bool start(viewer *v, const char *other, bool *changed, karst_error *error)
+{
+    view_reload *r = &v->reload;
+    struct view_compilation *c = calloc(1, sizeof *c);
+    if (!c) {
+        view_complain(v, "out of memory");
+        return true;
+    }
+    c->engine = v->engine;
+    if (other) {
+        c->is_other = true;
+        snprintf(c->world_file, sizeof c->world_file, "%s", other);
+        memcpy(v->opening.compiling, v->opening.name, sizeof v->opening.compiling);
+    } else {
+        look(v, &r->mtime_ns, &r->size_bytes, &r->inode);
+        ask_for_shown(v, c);
+    }
+    if (!other && !show_colours(v, c, changed, error)) {
         free(c);
         return false;
     }
@@ -213,6 +227,8 @@ static bool change_over(viewer *v, struct view_compilation *c, karst_error *erro
     int old_voxel_log2_m = karst_engine_voxel_log2_m(v->engine);
     karst_error reason = {0};
     /* Before positions change their unit. */
+    if (c->is_other)
+        view_open_leave(v);
     if (v->capture.recording && karst_world_get_metadata(c->compiled)->voxel_log2_m != old_voxel_log2_m)
         view_record_toggle(v);
     if (!karst_engine_set_camera(v->engine, &v->motion.camera, &reason) ||
@@ -224,10 +240,16 @@ static bool change_over(viewer *v, struct view_compilation *c, karst_error *erro
         return true;
     }
     c->prepared = NULL;
-    follow_camera(v, old_voxel_log2_m);
-    view_world_take(v, c->compiled);
+    if (c->is_other) {
+        view_open_enter(v, c->world_file, c->compiled);
+        v->reload.is_gone = false;
+        view_reload_begin(v);
+    } else {
+        follow_camera(v, old_voxel_log2_m);
+        view_world_take(v, c->compiled);
+        view_sliders_read(v, true);
+    }
     c->compiled = NULL;
-    view_sliders_read(v, true);
     v->reload.num_reloads++;
     v->reload.error[0] = 0;
     view_toast(v, "%s, %.1f s%s", v->world, v->now_s - v->reload.started_s, kept ? ", no brick made again" : "");
@@ -247,6 +269,9 @@ static bool finish(viewer *v, karst_error *error)
     v->hud_dirty = true;
     if (c->prepared) {
         good = change_over(v, c, error);
+    } else if (c->is_other) { /* nothing is wrong with what is on show */
+        r->num_errors++;
+        view_complain(v, "%s", *c->lines ? c->lines : c->error.message);
     } else {
         r->num_errors++;
         /* What follows the first line of the message stands under it: the line of the file, and the caret. */
@@ -296,8 +321,11 @@ bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error)
         if (!finish(v, error))
             return false;
     }
+    char other[PATH_MAX];
+    if (!v->reload.running && view_open_take_wish(v, other, sizeof other))
+        return start(v, other, changed, error);
     bool look_again = force || has_changed(v);
-    return !look_again || v->reload.running || start(v, changed, error);
+    return !look_again || v->reload.running || start(v, NULL, changed, error);
 }
 
 void view_reload_end(viewer *v)

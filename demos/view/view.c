@@ -82,7 +82,7 @@ static bool open_viewer(viewer *v, karst_error *error)
     v->toast[0] = 0;
     view_world_open(v);
     if (v->motion.speed_m_s <= 0)
-        v->motion.speed_m_s = v->metadata ? fmin(1e6, fmax(0.1, v->metadata->view_distance_m / 100)) : 10;
+        v->motion.speed_m_s = v->metadata ? view_usual_speed_m_s(v->metadata) : 10;
     if (v->view != KARST_VIEW_PICTURE && !karst_engine_set_view(v->engine, v->view, error))
         return false;
     view_sliders_read(v, false);
@@ -367,8 +367,7 @@ bool command_view(int argc, char **argv, command_talk *talk, karst_error *error)
                (!v->settings.replay ||
                 (command_find_path(v->settings.replay, v->capture.path_file, sizeof v->capture.path_file, error) &&
                  karst_path_check(v->capture.path_file, error)));
-        v->is_file = strchr(v->world_file, '/') || strstr(v->world_file, ".karst");
-        v->is_file = v->is_file && !command_is_from_inside(v->world_file);
+        v->is_file = view_is_file(v->world_file);
         if (good)
             good = run(v, error);
         close_viewer(v);

@@ -166,6 +166,7 @@ typedef enum {
     VIEW_DO_TIME_RESET,
     VIEW_DO_HOME,
     VIEW_DO_GO_TO,
+    VIEW_DO_OPEN,
     VIEW_DO_COPY,
     VIEW_DO_BOOKMARK,
     VIEW_DO_KEEP_BOOKMARK,
@@ -339,6 +340,23 @@ bool view_reload_step(viewer *v, bool force, bool *changed, karst_error *error);
 void view_reload_get_ready(viewer *v);
 void view_reload_end(viewer *v); /* waits for a compilation */
 
+/* ---- open.c ---- */
+
+typedef struct {
+    char name[PATH_MAX];      /* that was dropped or typed last */
+    bool is_wished;           /* it waits until nothing else is compiled */
+    char compiling[PATH_MAX]; /* the name of what is compiled now */
+    char shown[PATH_MAX];     /* and of what is on show, once another world is than at the start */
+} view_opening;
+/* Asks nothing of the engine: a turn takes the wish. `name`: of a world of Karst's, or of a file. */
+void view_open_wish(viewer *v, const char *name);
+/* True: there is a wish, for this file; it is one no longer. What is wrong with it is said. */
+bool view_open_take_wish(viewer *v, char *world_file, size_t size_bytes);
+void view_open_leave(viewer *v);                                                   /* before the engine changes over */
+void view_open_enter(viewer *v, const char *world_file, karst_world *compiled); /* and after; takes `compiled` */
+double view_usual_speed_m_s(const karst_world_metadata *metadata);
+bool view_is_file(const char *world_file); /* not a world that is inside the library */
+
 /* ---- show.c ---- */
 
 /* The engine's picture, as the window has it, with its panels. Errors: KARST_FAILED (the context is lost). */
@@ -483,6 +501,8 @@ struct viewer {
     bool has_cursor, dragging;
     double asked_to_leave_s;
     bool help_shown, prompt_shown, leaving, lost;
+    bool prompt_is_world; /* for the name of a world, not for a place */
+    bool prompt_skips;    /* the character of the key that opened it */
     char prompt[640], prompt_error[256];
     char toast[512];
     bool toast_bad;
@@ -496,6 +516,7 @@ struct viewer {
     view_resolution resolution;
     view_sliders sliders;
     view_reload reload;
+    view_opening opening;
     view_capture capture;
     view_history history;
 };

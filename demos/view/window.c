@@ -61,7 +61,7 @@ bool view_window_is_quiet(viewer *v)
     v->listening = true;
     glfwPollEvents();
     v->listening = false;
-    return v->num_events == 0 && !v->leaving;
+    return v->num_events == 0 && !v->leaving && !v->opening.is_wished;
 }
 
 bool view_window_deliver(viewer *v)
@@ -129,11 +129,10 @@ static void on_focus(GLFWwindow *window, int focused)
         view_release_all(v);
 }
 static void on_close(GLFWwindow *window) { viewer_of(window)->leaving = true; }
-/* A world file that is dropped on the window is another matter than this one's world: say what to do. */
 static void on_drop(GLFWwindow *window, int count, const char **paths)
 {
     if (count > 0)
-        view_toast(viewer_of(window), "karst view %s opens it in a window of its own", paths[0]);
+        view_open_wish(viewer_of(window), paths[0]);
 }
 
 static void set_callbacks(GLFWwindow *window)

@@ -13,11 +13,30 @@
 
 /* ---- opening ---- */
 
+static bool choose_part(karst_world *world, const karst_world_config *config, karst_error *error)
+{
+    static const struct {
+        karst_content content;
+        const char *what, *function;
+    } parts[] = {[KARST_WORLD_CLEAR] = {KARST_CONTENT_CLEAR, "clear matter", "float clear(vec3 p)"},
+                 [KARST_WORLD_AIR] = {KARST_CONTENT_AIR, "air", "medium air(vec3 p)"}};
+    const char *name = world->whole->info.name;
+    if ((unsigned)config->part > KARST_WORLD_AIR)
+        return karst_fail(error, KARST_USAGE, "there is no part %d of a world", (int)config->part);
+    world->file = world->whole->content[parts[config->part].content];
+    if (!world->file)
+        return karst_fail(error, KARST_USAGE, "%s has no %s: it does not define %s", name, parts[config->part].what,
+                          parts[config->part].function);
+    if (config->part == KARST_WORLD_AIR && world->whole->program->header.num_particles > 0)
+        karst_log_print(config->log, KARST_LOG_WARNING, "%s: its particles are left out", name);
+    return true;
+}
+
 static bool find(karst_world *world, const karst_world_config *config, karst_error *error)
 {
     char path[PATH_MAX];
-    world->file = karst_world_find(config, path, error);
-    if (!world->file)
+    world->file = world->whole = karst_world_find(config, path, error);
+    if (!world->whole || (config->part != KARST_WORLD_LAND && !choose_part(world, config, error)))
         return false;
     world->path = strdup(path);
     return world->path || karst_fail(error, KARST_FAILED, "out of memory");
@@ -105,7 +124,9 @@ static bool describe(karst_world *world, const karst_world_config *config, karst
         .view_distance_m = info->view_distance_m,
         .extent_m = header->has_extent ? header->extent_m : 0,
         .declared_lipschitz = header->has_lipschitz ? header->lipschitz : 0,
-        .has_colour = karst_has_output(world->file->program->root, KARST_OUTPUT_COLOUR),
+        .has_colour = world->file == world->whole
+                          ? karst_has_output(world->file->program->root, KARST_OUTPUT_COLOUR)
+                          : world->file->program->world.root[KARST_ROOT_COLOUR] != KARST_NO_EXPR,
     };
     karst_camera_parse(info->camera, header->voxel_log2_m, &world->metadata.camera, NULL);
     return list_parameters(world, error);
@@ -119,7 +140,7 @@ karst_world *karst_world_open(const karst_world_config *config, karst_error *err
         return NULL;
     }
     if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error) &&
-        open_models(world, error))
+        (world->file != world->whole || open_models(world, error))) /* models stand in the land */
         return world;
     karst_world_close(world);
     return NULL;
@@ -133,7 +154,7 @@ void karst_world_close(karst_world *world)
     karst_oracle_destroy(world->oracle);
     karst_gradient_world_destroy(world->derived);
     karst_model_list_finish(&world->models);
-    karst_world_file_destroy(world->file);
+    karst_world_file_destroy(world->whole);
     free(world->parameters);
     free(world->data);
     free(world->path);

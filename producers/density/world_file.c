@@ -303,7 +303,8 @@ static void set_info(karst_world_file *file)
     char yaw[32], pitch[32], fov[32];
     double voxel_m = header->voxel_log2_m < 0 ? 1.0 / (double)(1ULL << -header->voxel_log2_m)
                                               : (double)(1ULL << header->voxel_log2_m);
-    double view_distance_m = header->view_distance_m > 0 ? header->view_distance_m : 131072 * voxel_m;
+    const double usual_view_m = ldexp(131072 * voxel_m, header->exact_above_log2);
+    double view_distance_m = header->view_distance_m > 0 ? header->view_distance_m : usual_view_m;
     karst_text_from_double(header->camera_yaw_deg, yaw, sizeof yaw);
     karst_text_from_double(header->camera_pitch_deg, pitch, sizeof pitch);
     karst_text_from_double(header->camera_fov_deg, fov, sizeof fov);

@@ -9,7 +9,8 @@
 #include "producers/points/model_list.h"
 
 struct karst_world {
-    karst_world_file *file;
+    karst_world_file *whole;
+    karst_world_file *file;        /* it, or the content of it that was asked for */
     karst_gradient_world *derived; /* NULL: it would be too large */
     uint64_t *data;                /* of the density's tape */
     /* Samplers clone them. */

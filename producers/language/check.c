@@ -115,12 +115,15 @@ static void say_data(const report *r)
             bytes += 8.0 * i->channel[c].num_words;
             bound_bytes += i->channel[c].bound_bytes;
         }
-        char apart[64] = "";
-        if (i->data->size_m[0] > 0)
+        char apart[64] = "", deep[16] = "";
+        if (i->depth) {
+            snprintf(deep, sizeof deep, " x %u", i->depth);
+            snprintf(apart, sizeof apart, ", %.3g m apart", i->voxel_m);
+        } else if (i->data->size_m[0] > 0)
             snprintf(apart, sizeof apart, ", %.3g x %.3g m apart", i->data->size_m[0] / i->width,
                      i->data->size_m[1] / i->height);
-        say(r, "  data %s: %.200s (%s), %u x %u samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
-            i->data->file, i->kind, i->width, i->height, apart, bytes / 1e6, bound_bytes / 1e6);
+        say(r, "  data %s: %.200s (%s), %u x %u%s samples%s; %.3g MB, %.3g MB of it for bounds", i->data->name,
+            i->data->file, i->kind, i->width, i->height, deep, apart, bytes / 1e6, bound_bytes / 1e6);
     }
 }
 
@@ -178,7 +181,7 @@ static const char *noise_name(const karst_noise *n)
     static const char *const bases[] = {"gradient noise", "value noise", "simplex noise", "worley F1", "worley F2"};
     static const char *const shapes[] = {"fbm", "ridged", "billow", "turbulence"};
     if (n->image)
-        return "an image";
+        return n->image->num_axes > 2 ? "a field" : "an image";
     if (n->base == KARST_NOISE_GRADIENT && (n->num_octaves > 1 || n->shape != KARST_NOISE_SUM))
         return shapes[n->shape];
     return bases[n->base];
@@ -293,6 +296,9 @@ static void say_steepness(const report *r)
                                         : "");
 }
 
+/* A range without an end, or with none that a world comes to, as powers have. */
+static bool is_open(karst_range range) { return !(range.hi - range.lo < 0x1p60); }
+
 /* Sums and differences of numbers without bound, as floats. */
 static void say_reach(const report *r)
 {
@@ -304,17 +310,22 @@ static void say_reach(const report *r)
             first_wide = e;
         bool sums = n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT || n->op == KARST_OP_FMA;
         karst_expr last = n->op == KARST_OP_FMA ? n->arg[2] : n->arg[1];
-        if (!loose && sums && n->kind == KARST_KIND_FLOAT &&
-            !isfinite(r->ranges[n->arg[0]].hi - r->ranges[n->arg[0]].lo) &&
-            !isfinite(r->ranges[last].hi - r->ranges[last].lo))
+        bool is_first_open = is_open(r->ranges[n->arg[0]]) || (n->op == KARST_OP_FMA && is_open(r->ranges[n->arg[1]]));
+        if (!loose && sums && n->kind == KARST_KIND_FLOAT && is_first_open && is_open(r->ranges[last]))
             loose = e;
+        /* powers have no pairs, and come to any size */
+        for (int k = 0; k < 3 && !loose && n->kind == KARST_KIND_WIDE; k++)
+            if (r->graph->nodes[n->arg[k]].op == KARST_OP_EXP2 && is_open(r->ranges[n->arg[k]]))
+                loose = n->arg[k];
     }
     if (num_wide)
         say(r, "  %u operations need pairs of floats, the first in line %u", num_wide, line_of(r, first_wide));
     if (loose) {
-        double reach = ldexp(1.0, 22 + r->program->header.voxel_log2_m) / 100; /* forms become floats with 2^-22 */
-        say(r, "  line %u: right to 1/100 voxel up to %.3g m from the origin; say \"extent\" in the header for more",
-            line_of(r, loose), reach);
+        const karst_world_header *h = &r->program->header;
+        double voxel = ldexp(1.0, h->voxel_log2_m + h->exact_above_log2);
+        double reach = ldexp(voxel, 22) / 100; /* forms become floats with 2^-22 */
+        say(r, "  line %u: right to 1/100 voxel%s up to %.3g m from the origin; say \"extent\" in the header for more",
+            line_of(r, loose), h->exact_above_log2 ? " of 1/16 m" : "", reach);
     }
 }
 
@@ -478,6 +489,7 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
         r.high[i] = p->is_implicit ? (double)INFINITY : open_range(p->max);
     }
     r.settings = (karst_kinds_settings){.voxel_log2_m = program->header.voxel_log2_m,
+                                        .exact_above_log2 = program->header.exact_above_log2,
                                         .extent_m = program->header.extent_m,
                                         .parameter_min = r.low,
                                         .parameter_max = r.high};

@@ -154,7 +154,9 @@ static void resolve(compilation *c)
         low[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].min) : -(double)INFINITY;
         high[i] = i < p->header.num_parameters ? open_range(p->header.parameters[i].max) : (double)INFINITY;
     }
-    karst_kinds_settings settings = {.voxel_log2_m = p->header.voxel_log2_m, .extent_m = p->header.extent_m};
+    karst_kinds_settings settings = {.voxel_log2_m = p->header.voxel_log2_m,
+                                     .exact_above_log2 = p->header.exact_above_log2,
+                                     .extent_m = p->header.extent_m};
     settings.parameter_min = low;
     settings.parameter_max = high;
     const karst_expr density = p->root[KARST_ROOT_DENSITY];

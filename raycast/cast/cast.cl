@@ -79,7 +79,10 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
     vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
     b->asked = 0;
+    b->has_back = 0;
     for (int p = 0; p < BEAM_PACKETS; p++) {
+        if (HAS_SIDES(from_anchor, to_sun))
+            b->has_back |= b->states.back[p] != 0;
         falls |= start[p].alive & start[p].octants;
         climbs |= start[p].alive & ~start[p].octants;
     }

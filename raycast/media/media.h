@@ -4,11 +4,12 @@
  * Optical depth is exact for the samples that there are. Light that is scattered once is summed segment by segment by
  * the phase function of Henyey and Greenstein ("Diffuse radiation in the galaxy", 1941), with the depth towards the sun
  * of grids beside bricks; what is scattered more often is told by three octaves of it, after Wrenninge, Kulla and
- * Lundqvist ("Oz: the great and volumetric", 2013). Not thread-safe. */
+ * Lundqvist ("Oz: the great and volumetric", 2013), or by paths, one a sample (scatter.clh). Not thread-safe. */
 #ifndef KARST_RAYCAST_MEDIA_H
 #define KARST_RAYCAST_MEDIA_H
 
 #include "cache/cache.h"
+#include "karst/engine.h"
 #include "raycast/cast/cast.h"
 #include "raycast/light/shade.h"
 #include "raycast/light/paths_shared.h"
@@ -23,6 +24,7 @@ typedef struct {
     const karst_cache_buffers *air;  /* the store's; borrowed */
     const karst_cache_buffers *land; /* NULL: no land shadows media. Its samples have as many bits */
     uint32_t mode;                   /* KARST_MEDIA_BASIC and so on */
+    karst_scattering scattering;
     bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
     bool glows;       /* the look has emission */
     bool has_lamps;   /* karst_media_add_lamps is wanted */

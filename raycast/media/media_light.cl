@@ -26,7 +26,11 @@ RAY_INLINE void phases(vfloat g, vfloat cosine, vfloat albedo, vfloat phase[4])
         const vfloat g2 = g * g, d = lane_max(1.0f + g2 - 2.0f * g * cosine, (vfloat)(1.0e-4f));
         phase[i] = share * (1.0f - g2) / (d * k_sqrt(d));
         g *= 0.5f;
+#if defined MEDIA_ONCE || defined MEDIA_PATHS
+        share = (vfloat)(0.0f);
+#else
         share *= 0.5f * albedo;
+#endif
     }
 }
 
@@ -73,10 +77,8 @@ RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int 
     look.albedo.r = lane_unit(values[0]);
     look.albedo.g = lane_unit(values[1]);
     look.albedo.b = lane_unit(values[2]);
-    phases(g, light->to_sun, look.albedo.g, look.phase);
-#ifdef MEDIA_LAMPS
     look.g = g;
-#endif
+    phases(g, light->to_sun, look.albedo.g, look.phase);
     return look;
 }
 
@@ -85,6 +87,10 @@ MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, cons
 {
     walk_rays(WALK_LIGHT, pool, frame, rays, lanes, light, sums);
 }
+
+#ifdef MEDIA_PATHS
+#include "raycast/media/scatter.clh"
+#endif
 
 /* How voxels grow from land towards the sun, per unit of t. */
 #define LAND_CONE 0.03f
@@ -195,6 +201,11 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     walk_light(&pool, &frame, &way, valid, &lighting, &sums);
 
     vint missing = sums.missing;
+#ifdef MEDIA_PATHS
+    const scatter_pixel pixel = {x + pinhole.x0_px, y + pinhole.y0_px, pinhole.sample};
+    const colour scattered = scattered_light(&pool, &frame, &way, valid, &lighting, &light, sums.tau, &pixel, &missing);
+    sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
+#endif
     vfloat from_sun = (vfloat)(1.0f);
 #if MEDIA_MODE == KARST_MEDIA_FULL
     /* What is left of the sun where it shines on land. */
@@ -329,6 +340,12 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     media_frame_of_view(&frame, view);
     const media_rays way = {*origin, *direction, (vfloat)(0.0f), end, r.width * task.detail, r.cone * task.detail};
     walk_light(&pool, &frame, &way, r.valid, &lighting, &sums);
+#ifdef MEDIA_PATHS
+    const scatter_pixel pixel = {(r.pixel & 0xffff) + pinhole.x0_px, (r.pixel >> 16) + pinhole.y0_px, pinhole.sample};
+    const colour scattered =
+        scattered_light(&pool, &frame, &way, r.valid, &lighting, &light, sums.tau, &pixel, &sums.missing);
+    sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
+#endif
 
     const uint num_missing = (uint)count_lanes(sums.missing & r.valid);
     if (num_missing)

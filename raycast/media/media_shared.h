@@ -22,6 +22,8 @@ K_ASSERT_SIZE(karst_sun_depth, 16);
 #define KARST_MEDIA_SHADOW 1 /* it is lost in the medium; land is lit or not */
 #define KARST_MEDIA_FULL 2   /* land shadows media, and media shadow land */
 
+/* How often light is scattered: MEDIA_ONCE, MEDIA_PATHS, or neither of them, for octaves. */
+
 /* What a marching kernel counts. */
 #define KARST_MEDIA_LACKING 0u /* rays that met what is not there yet */
 #define KARST_MEDIA_MADE 1u    /* grids that were made */

@@ -124,6 +124,16 @@ static void test_a_ray_in_fog(void **state)
     ray.direction[1] = 0;
     PROVOKE(KARST_USAGE, karst_world_medium_depth, (world, &ray, &depth, &error));
     karst_world_close(world);
+
+    const karst_engine_config config = config_of(misty);
+    static float maps[2][NUM * 4];
+    bool settled;
+    karst_engine *engine = karst_engine_create(&config, &why);
+    if (!engine)
+        fail_msg("%s", why.message);
+    PROVOKE(KARST_USAGE, karst_engine_six_way, (engine, 1, NULL, NULL, maps[0], maps[1], NUM, &settled, &error));
+    PROVOKE_DEVICE(karst_engine_six_way, (engine, 1, NULL, NULL, maps[0], maps[1], NUM * 4, &settled, &error));
+    karst_engine_destroy(engine);
 }
 
 /* Before anything was drawn, and with numbers that are out of range: nothing changes. */

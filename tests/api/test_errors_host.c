@@ -321,6 +321,10 @@ static void test_meshes_and_reference(void **state)
             (world, &wrong, in_folder("a.ply"), KARST_MESH_OF_SUFFIX, NULL, NULL, NULL, &error));
     PROVOKE(KARST_FAILED, karst_mesh_write,
             (world, &config, in_folder("none/a.ply"), KARST_MESH_OF_SUFFIX, NULL, NULL, NULL, &error));
+    const karst_voxels_grid grid = {.world = world, .name = "a"};
+    const karst_voxels_config voxels = {.num_voxels = {4, 4, 4}, .voxel_m = 1, .num_threads = 1};
+    PROVOKE(KARST_USAGE, karst_voxels_write, (in_folder("a.vdb"), &voxels, &grid, 1, NULL, NULL, NULL, &error));
+    PROVOKE(KARST_FAILED, karst_voxels_write, (in_folder("none/a.nvdb"), &voxels, &grid, 1, NULL, NULL, NULL, &error));
 
     karst_reference_hit hits[4];
     karst_reference_config picture = {.world = ball, .width_px = 2, .height_px = 2, .num_threads = 1}, none = picture,

@@ -34,6 +34,9 @@ holds() { awk "BEGIN { exit !($1) }"; }
 
 fails 2 'which world' "a world is asked for" accuracy
 fails 4 "no world is called 'nowhere'" "an unknown world" accuracy nowhere
+fails 2 'only one of them' "samples or media" accuracy hills --samples --media
+fails 2 'media and --csv' "no table of settings for media" accuracy hills --media --csv -
+fails 2 'has no medium' "a world without a medium" accuracy hills --media --size 8x8
 fails 2 'only one of' "one file to stdout" accuracy hills --json - --csv -
 
 "$karst" accuracy hills --quick --size 64x48 --frames 3 --json report.json --csv report.csv --plot plot.svg > table 2> stderr

@@ -38,7 +38,7 @@ static void remove_entries(const char *folder)
     char path[400];
     while (dir && (entry = readdir(dir)) != NULL) {
         snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
-        if (entry->d_name[0] != '.')
+        if (entry->d_name[0] != '.' || strncmp(entry->d_name, ".turn-", 6) == 0)
             unlink(path);
     }
     if (dir)

@@ -122,6 +122,10 @@ static void test_names(void **state)
     assert_true(karst_media_mode_parse("basic", &mode, NULL) && mode == KARST_MEDIA_MODE_BASIC);
     assert_true(karst_media_mode_parse("full", &mode, NULL) && mode == KARST_MEDIA_MODE_FULL);
     assert_refused(karst_media_mode_parse("none", &mode, &error), KARST_USAGE, "full, shadow, basic");
+    karst_scattering scattering = KARST_SCATTERING_OCTAVES;
+    assert_true(karst_scattering_parse("paths", &scattering, NULL) && scattering == KARST_SCATTERING_PATHS);
+    assert_true(karst_scattering_parse("once", &scattering, NULL) && scattering == KARST_SCATTERING_ONCE);
+    assert_refused(karst_scattering_parse("twice", &scattering, &error), KARST_USAGE, "octaves, once, paths");
     assert_true(karst_points_is_name("a/b.karstpoints"));
     assert_false(karst_points_is_name("b.ply") || karst_points_is_name("a.karstpoints/b") || karst_points_is_name(""));
     assert_true(karst_saved_is_name("a/b.karstdb"));

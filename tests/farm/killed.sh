@@ -23,7 +23,10 @@ log=$1
 shift
 "$@"
 status=$?
-times | awk -v status=$status -F '[ms ]' 'NR == 2 { print $1 * 60 + $2 + $4 * 60 + $5, status }' >> "$log"
+# Not in a pipe, whose shell has no children.
+times > "$log.$$"
+awk -v status=$status -F '[ms ]' 'NR == 2 { print $1 * 60 + $2 + $4 * 60 + $5, status }' "$log.$$" >> "$log"
+rm -f "$log.$$"
 exit $status
 END
 sum() { awk -v want="$2" '{ if (want == "all" || (want == "killed") == ($2 != 0)) sum += $1 } END { printf "%.1f", sum }' "$1"; }

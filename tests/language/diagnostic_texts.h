@@ -63,12 +63,12 @@ static const struct {
      "      int i = p.x;\n"
      "                ^\n"
      "  write int(...)"},
-    {"int_and_uint",
+    {"int_and_bool",
      "float density(vec3 p) {\n"
-     "    int i = 1; uint u = 2u;\n"
+     "    int i = 1; bool u = true;\n"
      "    return float(i + u);\n"
      "}\n",
-     "world.karst:3:20: error: '+' does not go between int and uint\n"
+     "world.karst:3:20: error: '+' does not go between int and bool\n"
      "      return float(i + u);\n"
      "                     ^\n"
      "  write int(...) around one of them"},

@@ -108,6 +108,18 @@ static const char *const worlds[][2] = {
     {"float d = 4.0 - length(p); d = d > 0.0 ? 1.0 : d < 0.0 ? 0.0 : 0.5; return d;", NULL},
     {"return mix(0.0, 4.0 - length(p), step(length(p), 4.0));", NULL},
     {"return abs(max(4.0 - length(p), 0.0));", NULL},
+    {"return atan(max(0.0, 4.0 - length(p)));", NULL},
+    {"return tanh(max(0.0, 4.0 - length(p)));", NULL},
+    {"float d = 4.0 * noise(p.xz / 9.0) - p.y; return d > 0.0 ? 1.0 - exp(-d) : 0.0;", NULL},
+    {"return floor(length(p) / 4.0) == 0.0 ? 1.0 : 0.0;", NULL},
+    {"return max(4.0, length(p)) == 4.0 ? 1.0 : 0.0;", NULL},
+    {"float t = clamp((5.0 - length(p)) / 2.0, 0.0, 1.0); return t * t * t * (t * (t * 6.0 - 15.0) + 10.0);", NULL},
+    {"vec3 q = max(3.0 - abs(p), 0.0); return dot(q, q) > 0.0 ? q.x * q.y * q.z : 0.0;", NULL},
+    {"float h[3] = float[3](0.0, 1.0, 2.0); int i = clamp(int(4.0 - length(p)), 0, 2); return h[i];", NULL},
+    {"return 1.0 / max(length(p), 0.1) > 0.25 ? 1.0 : 0.0;", NULL},
+    {"return step(worley(p / 5.0).x, 0.4);", NULL},
+    {"return max(0.0, log(5.0 / max(length(p), 0.01)));", NULL},
+    {"return sin(clamp(4.0 - length(p), 0.0, 1.5)) * 3.0;", NULL},
 };
 enum { NUM_WORLDS = sizeof worlds / sizeof worlds[0], NUM_POINTS = 3000 };
 

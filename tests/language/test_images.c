@@ -1,6 +1,7 @@
-/* image(NAME, p): its bounds over random boxes hold for every wrap, size and argument, at every footprint, and would
- * not without any one of their rules; the tape gives the oracle's bits, and those lie where doubles do; the surface
- * goes through the samples; its gradient is that of doubles. Texts that name data which is not there. */
+/* image(NAME, p) and field(NAME, p): their bounds over random boxes hold for every wrap, size and argument, at every
+ * footprint, and would not without any one of their rules; the tape gives the oracle's bits, and those lie where
+ * doubles do; the surface goes through the samples; its gradient is that of doubles. Texts that name data which is not
+ * there. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -25,6 +26,7 @@ static enum broken broken;
 #include "producers/language/oracle/oracle.h"
 #include "producers/language/tape/tape.h"
 #include "producers/language/tape/tape.clh"
+#include "tests/language/field_file.h"
 #include "tests/language/random_graph.h"
 
 enum { MOST_SLOTS = 64, NUM_BOXES = 400, NUM_SAMPLES = 12, TEXT_BYTES = 4096 };
@@ -140,6 +142,29 @@ static void write_samples(int width, int height, bool cliffs)
     free(values);
 }
 
+/* The same in space, 10 m apart. */
+static void write_field(const int size[3], bool cliffs)
+{
+    const int num = size[0] * size[1] * size[2];
+    float *values = malloc((size_t)num * sizeof *values);
+    for (int i = 0; i < num; i++)
+        values[i] = (float)(cliffs ? (random_chance(3) ? 90 : -10) + random_unit()
+                                   : 20 * sin(0.3 * (i % size[0])) + 15 * cos(0.2 * (i / size[0] % size[1])) +
+                                         i / size[0] / size[1] + 4 * random_unit());
+    assert_true(write_field_file(path_of("samples.nvdb"), values, size, 10));
+    free(values);
+}
+
+static const char *field_text(const char *wrap, const char *body)
+{
+    static char text[TEXT_BYTES];
+    snprintf(text, sizeof text,
+             "/*{ \"voxel\": 0.25, \"data\": { \"d\": { \"file\": \"samples.nvdb\", \"grid\": \"x\", \"wrap\": \"%s\" "
+             "} } }*/\n%s\n",
+             wrap, body);
+    return text;
+}
+
 static const char *world_text(int width, int height, const char *wrap, const char *size, const char *body)
 {
     static char text[TEXT_BYTES];
@@ -156,18 +181,38 @@ static const struct {
     int width, height;
     const char *wrap, *size, *body;
     bool cliffs;
+    int depth; /* of a field */
 } cases[] = {
-    {37, 21, "clamp", "[370, 210]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", false},
-    {64, 64, "repeat", "[640, 640]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", true},
-    {20, 33, "repeat", "[200, 300]", "float density(vec3 p) { return image(d, p.xz + 30.0 * noise(p / 90.0)); }",
-     false},
+    {37, 21, "clamp", "[370, 210]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", false, 0},
+    {64, 64, "repeat", "[640, 640]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", true, 0},
+    {20, 33, "repeat", "[200, 300]", "float density(vec3 p) { return image(d, p.xz + 30.0 * noise(p / 90.0)); }", false,
+     0},
     {9, 16, "mirror", "[50, 60]", "float density(vec3 p) { return image(d, mat2(0.6, 0.8, -0.8, 0.6) * p.zy) + p.x; }",
-     true},
-    {50, 40, "clamp", "[3, 2]", "float density(vec3 p) { return image(d, vec2(length(p.xz), p.y / 7.0)); }", false},
+     true, 0},
+    {50, 40, "clamp", "[3, 2]", "float density(vec3 p) { return image(d, vec2(length(p.xz), p.y / 7.0)); }", false, 0},
     {40, 40, "clamp", "[4000, 4000]",
-     "float density(vec3 p) { float h = image(d, p.xz); return h + image(d, 5.0 * p.xz + h) / 5.0 - p.y; }", false},
-    {1, 1, "clamp", "[1, 1]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", false},
+     "float density(vec3 p) { float h = image(d, p.xz); return h + image(d, 5.0 * p.xz + h) / 5.0 - p.y; }", false, 0},
+    {1, 1, "clamp", "[1, 1]", "float density(vec3 p) { return image(d, p.xz) - p.y; }", false, 0},
+    {13, 9, "clamp", NULL, "float density(vec3 p) { return field(d, p) - 0.3 * p.y; }", false, 11},
+    {16, 8, "repeat", NULL, "float density(vec3 p) { return field(d, p + 30.0 * noise(p / 90.0)); }", true, 8},
+    {7, 10, "mirror", NULL, "float density(vec3 p) { return field(d, vec3(0.6 * p.x + 0.8 * p.z, p.y, p.x)) + p.x; }",
+     true, 5},
+    {20, 20, "clamp", NULL, "float density(vec3 p) { float h = field(d, p); return h + field(d, 5.0 * p + h) / 5.0; }",
+     false, 20},
+    {2, 1, "clamp", NULL, "float density(vec3 p) { return field(d, p * 0.01) - p.y; }", true, 1},
 };
+
+static void open_case(image_world *w, int number)
+{
+    const int width = cases[number].width, height = cases[number].height;
+    if (cases[number].depth) {
+        write_field((const int[3]){width, height, cases[number].depth}, cases[number].cliffs);
+        open_world(w, field_text(cases[number].wrap, cases[number].body));
+        return;
+    }
+    write_samples(width, height, cases[number].cliffs);
+    open_world(w, world_text(width, height, cases[number].wrap, cases[number].size, cases[number].body));
+}
 
 static op_box random_box(void)
 {
@@ -214,9 +259,7 @@ static int count_lies(int number, int *num_decided)
     image_world w;
     int lies = 0;
     random_state = 11 + (uint64_t)number;
-    write_samples(cases[number].width, cases[number].height, cases[number].cliffs);
-    open_world(&w, world_text(cases[number].width, cases[number].height, cases[number].wrap, cases[number].size,
-                              cases[number].body));
+    open_case(&w, number);
     for (int n = 0; n < NUM_BOXES; n++) {
         const op_box box = random_box();
         if (tape_bounds(&w.runs, &box, NULL))
@@ -246,17 +289,19 @@ static void test_bounds_hold_and_every_rule_is_needed(void **state)
     static const char *const names[NUM_BROKEN] = {"nothing", "TILES", "LEVELS", "DETAIL", "SLOPE", "DERIVATIVE"};
     (void)state;
     for (int b = 0; b < BREAK_DERIVATIVE; b++) {
-        int lies = 0, decided = 0;
+        int lies = 0, of_fields = 0, decided = 0;
         for (int i = 0; i < (int)(sizeof cases / sizeof *cases); i++) {
             broken = (enum broken)b;
             const int of_case = count_lies(i, &decided);
             if (b == BREAK_NOTHING && of_case)
                 fail_msg("%d boxes of case %d say what is not so", of_case, i);
             lies += of_case;
+            of_fields += cases[i].depth ? of_case : 0;
         }
         broken = BREAK_NOTHING;
-        print_message("without %s: %d boxes say what is not so; %d have one sign\n", names[b], lies, decided);
-        assert_true(b == BREAK_NOTHING ? decided > 600 : lies > 0);
+        print_message("without %s: %d boxes say what is not so, %d of them of fields; %d have one sign\n", names[b],
+                      lies, of_fields, decided);
+        assert_true(b == BREAK_NOTHING ? decided > 1000 : lies > of_fields && of_fields > 0);
     }
 }
 
@@ -301,8 +346,7 @@ static void test_tape_gives_the_oracles_bits_near_doubles(void **state)
     for (int i = 0; i < (int)(sizeof cases / sizeof *cases); i++) {
         image_world w;
         random_state = 5 + (uint64_t)i;
-        write_samples(cases[i].width, cases[i].height, cases[i].cliffs);
-        open_world(&w, world_text(cases[i].width, cases[i].height, cases[i].wrap, cases[i].size, cases[i].body));
+        open_case(&w, i);
         for (int n = 0; n < 500; n++) {
             op_box box = random_box();
             box.level = (int)random_below(13) - 1;
@@ -352,6 +396,33 @@ static void test_the_surface_goes_through_the_samples(void **state)
             }
         close_world(&w);
         free(samples);
+    }
+}
+
+static void test_fields_go_through_their_samples(void **state)
+{
+    static const char *const wraps[] = {"clamp", "repeat", "mirror"};
+    static const int size[3] = {8, 16, 4};
+    static float samples[8 * 16 * 4];
+    (void)state;
+    random_state = 41;
+    for (int i = 0; i < 8 * 16 * 4; i++)
+        samples[i] = (float)((random_chance(3) ? 90 : -10) + random_unit());
+    assert_true(write_field_file(path_of("samples.nvdb"), samples, size, 4));
+    for (int i = 0; i < 3; i++) {
+        image_world w;
+        open_world(&w, field_text(wraps[i], "float density(vec3 p) { return field(d, p); }"));
+        assert_true(w.tape.has_fields);
+        for (int n = 0; n < 8 * 16 * 4; n++) {
+            /* voxels of 0.25 m, samples in the middles of cells of 4 m */
+            affine_position at = {.voxel = {16 * (n % 8) + 8, 16 * (n / 8 % 16) + 8, 16 * (n / 128) + 8}};
+            const float value = value_at(&w, &at, -1);
+            if (!(fabsf(value - samples[n]) < 1e-3f))
+                fail_msg("%s: sample %d is %.9g, not %.9g", wraps[i], n, (double)value, (double)samples[n]);
+            at.voxel[1] += i == 0 ? 0 : 256ll * 2 * 1000000000000;
+            assert_int_equal(k_as_uint(value), k_as_uint(value_at(&w, &at, -1)));
+        }
+        close_world(&w);
     }
 }
 
@@ -416,15 +487,11 @@ static void test_textures_are_images_of_three_planes(void **state)
     close_world(&a);
 }
 
-static void test_gradients_are_those_of_doubles(void **state)
+static void compare_gradients(const char *text)
 {
     image_world w;
     karst_error error = {0};
-    (void)state;
-    random_state = 29;
-    write_samples(32, 32, false);
-    open_world(&w, world_text(32, 32, "repeat", "[128, 128]",
-                              "float density(vec3 p) { return image(d, p.zx * 0.5 + vec2(noise(p / 50.0))) - p.y; }"));
+    open_world(&w, text);
     karst_gradient_world *derived = karst_derive(&w.program->world, &error);
     assert_non_null(derived);
     karst_oracle *oracle = karst_oracle_create(&derived->world, NULL, 1, w.program->header.voxel_log2_m, &error);
@@ -455,11 +522,25 @@ static void test_gradients_are_those_of_doubles(void **state)
     close_world(&w);
 }
 
+static void test_gradients_are_those_of_doubles(void **state)
+{
+    (void)state;
+    random_state = 29;
+    write_samples(32, 32, false);
+    compare_gradients(
+        world_text(32, 32, "repeat", "[128, 128]",
+                   "float density(vec3 p) { return image(d, p.zx * 0.5 + vec2(noise(p / 50.0))) - p.y; }"));
+    write_field((const int[3]){32, 16, 8}, false);
+    compare_gradients(
+        field_text("repeat", "float density(vec3 p) { return field(d, p.zxy * 0.5 + vec3(noise(p / 50.0))) - p.y; }"));
+}
+
 /* ---- texts ---- */
 
 static void test_hostile_texts_are_told(void **state)
 {
 #define HEADER(data) "/*{ \"data\": { " data " } }*/\n"
+#define FIELD "float density(vec3 p) { return field(d, p) - p.y; }\n"
 #define IMAGE "float density(vec3 p) { return image(d, p.xz) - p.y; }\n"
     static const struct {
         const char *text, *said;
@@ -512,6 +593,16 @@ static void test_hostile_texts_are_told(void **state)
         {HEADER("\"d\": { \"file\": \"a.exr\", \"wrap\": \"mirror\" }") "float density(vec3 p) { return texture(d, p, "
                                                                         "normalize(p), 2.0) - p.y; }",
          NULL, KARST_OK},
+        {HEADER("\"d\": { \"file\": \"samples.nvdb\" }") "float density(vec3 p) { return field(d, p); }", NULL,
+         KARST_OK},
+        {HEADER("\"d\": { \"file\": \"samples.nvdb\", \"grid\": \"y\" }") FIELD, "no grid that is called 'y'",
+         KARST_BAD_DATA},
+        {HEADER("\"d\": { \"file\": \"none.nvdb\" }") FIELD, "No such file", KARST_BAD_DATA},
+        {HEADER("\"d\": { \"file\": \"/dev/zero\" }") FIELD, "no regular file", KARST_BAD_DATA},
+        {HEADER("\"d\": { \"file\": \"a.exr\" }") FIELD, "no NanoVDB file", KARST_BAD_DATA},
+        {HEADER("\"d\": { \"file\": \"samples.nvdb\", \"size\": [1, 1] }") IMAGE, "no PNG, TIFF", KARST_BAD_DATA},
+        {HEADER("\"d\": { \"file\": \"samples.nvdb\" }") "float density(vec3 p) { return field(d); }",
+         "write field(d, p)", KARST_BAD_WORLD},
         /* what is not used is not opened, and a function of the text's own hides the one for data */
         {HEADER("\"d\": { \"file\": \"none.png\" }") "float density(vec3 p) { return -p.y; }", NULL, KARST_OK},
         {"float image(float d, vec2 p) { return d * p.x; }\nfloat density(vec3 p) { return image(1.0, p.xz); }", NULL,
@@ -550,7 +641,7 @@ static void test_hostile_texts_are_told(void **state)
 
 static void remove_folder(void)
 {
-    static const char *const names[] = {"samples.raw", "a.exr", "text", "pipe"};
+    static const char *const names[] = {"samples.raw", "samples.nvdb", "a.exr", "text", "pipe"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         unlink(path_of(names[i]));
     rmdir(folder);
@@ -563,6 +654,7 @@ int main(void)
         cmocka_unit_test(test_derivatives_are_bounded),
         cmocka_unit_test(test_tape_gives_the_oracles_bits_near_doubles),
         cmocka_unit_test(test_the_surface_goes_through_the_samples),
+        cmocka_unit_test(test_fields_go_through_their_samples),
         cmocka_unit_test(test_coarse_levels_show_less),
         cmocka_unit_test(test_textures_are_images_of_three_planes),
         cmocka_unit_test(test_gradients_are_those_of_doubles),

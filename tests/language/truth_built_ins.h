@@ -274,7 +274,7 @@ static bool matrix_function(const char *name, const value *a, uint32_t count, va
 {
     if (!strcmp(name, "outerProduct") && count == 2 && a[0].type->size == a[1].type->size) {
         uint32_t n = a[0].type->size;
-        *result = new_value(karst_type_matrix(n));
+        *result = new_value(karst_type_matrix(n, n));
         for (uint32_t k = 0; k < n * n; k++)
             result->c[k] = multiply(a[0].c[k % n], a[1].c[k / n]);
         return true;

@@ -30,9 +30,9 @@ detail=$(grep -vxE 'debhelper-compat|dh-python' "$scratch/control" | comm -23 - 
 result "and nothing that .ci/install-dependencies does not know, but for what makes packages"
 
 # What builds programs and what builds the library is found in the packages' own lines, too.
-for package in libpng-dev libtiff-dev libjansson-dev libsqlite3-dev; do
+for package in libpng-dev libtiff-dev libjansson-dev libsqlite3-dev zlib1g-dev; do
     sed -n '/^Package: libkarst-dev/,/^$/p' debian/control | grep -q "$package" || detail="$detail $package"
 done
-[ -z "$detail" ] && [ "$(sed -n 's/^PKGS *:= *//p' Makefile)" = "libpng libtiff-4 jansson sqlite3" ]
+[ -z "$detail" ] && [ "$(sed -n 's/^PKGS *:= *//p' Makefile)" = "libpng libtiff-4 jansson sqlite3 zlib" ]
 result "libkarst-dev brings what karst.pc requires"
 finish

@@ -22,6 +22,14 @@ static double now_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+static double cpu_s(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+           1e-6 * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+}
+
 /* Ground, and on every second square of 40 m a house with a flat roof and walls that are a little aslant. */
 static double height_at(double x, double z)
 {
@@ -56,7 +64,7 @@ static bool say_step(void *user, const char *what, double share)
     double *start = user;
     (void)share;
     if (strcmp(last, what) != 0) {
-        printf("  %6.1f s  %s\n", now_s() - *start, what);
+        printf("  %6.1f s, CPU %6.1f s  %s\n", now_s() - *start, cpu_s(), what);
         fflush(stdout);
     }
     last = what;
@@ -81,7 +89,7 @@ int main(void)
     snprintf(input, sizeof input, "%s/scan.ply", folder);
     snprintf(output, sizeof output, "%s/scan.karstpoints", folder);
     bool done = write_scan(input, num);
-    double start = now_s();
+    double start = now_s(), start_cpu = cpu_s();
     const karst_points_import_config config = {.input = input,
                                                .output = kept ? kept : output,
                                                .turn = KARST_POINTS_TURN_TOGETHER,
@@ -95,10 +103,9 @@ int main(void)
     if (done)
         printf("%llu points in %.1f s: %.3f million a second; CPU %.1f s; at most %.0f MiB resident, files that are "
                "mapped included; the model has %.0f MB, %u levels, %llu parts, %.3f unsure\n",
-               (unsigned long long)num, seconds, (double)num / seconds / 1e6,
-               (double)usage.ru_utime.tv_sec + (double)usage.ru_stime.tv_sec, (double)usage.ru_maxrss / 1024,
-               (double)about_file.st_size / 1e6, about.num_levels, (unsigned long long)about.num_parts,
-               about.share_unsure);
+               (unsigned long long)num, seconds, (double)num / seconds / 1e6, cpu_s() - start_cpu,
+               (double)usage.ru_maxrss / 1024, (double)about_file.st_size / 1e6, about.num_levels,
+               (unsigned long long)about.num_parts, about.share_unsure);
     else
         fprintf(stderr, "%s\n", error.message);
     unlink(input);

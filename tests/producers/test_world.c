@@ -188,7 +188,7 @@ static void test_levels(void **state)
 static void test_exact_positions(void **state)
 {
     (void)state;
-    karst_world *world = world_of("/*{}*/\n"
+    karst_world *world = world_of("/*{ \"extent\": 1e18 }*/\n"
                                   "float density(vec3 p) { return fract(p.x / 3.0) + 0.25 - p.y; }",
                                   NULL, 0);
     karst_sampler *sampler = sampler_of(world);

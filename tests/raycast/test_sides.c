@@ -1,6 +1,7 @@
 /* Rays that start on a surface, or in matter, and say which side they are on: what they leave does not stop them, and
- * they find the other side. */
-#include "tests/raycast/casting.h"
+ * they find the other side. Those in matter do not look where a brick's masks say that it is solid, and hit the same.
+ */
+#include "tests/raycast/traces.h"
 
 enum { NUM = 4000 };
 #define RADIUS 40.0
@@ -148,8 +149,67 @@ static void rays_find_the_side_that_they_expect(void **state)
     }
 }
 
+/* Rays of every side and direction among folds, whose levels change on their way. */
+static void make_mixed(starts *s)
+{
+    uint64_t random = 23;
+    for (int i = 0; i < NUM; i++) {
+        double d[3];
+        random_direction(&random, d);
+        for (int a = 0; a < 3; a++)
+            s->origin[i][a] = 40 * next_random(&random) - 20;
+        s->rays[i] = make_ray(s->origin[i], d, next_random(&random) < 0.1 ? -1 : 200);
+        s->rays[i].side = (uint32_t)i % 3;
+        s->rays[i].width = i % 4 ? 1.0f : 2.5f;
+        s->rays[i].cone = i & 1 ? 0.02f : 0.2f;
+    }
+}
+
+/* Hits that differ between casters of those options, in all rounds of settling. */
+static int count_other_hits(const char *options, const char *other_options)
+{
+    const double at[3] = {0.3, -0.2, 0.1};
+    scene s = open_scene(folds, NULL);
+    karst_caster *casters[2] = {open_caster(&s, options), open_caster(&s, other_options)};
+    int num_other = 0, num_hits = 0;
+    uint32_t served = 1, serial = 1;
+    make_mixed(&now);
+    for (; served; serial++) {
+        karst_hit *hits[2];
+        for (int k = 0; k < 2; k++) {
+            karst_cast_view view = scene_view(&s, at, 1);
+            view.serial = serial;
+            view.blend = 0.25f;
+            view.blend_below = 0.1f; /* some blend, some do not */
+            hits[k] = cast(&s, casters[k], &view, now.rays, NUM, false);
+        }
+        for (int i = 0; i < NUM; i++) {
+            num_other += memcmp(&hits[0][i], &hits[1][i], sizeof(karst_hit)) != 0;
+            num_hits += KARST_HIT_KIND(hits[0][i].kind) != KARST_HIT_MISS;
+        }
+        free(hits[0]);
+        free(hits[1]);
+        served = scene_serve(&s, serial);
+    }
+    assert_true(num_hits > NUM && serial > 4);
+    for (int k = 0; k < 2; k++)
+        karst_caster_destroy(casters[k]);
+    scene_destroy(&s);
+    return num_other;
+}
+
+static void known_sides_change_no_hit(void **state)
+{
+    (void)state;
+    assert_int_equal(count_other_hits("", "-DCAST_UNKNOWN_SIDES"), 0);
+    /* Were all of a brick taken to be solid, it would be noticed. */
+    if (getenv("KARST_TEST_FULL"))
+        assert_true(count_other_hits("-DKARST_MUTANT_SIDES", "-DCAST_UNKNOWN_SIDES") > 10);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(rays_find_the_side_that_they_expect)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(rays_find_the_side_that_they_expect),
+                                       cmocka_unit_test(known_sides_change_no_hit)};
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
 }

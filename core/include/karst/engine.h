@@ -38,6 +38,16 @@ typedef enum {
 } karst_media_mode;
 /* "full", "shadow", "basic". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_error *error);
+/* How often such media scatter light on its way to the eye. */
+typedef enum {
+    KARST_SCATTERING_OCTAVES, /* once as it is, and more often by three octaves of that, which cost next to nothing */
+    KARST_SCATTERING_ONCE,    /* once: what is scattered more often is lost */
+    KARST_SCATTERING_PATHS,   /* as often as it is: by a path through the medium for each sample, whose mean tends to
+                               * the truth. Land hides the sun from paths, and stands in the way of none */
+    KARST_NUM_SCATTERINGS
+} karst_scattering;
+/* "octaves", "once", "paths". Errors: KARST_USAGE listing the names. Thread-safe. */
+bool karst_scattering_parse(const char *name, karst_scattering *scattering, karst_error *error);
 /* How bright pictures are. */
 typedef enum {
     KARST_EXPOSURE_OF_WORLD,   /* what its header says, else that of the picture; of KARST_TONE_OF_PLAIN 0 stops */
@@ -132,6 +142,7 @@ typedef struct {
     karst_exposure exposure; /* KARST_EXPOSURE_OF_WORLD */
     double exposure_stops; /* KARST_EXPOSURE_GIVEN: each is twice as bright; up and down to KARST_ENGINE_MAX_EXPOSURE */
     karst_media_mode media; /* KARST_MEDIA_MODE_FULL */
+    karst_scattering scattering; /* KARST_SCATTERING_OCTAVES */
     /* The share of light that land mirrors, 0 to 1: it goes to one mirrored ray for each pixel, and the rest is land as
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */

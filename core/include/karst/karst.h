@@ -26,5 +26,6 @@
 #include "karst/saved.h"
 #include "karst/stats.h"
 #include "karst/view.h"
+#include "karst/voxels.h"
 #include "karst/world.h"
 #endif

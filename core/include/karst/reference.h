@@ -81,6 +81,45 @@ bool karst_reference_picture(const karst_reference_config *config, int rays_px, 
                              bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
                              karst_error *error);
 
+/* ---- light in media ---- */
+
+/* What the light is, and how many paths tell it. Zero-initialised fields mean the default that stands beside them. */
+typedef struct {
+    uint32_t paths_px;    /* of each pixel: 64; 1 to 2^24 */
+    bool spread_px;       /* they go through all of the pixel; else through its centre */
+    uint32_t max_bounces; /* what was scattered more often is left out; 1: single scattering. 0: as often as it is */
+    bool no_sun;          /* the sun does not shine */
+    double above[3], below[3]; /* radiance of red, green and blue from infinity, of directions that rise and of those
+                                * that fall; 0 or more */
+    uint32_t max_nodes;        /* of the tree of proved bounds: 32768; 9 to 2^24 */
+    bool one_majorant;         /* one bound for the whole medium, the largest of those: to compare with */
+} karst_reference_light;
+
+typedef struct {
+    uint64_t num_paths;
+    uint64_t num_lookups;    /* of the extinction at a place: collisions, true and false, of paths and sun rays */
+    uint64_t num_collisions; /* of paths with the medium */
+    uint64_t num_nodes;      /* of the tree of bounds */
+} karst_reference_light_stats;
+
+/* What media (`medium air(vec3 p)`) show of the light, in a picture of width_px * height_px pixels: linear radiance in
+ * `rgb`, three doubles a pixel, top row first; `deviation` (may be NULL): the standard deviation of each, of the mean.
+ * The unit is that of karst_engine_read_radiance.
+ *
+ * Paths go backwards from the camera by delta tracking (E. Woodcock and others, 1965), so that nothing is biased by
+ * steps: the extinction is the full one, in double, whatever the configuration's footprint. Majorants are the upper
+ * ends of karst_sampler_bounds in the nodes of an octree that is as wide as the view distance, refined where most would
+ * be looked up in vain. Scattering is that of Henyey and Greenstein ("Diffuse radiation in the galaxy", 1941), with g
+ * as engines take it, from -0.95 to 0.95. The sun is as strong as it is without an atmosphere, and a point. Land, haze
+ * and particles are not there. The same paths are followed whatever the number of threads.
+ *
+ * Errors: KARST_USAGE (a field out of range, no medium, particles, bounds that prove no finite extinction),
+ * KARST_BAD_WORLD, KARST_FAILED (an extinction above its proved bound, too); progress as above. Any thread. `stats` may
+ * be NULL. */
+bool karst_reference_scatter(const karst_reference_config *config, const karst_reference_light *light, double *rgb,
+                             double *deviation, bool (*progress)(void *user, double share), void *user,
+                             karst_reference_light_stats *stats, karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif

@@ -32,6 +32,13 @@ typedef struct {
 
 typedef struct karst_world karst_world;
 
+/* What of a world is opened: the functions here, meshes, voxels and queries then see that as if it were the land. */
+typedef enum {
+    KARST_WORLD_LAND,
+    KARST_WORLD_CLEAR, /* `float clear(vec3 p)`: clear matter, with the colours of its own surface */
+    KARST_WORLD_AIR    /* `medium air(vec3 p)`: the density is its extinction per metre, without particles */
+} karst_world_part;
+
 /* Zero-initialised fields mean the default that stands beside them. */
 typedef struct {
     const char *world; /* name of a shipped world, such as "hills", or the path of a world file: what holds a '/' or
@@ -41,11 +48,13 @@ typedef struct {
     bool has_seed;
     uint32_t seed;        /* instead of the world's own */
     const karst_log *log; /* borrowed during the call; gets what there is to say of the text; NULL: silent */
+    karst_world_part part;
 } karst_world_config;
 
-/* Compiles a world. Close it with karst_world_close, when its samplers are gone. Errors: KARST_USAGE (no name),
- * KARST_BAD_WORLD (an unknown name, an unknown parameter, a text that does not compile: file, line and column; the log
- * has the line itself with a caret), KARST_FAILED. A world never changes: any number of threads may read one. */
+/* Compiles a world. Close it with karst_world_close, when its samplers are gone. Errors: KARST_USAGE (no name,
+ * a part that it has not), KARST_BAD_WORLD (an unknown name, an unknown parameter, a text that does not compile: file,
+ * line and column; the log has the line itself with a caret), KARST_FAILED. A world never changes: any number of
+ * threads may read one. */
 karst_world *karst_world_open(const karst_world_config *config, karst_error *error);
 void karst_world_close(karst_world *world); /* NULL is fine */
 

@@ -42,26 +42,29 @@ static bool is_gradient_noise_alone(const karst_emit *emit)
     return true;
 }
 
-static bool has_images(const karst_emit *emit)
+/* How many axes images have at most: 0 without any, 3 with fields. */
+static uint32_t image_axes(const karst_emit *emit)
 {
-    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
-        if (emit->nodes[e].needs && emit->graph->nodes[e].op == KARST_OP_NOISE &&
-            emit->graph->noises[emit->graph->nodes[e].extra].image)
-            return true;
-    return false;
+    uint32_t most = 0;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        const uint32_t num_axes = emit->nodes[e].needs ? karst_graph_image_axes(emit->graph, e) : 0;
+        most = num_axes > most ? num_axes : most;
+    }
+    return most;
 }
 
 /* What octave.clh is told. */
-static const char *definitions_of(bool is_gradient_noise_alone, bool has_images)
+static const char *definitions_of(bool is_gradient_noise_alone, uint32_t num_axes)
 {
-    if (has_images)
-        return is_gradient_noise_alone ? KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_IMAGES : KARST_EMIT_HAS_IMAGES;
-    return is_gradient_noise_alone ? KARST_EMIT_ONLY_GRADIENT : "";
+    static const char *const texts[2][3] = {{"", KARST_EMIT_HAS_IMAGES, KARST_EMIT_HAS_FIELDS},
+                                            {KARST_EMIT_ONLY_GRADIENT, KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_IMAGES,
+                                             KARST_EMIT_ONLY_GRADIENT KARST_EMIT_HAS_FIELDS}};
+    return texts[is_gradient_noise_alone][num_axes ? num_axes - 1 : 0];
 }
 
 static const char *definitions(const karst_emit *emit)
 {
-    return definitions_of(is_gradient_noise_alone(emit), has_images(emit));
+    return definitions_of(is_gradient_noise_alone(emit), image_axes(emit));
 }
 
 static void preamble(karst_emit *emit)
@@ -161,7 +164,8 @@ bool karst_emit_world(const karst_world_layout *layout, karst_emitted *emitted, 
 
 /* What the functions of a gradient need before them. */
 typedef struct {
-    bool is_gradient_noise_alone, has_images;
+    bool is_gradient_noise_alone;
+    uint32_t image_axes;
 } surface_needs;
 
 /* world_point and world_surface, as text of their own. */
@@ -174,7 +178,7 @@ static bool write_surface(const karst_world_layout *layout, surface_needs *needs
     karst_emitted points = {0};
     bool done = begin(&emit, layout, error);
     if (done && check(&emit, roots, 4, "the gradient of the density", error)) {
-        *needs = (surface_needs){is_gradient_noise_alone(&emit), has_images(&emit)};
+        *needs = (surface_needs){is_gradient_noise_alone(&emit), image_axes(&emit)};
         karst_emit_points(&emit, &points);
         karst_emit_surfaces(&emit);
         done = take_text(&emit, text, error);
@@ -191,7 +195,7 @@ static bool join_surfaces(const surface_needs *needs, const char *first, const c
     static const char other[] = "#define world_point other_point\n#define world_surface other_surface\n";
     karst_text text = {0};
     karst_text_add(&text, "%s#include \"producers/language/emit/emit.clh\"\n\n%s%s%s",
-                   definitions_of(needs->is_gradient_noise_alone, needs->has_images), first, second ? other : "",
+                   definitions_of(needs->is_gradient_noise_alone, needs->image_axes), first, second ? other : "",
                    second ? second : "");
     if (second)
         karst_text_add(&text, "#undef world_point\n#undef world_surface\n");
@@ -207,8 +211,7 @@ bool karst_emit_surface(const karst_world_layout *layout, char **source, karst_e
 {
     surface_needs needs;
     char *text = NULL;
-    const bool done =
-        write_surface(layout, &needs, &text, error) && join_surfaces(&needs, text, NULL, source, error);
+    const bool done = write_surface(layout, &needs, &text, error) && join_surfaces(&needs, text, NULL, source, error);
     free(text);
     return done;
 }
@@ -221,7 +224,7 @@ bool karst_emit_two_surfaces(const karst_world_layout *layout, const karst_world
     bool done = write_surface(layout, &needs, &first, error) && write_surface(other, &others, &second, error);
     if (done) {
         needs.is_gradient_noise_alone = needs.is_gradient_noise_alone && others.is_gradient_noise_alone;
-        needs.has_images = needs.has_images || others.has_images;
+        needs.image_axes = needs.image_axes > others.image_axes ? needs.image_axes : others.image_axes;
         done = join_surfaces(&needs, first, second, source, error);
     }
     free(first);

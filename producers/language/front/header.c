@@ -3,6 +3,7 @@
 #include <float.h>
 #include <jansson.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "karst/position.h"
@@ -358,11 +359,13 @@ static void read_data(reader *r, const char *name, json_t *value)
     karst_header_data *d = &h->data[h->num_data];
     *d = (karst_header_data){.name = karst_format(r->source->arena, "%s", name),
                              .where = place_of(r, name, place_of(r, "data", r->begin))};
-    warn_unknown(r, object_of(r, value, name), "a file of data", "file size range wrap format shape");
+    warn_unknown(r, object_of(r, value, name), "a file of data", "file grid size range wrap format shape");
     if (!(v = json_object_get(value, "file")))
         fail(r, name, "write { \"file\": \"heights.png\", \"size\": [1000, 1000] }",
              karst_format(r->source->arena, "data \"%s\" has no file", name));
     d->file = text_of(r, v, "file");
+    if ((v = json_object_get(value, "grid")))
+        d->grid = text_of(r, v, "grid");
     if ((v = json_object_get(value, "size")))
         read_pair(r, v, "size", 1e-6, 1e15, d->size_m);
     if ((v = json_object_get(value, "range"))) {
@@ -550,6 +553,34 @@ static void read_particles(reader *r, json_t *list)
     r->header->num_particles = (uint32_t)num;
 }
 
+/* A header without "voxel" leaves it to the views how fine levels become: what is finer than anyone looks costs
+ * nothing. Numbers stay as exact as the usual voxel asks for, and places that the header names fit 64 bits. */
+#define FINEST_LOG2_M (-10)
+#define USUAL_LOG2_M (-4)
+
+static double largest_of(json_t *value)
+{
+    double largest = json_is_number(value)   ? fabs(json_number_value(value))
+                     : json_is_string(value) ? fabs(strtod(json_string_value(value), NULL))
+                                             : 0;
+    size_t i;
+    json_t *item;
+    json_array_foreach(value, i, item) if (!json_is_array(item)) largest = fmax(largest, largest_of(item));
+    return largest;
+}
+
+static void leave_voxel_open(reader *r)
+{
+    double out_m = fmax(largest_of(json_object_get(r->root, "extent")),
+                        largest_of(json_object_get(json_object_get(r->root, "camera"), "position")));
+    double view_m = largest_of(json_object_get(r->root, "view"));
+    int k = FINEST_LOG2_M;
+    while (k < USUAL_LOG2_M && (out_m > ldexp(1, 60 + k) || view_m > ldexp(1, 55 + k)))
+        k++;
+    r->header->voxel_log2_m = k;
+    r->header->exact_above_log2 = USUAL_LOG2_M - k;
+}
+
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
@@ -570,6 +601,8 @@ static void read_root(reader *r)
     }
     if ((v = json_object_get(r->root, "voxel")))
         read_voxel(r, v);
+    else
+        leave_voxel_open(r);
     if ((v = json_object_get(r->root, "extent"))) {
         h->has_extent = true;
         h->extent_m = number_of(r, v, "extent", 0, DBL_MAX);

@@ -13,6 +13,7 @@
 /* A file of samples that functions of the text look up by its name. */
 typedef struct {
     const char *name, *file; /* file: as the header has it */
+    const char *grid;        /* of a field; NULL: the first */
     double size_m[2];        /* that all samples together take along each axis; 0: not said */
     karst_samples_form form;
     karst_wrap wrap; /* clamp */
@@ -82,7 +83,8 @@ typedef struct {
     bool is_given; /* there is a header */
     const char *name, *author, *description;
     uint32_t seed;    /* 0 */
-    int voxel_log2_m; /* level-0 voxel is 2^this metres; -4: 1/16 m */
+    int voxel_log2_m;    /* a voxel of level 0 is 2^this metres wide */
+    int exact_above_log2; /* floats do for what is right to a voxel 2^this times as wide: 0 where the header has one */
     bool has_extent;
     double extent_m; /* how far from the origin the world means something */
     bool has_lipschitz;

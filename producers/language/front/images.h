@@ -8,8 +8,9 @@ typedef struct karst_world_image karst_world_image;
 struct karst_world_image {
     karst_world_image *next;
     const karst_header_data *data;
-    uint32_t width, height, num_channels; /* of the file */
-    char kind[40];                        /* "PNG, 16 bits" */
+    uint32_t width, height, depth, num_channels; /* of the file; depth: 0 but for fields */
+    double voxel_m, first_m[3];                  /* of fields: how far samples lie apart, where the first one lies */
+    char kind[40];                               /* "PNG, 16 bits" */
     karst_samples_image channel[3];
 };
 

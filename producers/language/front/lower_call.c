@@ -9,18 +9,19 @@ static karst_value construct_matrix(karst_lower_state *s, const karst_type *type
                                     uint32_t count, uint32_t where)
 {
     karst_value r = karst_value_zero(s, type, where);
-    uint32_t n = type->size;
+    const uint32_t rows = type->size, columns = type->count;
     if (count == 1 && arguments[0].type->shape == KARST_SHAPE_SCALAR) { /* a diagonal */
-        for (uint32_t i = 0; i < n; i++)
-            r.e[i * n + i] = karst_expr_convert(s->graph, KARST_TYPE_FLOAT, arguments[0].e[0]);
+        for (uint32_t i = 0; i < rows && i < columns; i++)
+            r.e[i * rows + i] = karst_expr_convert(s->graph, KARST_TYPE_FLOAT, arguments[0].e[0]);
         return r;
     }
     if (count == 1 && arguments[0].type->shape ==
                           KARST_SHAPE_MATRIX) { /* the upper left of a larger, the rest as in the unit matrix */
-        uint32_t m = arguments[0].type->size;
-        for (uint32_t i = 0; i < n; i++)
-            for (uint32_t j = 0; j < n; j++)
-                r.e[i * n + j] = i < m && j < m ? arguments[0].e[i * m + j] : karst_graph_float(s->graph, i == j);
+        const karst_type *from = arguments[0].type;
+        for (uint32_t i = 0; i < columns; i++)
+            for (uint32_t j = 0; j < rows; j++)
+                r.e[i * rows + j] = i < from->count && j < from->size ? arguments[0].e[i * from->size + j]
+                                                                      : karst_graph_float(s->graph, i == j);
         return r;
     }
     uint32_t filled = 0;
@@ -191,6 +192,34 @@ static _Noreturn void unknown_function(karst_lower_state *s, uint32_t name, uint
     karst_source_error(s->source, where, karst_nearest_hint(&nearest, s->arena), "there is no function '%s'", text);
 }
 
+/* Functions of OpenCL C, C and HLSL that are others by another name. */
+static const struct {
+    const char *name, *is;
+} spelt[] = {{"countbits", "bitCount"},    {"popcount", "bitCount"},     {"firstbithigh", "findMSB"},
+             {"firstbitlow", "findLSB"},   {"reversebits", "bitfieldReverse"}, {"asint", "floatBitsToInt"},
+             {"asuint", "floatBitsToUint"}, {"as_int", "floatBitsToInt"}, {"as_uint", "floatBitsToUint"},
+             {"as_float", "asfloat"}};
+
+static bool is_function(const karst_lower_state *s, uint32_t name);
+
+/* native_sin, half_sqrt, fast_length and sinf are sin, sqrt, length and sin. A name that is none stays. */
+static uint32_t usual_spelling(const karst_lower_state *s, uint32_t name)
+{
+    static const char *const fronts[] = {"native_", "half_", "fast_"};
+    const char *text = karst_lower_name(s, name);
+    size_t length = strlen(text);
+    for (size_t i = 0; i < sizeof spelt / sizeof *spelt; i++)
+        if (!strcmp(text, spelt[i].name))
+            return karst_names_id(s->names, spelt[i].is, strlen(spelt[i].is));
+    uint32_t other = name;
+    for (size_t i = 0; i < sizeof fronts / sizeof *fronts; i++)
+        if (!strncmp(text, fronts[i], strlen(fronts[i])) && length > strlen(fronts[i]))
+            other = karst_names_id(s->names, text + strlen(fronts[i]), length - strlen(fronts[i]));
+    if (other == name && length > 3 && text[length - 1] == 'f')
+        other = karst_names_id(s->names, text, length - 1);
+    return is_function(s, other) ? other : name;
+}
+
 static bool is_function(const karst_lower_state *s, uint32_t name)
 {
     for (const karst_ast_function *f = karst_parser_named(s->parser, name); f; f = f->named_next)
@@ -303,18 +332,19 @@ static const struct {
     const char *wanted[3];
 } of_data[] = {
     {"image", 1, {2}, {"the place in an image"}},
+    {"field", 1, {3}, {"the place in a field"}},
     {"texture", 3, {3, 3, 1}, {"the place of a texture", "the normal of a texture", "the size of a texture"}},
 };
-enum { DATA_IMAGE, DATA_TEXTURE, NUM_DATA_FUNCTIONS };
+enum { DATA_IMAGE, DATA_FIELD, DATA_TEXTURE, NUM_DATA_FUNCTIONS };
 
-/* Which of them a call is; NUM_DATA_FUNCTIONS: none. Textures are other things to texts that have no data. */
+/* Which of them a call is; NUM_DATA_FUNCTIONS: none. Fields and textures are other things to texts without data. */
 static size_t data_function(const karst_lower_state *s, const karst_ast_expr *e)
 {
     const char *name = karst_lower_name(s, e->name);
     size_t which = 0;
     while (which < NUM_DATA_FUNCTIONS && strcmp(name, of_data[which].name) != 0)
         which++;
-    if (karst_in_prelude(s) || (which == DATA_TEXTURE && !s->io->header->num_data))
+    if (karst_in_prelude(s) || (which >= DATA_FIELD && !s->io->header->num_data))
         return NUM_DATA_FUNCTIONS;
     const karst_ast_function *f = which < NUM_DATA_FUNCTIONS ? karst_parser_named(s->parser, e->name) : NULL;
     for (; f; f = f->named_next)
@@ -331,7 +361,9 @@ static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, s
     for (uint32_t i = 0; name && i < of_data[which].num_arguments; i++, a = a->next) {
         if (!a)
             karst_source_error(s->source, e->where, NULL, "write %s(%s, %s", of_data[which].name, name,
-                               which == DATA_IMAGE ? "p), p of two components" : "p, n, size), p and n of three");
+                               which == DATA_IMAGE   ? "p), p of two components"
+                               : which == DATA_FIELD ? "p), p of three components"
+                                                     : "p, n, size), p and n of three");
         karst_value v = karst_lower_convert(s, karst_lower_expression(s, a),
                                             karst_type_vector(KARST_TYPE_FLOAT, of_data[which].size[i]),
                                             of_data[which].wanted[i], a->where);
@@ -342,9 +374,13 @@ static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, s
                            of_data[which].name, name, of_data[which].num_arguments);
     s->graph->where = e->where;
     const uint32_t where = data ? data->where : e->where;
-    const uint32_t count =
-        which == DATA_IMAGE ? karst_lower_image(s, name, where, arguments[0], value)
-                            : karst_lower_texture(s, name, where, arguments[0], arguments[1], arguments[2][0], value);
+    uint32_t count = 1;
+    if (which == DATA_IMAGE)
+        count = karst_lower_image(s, name, where, arguments[0], value);
+    else if (which == DATA_FIELD)
+        value[0] = karst_lower_field(s, name, where, arguments[0]);
+    else
+        count = karst_lower_texture(s, name, where, arguments[0], arguments[1], arguments[2][0], value);
     karst_value result = karst_value_new(s, karst_type_vector(KARST_TYPE_FLOAT, count), e->where);
     memcpy(result.e, value, count * sizeof *value);
     return result;
@@ -356,8 +392,9 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
     const size_t of_file = data_function(s, e);
     if (of_file < NUM_DATA_FUNCTIONS)
         return call_of_data(s, e, of_file);
-    if (!is_function(s, e->name))
-        unknown_function(s, e->name, e->where);
+    const uint32_t name = is_function(s, e->name) ? e->name : usual_spelling(s, e->name);
+    if (!is_function(s, name))
+        unknown_function(s, name, e->where);
     karst_argument_place places[KARST_MAX_ARGUMENTS];
     uint32_t count = 0;
     for (const karst_ast_expr *a = e->a; a; a = a->next) {
@@ -365,23 +402,23 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
             karst_source_error(s->source, a->where, NULL, "a call may have %u arguments", KARST_MAX_ARGUMENTS);
         karst_argument_place *at = &places[count];
         at->text = a;
-        at->is_found = find_place(s, e->name, count, a, &at->place);
+        at->is_found = find_place(s, name, count, a, &at->place);
         arguments[count++] = at->is_found ? karst_place_read(s, &at->place, a->where) : karst_lower_expression(s, a);
     }
     bool any = false;
     karst_ast_function *f = NULL;
     if (!karst_in_prelude(s))
-        f = find_function(s, e->name, false, arguments, count, e->where, &any);
+        f = find_function(s, name, false, arguments, count, e->where, &any);
     if (!f && any) /* the user's functions hide all others of that name */
-        no_fit(s, e->name, false, arguments, count, e->where);
+        no_fit(s, name, false, arguments, count, e->where);
     if (!f)
-        f = find_function(s, e->name, true, arguments, count, e->where, &any);
+        f = find_function(s, name, true, arguments, count, e->where, &any);
     if (f) {
         karst_value value = karst_lower_function(s, f, arguments, places, e->where);
         s->graph->where = e->where;
         return value;
     }
-    if (karst_lower_builtin(s, karst_lower_name(s, e->name), arguments, count, e->where, &result))
+    if (karst_lower_builtin(s, karst_lower_name(s, name), arguments, count, e->where, &result))
         return result;
-    no_fit(s, e->name, true, arguments, count, e->where);
+    no_fit(s, name, true, arguments, count, e->where);
 }

@@ -63,6 +63,11 @@ static bool unify(karst_lower_state *s, karst_value *a, karst_value *b, uint32_t
         return false;
     if (a->type->scalar == b->type->scalar)
         return true;
+    karst_value *whole = a->type->scalar == KARST_TYPE_INT ? a : b, *other = whole == a ? b : a;
+    if (whole->type->scalar == KARST_TYPE_INT && other->type->scalar == KARST_TYPE_UINT) {
+        *whole = karst_lower_convert(s, *whole, karst_type_vector(KARST_TYPE_UINT, whole->type->size), "this", where);
+        return true;
+    }
     karst_value *narrow = a->type->scalar == KARST_TYPE_FLOAT ? b : a;
     if ((narrow == b ? a : b)->type->scalar != KARST_TYPE_FLOAT || narrow->type->scalar == KARST_TYPE_BOOL)
         return false;
@@ -82,12 +87,15 @@ static karst_expr sum_of_products(karst_lower_state *s, const karst_expr *a, uin
 /* Matrix by matrix, matrix by column, row by matrix. */
 static karst_value multiply_matrices(karst_lower_state *s, karst_value a, karst_value b, uint32_t where)
 {
-    uint32_t n = a.type->size;
-    if (a.type->size != b.type->size)
+    const bool is_row = a.type->shape == KARST_SHAPE_VECTOR, is_column = b.type->shape == KARST_SHAPE_VECTOR;
+    const uint32_t n = b.type->size, rows = is_row ? 1 : a.type->size, columns = is_column ? 1 : b.type->count;
+    if (a.type->count != n)
         bad_operands(s, '*', a, b, where);
-    bool row = a.type->shape == KARST_SHAPE_VECTOR;
-    karst_value r = karst_value_new(s, row ? a.type : b.type, where);
-    uint32_t columns = b.type->shape == KARST_SHAPE_VECTOR ? 1 : n, rows = row ? 1 : n;
+    karst_value r = karst_value_new(s,
+                                    is_row      ? karst_type_vector(KARST_TYPE_FLOAT, columns)
+                                    : is_column ? karst_type_vector(KARST_TYPE_FLOAT, rows)
+                                                : karst_type_matrix(columns, rows),
+                                    where);
     for (uint32_t j = 0; j < columns; j++)
         for (uint32_t i = 0; i < rows; i++)
             r.e[j * rows + i] = sum_of_products(s, a.e + i, rows, b.e + j * n, 1, n);
@@ -360,7 +368,8 @@ static const struct {
     uint8_t size, scalar;
 } implicit[] = {{"iTime", 1, KARST_TYPE_FLOAT},       {"iTimeDelta", 1, KARST_TYPE_FLOAT},
                 {"iGlobalTime", 1, KARST_TYPE_FLOAT}, {"iMouse", 4, KARST_TYPE_FLOAT},
-                {"iResolution", 3, KARST_TYPE_FLOAT}, {"iFrame", 1, KARST_TYPE_INT}};
+                {"iResolution", 3, KARST_TYPE_FLOAT}, {"iFrame", 1, KARST_TYPE_INT},
+                {"iDate", 4, KARST_TYPE_FLOAT},       {"iFrameRate", 1, KARST_TYPE_FLOAT}};
 
 static karst_expr parameter_leaf(karst_lower_state *s, const char *name, bool is_implicit)
 {

@@ -1,8 +1,9 @@
-/* image(NAME, p) and texture(NAME, p, n, size): samples of a file of the header's, as functions. */
+/* image(NAME, p), texture(NAME, p, n, size) and field(NAME, p): samples of a file of the header's, as functions. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/base/beside.h"
+#include "core/files/volume.h"
 #include "producers/language/front/lower_internal.h"
 
 void karst_world_images_free(karst_world_image *list)
@@ -63,15 +64,48 @@ static void turn_rows(karst_samples *samples)
         }
 }
 
+static bool read_samples(karst_world_image *image, const char *path, karst_error *why)
+{
+    karst_samples samples = {0};
+    bool done = karst_samples_read(path, &image->data->form, &samples, why);
+    image->width = samples.width;
+    image->height = samples.height;
+    memcpy(image->kind, samples.kind_text, sizeof image->kind);
+    if (done)
+        turn_rows(&samples);
+    for (uint32_t c = 0; done && c < samples.num_channels; c++) {
+        done = karst_samples_image_build(&image->channel[c], samples.values + c, samples.width, samples.height,
+                                         samples.num_channels, image->data->wrap, why);
+        image->num_channels = c + 1;
+    }
+    karst_samples_finish(&samples);
+    return done;
+}
+
+static bool read_volume(karst_world_image *image, const char *path, karst_error *why)
+{
+    karst_volume volume = {0};
+    bool done = karst_volume_read(path, image->data->grid, &volume, why);
+    image->width = volume.size[0];
+    image->height = volume.size[1];
+    image->depth = volume.size[2];
+    image->voxel_m = volume.voxel_m;
+    memcpy(image->first_m, volume.first_m, sizeof image->first_m);
+    memcpy(image->kind, volume.kind_text, sizeof image->kind);
+    done = done && karst_samples_field_build(&image->channel[0], volume.values, volume.size, image->data->wrap, why);
+    image->num_channels = 1;
+    karst_volume_finish(&volume);
+    return done;
+}
+
 /* The file behind the data, read once. What it holds is in the list before anything can go wrong. */
-static const karst_world_image *find_image(karst_lower_state *s, const karst_header_data *data)
+static const karst_world_image *find_image(karst_lower_state *s, const karst_header_data *data, bool is_field)
 {
     for (karst_world_image *i = s->io->images; i; i = i->next)
-        if (i->data == data)
+        if (i->data == data && (i->depth > 0) == is_field)
             return i;
     char path[KARST_BESIDE_BYTES];
     karst_error why = {0};
-    karst_samples samples = {0};
     karst_world_image *image = calloc(1, sizeof *image);
     if (!image || !karst_path_beside(s->source->name, data->file, path, &why)) {
         free(image);
@@ -81,19 +115,7 @@ static const karst_world_image *find_image(karst_lower_state *s, const karst_hea
     image->data = data;
     image->next = s->io->images;
     s->io->images = image;
-    bool done = karst_samples_read(path, &data->form, &samples, &why);
-    image->width = samples.width;
-    image->height = samples.height;
-    memcpy(image->kind, samples.kind_text, sizeof image->kind);
-    if (done)
-        turn_rows(&samples);
-    for (uint32_t c = 0; done && c < samples.num_channels; c++) {
-        done = karst_samples_image_build(&image->channel[c], samples.values + c, samples.width, samples.height,
-                                         samples.num_channels, data->wrap, &why);
-        image->num_channels = c + 1;
-    }
-    karst_samples_finish(&samples);
-    if (!done)
+    if (!(is_field ? read_volume(image, path, &why) : read_samples(image, path, &why)))
         bad_file(s, data, &why);
     return image;
 }
@@ -126,13 +148,13 @@ static void look_up(karst_lower_state *s, const karst_world_image *image, const 
     }
 }
 
-static const karst_world_image *image_called(karst_lower_state *s, const char *name, uint32_t where)
+static const karst_world_image *image_called(karst_lower_state *s, const char *name, uint32_t where, bool is_field)
 {
     const karst_header_data *data = find_data(s, name, where);
     if (s->graph->num_noises >= 4 * KARST_MAX_OCTAVES)
         karst_source_error(s->source, where, NULL, "there are more than %u different noises and images",
                            4 * KARST_MAX_OCTAVES);
-    return find_image(s, data);
+    return find_image(s, data, is_field);
 }
 
 uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[2],
@@ -142,12 +164,39 @@ uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t wher
     if (!(data->size_m[0] > 0))
         karst_source_error(s->source, data->where, "write \"size\": [1000, 1000]: width and depth in metres",
                            "data '%s' has no size", data->name);
-    const karst_world_image *image = image_called(s, name, where);
+    const karst_world_image *image = image_called(s, name, where, false);
     karst_expr size[2];
     for (int i = 0; i < 2; i++)
         size[i] = karst_graph_number(s->graph, KARST_TYPE_FLOAT, karst_number_shortest(data->size_m[i]));
     look_up(s, image, size, place, value);
     return image->num_channels;
+}
+
+karst_expr karst_lower_field(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3])
+{
+    karst_graph *g = s->graph;
+    const karst_world_image *image = image_called(s, name, where, true);
+    karst_noise noise = {.base = KARST_NOISE_IMAGE,
+                         .shape = KARST_NOISE_SUM,
+                         .num_octaves = 1,
+                         .gain = karst_graph_float(g, 0.5),
+                         .lacunarity = karst_graph_float(g, 2),
+                         .image = &image->channel[0]};
+    karst_expr at[3];
+    const karst_number voxel_m = karst_number_shortest(image->voxel_m);
+    for (int i = 0; i < 3; i++) {
+        /* where sides were made powers of two, samples lie closer */
+        const uint32_t samples = i == 0 ? image->width : i == 1 ? image->height : image->depth;
+        const int fold = image->data->wrap == KARST_WRAP_MIRROR ? 2 : 1;
+        const double ratio = (double)image->channel[0].size[i] / ((double)fold * samples);
+        const karst_number per_metre = karst_number_divide(karst_number_double(ratio), voxel_m);
+        const double first = (0.5 - image->first_m[i] / image->voxel_m) * ratio - 0.5;
+        at[i] = karst_expr_2(
+            g, KARST_OP_ADD,
+            karst_expr_2(g, KARST_OP_MULTIPLY, place[i], karst_graph_number(g, KARST_TYPE_FLOAT, per_metre)),
+            karst_graph_number(g, KARST_TYPE_FLOAT, karst_number_double(first)));
+    }
+    return karst_graph_noise(g, noise, at[0], at[1], at[2]);
 }
 
 /* 0 where a is less than b by an eighth or more, 1 where it is greater by as much: exactly, so that whole packets leave
@@ -168,7 +217,7 @@ uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t wh
 {
     static const int axes[3][2] = {{2, 1}, {0, 2}, {0, 1}}; /* of the plane across each axis */
     karst_graph *g = s->graph;
-    const karst_world_image *image = image_called(s, name, where);
+    const karst_world_image *image = image_called(s, name, where, false);
     if (image->data->wrap == KARST_WRAP_CLAMP)
         karst_source_error(s->source, image->data->where, "write \"wrap\": \"repeat\", or \"mirror\" if it shows seams",
                            "a texture goes on beyond its edges, and data '%s' does not", image->data->name);

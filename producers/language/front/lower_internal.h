@@ -39,6 +39,7 @@ typedef struct {
     uint32_t result, returned, broken, continued;
     bool may_break, may_continue; /* in a loop or a switch; in a loop */
     size_t first_variable, first_in_block;
+    struct karst_loop *loop; /* whose body is being lowered, outside of a switch; NULL: none (lower_stmt.c) */
 } karst_frame;
 
 typedef struct {
@@ -209,6 +210,9 @@ uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t wher
  * it does not repeat. */
 uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3],
                              const karst_expr normal[3], karst_expr size, karst_expr value[3]);
+
+/* The value of the grid of that name's data at a place in the file's own coordinates, in metres. Errors: as above. */
+karst_expr karst_lower_field(karst_lower_state *s, const char *name, uint32_t where, const karst_expr place[3]);
 
 /* ---- lower_stmt.c ---- */
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first);

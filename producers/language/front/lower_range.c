@@ -1,4 +1,5 @@
-/* What a loop's bound may be at most, where it is a choice of numbers: int n = p.x > 0.0 ? 6 : 3. */
+/* What a loop's bound may be at most, where it is a choice of numbers (int n = p.x > 0.0 ? 6 : 3) or lies between two
+ * by its form (int n = 2 + int(mod(floor(p.x), 3.0))). */
 #include "producers/language/front/lower_internal.h"
 
 #include <math.h>
@@ -36,7 +37,30 @@ static range range_of(const karst_graph *graph, karst_expr e, uint32_t *visits)
             return (range){fmax(a.low, b.low), fmax(a.high, b.high)};
         return (range){fmin(a.low, b.low), fmax(a.high, b.high)};
     }
-    return anything;
+    const karst_number *by = node->arg[1] ? karst_graph_constant(graph, node->arg[1]) : NULL;
+    range a;
+    switch (node->op) {
+    case KARST_OP_FRACT:
+        return (range){0, 1};
+    case KARST_OP_MOD:
+        return by && by->value > 0 ? (range){0, by->value} : anything;
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_CONVERT: /* beyond ints all goes to their ends, which bound no loop */
+        a = range_of(graph, node->arg[0], visits);
+        return (range){floor(a.low), ceil(a.high)};
+    case KARST_OP_BIT_AND:
+        return by && node->type == KARST_TYPE_INT && by->value >= 0 ? (range){0, by->value} : anything;
+    case KARST_OP_ADD:
+    case KARST_OP_INT_ADD: { /* far from where ints wrap */
+        a = range_of(graph, node->arg[0], visits);
+        const range b = range_of(graph, node->arg[1], visits), sum = {a.low + b.low, a.high + b.high};
+        return sum.low > -0x1p30 && sum.high < 0x1p30 ? sum : anything;
+    }
+    default:
+        return anything;
+    }
 }
 
 static bool always_holds(const karst_graph *graph, karst_expr e, uint32_t *visits);

@@ -39,6 +39,48 @@ static void nobody_has_left(karst_lower_state *s)
         karst_slot_set(s, s->frame.continued, s->no);
 }
 
+/* The body of a loop, while it is lowered. What it counts behind a break or return goes on for all lanes too, as those
+ * that have left do not count any more; what they had is noted, innermost first. */
+typedef struct {
+    uint32_t slot;
+    karst_expr left, value;
+} left_behind;
+struct karst_loop {
+    uint32_t branches; /* that are open where the body's own statements stand */
+    uint32_t top;      /* slots below are older than the body */
+    left_behind *items;
+    size_t count, room;
+};
+
+/* Whether lanes that have left the present block have left the loop, and that block is the loop's own. */
+static bool ends_loop_alone(const karst_lower_state *s)
+{
+    const karst_frame *f = &s->frame;
+    return f->loop && s->open_branches == f->loop->branches && is_known(s, s->slots[f->continued], false);
+}
+
+/* Among the changes behind a break: what was known and is known goes on for all. */
+static void leave_behind(karst_lower_state *s, karst_expr left, size_t first)
+{
+    struct karst_loop *loop = s->frame.loop;
+    size_t rest = first;
+    for (size_t i = first; i < s->num_changes; i++) {
+        const karst_change c = s->changes[i];
+        const bool is_flag = c.slot == s->frame.returned || c.slot == s->frame.broken || c.slot == s->frame.continued;
+        const bool is_older = c.slot < loop->top || c.slot >= s->global_top;
+        if (is_flag || !is_older || !karst_graph_constant(s->graph, c.value) ||
+            !karst_graph_constant(s->graph, s->slots[c.slot])) {
+            s->changes[rest++] = c;
+            continue;
+        }
+        loop->items =
+            karst_arena_grow(s->arena, loop->items, loop->count, &loop->room, loop->count + 1, sizeof *loop->items);
+        loop->items[loop->count++] = (left_behind){.slot = c.slot, .left = left, .value = s->slots[c.slot]};
+        karst_slot_set(s, c.slot, c.value);
+    }
+    s->num_changes = rest;
+}
+
 void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *first)
 {
     for (const karst_ast_statement *st = first; st; st = st->next) {
@@ -49,10 +91,17 @@ void karst_lower_statements(karst_lower_state *s, const karst_ast_statement *fir
         if (is_known(s, left, false) || !st->next)
             continue;
         karst_lower_enter(s, st->next->where);
+        const bool is_end = ends_loop_alone(s);
         karst_branch rest = karst_branch_open(s);
         nobody_has_left(s);
+        if (is_end)
+            s->frame.loop->branches++;
         karst_lower_statements(s, st->next);
         karst_branch_close(s, rest);
+        if (is_end) {
+            s->frame.loop->branches--;
+            leave_behind(s, left, rest.changes);
+        }
         karst_branch_merge(s, not_of(s, left), rest.changes, s->num_changes);
         karst_lower_leave(s);
         return;
@@ -191,6 +240,18 @@ static void keep_known(karst_lower_state *s, kept *k, size_t first)
     s->num_changes = rest;
 }
 
+/* What lanes had that left a body before it counted. `live`: those that came into it. */
+static void restore_left(karst_lower_state *s, kept *k, const struct karst_loop *loop, karst_expr live)
+{
+    for (size_t i = 0; i < loop->count; i++) {
+        const left_behind *l = &loop->items[i];
+        size_t j = remember(s, k, l->slot);
+        k->items[j].value = karst_expr_3(s->graph, KARST_OP_SELECT,
+                                         karst_expr_2(s->graph, KARST_OP_AND, live, l->left), l->value,
+                                         k->items[j].value);
+    }
+}
+
 static karst_expr live_lanes(karst_lower_state *s)
 {
     return not_of(s, or_of(s, s->slots[s->frame.returned], s->slots[s->frame.broken]));
@@ -318,6 +379,8 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
         karst_lower_enter(s, st->where);
         karst_expr live = live_lanes(s);
         bool all_left = false; /* who were still in it */
+        struct karst_loop loop = {.branches = s->open_branches, .top = s->top};
+        s->frame.loop = &loop;
         if (i + 1 > s->io->max_iterations_seen)
             s->io->max_iterations_seen = i + 1;
         if (is_known(s, live, true)) {
@@ -325,6 +388,7 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
             karst_slot_set(s, s->frame.continued, s->no);
         } else {
             karst_branch branch = karst_branch_open(s);
+            loop.branches++;
             karst_slot_set(s, s->frame.returned, s->no);
             karst_slot_set(s, s->frame.broken, s->no);
             lower_block(s, st->body);
@@ -335,7 +399,9 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
             karst_branch_merge(s, live, branch.changes, s->num_changes);
         }
         karst_lower_leave(s);
+        s->frame.loop = NULL;
         refresh(s, &k, live);
+        restore_left(s, &k, &loop, live);
         if (all_left || is_known(s, live_lanes(s), false))
             break;
         loop_step(s, st, &k);
@@ -344,6 +410,7 @@ static void lower_for(karst_lower_state *s, const karst_ast_statement *st)
         karst_slot_set(s, k.items[j].slot, k.items[j].value);
     s->frame.broken = outer.broken;
     s->frame.continued = outer.continued;
+    s->frame.loop = outer.loop;
     s->frame.may_break = outer.may_break;
     s->frame.may_continue = outer.may_continue;
     s->frame.first_in_block = outer.first_in_block;
@@ -389,6 +456,7 @@ static void lower_switch(karst_lower_state *s, const karst_ast_statement *st)
     }
     s->frame.broken = karst_slot_index(s, karst_slots_push(s, 1, st->where));
     s->frame.may_break = true;
+    s->frame.loop = NULL; /* a break leaves the switch alone */
     s->slots[s->frame.broken] = s->no;
     karst_expr entered = s->no;
     k = 0;
@@ -411,6 +479,7 @@ static void lower_switch(karst_lower_state *s, const karst_ast_statement *st)
     }
     s->frame.broken = outer.broken;
     s->frame.may_break = outer.may_break;
+    s->frame.loop = outer.loop;
     s->num_variables = num_variables;
 }
 

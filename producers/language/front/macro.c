@@ -351,8 +351,12 @@ static const karst_token *directive(preprocessor *p, const karst_token *t)
         karst_nearest nearest = karst_nearest_begin(source->text + name->text, name->length);
         for (size_t i = 0; i < sizeof known / sizeof *known; i++)
             karst_nearest_offer(&nearest, known[i]);
-        karst_source_error(source, name->where, karst_nearest_hint(&nearest, source->arena),
-                           "there is no directive #%.*s", (int)name->length, source->text + name->text);
+        const char *hint = karst_nearest_hint(&nearest, source->arena);
+        if (hint)
+            karst_source_error(source, name->where, hint, "there is no directive #%.*s", (int)name->length,
+                               source->text + name->text);
+        karst_source_warn(source, name->where, NULL, "there is no directive #%.*s: its line is passed over",
+                          (int)name->length, source->text + name->text);
     }
     return end;
 }

@@ -143,7 +143,10 @@ static karst_ast_expr *parse_cast(karst_parser *p)
     *type = karst_parse_type(p);
     karst_parser_expect(p, ')', "behind the type");
     karst_ast_expr *e;
-    if (karst_parser_accept(p, '(')) {
+    /* (float)(int)x: a cast of a cast, not what the first is made of */
+    const bool is_cast_again = karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_TYPE &&
+                               karst_token_is(karst_parser_ahead(p, 2), ')');
+    if (!is_cast_again && karst_parser_accept(p, '(')) {
         e = with_arguments(p, KARST_AST_CONSTRUCT, where, ')');
     } else {
         karst_ast_expr *a = parse_unary(p);
@@ -185,7 +188,7 @@ static karst_ast_expr *parse_primary(karst_parser *p)
         p->at++;
         return e;
     }
-    if (keyword != KARST_KEYWORD_NONE)
+    if (keyword != KARST_KEYWORD_NONE && !karst_parser_is_spelling(p, t))
         karst_source_error(p->source, t->where, NULL, "expected a value, not '%s'", karst_name_text(p->names, t->what));
     p->at++;
     karst_ast_expr *e;

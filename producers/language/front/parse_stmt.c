@@ -41,6 +41,7 @@ karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, 
         v->is_const = is_const;
         v->is_prelude = p->is_prelude;
         karst_parse_array_size(p, &v->type);
+        karst_parser_skip_semantic(p);
         if (karst_parser_accept(p, '='))
             v->value = karst_parse_assignment(p);
         *link = v;
@@ -261,6 +262,7 @@ static karst_ast_statement *parse_switch(karst_parser *p)
 /* NULL: an empty statement. */
 static karst_ast_statement *parse_statement_inner(karst_parser *p)
 {
+    karst_parser_skip_attributes(p);
     const karst_token *t = karst_parser_peek(p);
     karst_ast_statement *s;
     if (karst_token_is(t, '{'))

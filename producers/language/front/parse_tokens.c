@@ -85,7 +85,10 @@ static const char *const type_names[] = {
     "void",   "float",  "int",   "uint",  "bool",  "vec2",  "vec3",  "vec4",  "ivec2",  "ivec3",  "ivec4",  "uvec2",
     "uvec3",  "uvec4",  "bvec2", "bvec3", "bvec4", "mat2",  "mat3",  "mat4",  "mat2x2", "mat3x3", "mat4x4", "float2",
     "float3", "float4", "int2",  "int3",  "int4",  "uint2", "uint3", "uint4", "double", "half",
-    "float2x2", "float3x3", "float4x4"};
+    "half2",  "half3",  "half4", "fixed", "fixed2", "fixed3", "fixed4", "min16float", "min16float2", "min16float3",
+    "min16float4", "dvec2", "dvec3", "dvec4", "bool2", "bool3", "bool4",
+    "mat2x3", "mat2x4", "mat3x2", "mat3x4", "mat4x2", "mat4x3", "float2x2", "float2x3", "float2x4", "float3x2",
+    "float3x3", "float3x4", "float4x2", "float4x3", "float4x4"};
 
 void karst_parser_init(karst_parser *parser, karst_source *source, karst_names *names)
 {
@@ -156,7 +159,7 @@ uint32_t karst_parser_name(karst_parser *p, const char *what)
     if (t->kind != KARST_TOKEN_NAME)
         karst_source_error(p->source, t->where, NULL, "expected %s, not %s", what, karst_parser_spell(p, t));
     karst_keyword keyword = karst_parser_keyword(p, t);
-    if (keyword != KARST_KEYWORD_NONE && keyword != KARST_KEYWORD_QUALIFIER)
+    if (keyword != KARST_KEYWORD_NONE && keyword != KARST_KEYWORD_QUALIFIER && !karst_parser_is_spelling(p, t))
         karst_source_error(p->source, t->where, "choose another name", "'%s' is a word of the language, not a name",
                            karst_name_text(p->names, t->what));
     p->at++;
@@ -178,10 +181,67 @@ karst_ast_struct *karst_parser_find_struct(const karst_parser *p, uint32_t name)
     return NULL;
 }
 
+static void skip_brackets(karst_parser *p)
+{
+    if (!karst_parser_accept(p, '('))
+        return;
+    while (!karst_token_is(karst_parser_peek(p), ')') && karst_parser_peek(p)->kind != KARST_TOKEN_END)
+        p->at++;
+    karst_parser_expect(p, ')', "to close the bracket");
+}
+
+void karst_parser_skip_attributes(karst_parser *p)
+{
+    while (karst_token_is(karst_parser_peek(p), '[') && karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME) {
+        p->at += 2;
+        skip_brackets(p);
+        karst_parser_expect(p, ']', "behind the attribute");
+    }
+}
+
+void karst_parser_skip_semantic(karst_parser *p)
+{
+    while (karst_token_is(karst_parser_peek(p), ':') && karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME) {
+        p->at += 2;
+        skip_brackets(p);
+    }
+}
+
+bool karst_parser_is_spelling(const karst_parser *p, const karst_token *token)
+{
+    static const char *const begins[] = {"float", "int", "uint", "bool", "half", "fixed", "min16float", NULL};
+    if (karst_parser_keyword(p, token) != KARST_KEYWORD_TYPE)
+        return false;
+    const char *name = karst_name_text(p->names, token->what);
+    for (int i = 0; begins[i]; i++) {
+        size_t length = strlen(begins[i]);
+        if (!strncmp(name, begins[i], length) && (name[length] || i >= 4))
+            return true;
+    }
+    return false;
+}
+
+/* Such a word is a type before a name, a bracket that holds what it is made of, or as a cast. */
+static bool spells_type(const karst_parser *p)
+{
+    const karst_token *next = karst_parser_ahead(p, 1), *second = karst_parser_ahead(p, 2);
+    bool is_cast = karst_token_is(next, ')') && (second->kind == KARST_TOKEN_NAME || karst_token_is(second, '(') ||
+                                                 second->kind == KARST_TOKEN_FLOAT || second->kind == KARST_TOKEN_INT);
+    size_t behind = 1; /* an array's size */
+    if (karst_token_is(next, '['))
+        for (behind = 2; !karst_token_is(karst_parser_ahead(p, behind - 1), ']'); behind++)
+            if (karst_parser_ahead(p, behind)->kind == KARST_TOKEN_END)
+                return false;
+    const karst_token *last = karst_parser_ahead(p, behind);
+    return last->kind == KARST_TOKEN_NAME || karst_token_is(last, '(') || is_cast;
+}
+
 bool karst_parser_at_type(const karst_parser *p)
 {
     const karst_token *t = karst_parser_peek(p);
     karst_keyword keyword = karst_parser_keyword(p, t);
+    if (karst_parser_is_spelling(p, t))
+        return spells_type(p);
     return keyword == KARST_KEYWORD_TYPE || keyword == KARST_KEYWORD_UNSUPPORTED_TYPE ||
            (keyword == KARST_KEYWORD_NONE && t->kind == KARST_TOKEN_NAME && karst_parser_find_struct(p, t->what));
 }

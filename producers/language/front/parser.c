@@ -1,6 +1,8 @@
 /* What stands at the outermost level: functions, globals, structs. */
 #include "producers/language/front/parser.h"
 
+#include <string.h>
+
 /* Passes over "{ ... }" without looking inside. */
 static void skip_braces(karst_parser *p)
 {
@@ -37,6 +39,7 @@ static karst_ast_variable *parse_parameter(karst_parser *p)
     if (!karst_token_is(karst_parser_peek(p), ',') && !karst_token_is(karst_parser_peek(p), ')')) {
         v->name = karst_parser_name(p, "the name of a parameter");
         karst_parse_array_size(p, &v->type);
+        karst_parser_skip_semantic(p);
     }
     return v;
 }
@@ -65,6 +68,7 @@ static void parse_function(karst_parser *p, karst_ast_type result, uint32_t name
         } while (karst_parser_accept(p, ','));
         karst_parser_expect(p, ')', "behind the parameters");
     }
+    karst_parser_skip_semantic(p);
     if (!karst_parser_accept(p, ';')) {
         f->body = p->at;
         if (!karst_token_is(karst_parser_peek(p), '{'))
@@ -110,9 +114,34 @@ static void skip_to_semicolon(karst_parser *p)
     karst_parser_accept(p, ';');
 }
 
+/* "uniform NAME { ... } name;", "buffer NAME { ... };", "cbuffer NAME : register(b0) { ... };": what a program hands
+ * over, which no density should need. True: there was one, and it is passed over. */
+static bool skip_block(karst_parser *p)
+{
+    const uint32_t from = p->at;
+    const karst_token *t = karst_parser_peek(p);
+    const char *word = t->kind == KARST_TOKEN_NAME ? karst_name_text(p->names, t->what) : "";
+    bool has_word = !strcmp(word, "buffer") || !strcmp(word, "cbuffer") || !strcmp(word, "tbuffer");
+    if (has_word && karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME)
+        p->at++;
+    if (karst_parser_peek(p)->kind == KARST_TOKEN_NAME &&
+        karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE) {
+        p->at++;
+        karst_parser_skip_semantic(p);
+        if (karst_token_is(karst_parser_peek(p), '{')) {
+            skip_braces(p);
+            skip_to_semicolon(p);
+            return true;
+        }
+    }
+    p->at = from;
+    return false;
+}
+
 static void parse_item(karst_parser *p)
 {
     bool is_const = false;
+    karst_parser_skip_attributes(p);
     if (karst_parser_accept(p, ';'))
         return;
     if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_PRECISION) {
@@ -132,6 +161,8 @@ static void parse_item(karst_parser *p)
         if (karst_parser_peek(p)->kind == KARST_TOKEN_END)
             return;
     }
+    if (skip_block(p))
+        return;
     karst_ast_type type;
     if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT) {
         karst_parse_struct(p);

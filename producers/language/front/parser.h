@@ -82,6 +82,12 @@ uint32_t karst_parser_name(karst_parser *p, const char *what);
 const char *karst_parser_spell(const karst_parser *p, const karst_token *token);
 void karst_parser_enter(karst_parser *p); /* one level deeper, bounded */
 static inline void karst_parser_leave(karst_parser *p) { p->depth--; }
+/* Passes over what HLSL says of a statement or a function, such as [unroll(4)], and of a name, such as ": SV_Target" or
+ * ": register(b0)". */
+void karst_parser_skip_attributes(karst_parser *p);
+void karst_parser_skip_semantic(karst_parser *p);
+/* A type's name that GLSL does not have (float2, half): where none can stand it is a name like any other. */
+bool karst_parser_is_spelling(const karst_parser *p, const karst_token *token);
 bool karst_parser_at_type(const karst_parser *p);
 karst_ast_struct *karst_parser_find_struct(const karst_parser *p, uint32_t name); /* NULL: there is none */
 void karst_parser_offer_types(const karst_parser *p, karst_nearest *nearest);

@@ -15,10 +15,10 @@
     {                                                                               \
         SCALAR(s, n), VECTOR(s, 2, v "2"), VECTOR(s, 3, v "3"), VECTOR(s, 4, v "4") \
     }
-#define MATRIX(k, n)                                                                                  \
-    {                                                                                                 \
-        .shape = KARST_SHAPE_MATRIX, .scalar = KARST_TYPE_FLOAT, .size = k, .num_scalars = (k) * (k), \
-        .element = &vectors[KARST_TYPE_FLOAT][(k)-1], .count = k, .name = n                           \
+#define MATRIX(columns, rows, n)                                                                                  \
+    {                                                                                                             \
+        .shape = KARST_SHAPE_MATRIX, .scalar = KARST_TYPE_FLOAT, .size = rows, .num_scalars = (columns) * (rows), \
+        .element = &vectors[KARST_TYPE_FLOAT][(rows)-1], .count = columns, .name = n                              \
     }
 
 const karst_type karst_type_void = {.shape = KARST_SHAPE_VOID, .name = "void"};
@@ -29,7 +29,11 @@ static const karst_type vectors[4][4] = {
     [KARST_TYPE_UINT] = VECTORS(KARST_TYPE_UINT, "uint", "uvec"),
     [KARST_TYPE_BOOL] = VECTORS(KARST_TYPE_BOOL, "bool", "bvec"),
 };
-static const karst_type matrices[3] = {MATRIX(2, "mat2"), MATRIX(3, "mat3"), MATRIX(4, "mat4")};
+static const karst_type matrices[3][3] = {
+    {MATRIX(2, 2, "mat2"), MATRIX(2, 3, "mat2x3"), MATRIX(2, 4, "mat2x4")},
+    {MATRIX(3, 2, "mat3x2"), MATRIX(3, 3, "mat3"), MATRIX(3, 4, "mat3x4")},
+    {MATRIX(4, 2, "mat4x2"), MATRIX(4, 3, "mat4x3"), MATRIX(4, 4, "mat4")},
+};
 
 static const struct {
     const char *name;
@@ -38,11 +42,32 @@ static const struct {
     {"float2", KARST_TYPE_FLOAT, 2}, {"float3", KARST_TYPE_FLOAT, 3}, {"float4", KARST_TYPE_FLOAT, 4},
     {"int2", KARST_TYPE_INT, 2},     {"int3", KARST_TYPE_INT, 3},     {"int4", KARST_TYPE_INT, 4},
     {"uint2", KARST_TYPE_UINT, 2},   {"uint3", KARST_TYPE_UINT, 3},   {"uint4", KARST_TYPE_UINT, 4},
-    {"double", KARST_TYPE_FLOAT, 1}, {"half", KARST_TYPE_FLOAT, 1},
+    {"double", KARST_TYPE_FLOAT, 1}, {"half", KARST_TYPE_FLOAT, 1},  {"half2", KARST_TYPE_FLOAT, 2},
+    {"fixed", KARST_TYPE_FLOAT, 1},  {"fixed2", KARST_TYPE_FLOAT, 2}, {"fixed3", KARST_TYPE_FLOAT, 3},
+    {"fixed4", KARST_TYPE_FLOAT, 4}, {"min16float", KARST_TYPE_FLOAT, 1}, {"min16float2", KARST_TYPE_FLOAT, 2},
+    {"min16float3", KARST_TYPE_FLOAT, 3}, {"min16float4", KARST_TYPE_FLOAT, 4},
+    {"half3", KARST_TYPE_FLOAT, 3},  {"half4", KARST_TYPE_FLOAT, 4}, {"dvec2", KARST_TYPE_FLOAT, 2},
+    {"dvec3", KARST_TYPE_FLOAT, 3},  {"dvec4", KARST_TYPE_FLOAT, 4}, {"bool2", KARST_TYPE_BOOL, 2},
+    {"bool3", KARST_TYPE_BOOL, 3},   {"bool4", KARST_TYPE_BOOL, 4},
 };
 
 const karst_type *karst_type_vector(karst_scalar_type scalar, unsigned size) { return &vectors[scalar][size - 1]; }
-const karst_type *karst_type_matrix(unsigned size) { return &matrices[size - 2]; }
+const karst_type *karst_type_matrix(unsigned columns, unsigned rows) { return &matrices[columns - 2][rows - 2]; }
+
+/* mat3, mat3x3, mat2x3 (two columns of three), and HLSL's float2x3 (two rows of three): its rows are columns here, and
+ * mul() knows that. */
+static const karst_type *matrix_named(const char *name)
+{
+    const bool is_hlsl = !strncmp(name, "float", 5);
+    if (!is_hlsl && strncmp(name, "mat", 3) != 0)
+        return NULL;
+    const char *size = name + (is_hlsl ? 5 : 3);
+    const bool is_square = !is_hlsl && *size && !size[1];
+    if (size[0] < '2' || size[0] > '4' ||
+        (!is_square && (size[1] != 'x' || size[2] < '2' || size[2] > '4' || size[3])))
+        return NULL;
+    return karst_type_matrix((unsigned)(size[0] - '0'), (unsigned)(size[is_square ? 0 : 2] - '0'));
+}
 
 const karst_type *karst_type_named(const char *name)
 {
@@ -52,18 +77,10 @@ const karst_type *karst_type_named(const char *name)
         for (int k = 0; k < 4; k++)
             if (!strcmp(name, vectors[s][k].name))
                 return &vectors[s][k];
-    for (int k = 0; k < 3; k++) {
-        size_t n = strlen(matrices[k].name);
-        if (!strncmp(name, matrices[k].name, n) &&
-            (!name[n] || (name[n] == 'x' && name[n + 1] == name[n - 1] && !name[n + 2])))
-            return &matrices[k]; /* mat3 and mat3x3 */
-        if (!strncmp(name, "float", 5) && name[5] == '2' + k && name[6] == 'x' && name[7] == '2' + k && !name[8])
-            return &matrices[k]; /* HLSL's float3x3: its rows are columns here, and mul() knows that */
-    }
     for (size_t i = 0; i < sizeof aliases / sizeof *aliases; i++)
         if (!strcmp(name, aliases[i].name))
             return karst_type_vector(aliases[i].scalar, aliases[i].size);
-    return NULL;
+    return matrix_named(name);
 }
 
 const char *karst_type_article(const karst_type *type) { return strchr("aeioAEIO", type->name[0]) ? "an " : "a "; }
@@ -103,5 +120,7 @@ int karst_type_conversion(const karst_type *from, const karst_type *to)
         return 0;
     bool widens = karst_type_is_plain(from) && karst_type_is_plain(to) && from->size == to->size &&
                   to->scalar == KARST_TYPE_FLOAT && (from->scalar == KARST_TYPE_INT || from->scalar == KARST_TYPE_UINT);
-    return widens ? 1 : -1;
+    bool is_same = karst_type_is_plain(from) && karst_type_is_plain(to) && from->size == to->size &&
+                   to->scalar == KARST_TYPE_UINT && from->scalar == KARST_TYPE_INT;
+    return widens ? 1 : is_same ? 2 : -1;
 }

@@ -25,7 +25,7 @@ typedef struct {
 struct karst_type {
     karst_shape shape;
     karst_scalar_type scalar;  /* of scalars, vectors and matrices */
-    uint8_t size;              /* vectors: 2 to 4 components; matrices: columns and rows (column major) */
+    uint8_t size;              /* vectors: 2 to 4 components; matrices: rows; `count`: columns (column major) */
     uint32_t num_scalars;      /* that a value is made of */
     const karst_type *element; /* of arrays, matrices (a column) and vectors */
     uint32_t count;            /* of elements */
@@ -38,8 +38,8 @@ struct karst_type {
 extern const karst_type karst_type_void;
 /* size 1: the scalar itself; 2 to 4: a vector. */
 const karst_type *karst_type_vector(karst_scalar_type scalar, unsigned size);
-const karst_type *karst_type_matrix(unsigned size);
-/* GLSL's and OpenCL C's names: "vec3", "float3", "ivec2", "uint", "mat4"; NULL if it is none. */
+const karst_type *karst_type_matrix(unsigned columns, unsigned rows);
+/* GLSL's and OpenCL C's names: "vec3", "float3", "ivec2", "uint", "mat4", "mat2x3"; NULL if it is none. */
 const karst_type *karst_type_named(const char *name);
 
 /* "a " or "an ", as its name wants. */
@@ -62,8 +62,8 @@ static inline bool karst_type_is_plain(const karst_type *type) /* scalar or vect
     return type->shape == KARST_SHAPE_SCALAR || type->shape == KARST_SHAPE_VECTOR;
 }
 
-/* What it costs to hand a value of type `from` to a place of type `to`: 0 nothing, 1 int to float (each component), -1
- * impossible. */
+/* What it costs to hand a value of type `from` to a place of type `to`: 0 nothing, 1 int to float (each component),
+ * 2 int to uint, -1 impossible. */
 int karst_type_conversion(const karst_type *from, const karst_type *to);
 
 #endif

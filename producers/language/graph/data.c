@@ -231,7 +231,7 @@ static void fill_image(const karst_samples_image *image, uint32_t distance_words
     octave->image = distance_words;
     octave->seed = IMAGE_FADED;
     if (octave->frequency == KARST_OCTAVE_FADED) {
-        for (int i = 0; i < 2; i++)
+        for (uint32_t i = 0; i < image->num_axes; i++)
             octave->lattice[i] = (karst_lattice){.cell = image->size[i] / 2};
         return;
     }

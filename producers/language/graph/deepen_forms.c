@@ -180,6 +180,8 @@ static bool passes_sign(const rewriter *r, const karst_expr_node *n, int k)
     }
 }
 
+#define HALF_TURN 3.14159
+
 static karst_expr rewrite(rewriter *r, karst_expr e)
 {
     const karst_expr_node n = *node(r, e);
@@ -211,6 +213,14 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
             x = k ? two(r, KARST_OP_MAX, x, arg[k]) : x;
         }
         return with_depth_of(r, e, e, x);
+    case KARST_OP_ATAN: /* and sines that come to no half turn: 0 where what they are of is, else positive */
+        if (never_negative(r, n.arg[0]) && r->ranges[n.arg[1]].lo > 0)
+            return with_depth_of(r, e, is_same ? e : two(r, n.op, arg[0], arg[1]), arg[0]);
+        return is_same ? e : two(r, n.op, arg[0], arg[1]);
+    case KARST_OP_SIN:
+        if (never_negative(r, n.arg[0]) && r->ranges[n.arg[0]].hi < HALF_TURN)
+            return with_depth_of(r, e, is_same ? e : karst_expr_1(r->graph, n.op, arg[0]), arg[0]);
+        return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
     case KARST_OP_MULTIPLY:
         return product(r, e, arg[0], arg[1]);
     case KARST_OP_MIN:

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "producers/language/image/image.h"
+
 static uint32_t mix(uint32_t h, uint32_t v)
 {
     h = (h ^ v) * 0x9e3779b1u;
@@ -177,6 +179,13 @@ karst_expr karst_graph_affine(karst_graph *graph, karst_affine affine)
     graph->affines[i] = affine;
     graph->affine_table[at] = i + 1;
     return karst_graph_raw(graph, KARST_OP_AFFINE, KARST_TYPE_FLOAT, i, 0, 0, 0, 0);
+}
+
+uint32_t karst_graph_image_axes(const karst_graph *graph, karst_expr e)
+{
+    const karst_expr_node *n = &graph->nodes[e];
+    const karst_samples_image *image = n->op == KARST_OP_NOISE ? graph->noises[n->extra].image : NULL;
+    return image ? image->num_axes : 0;
 }
 
 karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a, karst_expr b, karst_expr c)

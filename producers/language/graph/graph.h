@@ -121,6 +121,8 @@ karst_expr karst_graph_bool(karst_graph *graph, bool value);
 karst_expr karst_graph_leaf(karst_graph *graph, karst_op op, uint32_t extra); /* PARAMETER, POSITION, NORMAL; float */
 karst_expr karst_graph_affine(karst_graph *graph, karst_affine affine);
 karst_expr karst_graph_footprint(karst_graph *graph, int voxel_log2_m);
+/* How many axes the image of a NOISE has, 2 or of a field 3; 0: none, or another op. */
+uint32_t karst_graph_image_axes(const karst_graph *graph, karst_expr e);
 karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a, karst_expr b, karst_expr c);
 
 /* ---- canonical construction (canonical.c): what everybody else calls ---- */

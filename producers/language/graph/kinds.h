@@ -11,6 +11,7 @@
 /* What the kinds depend on besides the graph. */
 typedef struct {
     int voxel_log2_m;
+    int exact_above_log2; /* a hundredth of which voxel numbers must tell: one 2^this times as wide as the finest */
     double extent_m;                             /* how far out the world means something; 0: not said */
     const double *parameter_min, *parameter_max; /* ranges of the parameters: kinds hold for all their values */
     size_t num_sharp_roots;                      /* those that come first and are not softened; 0 means 1 */

@@ -59,7 +59,7 @@ static double noise_steepness(const analysis *a, const karst_expr_node *n)
         return (double)INFINITY;
     karst_expr row[3] = {n->arg[0], n->arg[1], n->arg[2]};
     if (noise->image)
-        return times(karst_samples_image_steepness(noise->image), jacobian_norm(a, row, 2));
+        return times(karst_samples_image_steepness(noise->image), jacobian_norm(a, row, (int)noise->image->num_axes));
     double gain = magnitude(a->ranges[noise->gain]), lacunarity = magnitude(a->ranges[noise->lacunarity]), factor = 1,
            sum = 0;
     for (int k = 0; k < noise->num_octaves; k++, factor *= gain * lacunarity)

@@ -191,7 +191,8 @@ static void examine_places(widener *w, const karst_expr_node *n)
 void karst_kinds_widen(karst_graph *resolved, const karst_kinds_settings *settings, const karst_range *ranges,
                        karst_expr density)
 {
-    widener w = {.graph = resolved, .ranges = ranges, .limit = ldexp(1.0, 15 + settings->voxel_log2_m)};
+    widener w = {.graph = resolved, .ranges = ranges};
+    w.limit = ldexp(1.0, 15 + settings->voxel_log2_m + settings->exact_above_log2);
     w.far = settings->extent_m > w.limit;
     w.wide = karst_arena_alloc(resolved->arena, resolved->num_nodes);
     w.gain = karst_arena_alloc(resolved->arena, resolved->num_nodes * sizeof *w.gain);

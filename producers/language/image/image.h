@@ -1,4 +1,4 @@
-/* Images: samples of a file made ready for kernels (ops/image_shared.h). */
+/* Images and fields: samples of a file made ready for kernels (ops/image_shared.h). */
 #ifndef KARST_LANGUAGE_IMAGE_H
 #define KARST_LANGUAGE_IMAGE_H
 
@@ -15,13 +15,16 @@ typedef enum { KARST_WRAP_CLAMP, KARST_WRAP_REPEAT, KARST_WRAP_MIRROR } karst_wr
 #define KARST_IMAGE_MOST_SIDE 32768u
 /* Coefficients of one image, once it is mirrored or made a power of two wide: its data are then 480 MiB. */
 #define KARST_IMAGE_MOST_SAMPLES ((size_t)1 << 26)
+#define KARST_FIELD_MOST_SIDE 4096u
+#define KARST_FIELD_MOST_SAMPLES ((size_t)1 << 25) /* data of 200 MiB */
 
 /* Immutable: any number of threads may read it. */
 typedef struct karst_samples_image {
     uint64_t *words; /* a karst_image_header and what it points to; malloc'ed */
     uint32_t num_words;
-    uint32_t size[2];     /* coefficients of level 0 along each axis */
-    uint32_t period[2];   /* samples after which it comes again; 0: it does not */
+    uint32_t num_axes;    /* 2, or of a field 3 */
+    uint32_t size[3];     /* coefficients of level 0 along each axis */
+    uint32_t period[3];   /* samples after which it comes again; 0: it does not */
     float low, high;      /* of all values of all levels */
     uint64_t digest;      /* of all words */
     uint32_t bound_bytes; /* of that for bounds */
@@ -34,6 +37,9 @@ typedef struct karst_samples_image {
  * karst_samples_image_finish. */
 bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
                                uint32_t stride, karst_wrap wrap, karst_error *error);
+/* The same of a field: size[0] samples in a row, size[1] rows in a plane, size[2] planes. */
+bool karst_samples_field_build(karst_samples_image *image, const float *samples, const uint32_t size[3],
+                               karst_wrap wrap, karst_error *error);
 void karst_samples_image_finish(karst_samples_image *image); /* a zeroed one is fine */
 
 /* At most how fast its value changes, per cell and in any direction. */

@@ -93,29 +93,36 @@ static size_t length_of(size_t count, karst_wrap wrap)
     return wrap == KARST_WRAP_CLAMP ? count : power;
 }
 
-/* Rows first, into the first level, then its columns. */
-static bool make_coefficients(const builder *b, const float *samples, uint32_t width, uint32_t height, uint32_t stride,
+/* Lines along the first axis first, into the first level, then along the others, in place. */
+static bool make_coefficients(const builder *b, const float *samples, const uint32_t size[3], uint32_t stride,
                               karst_wrap wrap)
 {
-    const size_t columns = (size_t)b->header->level[0].size[0], rows = (size_t)b->header->level[0].size[1];
-    const size_t longest = 2 * (columns > rows ? columns : rows) + 2 * (size_t)(width > height ? width : height);
+    const int *to_size = b->header->level[0].size;
+    size_t longest = 0;
+    for (int axis = 0; axis < 3; axis++)
+        longest = longest > 2 * (size_t)to_size[axis] + 2 * (size_t)size[axis]
+                      ? longest
+                      : 2 * (size_t)to_size[axis] + 2 * (size_t)size[axis];
     double *line = malloc(2 * longest * sizeof *line), *work = line ? line + longest : NULL;
     float *to = b->floats + b->header->level[0].values;
     if (!line)
         return false;
-    for (size_t y = 0; y < height; y++) {
-        for (size_t x = 0; x < width; x++)
-            line[x] = (double)samples[(y * width + x) * stride];
-        make_line(line, work, width, columns, wrap);
-        for (size_t x = 0; x < columns; x++)
-            to[y * columns + x] = (float)line[x];
-    }
-    for (size_t x = 0; x < columns; x++) {
-        for (size_t y = 0; y < height; y++)
-            line[y] = (double)to[y * columns + x];
-        make_line(line, work, height, rows, wrap);
-        for (size_t y = 0; y < rows; y++)
-            to[y * columns + x] = (float)line[y];
+    const size_t step[3] = {1, (size_t)to_size[0], (size_t)to_size[0] * (size_t)to_size[1]};
+    /* how far lines are made along each axis */
+    size_t made[3] = {size[0], size[1], size[2]};
+    for (uint32_t axis = 0; axis < b->header->num_axes; axis++) {
+        const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;
+        for (size_t j = 0; j < made[v]; j++)
+            for (size_t i = 0; i < made[u]; i++) {
+                float *first = to + i * step[u] + j * step[v];
+                for (size_t k = 0; k < size[axis]; k++)
+                    line[k] = axis == 0 ? (double)samples[((j * size[1] + i) * size[0] + k) * stride]
+                                        : (double)first[k * step[axis]];
+                make_line(line, work, size[axis], (size_t)to_size[axis], wrap);
+                for (size_t k = 0; k < (size_t)to_size[axis]; k++)
+                    first[k * step[axis]] = (float)line[k];
+            }
+        made[axis] = (size_t)to_size[axis];
     }
     free(line);
     return true;
@@ -123,40 +130,48 @@ static bool make_coefficients(const builder *b, const float *samples, uint32_t w
 
 /* ---- levels ---- */
 
-/* Coefficient (x, y) of a level, beyond its edges, too. */
-static double coefficient(const builder *b, uint32_t level, long x, long y)
+/* Coefficient (x, y, z) of a level, beyond its edges, too. */
+static double coefficient(const builder *b, uint32_t level, long x, long y, long z)
 {
     const karst_image_level *l = &b->header->level[level];
     const bool repeats = b->header->repeats;
-    return (double)b->floats[l->values + inside(y, (size_t)l->size[1], repeats) * (size_t)l->size[0] +
+    return (double)b->floats[l->values +
+                             (inside(z, (size_t)l->size[2], repeats) * (size_t)l->size[1] +
+                              inside(y, (size_t)l->size[1], repeats)) *
+                                 (size_t)l->size[0] +
                              inside(x, (size_t)l->size[0], repeats)];
 }
+
+static bool is_flat(const builder *b) { return b->header->num_axes < 3; }
 
 static void make_level(const builder *b, uint32_t level)
 {
     const karst_image_level *l = &b->header->level[level];
-    static const double weight[3] = {0.25, 0.5, 0.25};
-    for (long y = 0; y < l->size[1]; y++)
-        for (long x = 0; x < l->size[0]; x++) {
-            double sum = 0;
-            for (int j = 0; j < 3; j++)
-                for (int i = 0; i < 3; i++)
-                    sum += weight[i] * weight[j] * coefficient(b, level - 1, 2 * x + i - 1, 2 * y + j - 1);
-            b->floats[l->values + (size_t)(y * l->size[0] + x)] = (float)sum;
-        }
+    static const double weight[3] = {0.25, 0.5, 0.25}, middle[3] = {0, 1, 0};
+    const double *across = is_flat(b) ? middle : weight;
+    for (long z = 0; z < l->size[2]; z++)
+        for (long y = 0; y < l->size[1]; y++)
+            for (long x = 0; x < l->size[0]; x++) {
+                double sum = 0;
+                for (int k = 0; k < 3; k++)
+                    for (int j = 0; j < 3 && across[k] > 0; j++)
+                        for (int i = 0; i < 3; i++)
+                            sum += weight[i] * weight[j] * across[k] *
+                                   coefficient(b, level - 1, 2 * x + i - 1, 2 * y + j - 1, 2 * z + k - 1);
+                b->floats[l->values + (size_t)((z * l->size[1] + y) * l->size[0] + x)] = (float)sum;
+            }
 }
 
 /* ---- tiles ---- */
 
-static float *tile_of(const builder *b, uint32_t level, long x, long y)
+static float *tile_of(const builder *b, uint32_t level, const long at[3])
 {
     const karst_image_level *l = &b->header->level[level];
     const bool repeats = b->header->repeats;
-    const long margin = repeats ? 0 : 1;
-    return b->floats + l->bounds +
-           (inside(y + margin, (size_t)l->tiles[1], repeats) * (size_t)l->tiles[0] +
-            inside(x + margin, (size_t)l->tiles[0], repeats)) *
-               IMAGE_TILE_FLOATS;
+    size_t place = 0;
+    for (int axis = (int)b->header->num_axes - 1; axis >= 0; axis--)
+        place = place * (size_t)l->tiles[axis] + inside(at[axis] + !repeats, (size_t)l->tiles[axis], repeats);
+    return b->floats + l->bounds + place * IMAGE_TILE_FLOATS(b->header->num_axes);
 }
 
 static float below(double value)
@@ -170,90 +185,147 @@ static float above(double value)
     return (double)f < value ? nextafterf(f, INFINITY) : f;
 }
 
-static void widen(float *low, float *high, double value)
+/* Coefficients around a tile: so many along an axis that has any. */
+enum { OWN = 7, COARSE = 7, FINE = 11 };
+
+static int along(const builder *b, int axis, int num) { return axis == 2 && is_flat(b) ? 1 : num; }
+
+/* A block of coefficients of a level, from (x, y, z) on, `num` along each axis. */
+static void take_block(const builder *b, uint32_t level, const long first[3], int num, double *to)
 {
-    *low = fminf(*low, below(value));
-    *high = fmaxf(*high, above(value));
+    for (int k = 0; k < along(b, 2, num); k++)
+        for (int j = 0; j < num; j++)
+            for (int i = 0; i < num; i++)
+                *to++ = coefficient(b, level, first[0] + i, first[1] + j, is_flat(b) ? 0 : first[2] + k);
 }
 
-/* Coefficient (x, y) of a level's spline as one of the level before, whose cells are half as wide. */
-static double refined(const builder *b, uint32_t level, long x, long y)
+/* Coefficients of a level's spline as those of the level before, whose cells are half as wide, along one axis: from
+ * COARSE of them to FINE, the first of which is an odd one. */
+static void refine_axis(const double *from, double *to, size_t step, size_t num_lines, size_t inner)
 {
-    static const double even[3] = {0.125, 0.75, 0.125}, odd[3] = {0.5, 0.5, 0};
-    const double *u = x & 1 ? odd : even, *v = y & 1 ? odd : even;
-    const long left = (x >> 1) - (x & 1 ? 0 : 1), top = (y >> 1) - (y & 1 ? 0 : 1);
-    double sum = 0;
-    for (int j = 0; j < 3; j++)
-        for (int i = 0; i < 3; i++)
-            if (u[i] * v[j] != 0)
-                sum += u[i] * v[j] * coefficient(b, level, left + i, top + j);
-    return sum;
+    for (size_t line = 0; line < num_lines; line++) {
+        const double *c = from + line / inner * inner * COARSE + line % inner;
+        double *f = to + line / inner * inner * FINE + line % inner;
+        for (size_t i = 0; i < FINE; i++) {
+            const double *left = c + i / 2 * step;
+            f[i * step] =
+                i & 1 ? 0.125 * left[0] + 0.75 * left[step] + 0.125 * left[2 * step] : 0.5 * left[0] + 0.5 * left[step];
+        }
+    }
 }
 
 /* How far a level's spline may lie from that of the level before, over the first one's tile: both are splines of the
  * finer coefficients, and so is their difference, which is no larger than its largest coefficient. */
-static double change_of(const builder *b, uint32_t level, long x, long y)
+static double change_of(const builder *b, uint32_t level, const long at[3])
 {
-    double most = 0;
-    for (long j = -1; j < 10; j++)
-        for (long i = -1; i < 10; i++)
-            most = fmax(
-                most, fabs(coefficient(b, level - 1, 8 * x + i, 8 * y + j) - refined(b, level, 8 * x + i, 8 * y + j)));
+    double first[FINE * FINE * FINE], second[FINE * FINE * FINE], most = 0;
+    const long coarse[3] = {4 * at[0] - 1, 4 * at[1] - 1, 4 * at[2] - 1},
+               fine[3] = {8 * at[0] - 1, 8 * at[1] - 1, 8 * at[2] - 1};
+    const size_t planes = (size_t)along(b, 2, COARSE), all = FINE * FINE * (size_t)along(b, 2, FINE);
+    take_block(b, level, coarse, COARSE, first);
+    refine_axis(first, second, 1, COARSE * planes, 1);
+    refine_axis(second, first, FINE, FINE * planes, FINE);
+    const double *refined = first, *own = second;
+    if (!is_flat(b)) {
+        refine_axis(first, second, FINE * FINE, FINE * FINE, FINE * FINE);
+        refined = second;
+        own = first;
+    }
+    take_block(b, level - 1, fine, FINE, refined == first ? second : first);
+    for (size_t i = 0; i < all; i++)
+        most = fmax(most, fabs(own[i] - refined[i]));
     return most;
 }
 
-static void add_tile(float *record, const float *part)
+static void add_tile(float *record, const float *part, uint32_t num_axes)
 {
-    for (int i = 0; i < IMAGE_TILE_DETAIL; i += 2) {
+    record[IMAGE_TILE_LOW] = fminf(record[IMAGE_TILE_LOW], part[IMAGE_TILE_LOW]);
+    record[IMAGE_TILE_HIGH] = fmaxf(record[IMAGE_TILE_HIGH], part[IMAGE_TILE_HIGH]);
+    record[IMAGE_TILE_DETAIL] = fmaxf(record[IMAGE_TILE_DETAIL], part[IMAGE_TILE_DETAIL]);
+    for (uint32_t i = IMAGE_TILE_SLOPE; i < IMAGE_TILE_SLOPE + 2 * num_axes; i += 2) {
         record[i] = fminf(record[i], part[i]);
         record[i + 1] = fmaxf(record[i + 1], part[i + 1]);
     }
-    record[IMAGE_TILE_DETAIL] = fmaxf(record[IMAGE_TILE_DETAIL], part[IMAGE_TILE_DETAIL]);
+}
+
+#define NO_TILE                                                                               \
+    {                                                                                         \
+        INFINITY, -INFINITY, 0, INFINITY, -INFINITY, INFINITY, -INFINITY, INFINITY, -INFINITY \
+    }
+
+/* The least and the largest difference of neighbours along an axis, for all cells of a tile. */
+static void find_slopes(const builder *b, const double *block, int axis, double range[2])
+{
+    const int num[3] = {OWN - (axis == 0), OWN - (axis == 1), along(b, 2, OWN) - (axis == 2)};
+    const int step = axis == 0 ? 1 : axis == 1 ? OWN : OWN * OWN;
+    range[0] = INFINITY;
+    range[1] = -INFINITY;
+    for (int k = 0; k < num[2]; k++)
+        for (int j = 0; j < num[1]; j++)
+            for (int i = 0; i < num[0]; i++) {
+                const double *c = block + (k * OWN + j) * OWN + i, slope = c[step] - c[0];
+                range[0] = slope < range[0] ? slope : range[0];
+                range[1] = slope > range[1] ? slope : range[1];
+            }
 }
 
 /* Of its own level by the coefficients around its cells; of those before by their tiles. */
-static void make_tile(const builder *b, uint32_t level, long x, long y)
+static void make_tile(const builder *b, uint32_t level, const long at[3])
 {
-    float record[IMAGE_TILE_FLOATS] = {INFINITY, -INFINITY, INFINITY, -INFINITY, INFINITY, -INFINITY};
+    const uint32_t num_axes = b->header->num_axes;
     const double per_cell = ldexp(1, -(int)level);
-    for (long j = -1; j < 6; j++)
-        for (long i = -1; i < 6; i++) {
-            double c = coefficient(b, level, 4 * x + i, 4 * y + j);
-            widen(&record[IMAGE_TILE_LOW], &record[IMAGE_TILE_HIGH], c);
-            if (i < 5)
-                widen(&record[IMAGE_TILE_SLOPE], &record[IMAGE_TILE_SLOPE + 1],
-                      (coefficient(b, level, 4 * x + i + 1, 4 * y + j) - c) * per_cell);
-            if (j < 5)
-                widen(&record[IMAGE_TILE_SLOPE + 2], &record[IMAGE_TILE_SLOPE + 3],
-                      (coefficient(b, level, 4 * x + i, 4 * y + j + 1) - c) * per_cell);
-        }
-    if (level > 0) {
-        for (int k = 0; k < 4; k++)
-            add_tile(record, tile_of(b, level - 1, 2 * x + (k & 1), 2 * y + (k >> 1)));
-        record[IMAGE_TILE_DETAIL] = above((double)record[IMAGE_TILE_DETAIL] + change_of(b, level, x, y));
+    const long first[3] = {4 * at[0] - 1, 4 * at[1] - 1, 4 * at[2] - 1};
+    float record[IMAGE_TILE_MOST_FLOATS] = NO_TILE;
+    double block[OWN * OWN * OWN], low = INFINITY, high = -INFINITY;
+    take_block(b, level, first, OWN, block);
+    for (int i = 0; i < OWN * OWN * along(b, 2, OWN); i++) {
+        low = block[i] < low ? block[i] : low;
+        high = block[i] > high ? block[i] : high;
     }
-    memcpy(tile_of(b, level, x, y), record, sizeof record);
+    record[IMAGE_TILE_LOW] = below(low);
+    record[IMAGE_TILE_HIGH] = above(high);
+    for (uint32_t axis = 0; axis < num_axes; axis++) {
+        double slope[2];
+        find_slopes(b, block, (int)axis, slope);
+        record[IMAGE_TILE_SLOPE + 2 * axis] = below(slope[0] * per_cell);
+        record[IMAGE_TILE_SLOPE + 2 * axis + 1] = above(slope[1] * per_cell);
+    }
+    if (level > 0) {
+        for (int k = 0; k < 1 << num_axes; k++)
+            add_tile(record,
+                     tile_of(b, level - 1,
+                             (const long[3]){2 * at[0] + (k & 1), 2 * at[1] + (k >> 1 & 1), 2 * at[2] + (k >> 2)}),
+                     num_axes);
+        record[IMAGE_TILE_DETAIL] = above((double)record[IMAGE_TILE_DETAIL] + change_of(b, level, at));
+    }
+    memcpy(tile_of(b, level, at), record, IMAGE_TILE_FLOATS(num_axes) * sizeof *record);
 }
 
 static void make_tiles(const builder *b, uint32_t level)
 {
     const karst_image_level *l = &b->header->level[level];
-    const long margin = b->header->repeats ? 0 : 1;
-    for (long y = -margin; y < l->tiles[1] - margin; y++)
-        for (long x = -margin; x < l->tiles[0] - margin; x++)
-            make_tile(b, level, x, y);
+    const long margin = b->header->repeats ? 0 : 1, across = is_flat(b) ? 0 : margin;
+    for (long z = -across; z < l->tiles[2] - across; z++)
+        for (long y = -margin; y < l->tiles[1] - margin; y++)
+            for (long x = -margin; x < l->tiles[0] - margin; x++)
+                make_tile(b, level, (const long[3]){x, y, z});
+}
+
+static size_t num_tiles(const karst_image_level *l)
+{
+    return (size_t)l->tiles[0] * (size_t)l->tiles[1] * (size_t)l->tiles[2];
 }
 
 /* All of it together. */
 static void sum_up(karst_image_header *header, const float *floats)
 {
-    float all[IMAGE_TILE_FLOATS] = {INFINITY, -INFINITY, INFINITY, -INFINITY, INFINITY, -INFINITY};
+    float all[IMAGE_TILE_MOST_FLOATS] = NO_TILE;
     const karst_image_level *last = &header->level[header->num_levels - 1];
-    for (long i = 0; i < (long)last->tiles[0] * last->tiles[1]; i++)
-        add_tile(all, floats + last->bounds + i * IMAGE_TILE_FLOATS);
+    for (size_t i = 0; i < num_tiles(last); i++)
+        add_tile(all, floats + last->bounds + i * IMAGE_TILE_FLOATS(header->num_axes), header->num_axes);
     header->low = all[IMAGE_TILE_LOW];
     header->high = all[IMAGE_TILE_HIGH];
-    memcpy(header->slope, all + IMAGE_TILE_SLOPE, sizeof header->slope);
+    memcpy(header->slope, all + IMAGE_TILE_SLOPE, 2 * header->num_axes * sizeof *header->slope);
 }
 
 /* ---- the whole ---- */
@@ -261,24 +333,28 @@ static void sum_up(karst_image_header *header, const float *floats)
 static int tiles_of(int size, bool repeats) { return repeats ? size <= 4 ? 1 : size / 4 : (size + 3) / 4 + 2; }
 
 /* Places everything; returns how many floats that is. */
-static size_t lay_out(karst_image_header *header, size_t columns, size_t rows, bool repeats)
+static size_t lay_out(karst_image_header *header, const size_t first_size[3], uint32_t num_axes, bool repeats)
 {
-    size_t at = sizeof *header / sizeof(float), size[2] = {columns, rows}, least = repeats ? 1 : 2;
+    size_t at = sizeof *header / sizeof(float), size[3] = {first_size[0], first_size[1], first_size[2]};
+    const size_t least = repeats ? 1 : 2;
     header->repeats = repeats;
+    header->num_axes = num_axes;
     for (uint32_t level = 0; level < IMAGE_MOST_LEVELS; level++) {
         karst_image_level *l = &header->level[level];
+        bool is_last = true;
         header->num_levels = level + 1;
-        for (int i = 0; i < 2; i++) {
+        for (uint32_t i = 0; i < 3; i++) {
             l->size[i] = (int)size[i];
-            l->tiles[i] = tiles_of(l->size[i], repeats);
+            l->tiles[i] = i < num_axes ? tiles_of(l->size[i], repeats) : 1;
+            is_last = is_last && (i >= num_axes || size[i] <= least);
         }
         l->values = (uint)at;
-        at += size[0] * size[1];
+        at += size[0] * size[1] * size[2];
         l->bounds = (uint)at;
-        at += (size_t)l->tiles[0] * (size_t)l->tiles[1] * IMAGE_TILE_FLOATS;
-        if (size[0] <= least && size[1] <= least)
+        at += num_tiles(l) * IMAGE_TILE_FLOATS(num_axes);
+        if (is_last)
             break;
-        for (int i = 0; i < 2; i++)
+        for (uint32_t i = 0; i < num_axes; i++)
             size[i] = size[i] <= least ? size[i] : repeats ? size[i] / 2 : size[i] / 2 + 1;
     }
     return at;
@@ -294,23 +370,21 @@ static uint64_t digest_of(const uint64_t *words, size_t count)
     return digest;
 }
 
-bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
-                               uint32_t stride, karst_wrap wrap, karst_error *error)
+static bool build(karst_samples_image *image, const float *samples, const uint32_t size[3], uint32_t num_axes,
+                  uint32_t stride, karst_wrap wrap, karst_error *error)
 {
-    const size_t columns = length_of(width, wrap), rows = length_of(height, wrap);
     karst_image_header header = {0};
-    *image = (karst_samples_image){0};
-    if (columns > KARST_IMAGE_MOST_SIDE || rows > KARST_IMAGE_MOST_SIDE || columns * rows > KARST_IMAGE_MOST_SAMPLES)
-        return karst_fail(error, KARST_BAD_DATA,
-                          "%zu x %zu samples are too many: at most %u along a side, and %zu in all", columns, rows,
-                          KARST_IMAGE_MOST_SIDE, KARST_IMAGE_MOST_SAMPLES);
-    const size_t num_floats = lay_out(&header, columns, rows, wrap != KARST_WRAP_CLAMP);
+    size_t lengths[3] = {1, 1, 1};
+    for (uint32_t i = 0; i < num_axes; i++)
+        lengths[i] = length_of(size[i], wrap);
+    const size_t num_floats = lay_out(&header, lengths, num_axes, wrap != KARST_WRAP_CLAMP);
+    image->num_axes = num_axes;
     image->num_words = (uint32_t)((num_floats + 1) / 2);
     image->words = calloc(image->num_words, sizeof *image->words);
     builder b = {.header = (karst_image_header *)image->words, .floats = (float *)image->words};
     if (image->words)
         memcpy(image->words, &header, sizeof header);
-    if (!image->words || !make_coefficients(&b, samples, width, height, stride, wrap)) {
+    if (!image->words || !make_coefficients(&b, samples, size, stride, wrap)) {
         karst_samples_image_finish(image);
         return karst_fail(error, KARST_FAILED, "out of memory");
     }
@@ -318,18 +392,42 @@ bool karst_samples_image_build(karst_samples_image *image, const float *samples,
         if (level > 0)
             make_level(&b, level);
         make_tiles(&b, level);
-        const karst_image_level *l = &header.level[level];
-        image->bound_bytes += (uint32_t)l->tiles[0] * (uint32_t)l->tiles[1] * IMAGE_TILE_FLOATS * 4u;
+        image->bound_bytes += (uint32_t)(num_tiles(&header.level[level]) * IMAGE_TILE_FLOATS(num_axes) * sizeof(float));
     }
     sum_up(b.header, b.floats);
     image->low = b.header->low;
     image->high = b.header->high;
-    for (int i = 0; i < 2; i++) {
+    for (uint32_t i = 0; i < num_axes; i++) {
         image->size[i] = (uint32_t)header.level[0].size[i];
         image->period[i] = wrap == KARST_WRAP_CLAMP ? 0 : image->size[i];
     }
     image->digest = digest_of(image->words, image->num_words);
     return true;
+}
+
+bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
+                               uint32_t stride, karst_wrap wrap, karst_error *error)
+{
+    const size_t columns = length_of(width, wrap), rows = length_of(height, wrap);
+    *image = (karst_samples_image){0};
+    if (columns > KARST_IMAGE_MOST_SIDE || rows > KARST_IMAGE_MOST_SIDE || columns * rows > KARST_IMAGE_MOST_SAMPLES)
+        return karst_fail(error, KARST_BAD_DATA,
+                          "%zu x %zu samples are too many: at most %u along a side, and %zu in all", columns, rows,
+                          KARST_IMAGE_MOST_SIDE, KARST_IMAGE_MOST_SAMPLES);
+    return build(image, samples, (const uint32_t[3]){width, height, 1}, 2, stride, wrap, error);
+}
+
+bool karst_samples_field_build(karst_samples_image *image, const float *samples, const uint32_t size[3],
+                               karst_wrap wrap, karst_error *error)
+{
+    const size_t x = length_of(size[0], wrap), y = length_of(size[1], wrap), z = length_of(size[2], wrap);
+    *image = (karst_samples_image){0};
+    if (x > KARST_FIELD_MOST_SIDE || y > KARST_FIELD_MOST_SIDE || z > KARST_FIELD_MOST_SIDE ||
+        x * y * z > KARST_FIELD_MOST_SAMPLES)
+        return karst_fail(error, KARST_BAD_DATA,
+                          "%zu x %zu x %zu samples are too many: at most %u along a side, and %zu in all", x, y, z,
+                          KARST_FIELD_MOST_SIDE, KARST_FIELD_MOST_SAMPLES);
+    return build(image, samples, size, 3, 1, wrap, error);
 }
 
 void karst_samples_image_finish(karst_samples_image *image)
@@ -341,6 +439,7 @@ void karst_samples_image_finish(karst_samples_image *image)
 double karst_samples_image_steepness(const karst_samples_image *image)
 {
     const float *slope = ((const karst_image_header *)image->words)->slope;
-    double u = (double)fmaxf(-slope[0], slope[1]), v = (double)fmaxf(-slope[2], slope[3]);
-    return hypot(u, v) * (1 + 0x1p-20);
+    double u = (double)fmaxf(-slope[0], slope[1]), v = (double)fmaxf(-slope[2], slope[3]),
+           w = image->num_axes > 2 ? (double)fmaxf(-slope[4], slope[5]) : 0;
+    return hypot(hypot(u, v), w) * (1 + 0x1p-20);
 }

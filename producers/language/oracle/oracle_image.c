@@ -1,4 +1,4 @@
-/* Images in double, by the definition of B-splines: no code is shared with what devices run. */
+/* Images and fields in double, by the definition of B-splines: no code is shared with what devices run. */
 #include "producers/language/oracle/oracle_internal.h"
 
 #include <math.h>
@@ -32,25 +32,35 @@ static int level_of(const karst_octave *octave, const karst_image_header *image,
     return m;
 }
 
-double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[2], int level, int along)
+double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[3], int level, int along)
 {
     const karst_image_header *image = image_of(octave);
     if (along >= 0 && octave->frequency == KARST_OCTAVE_FADED)
         return 0;
-    const int m = level_of(octave, image, level);
+    const int m = level_of(octave, image, level), num_axes = (int)image->num_axes;
     const karst_image_level *l = &image->level[m];
     const float *values = (const float *)image + l->values;
-    double t[2], sum = 0;
-    int64_t cell[2];
-    for (int i = 0; i < 2; i++) {
+    double t[3], sum = 0;
+    int64_t cell[3];
+    for (int i = 0; i < num_axes; i++) {
         const int64_t whole = (int)at[i].cell;
         cell[i] = (int64_t)floor(ldexp((double)whole, -m));
         t[i] = ldexp((double)(whole - cell[i] * ((int64_t)1 << m)) + at[i].fraction, -m);
     }
-    for (int y = -1; y <= 2; y++)
-        for (int x = -1; x <= 2; x++)
-            sum += spline(t[0] - x, along == 0) * spline(t[1] - y, along == 1) *
-                   (double)values[(size_t)index_of(cell[1] + y, l->size[1], image->repeats) * (size_t)l->size[0] +
-                                  (size_t)index_of(cell[0] + x, l->size[0], image->repeats)];
+    for (int z = num_axes > 2 ? -1 : 2; z <= 2; z++)
+        for (int y = -1; y <= 2; y++)
+            for (int x = -1; x <= 2; x++) {
+                size_t plane = 0;
+                double weight = spline(t[0] - x, along == 0) * spline(t[1] - y, along == 1);
+                if (num_axes > 2) {
+                    plane = (size_t)index_of(cell[2] + z, l->size[2], image->repeats);
+                    weight *= spline(t[2] - z, along == 2);
+                }
+                const size_t row =
+                    plane * (size_t)l->size[1] + (size_t)index_of(cell[1] + y, l->size[1], image->repeats);
+                sum += weight *
+                       (double)
+                           values[row * (size_t)l->size[0] + (size_t)index_of(cell[0] + x, l->size[0], image->repeats)];
+            }
     return along < 0 ? sum : sum / ldexp(1, m);
 }

@@ -55,8 +55,8 @@ typedef struct {
 } karst_oracle_cell;
 /* One octave of a karst_noise_base, or (along 0 to 2) its derivative along that axis, per cell. */
 double karst_oracle_noise(uint8_t base, const karst_oracle_cell at[3], uint seed, int along);
-/* An image at that place, as a footprint of `level` shows it; or its derivative along axis 0 or 1, per cell. */
-double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[2], int level, int along);
+/* An image at that place, as a footprint of `level` shows it; or its derivative along axis 0 to 2, per cell. */
+double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[3], int level, int along);
 /* A fixed-point form as a double: error 2^-52 of its value. */
 double karst_oracle_affine(const karst_oracle *oracle, const karst_linear *form);
 

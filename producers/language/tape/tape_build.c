@@ -139,6 +139,7 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
         i.type = noise->shape;
         i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
         b->tape->has_images |= noise->image != NULL;
+        b->tape->has_fields |= karst_graph_image_axes(b->graph, e) > 2;
     }
     if (b->smooth[e].a)
         add_smooth(b, &b->smooth[e], &i);
@@ -230,7 +231,10 @@ void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes
              "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
              "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s%s",
              slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
-             tape->has_curves, tape->has_images ? " -DOCTAVE_HAS_IMAGES=1" : "",
+             tape->has_curves,
+             tape->has_fields   ? " -DOCTAVE_HAS_IMAGES=1 -DIMAGE_MOST_AXES=3"
+             : tape->has_images ? " -DOCTAVE_HAS_IMAGES=1"
+                                : "",
              tape->has_smooth ? " -DTAPE_HAS_SMOOTH=1" : "");
 }
 

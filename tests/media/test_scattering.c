@@ -1,0 +1,148 @@
+/* Scattering in pictures against paths of light in double (karst_reference_scatter): once, and as often as it is. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "karst/karst.h"
+#include "karst/reference.h"
+
+/* From the repository's root, as tests are run. */
+static const char world[] = "docs/accuracy/cloud.karst";
+
+static bool is_full(void) { return getenv("KARST_TEST_FULL") != NULL; }
+
+typedef struct {
+    int width_px, height_px;
+    double detail_px;
+    uint32_t samples;
+    karst_scattering scattering;
+    int lanes;
+    double depth, g;
+} setting;
+
+static void draw(const setting *s, float *light)
+{
+    const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}};
+    const karst_engine_config config = {.world = world,
+                                        .parameters = parameters,
+                                        .num_parameters = 2,
+                                        .pool_bytes = (uint64_t)128 << 20,
+                                        .display = KARST_DISPLAY_NONE,
+                                        .width_px = s->width_px,
+                                        .height_px = s->height_px,
+                                        .detail_px = s->detail_px,
+                                        .samples = s->samples,
+                                        .tone = KARST_TONE_OF_FILM,
+                                        .scattering = s->scattering,
+                                        .lanes = s->lanes};
+    karst_error error = {0};
+    bool settled = false;
+    karst_engine *engine = karst_engine_create(&config, &error);
+    if (!engine || !karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error) ||
+        !karst_engine_read_radiance(engine, light, (size_t)s->width_px * (size_t)s->height_px * 3, &error))
+        fail_msg("%s", error.message);
+    assert_true(settled);
+    karst_engine_destroy(engine);
+}
+
+/* What the pictures differ by, as shares of the truth's mean: their means, and rms without the truth's own noise. */
+static void compare(const setting *s, uint32_t paths_px, uint32_t max_bounces, double *bias, double *rms, double *noise)
+{
+    const size_t num = (size_t)s->width_px * (size_t)s->height_px * 3;
+    const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}};
+    const karst_reference_config config = {.world = world,
+                                           .parameters = parameters,
+                                           .num_parameters = 2,
+                                           .width_px = s->width_px,
+                                           .height_px = s->height_px};
+    const karst_reference_light light = {
+        .paths_px = paths_px, .max_bounces = max_bounces, .spread_px = s->samples > 1, .max_nodes = 16384};
+    float *seen = calloc(num, sizeof *seen);
+    double *truth = calloc(2 * num, sizeof *truth), *deviation = truth + num;
+    double mean = 0, off = 0, squares = 0, noises = 0;
+    karst_error error = {0};
+    assert_true(seen && truth);
+    if (!karst_reference_scatter(&config, &light, truth, deviation, NULL, NULL, NULL, &error))
+        fail_msg("%s", error.message);
+    draw(s, seen);
+    for (size_t i = 0; i < num; i++) {
+        const double d = (double)seen[i] - truth[i];
+        mean += truth[i] / (double)num;
+        off += d / (double)num;
+        squares += d * d / (double)num;
+        noises += deviation[i] * deviation[i] / (double)num;
+    }
+    *bias = off / mean;
+    *rms = sqrt(fmax(squares - noises, 0)) / mean;
+    *noise = sqrt(noises) / mean;
+    print_message("# depth %g, g %g, %dx%d: mean %.4f, bias %+.2f %%, rms %.2f %%, the truth's own noise %.2f %%\n",
+                  s->depth, s->g, s->width_px, s->height_px, mean, 100 * *bias, 100 * *rms, 100 * *noise);
+    free(seen);
+    free(truth);
+}
+
+static void light_scattered_once_is_right(void **state)
+{
+    (void)state;
+    const bool full = is_full();
+    setting s = {.width_px = full ? 64 : 24,
+                 .height_px = full ? 48 : 18,
+                 .detail_px = 0.25,
+                 .samples = 1,
+                 .scattering = KARST_SCATTERING_ONCE,
+                 .depth = 3,
+                 .g = 0.5};
+    double bias, rms, noise;
+    compare(&s, full ? 4000 : 200, 1, &bias, &rms, &noise);
+    assert_true(fabs(bias) < (full ? 0.01 : 0.03) && rms < (full ? 0.01 : 0.15));
+}
+
+static void light_scattered_often_is_right(void **state)
+{
+    (void)state;
+    const bool full = is_full();
+    setting s = {.width_px = full ? 64 : 32,
+                 .height_px = full ? 48 : 24,
+                 .detail_px = 0.25,
+                 .samples = full ? 1024 : 8,
+                 .scattering = KARST_SCATTERING_PATHS,
+                 .depth = 10};
+    double bias, rms, noise;
+    compare(&s, full ? 1000 : 80, 0, &bias, &rms, &noise);
+    assert_true(fabs(bias) < 0.05 && rms < (full ? 0.1 : 0.7));
+    static const double depths[] = {1, 100}, g[] = {0, 0.85};
+    for (int i = 0; full && i < 4; i++) {
+        s.depth = depths[i % 2];
+        s.g = g[i / 2];
+        compare(&s, 1000, 0, &bias, &rms, &noise);
+        assert_true(fabs(bias) < 0.05 && rms < 0.1);
+    }
+}
+
+/* Paths go the same way whoever follows them. */
+static void lanes_leave_no_trace(void **state)
+{
+    (void)state;
+    setting s = {.width_px = 12, .height_px = 9, .samples = 2, .scattering = KARST_SCATTERING_PATHS, .depth = 10,
+                 .g = 0.85};
+    float sixteen[12 * 9 * 3], one[12 * 9 * 3];
+    draw(&s, sixteen);
+    s.lanes = 1;
+    draw(&s, one);
+    assert_memory_equal(sixteen, one, sizeof one);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(light_scattered_once_is_right),
+                                       cmocka_unit_test(light_scattered_often_is_right),
+                                       cmocka_unit_test(lanes_leave_no_trace)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
