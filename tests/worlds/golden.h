@@ -26,7 +26,7 @@ static const golden_hashes golden[] = {
     {"lanterns", 0xa167af5b4c2c646b, 0xbd1053268c2198c6},
     {"lattice", 0x5c8441b3f84196a1, 0x0b265596470d8a41},
     {"lens", 0xf6bf7a12f492a769, 0x4a914f03d773aa5d},
-    {"nebula", 0x306027b08f0818c2, 0xf4dc5bf223836eb2},
+    {"nebula", 0x1cd222812bd8ae02, 0x5b776c437a87fb9e},
     {"planet", 0x4360d13b25763af3, 0x43d0d4389f3ccfc3},
     {"regions", 0xe6cfe07be05d0e48, 0x04e3cc5b563436bc},
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
