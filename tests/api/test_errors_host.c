@@ -67,6 +67,7 @@ static void test_names_and_numbers(void **state)
     karst_view view;
     karst_tone tone;
     karst_media_mode mode;
+    karst_scattering scattering;
     karst_integrator integrator;
     karst_display_kind kind;
     karst_mesh_format format;
@@ -82,6 +83,7 @@ static void test_names_and_numbers(void **state)
     PROVOKE(KARST_USAGE, karst_view_parse, ("x", &view, &error));
     PROVOKE(KARST_USAGE, karst_tone_parse, ("x", &tone, &error));
     PROVOKE(KARST_USAGE, karst_media_mode_parse, ("x", &mode, &error));
+    PROVOKE(KARST_USAGE, karst_scattering_parse, ("x", &scattering, &error));
     PROVOKE(KARST_USAGE, karst_integrator_parse, ("x", &integrator, &error));
     PROVOKE(KARST_USAGE, karst_display_kind_parse, ("x", &kind, &error));
     PROVOKE(KARST_USAGE, karst_mesh_format_of, ("a.x", &format, &error));
@@ -337,6 +339,15 @@ static void test_meshes_and_reference(void **state)
     PROVOKE(KARST_USAGE, karst_reference_picture, (&picture, 9, rgba, NULL, NULL, NULL, &error));
     PROVOKE(KARST_BAD_WORLD, karst_reference_picture, (&none, 1, rgba, NULL, NULL, NULL, &error));
     PROVOKE_MEMORY(karst_reference_picture, (&picture, 1, rgba, NULL, NULL, NULL, &error), provoke_keep);
+
+    const karst_reference_light light = {.paths_px = 1};
+    karst_reference_config cloudy = picture;
+    double rgb[12];
+    cloudy.world = write_text("cloud.karst", "float density(vec3 p) { return -1.0; }\n"
+                                             "medium air(vec3 p) { medium m; m.extinction = 4.0 - length(p); return m; }\n");
+    PROVOKE(KARST_USAGE, karst_reference_scatter, (&picture, &light, rgb, NULL, NULL, NULL, NULL, &error));
+    PROVOKE(KARST_BAD_WORLD, karst_reference_scatter, (&none, &light, rgb, NULL, NULL, NULL, NULL, &error));
+    PROVOKE_MEMORY(karst_reference_scatter, (&cloudy, &light, rgb, NULL, NULL, NULL, NULL, &error), provoke_keep);
 }
 
 static void test_points(void **state)
