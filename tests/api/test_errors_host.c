@@ -343,8 +343,9 @@ static void test_meshes_and_reference(void **state)
     const karst_reference_light light = {.paths_px = 1};
     karst_reference_config cloudy = picture;
     double rgb[12];
-    cloudy.world = write_text("cloud.karst", "float density(vec3 p) { return -1.0; }\n"
-                                             "medium air(vec3 p) { medium m; m.extinction = 4.0 - length(p); return m; }\n");
+    cloudy.world = write_text("cloud.karst",
+                              "float density(vec3 p) { return -1.0; }\n"
+                              "medium air(vec3 p) { medium m; m.extinction = 4.0 - length(p); return m; }\n");
     PROVOKE(KARST_USAGE, karst_reference_scatter, (&picture, &light, rgb, NULL, NULL, NULL, NULL, &error));
     PROVOKE(KARST_BAD_WORLD, karst_reference_scatter, (&none, &light, rgb, NULL, NULL, NULL, NULL, &error));
     PROVOKE_MEMORY(karst_reference_scatter, (&cloudy, &light, rgb, NULL, NULL, NULL, NULL, &error), provoke_keep);
