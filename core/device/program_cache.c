@@ -101,7 +101,7 @@ void karst_program_key_free(karst_program_key *key)
 
 /* ---- taking turns ---- */
 
-#define TURN_TRIES 1500
+#define TURN_TRIES 6000
 #define TURN_STEP_NS 20000000
 
 int karst_program_cache_take_turn(const karst_program_key *key)

@@ -28,10 +28,10 @@ void karst_program_key_init(karst_program_key *key, const karst_context *context
                             const char *options, const char *source);
 void karst_program_key_free(karst_program_key *key);
 
-/* Processes that start at once with a cold cache build a program one after the other: PoCL's compiler fails, or
- * crashes, where many build the same one for its store at the same time, and all but the first find it there. Waits
- * until no other process builds it, half a minute at most. Returns what to give back to karst_program_cache_end_turn;
- * -1, which is fine, too, where the cache is off or cannot be locked. */
+/* Processes that start at once with a cold cache build a program one after the other: PoCL fails, or crashes,
+ * where many build the same one for its store at the same time, and all but the first find it there. Waits until no
+ * other process builds it, two minutes at most. Returns what to give back to karst_program_cache_end_turn; -1, which
+ * is fine, too, where the cache is off or cannot be locked. */
 int karst_program_cache_take_turn(const karst_program_key *key);
 void karst_program_cache_end_turn(int turn);
 
