@@ -7,7 +7,7 @@ run="$PWD/tests/run.sh"
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 mkdir -p "$scratch/tests" && cd "$scratch" || exit 1
-unset ONLY TEST_TIMEOUT_S
+unset ONLY TEST_TIMEOUT_S STORE
 
 # program NAME TEXT
 program() { printf '#!/bin/sh\n%s\n' "$2" > "tests/$1" && chmod +x "tests/$1"; }
