@@ -56,7 +56,8 @@ static bool check_room(const karst_engine *engine, karst_error *error)
                                    ? num_pixels * sizeof(karst_ray)
                                    : hits,
                           shadows),
-           sum = hits + shadows + mirrored + 4 * num_pixels;
+           sum = hits + shadows + mirrored + 4 * num_pixels +
+                 (engine->radiance ? karst_radiance_bytes(engine->radiance, num_pixels) : 0);
     for (const karst_buffer *b = context->buffers; b; b = b->next)
         held += (double)b->size_bytes;
     double has_largest = (double)context->max_allocation_bytes, has = (double)context->global_memory_bytes - held;

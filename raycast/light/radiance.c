@@ -63,11 +63,20 @@ void karst_radiance_destroy(karst_radiance *radiance)
     free(radiance);
 }
 
+static size_t num_part_planes(const karst_radiance *radiance)
+{
+    return radiance->mirror ? KARST_RADIANCE_MIRROR_PLANE + 1 : (radiance->sun ? 2 : 1) * KARST_RADIANCE_PLANES;
+}
+
+double karst_radiance_bytes(const karst_radiance *radiance, double num_pixels)
+{
+    const size_t num_planes = KARST_RADIANCE_PLANES + num_part_planes(radiance) + (radiance->sun ? 1 : 0);
+    return (double)(num_planes * sizeof(float)) * num_pixels;
+}
+
 bool karst_radiance_set_room(karst_radiance *radiance, size_t num_pixels, karst_error *error)
 {
-    const size_t plane_bytes = num_pixels * sizeof(float);
-    const size_t part_planes =
-        radiance->mirror ? KARST_RADIANCE_MIRROR_PLANE + 1 : (radiance->sun ? 2 : 1) * KARST_RADIANCE_PLANES;
+    const size_t plane_bytes = num_pixels * sizeof(float), part_planes = num_part_planes(radiance);
     free_room(radiance);
     radiance->sums =
         karst_buffer_create_blank(radiance->context, "radiance", KARST_RADIANCE_PLANES * plane_bytes, error);

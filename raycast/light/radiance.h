@@ -21,6 +21,8 @@ karst_radiance *karst_radiance_create(karst_context *context, bool sun, bool mir
 void karst_radiance_destroy(karst_radiance *radiance); /* NULL is fine */
 /* Room for pictures of so many pixels; what was summed is lost. Errors: KARST_FAILED. */
 bool karst_radiance_set_room(karst_radiance *radiance, size_t num_pixels, karst_error *error);
+/* What that takes, whether it fits or not. */
+double karst_radiance_bytes(const karst_radiance *radiance, double num_pixels);
 /* What karst_shade_pixels of a shader for radiance writes as depth, and as pixels (borrowed). */
 karst_buffer *karst_radiance_parts(karst_radiance *radiance);
 karst_buffer *karst_radiance_marks(karst_radiance *radiance);
