@@ -17,6 +17,7 @@
 #include "raycast/light/skies.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/rays.clh"
+#include "reference/open.h"
 #include "reference/trace.h"
 
 #define MAX_THREADS 256
@@ -283,13 +284,7 @@ static bool set_light(picture *p, karst_error *error)
 static bool prepare(picture *p, karst_error *error)
 {
     const karst_reference_config *c = p->config;
-    karst_parameter_value *given = calloc(c->num_parameters + 1, sizeof *given);
-    if (!given)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t i = 0; i < c->num_parameters; i++)
-        given[i] = (karst_parameter_value){c->parameters[i].name, c->parameters[i].value};
-    p->file = karst_world_file_open(c->world, given, c->num_parameters, NULL, error);
-    free(given);
+    p->file = karst_reference_open(c, error);
     if (!p->file)
         return false;
     int voxel_log2_m = p->file->info.voxel_log2_m;

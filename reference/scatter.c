@@ -10,6 +10,7 @@
 #include "producers/density/world_internal.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/light/light.h"
+#include "reference/open.h"
 #include "reference/scatter_path.h"
 
 #define MAX_THREADS 256
@@ -132,13 +133,7 @@ static bool check(const karst_reference_config *c, const karst_reference_light *
 static bool open_world(picture *p, karst_error *error)
 {
     const karst_reference_config *c = p->config;
-    karst_parameter_value *given = calloc(c->num_parameters + 1, sizeof *given);
-    if (!given)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t i = 0; i < c->num_parameters; i++)
-        given[i] = (karst_parameter_value){c->parameters[i].name, c->parameters[i].value};
-    p->file = karst_world_file_open(c->world, given, c->num_parameters, NULL, error);
-    free(given);
+    p->file = karst_reference_open(c, error);
     if (!p->file)
         return false;
     if (!p->file->content[KARST_CONTENT_AIR])
