@@ -294,6 +294,9 @@ static void test_queries(void **state)
     PROVOKE_MEMORY(karst_query_heights, (world, &config, at, 1, 40, 1, down_m, &count, &inside, &error), provoke_keep);
     PROVOKE(KARST_USAGE, karst_query_height_map, (world, &wrong, &map, down_m, &error));
     PROVOKE_MEMORY(karst_query_height_map, (world, &config, &map, down_m, &error), provoke_keep);
+    karst_query_near near[1];
+    PROVOKE(KARST_USAGE, karst_query_nearest, (world, &config, at, 1, 0, near, &error));
+    PROVOKE_MEMORY(karst_query_nearest, (world, &config, at, 1, 40, near, &error), provoke_keep);
 }
 
 static bool take_vertices(void *user, const karst_mesh_vertex *vertices, size_t num, karst_error *error)
