@@ -67,7 +67,8 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/surface_points.sh \
+    cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)

@@ -332,6 +332,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_colours_destroy(engine->colours);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
+    karst_engine_destroy_streams(engine);
     karst_engine_destroy_stores(engine);
     karst_media_destroy(engine->media);
     karst_sunward_destroy(engine->sunward);

@@ -40,6 +40,8 @@
 #define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
 
+typedef struct karst_engine_streams karst_engine_streams; /* engine_rays.c */
+
 /* A density's own surface, with its gradient: what moves hits there. Zeros: hits stay as bricks have them. */
 typedef struct {
     karst_refiner *refiner;
@@ -227,6 +229,7 @@ struct karst_engine {
     karst_camera drawn;     /* the last frame's */
     karst_views *views;     /* NULL until one is asked for */
     karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
+    karst_engine_streams *streams; /* for karst_engine_cast_rays; NULL until it is called */
     karst_ladder ladder;
     karst_ladder_verdict verdict; /* of this frame, while the ladder is deciding */
     karst_pace pace;
@@ -594,6 +597,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
                          karst_error *error);
 bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               karst_buffer *hits, karst_error *error);
+/* engine_rays.c */
+void karst_engine_destroy_streams(karst_engine *engine);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 /* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */

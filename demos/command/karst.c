@@ -16,6 +16,7 @@ static const command commands[] = {
     {"edit", "edits of a saved world: add, undo, redo, log, check, backup", command_edit},
     {"heights", "a map of heights: the topmost surface under each pixel", command_heights},
     {"voxels", "fields of a box as grids of voxels: NanoVDB", command_voxels},
+    {"points", "points on the surface in a box: PLY", command_points},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},
     {"verify", "whether the pictures of a job are all there and right", command_verify},
     {"import", "a file of points (PLY, OBJ, LAS, XYZ) becomes a model for worlds", command_import},
