@@ -93,7 +93,7 @@ unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_
     const bool passes = karst_engine_wants_pass(config, world);
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
                         (world->has_own_mirror && config->mirror >= 0) || world->has_clear || passes;
-    const bool lights = world->num_lights > 0;
+    const bool lights = world->num_lights > 0 || karst_engine_wants_light_map(config, world);
     const bool occlusion = karst_engine_wants_occlusion(config, world);
     const bool radiance = mirror || lights || occlusion || world->has_air || config->samples > 1 ||
                           config->tone != KARST_TONE_OF_PLAIN || config->exposure;
@@ -157,6 +157,17 @@ static bool open_context(karst_engine *engine, const karst_engine_config *config
     return engine->context != NULL;
 }
 
+/* What follows from how light is found. */
+static void settle_integrator(karst_engine_config *config)
+{
+    /* Paths look for the sun by rays of their own. */
+    config->no_shadows |= config->integrator == KARST_INTEGRATOR_FULL;
+    if (config->irradiance) { /* there is nothing to meter */
+        config->exposure = KARST_EXPOSURE_GIVEN;
+        config->exposure_stops = 0;
+    }
+}
+
 /* Planes of shares that parts have. */
 static unsigned num_shares(unsigned shade)
 {
@@ -180,6 +191,7 @@ static bool create_streams(karst_engine *engine, const karst_engine_config *conf
            (!(shade & KARST_SHADE_OCCLUSION) || (engine->occlusion = karst_occlusion_create(context, error))) &&
            (!(shade & KARST_SHADE_PATHS) ||
             (engine->paths = karst_paths_create(context, shade & KARST_SHADE_THROUGH_CLEAR, error))) &&
+           (!config->irradiance || (engine->starts = karst_path_starts_create(context, error))) &&
            karst_engine_create_photons(engine, config, error);
 }
 
@@ -189,8 +201,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     const karst_engine_config *config = &own;
     if (!karst_engine_check_paths(given, error) || !karst_engine_check_caustics(given, error))
         return NULL;
-    /* Paths look for the sun by rays of their own. */
-    own.no_shadows |= given->integrator == KARST_INTEGRATOR_FULL;
+    settle_integrator(&own);
     karst_engine *engine = calloc(1, sizeof *engine);
     if (!engine) {
         karst_fail(error, KARST_FAILED, "out of memory");
@@ -226,7 +237,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_ladder_init(&engine->ladder);
     karst_pace_init(&engine->pace);
     karst_cost_init(&engine->cost);
-
     const karst_world_config world = {.world = config->world,
                                       .parameters = config->parameters,
                                       .num_parameters = config->num_parameters,
@@ -276,10 +286,11 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
                                           config->brick_bits, error);
     if (!engine->cache)
         goto failed;
+    const bool has_light_map = karst_engine_wants_light_map(config, engine->world);
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, config->edits != NULL,
                                          karst_engine_contents_of(engine->shown.file),
-                                         karst_engine_wants_caustics(config, engine->world)};
+                                         karst_engine_wants_caustics(config, engine->world), has_light_map};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
@@ -340,6 +351,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
     karst_paths_destroy(engine->paths);
+    karst_path_starts_destroy(engine->starts);
     karst_photons_destroy(engine->photons.photons);
     karst_clear_destroy(engine->clear);
     karst_pass_destroy(engine->pass);

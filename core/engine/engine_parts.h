@@ -27,6 +27,7 @@
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
+#include "raycast/light/light_map.h"
 #include "raycast/light/occlusion.h"
 #include "raycast/light/pass.h"
 #include "raycast/light/paths.h"
@@ -91,6 +92,8 @@ typedef struct {
     karst_layer *layers[KARST_MOST_LAYER_KINDS]; /* by kind (engine_layers.c); NULL: none, or not made yet */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
+    karst_light_map *light_map;     /* NULL: none, or not made use of */
+    karst_position light_map_anchor;
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -102,6 +105,7 @@ typedef struct {
     bool has_layers;    /* they are to take part in what it makes */
     unsigned contents;  /* those to be made beside the land: bit i stands for karst_content i */
     bool has_photons;   /* land that mirrors is to mirror as exactly as clear matter does */
+    bool has_light_map; /* pictures make use of the one that the world may name */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -176,6 +180,7 @@ struct karst_engine {
     karst_pass *pass;         /* NULL: land lets no light pass */
     karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_path_starts *starts; /* of pictures of what light falls; NULL: those of any other kind */
     karst_engine_photons photons;
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
@@ -519,6 +524,13 @@ bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *
 /* engine_paths.c. What a world's own lights, and photons, add to what a stream's rays hit. */
 bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
+/* engine_light_map.c. Whether pictures of the world are to have one; what its header names; and what that adds to what
+ * a stream's rays hit, as karst_engine_gather_photons. Errors: KARST_BAD_DATA, KARST_FAILED. */
+bool karst_engine_wants_light_map(const karst_engine_config *config, const karst_world_info *world);
+bool karst_engine_world_open_light_map(karst_engine_world *world, karst_context *context, karst_error *error);
+bool karst_engine_gather_light_map(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                   const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
 /* engine_photons.c. What of a configuration concerns caustics. Errors: KARST_USAGE. */
 bool karst_engine_check_caustics(const karst_engine_config *config, karst_error *error);

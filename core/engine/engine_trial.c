@@ -132,7 +132,8 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *open
 {
     trial t;
     const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false, engine->edits != NULL,
-                                        karst_engine_contents(engine), karst_engine_has_caustics(engine)};
+                                        karst_engine_contents(engine), karst_engine_has_caustics(engine),
+                                        false};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
     bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&

@@ -27,6 +27,7 @@
  *   command_voxels.c   karst voxels
  *   command_points.c   karst points
  *   command_export.c   what these four share: see command_export.h
+ *   command_bake.c     karst bake
  *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
@@ -501,6 +502,7 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_bake(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_points(int argc, char **argv, command_talk *talk, karst_error *error);

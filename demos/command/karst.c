@@ -15,6 +15,7 @@ static const command commands[] = {
     {"new", "a saved world: one file with a world, its edits, a camera", command_new},
     {"edit", "edits of a saved world: add, undo, redo, log, check, backup", command_edit},
     {"heights", "a map of heights: the topmost surface under each pixel", command_heights},
+    {"bake", "what light falls on land, as a light map for worlds", command_bake},
     {"voxels", "fields of a box as grids of voxels: NanoVDB", command_voxels},
     {"points", "points on the surface in a box: PLY", command_points},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},

@@ -131,11 +131,13 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
 static bool begin(karst_paths *paths, const karst_path_picture *picture, bool keeps_parts, karst_error *error)
 {
     const cl_uint keep = keeps_parts;
-    const karst_pinhole *pinhole = picture->pinhole;
-    const size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
-                 down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+    karst_pinhole pinhole = *picture->pinhole;
+    const size_t across = ((size_t)pinhole.width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+                 down = ((size_t)pinhole.height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)paths->context->lanes;
-    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(paths->rays),
+    if (picture->starts)
+        pinhole.sample = 0;
+    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(pinhole), KARST_BUFFER_ARG(paths->rays),
                            KARST_BUFFER_ARG(picture->parts), KARST_VALUE_ARG(keep),
                            KARST_BUFFER_ARG(paths->total[0])) &&
            karst_launch(paths->context, paths->begin, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
@@ -289,10 +291,10 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         return false;
     if (through)
         clear.task = karst_clear_paths_task(picture->clear, picture->view, picture->pinhole);
-    clear.task.num_lamps = paths->num_lamps;
     clear.task.again = picture->again;
     for (uint32_t bounce = 0; bounce <= max_bounces && left; bounce++) {
         karst_buffer *count = paths->total[bounce % 2], *next_count = paths->total[(bounce + 1) % 2];
+        const bool starts = picture->starts && bounce == 0; /* no light falls yet: the eye's rays only find surfaces */
         const karst_path_streams streams = {.rays = paths->rays,
                                             .count = count,
                                             .hits = bounce || through ? paths->hits : picture->hits,
@@ -303,13 +305,18 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         clear.count = count;
         clear.max_rays = left;
         task.bounce = clear.task.bounce = bounce;
-        task.is_last = clear.task.is_last = bounce == max_bounces;
+        clear.task.is_last = bounce == max_bounces;
+        clear.task.from_starts = starts;
+        task.is_last = starts || clear.task.is_last;
+        task.num_lamps = clear.task.num_lamps = starts ? 0 : paths->num_lamps;
         if (!cast(paths, picture, through, count, left, bounce == 0, error) ||
             !karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
+            (starts && !karst_path_starts_leave(picture->starts, picture->pinhole, picture->view->detail, streams.hits,
+                                                paths->next, picture->again ? NULL : picture->parts, error)) ||
             (through && !karst_clear_paths_go_on(paths->clear, through, paths->next, paths->to_lamps, error)) ||
-            (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
-            (!task.is_last && !pack(paths, picture, through, count, next_count, left, error)) ||
+            (task.num_lamps && !add_lamps(paths, picture, count, left, error)) ||
+            (bounce < max_bounces && !pack(paths, picture, through, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
             return false;

@@ -13,6 +13,7 @@
 #include "raycast/cast/cast.h"
 #include "raycast/light/clear_paths.h"
 #include "raycast/light/pass.h"
+#include "raycast/light/path_starts.h"
 #include "raycast/light/shade.h"
 
 typedef struct karst_paths karst_paths;
@@ -44,6 +45,9 @@ typedef struct {
     karst_pass_picture pass; /* land lets light pass; its pass NULL: nothing does */
     const karst_path_clear *clear; /* that paths go through (shader and paths are made for it); NULL: none */
     bool again;   /* for stamps and wishes alone: parts and counters stay as they are */
+    /* Paths start at what the hits are on, and what falls there is the light, but that of lamps: the pinhole's sample
+     * is that of the paths, and the hits are of the pixels' centres. NULL: they start at the eye. */
+    karst_path_starts *starts;
 } karst_path_picture;
 
 /* Follows one path for each pixel, sample max(1, pinhole->sample), beyond at most max_bounces surfaces, and overwrites
