@@ -78,7 +78,7 @@ static const char furnace[] =
     "\"forward\": { \"value\": 0.5, \"min\": -1, \"max\": 1 }, \"white\": { \"value\": 1, \"min\": 0, \"max\": 1 } },\n"
     "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 50 } }*/\n"
     "float density(vec3 p) { return max(length(p) - 20.0, scene > 0.5 && scene < 1.5 ? 0.8 - length(p) : -1.0); }\n"
-    "material surface(vec3 p, vec3 n) { material m; float far = length(p) > 10.0 ? 1.0 : 0.0;\n"
+    "material surface(vec3 p, vec3 n) { material m; float far = scene > 1.5 || length(p) > 10.0 ? 1.0 : 0.0;\n"
     "    m.colour = vec3(1.0 - far); m.emission = vec3(0.5 * far); return m; }\n"
     "float clear(vec3 p) { return scene > 1.5 && scene < 2.5 ? 0.8 - length(p) : -1.0; }\n"
     "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n"
