@@ -190,7 +190,8 @@ static bool create_streams(karst_engine *engine, const karst_engine_config *conf
            (!has_bounce || (engine->bounce = karst_bounce_create(context, engine->shadows, error))) &&
            (!(shade & KARST_SHADE_OCCLUSION) || (engine->occlusion = karst_occlusion_create(context, error))) &&
            (!(shade & KARST_SHADE_PATHS) ||
-            (engine->paths = karst_paths_create(context, shade & KARST_SHADE_THROUGH_CLEAR, error))) &&
+            (engine->paths = karst_paths_create(context, shade & KARST_SHADE_THROUGH_CLEAR,
+                                                karst_engine_has_path_media(engine), error))) &&
            (!config->irradiance || (engine->starts = karst_path_starts_create(context, error))) &&
            karst_engine_create_photons(engine, config, error);
 }
@@ -314,7 +315,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
-    karst_engine_say_what_paths_miss(engine);
     if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_layers(engine, error)) {
         karst_engine_destroy(engine);
         return NULL;

@@ -184,6 +184,7 @@ struct karst_engine {
     karst_engine_photons photons;
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
+    bool has_own_bounces; /* as configured */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -435,7 +436,7 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
 
-/* engine_media.c; all do nothing where the world has no air. How they are shown, once. */
+/* engine_media.c; all do nothing where the world has no air. How they are shown, once, and how far paths go in them. */
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config);
 /* Lays media before the sample that was shaded; before what a stream sees that was cast and is not shaded yet; and,
  * once all of these are, makes what light needs to come through what they looked at. */
@@ -448,6 +449,20 @@ bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view
 /* The picture's rays ask for what they lack of media. */
 bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
+/* What paths meet on their way, for a call of karst_paths_follow. `air` must stay where it is. */
+typedef struct {
+    karst_engine *engine;
+    karst_media_picture picture;
+    karst_path_media media;
+    bool is_there; /* else nothing else is set */
+} karst_engine_path_air;
+bool karst_engine_media_of_paths(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error);
+/* The same for rays to lamps from a picture's surfaces, and from what its rays mirror: only what dims them. */
+bool karst_engine_media_of_lamps(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error);
+/* Whether paths may meet media: there is a store of air, and light is full. */
+bool karst_engine_has_path_media(const karst_engine *engine);
 /* Once a picture is ended: whether its media lacked anything. */
 bool karst_engine_end_media(karst_engine *engine, karst_error *error);
 
@@ -504,8 +519,6 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
                              const karst_light *light, karst_error *error);
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, bool mirrored, karst_error *error);
-/* What full light leaves out of the world is warned of. */
-void karst_engine_say_what_paths_miss(const karst_engine *engine);
 /* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);

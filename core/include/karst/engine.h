@@ -151,8 +151,9 @@ typedef struct {
      * KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
-    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; 0: KARST_ENGINE_DEFAULT_BOUNCES, beyond which
-     * hardly any light is left. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
+    /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
+     * KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly any light is left, and KARST_ENGINE_MAX_BOUNCES where the world
+     * has a medium. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
      * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
