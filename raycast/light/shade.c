@@ -73,11 +73,12 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
     shader->paint = ways & KARST_SHADE_PAINT;
     shader->occlusion = ways & KARST_SHADE_OCCLUSION;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
              shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
              ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "", shader->occlusion ? " -DSHADE_OCCLUSION" : "",
              ways & KARST_SHADE_THROUGH_CLEAR ? " -DSHADE_THROUGH_CLEAR" : "",
+             ways & KARST_SHADE_SPLATS ? " -DSHADE_SPLATS" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
