@@ -6,7 +6,7 @@
 #include "raycast/shadow_shared.h"
 
 /* A hit becomes the disc's where that is nearer. */
-RAY_INLINE void cover_hit(splats_data data, K_GLOBAL const long *anchors, splat_ray *ray, K_GLOBAL karst_hit *hit)
+K_INLINE K_WIDE void cover_hit(splats_data data, K_GLOBAL const long *anchors, splat_ray *ray, K_GLOBAL karst_hit *hit)
 {
     splat_hit met;
     if (KARST_HIT_KIND(hit->kind) != KARST_HIT_MISS)
@@ -49,7 +49,7 @@ __kernel K_WIDE void splats_pinhole(K_GLOBAL const ulong *data, K_GLOBAL const l
 }
 
 /* Of a stream, as cast_rays has it; `wanted` KARST_CAST_WHETHER: marks, where a ray ends. */
-__kernel void splats_rays(K_GLOBAL const ulong *data, K_GLOBAL const long *anchors, K_GLOBAL const karst_ray *rays,
+__kernel K_WIDE void splats_rays(K_GLOBAL const ulong *data, K_GLOBAL const long *anchors, K_GLOBAL const karst_ray *rays,
                           uint num_rays, K_GLOBAL const uint *count, uint wanted, float detail,
                           K_GLOBAL karst_hit *hits)
 {
