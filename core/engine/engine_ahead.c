@@ -171,7 +171,7 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
                                       .has_seed = config->has_seed,
                                       .seed = config->seed};
     ahead a = {.config = config};
-    bool done = karst_engine_world_open(&a.world, &world, a.config->thin, error) &&
+    bool done = karst_engine_world_open(&a.world, &world, a.config->thin, a.config->models, error) &&
                 (a.context = karst_context_create(config->device, config->lanes, NULL, error));
     if (done)
         karst_context_set_helper(a.context, config->helper);

@@ -121,6 +121,8 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
         return karst_fail(error, KARST_USAGE, "land that mirrors %g of its light: it may be 0 to 1", config->mirror);
     if ((unsigned)config->occlusion >= KARST_NUM_OCCLUSIONS)
         return karst_fail(error, KARST_USAGE, "there is no mode of occlusion number %d", (int)config->occlusion);
+    if ((unsigned)config->models >= KARST_NUM_MODELS_AS)
+        return karst_fail(error, KARST_USAGE, "there is no way number %d to show models", (int)config->models);
     if (config->has_sun && !karst_engine_check_sun(&config->sun, error))
         return false;
     if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
@@ -246,7 +248,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
                                       .log = config->log};
     engine->view_distance_m = config->view_distance_m;
     engine->refine = config->refine;
-    if (!karst_engine_world_open(&engine->shown, &world, config->thin, error) ||
+    if (!karst_engine_world_open(&engine->shown, &world, config->thin, config->models, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !karst_engine_check_window(&config->window, engine->width_px, engine->height_px, error) ||
         !karst_engine_size_pools(config, karst_engine_num_contents(karst_engine_contents_of(engine->shown.file)),

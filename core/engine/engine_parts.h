@@ -94,6 +94,9 @@ typedef struct {
     karst_engine_bending bending;
     karst_light_map *light_map;     /* NULL: none, or not made use of */
     karst_position light_map_anchor;
+    karst_models_as models_as; /* as wanted */
+    karst_splats *splats;      /* NULL: no model is shown as discs */
+    karst_stats_splats splat_stats;
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -266,7 +269,7 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config);
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
-                             karst_error *error);
+                             karst_models_as as, karst_error *error);
 /* The same text with other values, compiled anew. */
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
                                   karst_error *error);
@@ -289,6 +292,12 @@ bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info
 /* engine_change.c. From now on the engine shows this world, which is built; it is the engine's. */
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world);
 
+/* engine_splats.c. Whether an open world's header shows models as discs; shows its models in another way from then on,
+ * before anything is built; and what casters meet of them, a part of karst_engine_world_build. Errors: KARST_BAD_DATA,
+ * KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_has_splats(const karst_engine_world *world);
+void karst_engine_world_show_models(karst_engine_world *world, karst_models_as as);
+bool karst_engine_world_build_splats(karst_engine_world *world, karst_context *context, karst_error *error);
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
 /* engine_layers.c. Makes the layers that an open world's header names, and the engine's edits, part of what the world's

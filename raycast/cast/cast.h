@@ -18,6 +18,7 @@
 #define KARST_BLEND_SHARE 0.0625f
 
 typedef struct karst_caster karst_caster;
+typedef struct karst_splats karst_splats; /* raycast/cast/splats.h */
 
 /* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors:
  * KARST_FAILED. */
@@ -90,6 +91,9 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
  * but for rays that touch a surface within the rounding of floats. They are of all bricks of the caster's pools, and
  * outlive the caster; NULL: none. */
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward);
+/* From now on all that is cast with hits, marks or pixels to write meets these discs, too (raycast/cast/splats.h).
+ * Borrowed; NULL: none. */
+void karst_caster_set_splats(karst_caster *caster, karst_splats *splats);
 /* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,

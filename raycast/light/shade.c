@@ -75,11 +75,12 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->paint = ways & KARST_SHADE_PAINT;
     shader->occlusion = ways & KARST_SHADE_OCCLUSION;
     shader->passes = ways & KARST_SHADE_PASS;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
              shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
              ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "", shader->occlusion ? " -DSHADE_OCCLUSION" : "",
              ways & KARST_SHADE_THROUGH_CLEAR ? " -DSHADE_THROUGH_CLEAR" : "", shader->passes ? " -DSHADE_PASS" : "",
+             ways & KARST_SHADE_SPLATS ? " -DSHADE_SPLATS" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;

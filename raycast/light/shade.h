@@ -40,6 +40,7 @@ typedef struct {
 #define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
 #define KARST_SHADE_PASS 256u /* land lets a share of the light pass, where its text says so: raycast/light/pass.h */
 #define KARST_SHADE_THROUGH_CLEAR 128u /* paths go through clear matter: raycast/light/clear_paths.h */
+#define KARST_SHADE_SPLATS 512u /* hits on discs have colours of their own; takes paint */
 #define KARST_SHADE_OCCLUSION 64u /* pixels are as open as karst_shader_set_occlusion says; takes radiance */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
