@@ -27,7 +27,9 @@
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
+#include "raycast/light/light_map.h"
 #include "raycast/light/occlusion.h"
+#include "raycast/light/pass.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/photons.h"
 #include "raycast/light/radiance.h"
@@ -38,6 +40,8 @@
 #define KARST_MOST_LAYER_KINDS 8
 #define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
+
+typedef struct karst_engine_streams karst_engine_streams; /* engine_rays.c */
 
 /* A density's own surface, with its gradient: what moves hits there. Zeros: hits stay as bricks have them. */
 typedef struct {
@@ -88,6 +92,8 @@ typedef struct {
     karst_layer *layers[KARST_MOST_LAYER_KINDS]; /* by kind (engine_layers.c); NULL: none, or not made yet */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
+    karst_light_map *light_map;     /* NULL: none, or not made use of */
+    karst_position light_map_anchor;
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -99,6 +105,7 @@ typedef struct {
     bool has_layers;    /* they are to take part in what it makes */
     unsigned contents;  /* those to be made beside the land: bit i stands for karst_content i */
     bool has_photons;   /* land that mirrors is to mirror as exactly as clear matter does */
+    bool has_light_map; /* pictures make use of the one that the world may name */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -169,9 +176,11 @@ struct karst_engine {
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
-    karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
+    karst_clear *clear;       /* NULL: there is no clear matter, and land lets no light pass, or paths are followed */
+    karst_pass *pass;         /* NULL: land lets no light pass */
     karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_path_starts *starts; /* of pictures of what light falls; NULL: those of any other kind */
     karst_engine_photons photons;
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
@@ -225,6 +234,7 @@ struct karst_engine {
     karst_camera drawn;     /* the last frame's */
     karst_views *views;     /* NULL until one is asked for */
     karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
+    karst_engine_streams *streams; /* for karst_engine_cast_rays; NULL until it is called */
     karst_ladder ladder;
     karst_ladder_verdict verdict; /* of this frame, while the ladder is deciding */
     karst_pace pace;
@@ -515,6 +525,13 @@ bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *
 bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
+/* engine_light_map.c. Whether pictures of the world are to have one; what its header names; and what that adds to what
+ * a stream's rays hit, as karst_engine_gather_photons. Errors: KARST_BAD_DATA, KARST_FAILED. */
+bool karst_engine_wants_light_map(const karst_engine_config *config, const karst_world_info *world);
+bool karst_engine_world_open_light_map(karst_engine_world *world, karst_context *context, karst_error *error);
+bool karst_engine_gather_light_map(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                   const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
 /* engine_photons.c. What of a configuration concerns caustics. Errors: KARST_USAGE. */
 bool karst_engine_check_caustics(const karst_engine_config *config, karst_error *error);
 /* Whether the world has what makes them, and the engine has photons. Where it has, light that is not looked for by
@@ -537,6 +554,19 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing);
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
+/* engine_pass.c. Whether land of the world lets light pass in such pictures: --mirror 0 leaves that out, too. */
+bool karst_engine_wants_pass(const karst_engine_config *config, const karst_world_info *world);
+/* What follows the picture's size, and what that takes; nothing where nothing passes. Errors: KARST_FAILED. */
+bool karst_engine_allocate_pass(karst_engine *engine, karst_error *error);
+double karst_engine_pass_bytes(const karst_engine *engine);
+/* *picture is what passes of a picture, all of it borrowed; NULL: nothing does. */
+const karst_pass_picture *karst_engine_pass_picture(const karst_engine *engine, const karst_cast_view *view,
+                                                    const karst_pinhole *pinhole, const karst_light *light,
+                                                    karst_pass_picture *picture);
+/* After shadows were cast: adds what of the sun comes through land that hides it. Waits. Errors: KARST_FAILED. */
+bool karst_engine_pass_sun(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                           const karst_light *light, karst_error *error);
+
 /* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
 bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
                                     const karst_engine_wishes *wishes, karst_error *error);
@@ -546,8 +576,11 @@ bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *v
                                   bool keeps, karst_error *error);
 bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                  const karst_light *light, karst_error *error);
+/* Rays are followed for a picture; once more for what they ask for; or only those of pixels whose rays lacked something
+ * when they were followed last. */
+typedef enum { KARST_FOLLOW_TO_DRAW, KARST_FOLLOW_AGAIN, KARST_FOLLOW_LACKING } karst_follow;
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              bool again, karst_error *error);
+                              karst_follow follow, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);
@@ -576,6 +609,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
                          karst_error *error);
 bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               karst_buffer *hits, karst_error *error);
+/* engine_rays.c */
+void karst_engine_destroy_streams(karst_engine *engine);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 /* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */

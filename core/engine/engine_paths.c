@@ -23,6 +23,8 @@ bool karst_engine_check_paths(const karst_engine_config *config, karst_error *er
     if (config->bounces > KARST_ENGINE_MAX_BOUNCES)
         return karst_fail(error, KARST_USAGE, "%u bounces: it may be 1 to %d", config->bounces,
                           KARST_ENGINE_MAX_BOUNCES);
+    if (config->irradiance && config->integrator != KARST_INTEGRATOR_FULL)
+        return karst_fail(error, KARST_USAGE, "irradiance is found by full light: set KARST_INTEGRATOR_FULL");
     return config->integrator != KARST_INTEGRATOR_FULL || !config->no_shadows ||
            karst_fail(error, KARST_USAGE, "full light without shadows is none: leave one of them out");
 }
@@ -33,18 +35,20 @@ karst_path_picture karst_engine_path_picture(const karst_engine *engine, const k
     const karst_world_info *world = engine->world;
     const bool hides = karst_engine_has_caustics(engine) && engine->clear &&
                        karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
-    return (karst_path_picture){.caster = engine->caster,
-                                .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
-                                .shader = engine->shader,
-                                .view = view,
-                                .pinhole = pinhole,
-                                .light = light,
-                                .hits = engine->hits,
-                                .parts = karst_radiance_parts(engine->radiance),
-                                .counters = engine->counters,
-                                .again = again,
-                                .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
-                                           (world->has_own_mirror && engine->mirror >= 0)};
+    karst_path_picture picture = {.caster = engine->caster,
+                                  .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
+                                  .shader = engine->shader,
+                                  .view = view,
+                                  .pinhole = pinhole,
+                                  .light = light,
+                                  .hits = engine->hits,
+                                  .parts = karst_radiance_parts(engine->radiance),
+                                  .counters = engine->counters,
+                                  .again = again,
+                                  .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
+                                             (world->has_own_mirror && engine->mirror >= 0)};
+    karst_engine_pass_picture(engine, view, pinhole, light, &picture.pass);
+    return picture;
 }
 
 /* What paths go through; NULL: there is none. `clear` holds it. */
@@ -68,6 +72,12 @@ static const karst_path_clear *clear_of(karst_engine *engine, karst_path_clear *
 static bool follow(karst_engine *engine, karst_path_picture *picture, karst_error *error)
 {
     karst_path_clear clear;
+    karst_pinhole of_paths = *picture->pinhole;
+    if (engine->starts) { /* rays to where they start have no sample */
+        of_paths.sample = engine->sample;
+        picture->pinhole = &of_paths;
+        picture->starts = engine->starts;
+    }
     picture->clear = clear_of(engine, &clear);
     /* With all samples a frame is for the pixels' centres, and adds no light. */
     if (engine->samples > 1 && engine->num_summed == engine->samples)
@@ -91,7 +101,8 @@ bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture 
                 !(rays ? karst_paths_add_lamps_of(engine->paths, picture, rays, count, hits, error)
                        : karst_paths_add_lamps(engine->paths, picture, error))))
         return false;
-    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error);
+    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error) &&
+           karst_engine_gather_light_map(engine, picture, rays, count, rays ? hits : picture->hits, error);
 }
 
 /* To the picture's surfaces, or those that they mirror. */

@@ -92,6 +92,8 @@ static size_t padded(size_t num_pixels)
     return (num < KARST_MOST_LAMPS ? KARST_MOST_LAMPS : num) * PADDING_RAYS;
 }
 
+uint32_t karst_paths_room(size_t num_pixels) { return (uint32_t)padded(num_pixels); }
+
 double karst_paths_bytes(size_t num_pixels, bool clear)
 {
     return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t) +
@@ -129,11 +131,13 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
 static bool begin(karst_paths *paths, const karst_path_picture *picture, bool keeps_parts, karst_error *error)
 {
     const cl_uint keep = keeps_parts;
-    const karst_pinhole *pinhole = picture->pinhole;
-    const size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
-                 down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+    karst_pinhole pinhole = *picture->pinhole;
+    const size_t across = ((size_t)pinhole.width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+                 down = ((size_t)pinhole.height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)paths->context->lanes;
-    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(paths->rays),
+    if (picture->starts)
+        pinhole.sample = 0;
+    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(pinhole), KARST_BUFFER_ARG(paths->rays),
                            KARST_BUFFER_ARG(picture->parts), KARST_VALUE_ARG(keep),
                            KARST_BUFFER_ARG(paths->total[0])) &&
            karst_launch(paths->context, paths->begin, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
@@ -159,15 +163,26 @@ static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, ka
                        karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
 }
 
+/* Marks those of the rays to lamps that bring no light; what passes land on the way is what is left of others'. */
+static bool cast_to_lamps(karst_paths *paths, const karst_path_picture *picture, karst_buffer *rays,
+                          const karst_buffer *count, uint32_t num, karst_error *error)
+{
+    karst_buffer *marks = picture->again ? NULL : paths->hits;
+    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
+    const bool cast = picture->pass.pass ? karst_pass_to_lamps(&picture->pass, rays, count, num, error) &&
+                                          (!marks || karst_buffer_fill(marks, 0, 0, num * sizeof(uint32_t), error))
+                                    : karst_cast_stream_marks(picture->caster, picture->view, rays, num, count, marks,
+                                                              error);
+    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    return cast;
+}
+
 /* The light of lamps that the generation's rays to them reach. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
                       karst_error *error)
 {
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
-    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = karst_cast_stream_marks(picture->caster, picture->view, paths->to_lamps, num, count,
-                                              picture->again ? NULL : paths->hits, error);
-    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = cast_to_lamps(paths, picture, paths->to_lamps, count, num, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -200,11 +215,9 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
         !launch_blocks(paths, paths->pack_lit, all, error))
         return false;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast =
-        (!picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error)) &&
-        karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
-                                picture->again ? NULL : paths->hits, error);
+    const bool is_seen = !picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = is_seen && cast_to_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add_lit, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -238,6 +251,8 @@ static bool pack(karst_paths *paths, const karst_path_picture *picture, const ka
 static bool cast(karst_paths *paths, const karst_path_picture *picture, const karst_clear_path_stream *through,
                  const karst_buffer *count, uint32_t num, bool is_first, karst_error *error)
 {
+    if (picture->pass.pass && !is_first && !karst_pass_leave(&picture->pass, paths->rays, count, num, error))
+        return false;
     if (through)
         return (!is_first || karst_clear_paths_begin(paths->clear, through, error)) &&
                karst_clear_paths_cast(paths->clear, through, is_first ? picture->hits : NULL, error);
@@ -255,6 +270,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     karst_path_task task = {.sample = picture->pinhole->sample ? picture->pinhole->sample : 1,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again};
     const bool has_clear = picture->clear && paths->clear;
     karst_clear_path_stream clear = {.clear = picture->clear,
@@ -275,10 +291,10 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         return false;
     if (through)
         clear.task = karst_clear_paths_task(picture->clear, picture->view, picture->pinhole);
-    clear.task.num_lamps = paths->num_lamps;
     clear.task.again = picture->again;
     for (uint32_t bounce = 0; bounce <= max_bounces && left; bounce++) {
         karst_buffer *count = paths->total[bounce % 2], *next_count = paths->total[(bounce + 1) % 2];
+        const bool starts = picture->starts && bounce == 0; /* no light falls yet: the eye's rays only find surfaces */
         const karst_path_streams streams = {.rays = paths->rays,
                                             .count = count,
                                             .hits = bounce || through ? paths->hits : picture->hits,
@@ -289,13 +305,18 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         clear.count = count;
         clear.max_rays = left;
         task.bounce = clear.task.bounce = bounce;
-        task.is_last = clear.task.is_last = bounce == max_bounces;
+        clear.task.is_last = bounce == max_bounces;
+        clear.task.from_starts = starts;
+        task.is_last = starts || clear.task.is_last;
+        task.num_lamps = clear.task.num_lamps = starts ? 0 : paths->num_lamps;
         if (!cast(paths, picture, through, count, left, bounce == 0, error) ||
             !karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
+            (starts && !karst_path_starts_leave(picture->starts, picture->pinhole, picture->view->detail, streams.hits,
+                                                paths->next, picture->again ? NULL : picture->parts, error)) ||
             (through && !karst_clear_paths_go_on(paths->clear, through, paths->next, paths->to_lamps, error)) ||
-            (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
-            (!task.is_last && !pack(paths, picture, through, count, next_count, left, error)) ||
+            (task.num_lamps && !add_lamps(paths, picture, count, left, error)) ||
+            (bounce < max_bounces && !pack(paths, picture, through, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
             return false;
@@ -324,6 +345,7 @@ static bool add_each_lamp(karst_paths *paths, const karst_path_picture *picture,
                             .sample = picture->pinhole->sample,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again,
                             .each_lamp = 1,
                             .strip_packets = strip_packets,
@@ -375,7 +397,11 @@ bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture
                                         .next = paths->next,
                                         .to_lamps = paths->to_lamps};
     /* As if it were followed no further; no light is added. */
-    const karst_path_task task = {.is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = 1};
+    const karst_path_task task = {.is_last = 1,
+                                  .sample = picture->pinhole->sample,
+                                  .num_lamps = 1,
+                                  .passes = picture->pass.pass != NULL,
+                                  .again = 1};
     *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
     return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                              picture->parts, picture->counters, error);

@@ -77,6 +77,7 @@ sed 's/\[{ "points": "ball.karstpoints"/[{ "at_": 3/' sub/air.karst > bad.karst
 refused 4 'a model has "points"' "render: a model without a file" render bad.karst -q --size 64x48 --display none -o x.png
 sed 's/"at": .0, 0, 0./"as": "splats"/' sub/air.karst > bad.karst
 refused 4 'not shown as "splats"' "render: splats" render bad.karst -q --size 64x48 --display none -o x.png
+refused 2 "models of points" "accuracy: what the reference does not know" accuracy sub/air.karst --size 32x24
 
 # ---- real data ----
 if [ -r "$data/stanford-bunny.obj" ]; then

@@ -162,6 +162,11 @@ typedef struct {
      * picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
      * KARST_INTEGRATOR_DIRECT, and with shadows. */
     uint32_t caustics;
+    /* Pictures are of the light that falls on land, not of what it looks like: radiance is how bright a white surface
+     * would be there, by light from all around, the sky's and what surfaces throw back and glow; without that of lamps
+     * and suns on the surface itself. Only with KARST_INTEGRATOR_FULL. All samples go through the pixels' centres.
+     * Where no land is seen, or clear matter before it, radiance is -1. `karst bake` makes light maps of this. */
+    bool irradiance;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
