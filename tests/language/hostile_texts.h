@@ -349,7 +349,7 @@ static const hostile_text hostile_texts[] = {
     {"a density without a return", PLAIN("float density(vec3 p) { }"), "'density' never returns a value"},
     {"a density of nothing", PLAIN("float density(vec3 p);"), "function 'density' is declared, but has no body"},
     {"a density with a default", PLAIN("float density(vec3 p = vec3(0)) { return 0.; }"),
-     "expected ')' behind the parameters, not '='"},
+     "has other parameters"},
     {"a density of pointers", PLAIN("float density(float *p) { return *p; }"), "there are no pointers"},
     {"a density of a sampler", PLAIN("uniform sampler2D t;\n" BODY("return texture(t, p.xy).x;")),
      "a world has no screen and no textures, so there is no"},

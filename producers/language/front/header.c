@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "karst/position.h"
+#include "producers/language/front/header_comment.h"
 
 /* As far as a camera may be (karst_engine_set_camera). */
 #define MAX_CAMERA_VOXEL ((int64_t)1 << 61)
@@ -589,8 +590,7 @@ static void read_root(reader *r)
     const char *name;
     json_t *v, *value;
     warn_unknown(r, r->root, "the header",
-                 "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights models particles occlusion light_map");
+                 KARST_HEADER_KEYS);
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -648,31 +648,6 @@ static void read_root(reader *r)
         read_particles(r, v);
 }
 
-/* The text of the object in the first comment; false: there is none. */
-static bool find_object(const karst_source *source, uint32_t *begin, uint32_t *end)
-{
-    const char *s = source->text;
-    uint32_t i = source->user_begin, n = source->length;
-    for (;;) { /* line comments may stand before it */
-        while (i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r')))
-            i++;
-        if (i + 1 >= n || s[i] != '/' || s[i + 1] != '/')
-            break;
-        while (i < n && s[i] != '\n')
-            i++;
-    }
-    if (i + 1 >= n || s[i] != '/' || s[i + 1] != '*')
-        return false;
-    for (i += 2; i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r') || s[i] == '*'); i++)
-        ;
-    if (i >= n || s[i] != '{')
-        return false;
-    *begin = i;
-    for (*end = i; *end + 1 < n && !(s[*end] == '*' && s[*end + 1] == '/'); ++*end)
-        ;
-    return *end + 1 < n; /* a comment that never ends is the lexer's to report */
-}
-
 void karst_header_read(karst_source *source, karst_world_header *header)
 {
     *header = (karst_world_header){.name = "",
@@ -683,18 +658,16 @@ void karst_header_read(karst_source *source, karst_world_header *header)
                                    .camera_fov_deg = 60,
                                    .sun_azimuth_deg = 135,
                                    .sun_elevation_deg = 40};
-    reader r = {.source = source, .header = header};
-    if (!find_object(source, &r.begin, &r.end))
+    const karst_header_object object = karst_header_find(source);
+    reader r = {.source = source, .header = header, .begin = object.begin, .end = object.end, .root = object.inputs};
+    const char *name;
+    json_t *value;
+    json_object_foreach(object.inputs, name, value) read_parameter(&r, name, value);
+    json_decref(object.inputs);
+    r.root = object.root;
+    if (!r.root)
         return;
     header->is_given = true;
-    json_error_t e;
-    r.root = json_loadb(source->text + r.begin, r.end - r.begin, JSON_REJECT_DUPLICATES, &e);
-    if (!r.root) {
-        uint32_t where =
-            r.begin + (e.position > 0 && (uint32_t)e.position <= r.end - r.begin ? (uint32_t)e.position - 1 : 0);
-        char *message = karst_format(source->arena, "the header is not JSON: %s", e.text);
-        karst_source_error(source, where, "quote all names, put commas between, none at the end", "%s", message);
-    }
     read_root(&r);
     json_decref(r.root);
 }
