@@ -238,6 +238,9 @@ docs-images: $(COMMAND) docs-view
 	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
 	    [ $$world = caustics ] && photons='--caustics 1000000' || photons=; \
 	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 $$photons || exit; done
+	$(Q)mkdir -p docs/images/gallery
+	$(Q)sed -n 's/^    karst render \(.*\) -o \([a-z]*\.png\)$$/\1 -o docs\/images\/gallery\/\2/p' docs/GALLERY.md | \
+	    while read -r options; do $(COMMAND) render $$options -q --size 400x225 || exit; done
 
 # The tables and plots of docs/ACCURACY.md: minutes for each world; on a quiet machine.
 ACCURACY_WORLDS := hills alps asteroid planet islands

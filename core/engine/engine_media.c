@@ -49,6 +49,7 @@ static bool prepare(karst_engine *engine, karst_error *error)
         .scattering = engine->alone.is_on ? KARST_SCATTERING_OCTAVES : engine->scattering,
         .has_atmosphere = engine->shown.skies != NULL && !engine->alone.is_on,
         .has_streams = !engine->alone.is_on && (engine->bounce || engine->clear),
+        .passes = engine->pass && engine->clear,
         .glows = karst_has_output(file->program->world.root, KARST_OUTPUT_EMISSION),
         .has_paths = karst_engine_has_path_media(engine) && !engine->alone.is_on,
         .has_lamps = !engine->alone.is_on && engine->world->num_lights > 0,

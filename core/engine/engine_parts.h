@@ -28,6 +28,7 @@
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
 #include "raycast/light/occlusion.h"
+#include "raycast/light/pass.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/photons.h"
 #include "raycast/light/radiance.h"
@@ -169,7 +170,8 @@ struct karst_engine {
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
-    karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
+    karst_clear *clear;       /* NULL: there is no clear matter, and land lets no light pass, or paths are followed */
+    karst_pass *pass;         /* NULL: land lets no light pass */
     karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
     karst_engine_photons photons;
@@ -550,6 +552,19 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing);
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
+/* engine_pass.c. Whether land of the world lets light pass in such pictures: --mirror 0 leaves that out, too. */
+bool karst_engine_wants_pass(const karst_engine_config *config, const karst_world_info *world);
+/* What follows the picture's size, and what that takes; nothing where nothing passes. Errors: KARST_FAILED. */
+bool karst_engine_allocate_pass(karst_engine *engine, karst_error *error);
+double karst_engine_pass_bytes(const karst_engine *engine);
+/* *picture is what passes of a picture, all of it borrowed; NULL: nothing does. */
+const karst_pass_picture *karst_engine_pass_picture(const karst_engine *engine, const karst_cast_view *view,
+                                                    const karst_pinhole *pinhole, const karst_light *light,
+                                                    karst_pass_picture *picture);
+/* After shadows were cast: adds what of the sun comes through land that hides it. Waits. Errors: KARST_FAILED. */
+bool karst_engine_pass_sun(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                           const karst_light *light, karst_error *error);
+
 /* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
 bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
                                     const karst_engine_wishes *wishes, karst_error *error);
@@ -559,8 +574,11 @@ bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *v
                                   bool keeps, karst_error *error);
 bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                  const karst_light *light, karst_error *error);
+/* Rays are followed for a picture; once more for what they ask for; or only those of pixels whose rays lacked something
+ * when they were followed last. */
+typedef enum { KARST_FOLLOW_TO_DRAW, KARST_FOLLOW_AGAIN, KARST_FOLLOW_LACKING } karst_follow;
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              bool again, karst_error *error);
+                              karst_follow follow, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);

@@ -33,18 +33,20 @@ karst_path_picture karst_engine_path_picture(const karst_engine *engine, const k
     const karst_world_info *world = engine->world;
     const bool hides = karst_engine_has_caustics(engine) && engine->clear &&
                        karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
-    return (karst_path_picture){.caster = engine->caster,
-                                .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
-                                .shader = engine->shader,
-                                .view = view,
-                                .pinhole = pinhole,
-                                .light = light,
-                                .hits = engine->hits,
-                                .parts = karst_radiance_parts(engine->radiance),
-                                .counters = engine->counters,
-                                .again = again,
-                                .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
-                                           (world->has_own_mirror && engine->mirror >= 0)};
+    karst_path_picture picture = {.caster = engine->caster,
+                                  .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
+                                  .shader = engine->shader,
+                                  .view = view,
+                                  .pinhole = pinhole,
+                                  .light = light,
+                                  .hits = engine->hits,
+                                  .parts = karst_radiance_parts(engine->radiance),
+                                  .counters = engine->counters,
+                                  .again = again,
+                                  .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
+                                             (world->has_own_mirror && engine->mirror >= 0)};
+    karst_engine_pass_picture(engine, view, pinhole, light, &picture.pass);
+    return picture;
 }
 
 /* What paths go through; NULL: there is none. `clear` holds it. */

@@ -95,6 +95,8 @@ static size_t padded(size_t num_pixels)
     return (num < KARST_MOST_LAMPS ? KARST_MOST_LAMPS : num) * PADDING_RAYS;
 }
 
+uint32_t karst_paths_room(size_t num_pixels) { return (uint32_t)padded(num_pixels); }
+
 double karst_paths_bytes(size_t num_pixels, bool clear, bool media)
 {
     return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t) +
@@ -167,15 +169,26 @@ static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, ka
                        karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
 }
 
+/* Marks those of the rays to lamps that bring no light; what passes land on the way is what is left of others'. */
+static bool cast_to_lamps(karst_paths *paths, const karst_path_picture *picture, karst_buffer *rays,
+                          const karst_buffer *count, uint32_t num, karst_error *error)
+{
+    karst_buffer *marks = picture->again ? NULL : paths->hits;
+    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
+    const bool cast = picture->pass.pass ? karst_pass_to_lamps(&picture->pass, rays, count, num, error) &&
+                                          (!marks || karst_buffer_fill(marks, 0, 0, num * sizeof(uint32_t), error))
+                                    : karst_cast_stream_marks(picture->caster, picture->view, rays, num, count, marks,
+                                                              error);
+    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    return cast;
+}
+
 /* The light of lamps that the generation's rays to them reach. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
                       karst_error *error)
 {
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
-    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = karst_cast_stream_marks(picture->caster, picture->view, paths->to_lamps, num, count,
-                                              picture->again ? NULL : paths->hits, error);
-    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = cast_to_lamps(paths, picture, paths->to_lamps, count, num, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -211,11 +224,9 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
     if (media && !media->dim(media->user, paths->next, total, all * BLOCK_RAYS, error))
         return false;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast =
-        (!picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error)) &&
-        karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
-                                picture->again ? NULL : paths->hits, error);
+    const bool is_seen = !picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = is_seen && cast_to_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add_lit, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -251,6 +262,9 @@ static bool cast(karst_paths *paths, const karst_path_picture *picture, const ka
                  const karst_path_media *media, const karst_path_media_stream *to_media, bool is_first,
                  karst_error *error)
 {
+    if (picture->pass.pass && !is_first &&
+        !karst_pass_leave(&picture->pass, paths->rays, to_media->count, to_media->max_rays, error))
+        return false;
     if (through)
         return (!is_first || karst_clear_paths_begin(paths->clear, through, error)) &&
                karst_clear_paths_cast(paths->clear, through, is_first ? picture->hits : NULL, error);
@@ -271,6 +285,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     karst_path_task task = {.sample = picture->pinhole->sample ? picture->pinhole->sample : 1,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again};
     const bool has_clear = picture->clear && paths->clear;
     karst_clear_path_stream clear = {.clear = picture->clear,
@@ -354,6 +369,7 @@ static bool add_each_lamp(karst_paths *paths, const karst_path_picture *picture,
                             .sample = picture->pinhole->sample,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again,
                             .each_lamp = 1,
                             .strip_packets = strip_packets,
@@ -405,7 +421,11 @@ bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture
                                         .next = paths->next,
                                         .to_lamps = paths->to_lamps};
     /* As if it were followed no further; no light is added. */
-    const karst_path_task task = {.is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = 1};
+    const karst_path_task task = {.is_last = 1,
+                                  .sample = picture->pinhole->sample,
+                                  .num_lamps = 1,
+                                  .passes = picture->pass.pass != NULL,
+                                  .again = 1};
     *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
     return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                              picture->parts, picture->counters, error);

@@ -12,6 +12,7 @@
 
 #include "raycast/cast/cast.h"
 #include "raycast/light/clear_paths.h"
+#include "raycast/light/pass.h"
 #include "raycast/light/path_media.h"
 #include "raycast/light/shade.h"
 
@@ -22,6 +23,8 @@ karst_paths *karst_paths_create(karst_context *context, bool clear, bool media, 
 void karst_paths_destroy(karst_paths *paths); /* NULL is fine */
 /* Room for pictures of so many pixels. Errors: KARST_FAILED. */
 bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error);
+/* Rays of a stream that there is room for then. Thread-safe. */
+uint32_t karst_paths_room(size_t num_pixels);
 /* What that takes. Thread-safe. */
 double karst_paths_bytes(size_t num_pixels, bool clear, bool media);
 /* What shines from now on, KARST_MOST_LAMPS at most: copied. Errors: KARST_FAILED. */
@@ -39,6 +42,7 @@ typedef struct {
     karst_buffer *parts, *counters;
     bool mirrors; /* surfaces do, if they say so */
     karst_caster *over; /* of clear matter that hides lamps, as land does; NULL: none does */
+    karst_pass_picture pass; /* land lets light pass; its pass NULL: nothing does */
     const karst_path_clear *clear; /* that paths go through (shader and paths are made for it); NULL: none */
     const karst_path_media *media; /* that they may collide with (paths are made for it), or that dims
                                     * lamps; NULL: none */

@@ -57,7 +57,7 @@ typedef struct {
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
-    uint pad;
+    uint passes;      /* 0: surfaces let nothing pass, whatever they say */
 } karst_path_task;
 K_ASSERT_SIZE(karst_path_task, 48);
 /* Where a path's ray collides with a medium, before any surface. */

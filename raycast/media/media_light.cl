@@ -203,6 +203,10 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         if (has_mirror) {
             K_GLOBAL float *part = parts + KARST_RADIANCE_MIRROR_PLANE * plane;
             store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
+#ifdef MEDIA_PASSES
+            part = parts + KARST_RADIANCE_PASS_PLANE * plane;
+            store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
+#endif
         }
     }
     const uint num_missing = (uint)count_lanes(missing & valid);

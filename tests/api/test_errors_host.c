@@ -126,9 +126,11 @@ static void test_paths_and_edits(void **state)
     assert_true(karst_edit_parse("sphere,0,0,0,1", -2, &edit, NULL));
     karst_sampler *sampler = karst_sampler_create(world, NULL);
     assert_non_null(sampler);
+    PROVOKE_MEMORY(karst_sampler_append_edits, (sampler, &edit, 1, &error), provoke_keep);
     PROVOKE_MEMORY(karst_sampler_set_edits, (sampler, &edit, 1, &error), provoke_keep);
     edit.radius_m = 0;
     PROVOKE(KARST_USAGE, karst_sampler_set_edits, (sampler, &edit, 1, &error));
+    PROVOKE(KARST_USAGE, karst_sampler_append_edits, (sampler, &edit, 1, &error));
     karst_sampler_destroy(sampler);
 }
 
