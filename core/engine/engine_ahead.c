@@ -80,7 +80,7 @@ static bool make_picture(ahead *a, karst_error *error)
     karst_engine_picture_size(a->config, &width_px, &height_px);
     size_t num_px = (size_t)width_px * (size_t)height_px;
     const bool radiance = karst_engine_shade_ways(a->config, &a->world.file->info) & KARST_SHADE_RADIANCE;
-    const size_t depth_floats = radiance ? KARST_RADIANCE_MIRROR_PLANE + 1 : 1;
+    const size_t depth_floats = radiance ? KARST_RADIANCE_PASS_PLANE + 1 : 1;
     karst_cast_view_init(&a->view, &origin, corner, 8);
     a->view.serial = 1;
     karst_pinhole_init(&a->pinhole, &camera, width_px, height_px, 16);

@@ -81,7 +81,8 @@ static bool build(karst_engine *engine, karst_engine_world *world, karst_error *
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, engine->edits != NULL,
                                          karst_engine_contents(engine),
-                                         karst_engine_has_caustics(engine)};
+                                         karst_engine_has_caustics(engine),
+                                         engine->paths && engine->integrator == KARST_INTEGRATOR_DIRECT};
     return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error) &&
            karst_engine_world_set_layers(engine, world, error);
 }

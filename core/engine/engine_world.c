@@ -75,6 +75,7 @@ void karst_engine_world_close(karst_engine_world *world)
     karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
+    karst_light_map_destroy(world->light_map);
     karst_producer_destroy(world->producer);
     karst_engine_world_close_layers(world);
     karst_splats_destroy(world->splats);
@@ -138,6 +139,7 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     return world->shader && karst_engine_world_build_contents(world, context, buffers, wishes, error) &&
            karst_engine_world_build_clear(world, context, wishes, error) &&
            karst_engine_world_build_skies(world, context, error) &&
+           (!wishes->has_light_map || karst_engine_world_open_light_map(world, context, error)) &&
            karst_engine_world_build_splats(world, context, error) &&
            (!wishes->refine ||
             karst_engine_world_make_refining(world, context, wishes->has_layers, &world->refining, error)) &&

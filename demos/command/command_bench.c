@@ -5,7 +5,7 @@
 #include <string.h>
 
 typedef struct {
-    const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups;
+    const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups, *scattering;
     bench_effect_lists lists;
     bool help, points;
 } outputs;
@@ -93,6 +93,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
         COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
+        {"scattering", 0, COMMAND_TEXT, "HOW", "of light in media: once, octaves or paths (default: octaves)",
+         &out->scattering, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
          &b->brick_bits, 8, 32, NULL},
@@ -167,6 +169,8 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
     if (b->camera && b->path)
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
+        return false;
+    if (out->scattering && !karst_scattering_parse(out->scattering, &b->scattering, error))
         return false;
     if (!parse_beside(b, out->beside, error) || !karst_display_kind_parse(out->display, &b->display_kind, error) ||
         !command_find_scene(b->world, &scene, talk, error))

@@ -81,6 +81,7 @@ typedef struct {
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     double mirror;
     bool has_size, has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
+    karst_scattering scattering;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;

@@ -334,6 +334,22 @@ static void spread_sun(karst_shadow_sun *sun, uint32_t sample)
     }
 }
 
+karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_pinhole *pinhole,
+                                       const karst_light *light, bool of_stream)
+{
+    karst_shadow_sun sun = {.t_max = light->shadow_distance,
+                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
+                            .width_px = pinhole->width_px,
+                            .height_px = pinhole->height_px,
+                            .of_stream = of_stream,
+                            .x0_px = pinhole->x0_px,
+                            .y0_px = pinhole->y0_px};
+    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    if (caster->sun_disc)
+        spread_sun(&sun, pinhole->sample);
+    return sun;
+}
+
 /* What a cast of shadow rays takes, and where it notes what. */
 typedef struct {
     const karst_buffer *rays;
@@ -348,16 +364,7 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
-    karst_shadow_sun sun = {.t_max = light->shadow_distance,
-                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
-                            .width_px = pinhole->width_px,
-                            .height_px = pinhole->height_px,
-                            .of_stream = cast->of_stream,
-                            .x0_px = pinhole->x0_px,
-                            .y0_px = pinhole->y0_px};
-    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
-    if (caster->sun_disc)
-        spread_sun(&sun, pinhole->sample);
+    const karst_shadow_sun sun = karst_cast_shadow_sun(caster, pinhole, light, cast->of_stream);
     const bool known = !caster->sun_disc && caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
     const cl_mem hinted = cast->hints ? cast->hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;

@@ -80,6 +80,9 @@ bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const 
 bool karst_cast_stream_marks(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
                              uint32_t num_rays, const karst_buffer *count, karst_buffer *marks, karst_error *error);
 
+/* Where they go (of_stream: as of karst_cast_stream_shadows), for who follows them further. Thread-safe. */
+karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_pinhole *pinhole,
+                                       const karst_light *light, bool of_stream);
 /* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
 size_t karst_cast_shadow_bytes(int width_px, int height_px);
 /* Errors: KARST_FAILED if the buffer is too small for them. */

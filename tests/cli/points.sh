@@ -76,6 +76,7 @@ head -c 3000 sub/ball.karstpoints > sub/gone.karstpoints
 refused 5 "gone.karstpoints: its head and its length" "render: a model that was cut" render sub/gone.karst -q --size 64x48 --pool 64 --display none -o x.png
 sed 's/\[{ "points": "ball.karstpoints"/[{ "at_": 3/' sub/air.karst > bad.karst
 refused 4 'a model has "points"' "render: a model without a file" render bad.karst -q --size 64x48 --display none -o x.png
+refused 2 "models of points" "accuracy: what the reference does not know" accuracy sub/air.karst --size 32x24
 sed 's/"at": .0, 0, 0./"as": "discs"/' sub/air.karst > bad.karst
 refused 4 '"as" cannot be "discs"' "render: models as what there is not" render bad.karst -q --size 64x48 --display none -o x.png
 sed 's/"at": .0, 0, 0./"as": "splats", "blend": 3/' sub/air.karst > bad.karst

@@ -163,8 +163,9 @@ typedef struct {
      * KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
-    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; 0: KARST_ENGINE_DEFAULT_BOUNCES, beyond which
-     * hardly any light is left. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
+    /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
+     * KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly any light is left, and KARST_ENGINE_MAX_BOUNCES where the world
+     * has a medium. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
      * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
@@ -174,6 +175,11 @@ typedef struct {
      * picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
      * KARST_INTEGRATOR_DIRECT, and with shadows. */
     uint32_t caustics;
+    /* Pictures are of the light that falls on land, not of what it looks like: radiance is how bright a white surface
+     * would be there, by light from all around, the sky's and what surfaces throw back and glow; without that of lamps
+     * and suns on the surface itself. Only with KARST_INTEGRATOR_FULL. All samples go through the pixels' centres.
+     * Where no land is seen, or clear matter before it, radiance is -1. `karst bake` makes light maps of this. */
+    bool irradiance;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the

@@ -586,10 +586,11 @@ static void leave_voxel_open(reader *r)
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
-    json_t *v;
+    const char *name;
+    json_t *v, *value;
     warn_unknown(r, r->root, "the header",
                  "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights models particles occlusion");
+                 "mirror data lights models particles occlusion light_map");
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -625,6 +626,11 @@ static void read_root(reader *r)
                  "\"occlusion\" is true or false: whether what stands around hides light from all around");
         h->has_occlusion = json_is_true(v);
     }
+    if ((v = json_object_get(r->root, "light_map"))) {
+        if ((value = json_object_get(v, "reach")))
+            h->light_reach_m = number_of(r, value, "reach", 1e-12, 1e18);
+        h->light_map = text_of(r, json_is_object(v) ? json_object_get(v, "file") : v, "light_map");
+    }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))
@@ -634,16 +640,10 @@ static void read_root(reader *r)
         read_lights(r, v);
     if ((v = json_object_get(r->root, "models")))
         read_point_models(r, v);
-    if ((v = json_object_get(r->root, "params"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "params")))
         json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
-    }
-    if ((v = json_object_get(r->root, "data"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "data")))
         json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
-    }
     if ((v = json_object_get(r->root, "particles")))
         read_particles(r, v);
 }

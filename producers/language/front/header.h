@@ -110,6 +110,8 @@ typedef struct {
     bool has_exposure;
     double exposure_stops; /* of pictures */
     bool has_occlusion;    /* what stands around surfaces hides light from all around */
+    const char *light_map; /* a PLY of what light falls on surfaces (raycast/light/light_map.h); NULL: none */
+    double light_reach_m;  /* how far its points count, if it does not say; 0: not said */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
     uint32_t num_models;
