@@ -56,7 +56,7 @@ typedef struct {
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
-    uint pad;
+    uint turn; /* of photons, how often they were turned: chance of one turn must know nothing of the one before */
 } karst_path_task;
 K_ASSERT_SIZE(karst_path_task, 48);
 /* Strips whose packets are neighbours of a stream to lamps: with as many columns they are the pixels of a beam. */
