@@ -67,7 +67,8 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/bake.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/surface_points.sh cli/bake.sh \
+    cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -242,6 +243,9 @@ docs-images: $(COMMAND) docs-view
 	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
 	    [ $$world = caustics ] && photons='--caustics 1000000' || photons=; \
 	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 $$photons || exit; done
+	$(Q)mkdir -p docs/images/gallery
+	$(Q)sed -n 's/^    karst render \(.*\) -o \([a-z]*\.png\)$$/\1 -o docs\/images\/gallery\/\2/p' docs/GALLERY.md | \
+	    while read -r options; do $(COMMAND) render $$options -q --size 400x225 || exit; done
 
 # The tables and plots of docs/ACCURACY.md: minutes for each world; on a quiet machine.
 ACCURACY_WORLDS := hills alps asteroid planet islands

@@ -39,7 +39,7 @@ static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error 
         !trial_buffer(t, &t->work.subdivide_tiles, sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->hits, TRIAL_PX * sizeof(karst_hit), error) ||
         !trial_buffer(t, &t->shadow_rays, karst_cast_shadow_bytes(TRIAL_SIDE_PX, TRIAL_SIDE_PX), error) ||
-        !trial_buffer(t, &t->depth, (KARST_RADIANCE_MIRROR_PLANE + 1) * TRIAL_PX * sizeof(float), error) ||
+        !trial_buffer(t, &t->depth, (KARST_RADIANCE_PASS_PLANE + 1) * TRIAL_PX * sizeof(float), error) ||
         !trial_buffer(t, &t->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->pixels, TRIAL_PX * 4, error))
         return false;

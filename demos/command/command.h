@@ -25,6 +25,8 @@
  *   command_mesh.c     karst mesh
  *   command_heights.c  karst heights
  *   command_voxels.c   karst voxels
+ *   command_points.c   karst points
+ *   command_export.c   what these four share: see command_export.h
  *   command_bake.c     karst bake
  *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
@@ -503,6 +505,7 @@ bool command_heights(int argc, char **argv, command_talk *talk, karst_error *err
 bool command_bake(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_points(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);

@@ -17,6 +17,7 @@ static const command commands[] = {
     {"heights", "a map of heights: the topmost surface under each pixel", command_heights},
     {"bake", "what light falls on land, as a light map for worlds", command_bake},
     {"voxels", "fields of a box as grids of voxels: NanoVDB", command_voxels},
+    {"points", "points on the surface in a box: PLY", command_points},
     {"mesh", "the surface in a box as triangles: glTF, PLY, OBJ", command_mesh},
     {"verify", "whether the pictures of a job are all there and right", command_verify},
     {"import", "a file of points (PLY, OBJ, LAS, XYZ) becomes a model for worlds", command_import},

@@ -80,6 +80,18 @@ typedef enum {
     KARST_NUM_OCCLUSIONS
 } karst_occlusion_mode;
 
+/* How models made of points are shown (docs/POINTS.md). */
+typedef enum {
+    KARST_MODELS_OF_WORLD,       /* each as the world says */
+    KARST_MODELS_SURFACE,        /* all as surfaces of the land */
+    KARST_MODELS_SPLATS,         /* all as discs, in leaves whose copies are culled, blended across leaves */
+    KARST_MODELS_SPLATS_ALL,     /* the same with all copies */
+    KARST_MODELS_SPLATS_LEAF,    /* as KARST_MODELS_SPLATS, each leaf blended for itself */
+    KARST_MODELS_SPLATS_LEAF_ALL, /* the same with all copies */
+    KARST_MODELS_NONE,            /* none is shown: the world without them */
+    KARST_NUM_MODELS_AS
+} karst_models_as;
+
 /* Where the sun stands: a compass bearing, and how high, in degrees. */
 typedef struct {
     double azimuth_deg, elevation_deg;
@@ -151,8 +163,9 @@ typedef struct {
      * KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
-    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; 0: KARST_ENGINE_DEFAULT_BOUNCES, beyond which
-     * hardly any light is left. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
+    /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
+     * KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly any light is left, and KARST_ENGINE_MAX_BOUNCES where the world
+     * has a medium. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
      * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
@@ -174,6 +187,7 @@ typedef struct {
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
+    karst_models_as models;    /* KARST_MODELS_OF_WORLD; also of worlds that are shown later */
     const karst_log *log;      /* borrowed, outlives the engine; NULL: silent */
 } karst_engine_config;
 

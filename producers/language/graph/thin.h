@@ -9,7 +9,8 @@
 typedef struct {
     bool may_be_thin; /* false of sums of noise and linear forms: what is narrower than a voxel has faded out of such */
     bool has_noise;
-    bool may_jump; /* it asks on which side of something a place is, or for a whole number */
+    bool may_jump; /* it asks on which side of something a place is, or for a whole number; or what fract, mod or an
+                    * angle is made into jumps where they do */
 } karst_thin_facts;
 
 karst_thin_facts karst_graph_thin_facts(const karst_graph *resolved, karst_expr density);
