@@ -159,7 +159,7 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     const karst_resolved_world *world = &file->layout.world;
     karst_thin_facts facts = karst_graph_thin_facts(world->graph, world->root[KARST_ROOT_DENSITY]);
     /* Worlds that run on their tape would take seconds for it. */
-    bool is_cheap = !facts.has_noise && !file->code.is_tape;
+    bool is_cheap = (!facts.has_noise || facts.has_thin_apart) && !file->code.is_tape;
     file->raises_thin = facts.may_be_thin && (thin == KARST_THIN_ALWAYS || (thin == KARST_THIN_AUTO && is_cheap));
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (file->content[i] && i != KARST_CONTENT_AIR) /* which has no surface */
@@ -331,7 +331,9 @@ static void set_info(karst_world_file *file)
         .exposure_stops = header->exposure_stops,
         .mirror = header->mirror,
         .has_occlusion = header->has_occlusion,
+        .has_light_map = header->light_map != NULL,
         .has_own_mirror = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
+        .has_transparency = karst_has_output(file->program->world.root, KARST_OUTPUT_TRANSPARENCY),
         .has_air = karst_has_output(file->program->world.root, KARST_OUTPUT_EXTINCTION),
         .has_clear = karst_has_output(file->program->world.root, KARST_OUTPUT_CLEAR),
     };

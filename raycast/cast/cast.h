@@ -18,6 +18,7 @@
 #define KARST_BLEND_SHARE 0.0625f
 
 typedef struct karst_caster karst_caster;
+typedef struct karst_splats karst_splats; /* raycast/cast/splats.h */
 
 /* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors:
  * KARST_FAILED. */
@@ -28,6 +29,8 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
 /* Leave out what karst_cast_rays or karst_cast_shadows take, which then fail: there is less to compile. */
 #define KARST_CAST_NO_STREAMS "-DCAST_NO_STREAMS"
 #define KARST_CAST_NO_SHADOWS "-DCAST_NO_SHADOWS"
+/* An option for karst_cast_rays_from_anchor, which fails without it. */
+#define KARST_CAST_FROM_ANCHOR "-DCAST_FROM_ANCHOR"
 /* Shadow rays of a picture's samples (karst_pinhole.sample) go to different places on the sun, not to its centre: what
  * is known of bricks towards the sun does not help then. */
 #define KARST_CAST_SUN_DISC "-DCAST_SUN_DISC"
@@ -71,14 +74,21 @@ size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buf
  * surface's cell. Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
-/* The same of as many rays as the device knows: the word `count` holds, num_rays at most. hits NULL: the stamps alone.
- */
+/* The same of rays that all start at the anchor, with one footprint and t_min, and without a side: as fast as a
+ * picture's. */
+bool karst_cast_rays_from_anchor(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
+                                 uint32_t num_rays, karst_buffer *hits, karst_error *error);
+/* The same as karst_cast_rays of as many rays as the device knows: the word `count` holds, num_rays at most. hits NULL:
+ * the stamps alone. */
 bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
                        const karst_buffer *count, karst_buffer *hits, karst_error *error);
 /* The same, if all that is wanted is whether rays end: a word for each, not 0 where it does. marks NULL: as above. */
 bool karst_cast_stream_marks(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
                              uint32_t num_rays, const karst_buffer *count, karst_buffer *marks, karst_error *error);
 
+/* Where they go (of_stream: as of karst_cast_stream_shadows), for who follows them further. Thread-safe. */
+karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_pinhole *pinhole,
+                                       const karst_light *light, bool of_stream);
 /* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
 size_t karst_cast_shadow_bytes(int width_px, int height_px);
 /* Errors: KARST_FAILED if the buffer is too small for them. */
@@ -87,6 +97,9 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
  * but for rays that touch a surface within the rounding of floats. They are of all bricks of the caster's pools, and
  * outlive the caster; NULL: none. */
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward);
+/* From now on all that is cast with hits, marks or pixels to write meets these discs, too (raycast/cast/splats.h).
+ * Borrowed; NULL: none. */
+void karst_caster_set_splats(karst_caster *caster, karst_splats *splats);
 /* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,

@@ -156,13 +156,18 @@ static void test_working_sets_that_fit_exactly(void **state)
     end(&r, "sets that fit exactly");
 }
 
-/* KARST_TEST_FIRST and KARST_TEST_LAST cut the whole walk in pieces. */
+static uint32_t piece(const char *name, uint32_t usual)
+{
+    const char *text = getenv(name);
+    return is_set("KARST_TEST_FULL") && text ? (uint32_t)atoi(text) : usual;
+}
+
+/* KARST_TEST_FIRST, KARST_TEST_LAST and KARST_TEST_STEP cut the whole walk in pieces. */
 static void walk_sizes(const char *world)
 {
     const bool full = is_set("KARST_TEST_FULL");
-    const char *first = getenv("KARST_TEST_FIRST"), *last = getenv("KARST_TEST_LAST");
-    const uint32_t from = full && first ? (uint32_t)atoi(first) : 60, to = full && last ? (uint32_t)atoi(last) : 600;
-    const uint32_t step = full ? 1 : is_set("KARST_TEST_QUICK") ? 530 : 135;
+    const uint32_t from = piece("KARST_TEST_FIRST", 60), to = piece("KARST_TEST_LAST", 600);
+    const uint32_t step = full ? piece("KARST_TEST_STEP", 1) : is_set("KARST_TEST_QUICK") ? 530 : 135;
     run r = begin(96, 72);
     for (uint32_t num_bricks = from; num_bricks <= to; num_bricks += step)
         check_pool(&r, world, num_bricks, 3 * num_bricks, full ? NUM_FLIGHTS : 3);
@@ -195,11 +200,14 @@ static void test_tiles_that_fit(void **state)
 
 int main(void)
 {
+    const struct CMUnitTest walk[] = {cmocka_unit_test(test_sizes_karst), cmocka_unit_test(test_sizes_hills)};
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_working_sets_that_fit_exactly),
         cmocka_unit_test(test_sizes_karst),
         cmocka_unit_test(test_sizes_hills),
         cmocka_unit_test(test_tiles_that_fit),
     };
+    if (getenv("KARST_TEST_FIRST"))
+        return cmocka_run_group_tests_name("exact_fit, a piece", walk, NULL, NULL);
     return cmocka_run_group_tests_name("exact_fit", tests, NULL, NULL);
 }

@@ -661,12 +661,11 @@ static const struct {
     {"arrays_of_arrays",
      "float density(vec3 p) {\n"
      "    float a[2][3];\n"
-     "    return a[0][0];\n"
+     "    return a[0][3];\n"
      "}\n",
-     "world.karst:2:12: error: there are no arrays of arrays\n"
-     "      float a[2][3];\n"
-     "             ^\n"
-     "  use one array and compute the index"},
+     "world.karst:3:17: error: the index 3 is outside this float[3], which has elements 0 to 2\n"
+     "      return a[0][3];\n"
+     "                  ^"},
     {"camera_beyond",
      "/*{ \"camera\": { \"position\": [\"1e99\", \"0\", \"0\"] } }*/\n"
      "float density(vec3 p) { return -p.y; }\n",

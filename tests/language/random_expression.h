@@ -24,14 +24,15 @@ typedef enum {
     P_FLOATS,
     P_VECTORS,
     P_INTS,
+    P_GRID,
     NUM_P_TYPES,
     P_VOID = NUM_P_TYPES
 } p_type;
 
 static const char *const p_names[] = {"float", "int",  "uint", "bool",     "vec2",    "vec3",   "vec4", "ivec2",
-                                      "mat2",  "mat3", "S",    "float[3]", "vec2[2]", "int[3]", "void"};
+                                      "mat2",  "mat3", "S",    "float[3]", "vec2[2]", "int[3]", "float[2][2]", "void"};
 /* Arrays are counted by this; the rest have 0. */
-static const int p_counts[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3, 2, 3, 0};
+static const int p_counts[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3, 2, 3, 0, 0};
 
 enum { P_MOST_TEXT = 1 << 16, P_MOST_VARIABLES = 96, P_MOST_FUNCTIONS = 16, P_MOST_PARAMETERS = 4 };
 
@@ -45,7 +46,7 @@ typedef struct {
     char name[12];
     p_type result, parameter[P_MOST_PARAMETERS];
     char mode[P_MOST_PARAMETERS]; /* i: in, o: out, b: inout */
-    int count;
+    int count, num_defaults;
     long cost;
     bool writes; /* globals, or what it is given */
 } p_function;
@@ -172,6 +173,10 @@ static void p_literal(random_text *g, p_type type)
     case P_VECTORS:
         put(g, "vec2[2](vec2(0.5, %d.0), vec2(1.%s))", (int)p_random(g, 4), p_digits(g));
         break;
+    case P_GRID:
+        put(g, "float[2][2](float[2](0.%s, %d.0), float[2](2.%s, -1.0))", p_digits(g), (int)p_random(g, 4),
+            p_digits(g));
+        break;
     default:
         put(g, "int[3](%d, %d, 5)", (int)p_random(g, 4), (int)p_random(g, 9));
     }
@@ -218,6 +223,8 @@ static bool p_part(random_text *g, p_type type, bool to_write)
         {P_VECTORS, P_VEC2, "[@]", 2}, {P_VECTORS, P_FLOAT, "[@].x", 2}, {P_IVEC2, P_INT, ".y", 0},
         {P_INTS, P_INT, "[@]", 3},     {P_VEC4, P_VEC4, ".wzyx", 0},    {P_FLOATS, P_INT, ".length()", 0},
         {P_VEC3, P_INT, ".length()", 0}, {P_STRUCT, P_INT, ".c.length()", 0}, {P_MAT2, P_INT, ".length()", 0},
+        {P_GRID, P_FLOAT, "[@][@]", 2},  {P_GRID, P_FLOAT, "[1][@]", 2}, {P_GRID, P_INT, "[1].length()", 2},
+        {P_GRID, P_FLOAT, "[@][0]", 2},
     };
     enum { COUNT = sizeof parts / sizeof *parts };
     uint32_t begin = p_random(g, COUNT);
@@ -279,7 +286,8 @@ static bool p_call(random_text *g, p_type type, int depth)
         return false;
     g->cost += f->cost * g->times;
     put(g, "%s(", f->name);
-    for (int k = 0; k < f->count; k++) {
+    const int given = f->count - (f->num_defaults && p_chance(g, 60) ? f->num_defaults : 0);
+    for (int k = 0; k < given; k++) {
         put(g, "%s", k ? ", " : "");
         if (f->mode[k] == 'i')
             p_expression(g, f->parameter[k], depth - 1);
@@ -354,6 +362,7 @@ static const char *const p_forms[][26] = {
     [P_FLOATS] = {"float[3]($f, $f, $f)"},
     [P_VECTORS] = {"vec2[2]($2, $2)"},
     [P_INTS] = {"int[3]($i, $i, $i)"},
+    [P_GRID] = {"float[2][2](float[2]($f, $f), float[2]($f, $f))"},
 };
 
 /* Assignments and counting inside of expressions. false: nothing to write to. */

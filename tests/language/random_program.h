@@ -32,13 +32,20 @@ static void p_declare(random_text *g, int depth)
     p_type type = p_random(g, NUM_P_TYPES);
     char name[12];
     const p_variable *like = p_pick(g, type, false);
-    bool shadows = like && p_chance(g, 25) && like < g->variables + g->first_in_block;
+    bool shadows = like && p_chance(g, 25) && like < g->variables + g->first_in_block && strcmp(like->name, "at") != 0;
     if (shadows)
         snprintf(name, sizeof name, "%s", like->name);
     else
         p_new_name(g, name, 'v');
     bool list = p_counts[type] && p_chance(g, 40);
-    if (list) {
+    if (type == P_GRID && p_chance(g, 50)) {
+        put(g, "float %s[%s][2] = { ", name, p_chance(g, 50) ? "2" : "");
+        for (int i = 0; i < 4; i++) {
+            put(g, "%s", i == 0 ? "{ " : i == 2 ? " }, { " : ", ");
+            p_expression(g, P_FLOAT, depth);
+        }
+        put(g, " } };\n");
+    } else if (list) {
         put(g, "%s %s[] = { ", type == P_FLOATS ? "float" : type == P_INTS ? "int" : "vec2", name);
         for (int i = 0; i < p_counts[type]; i++) {
             put(g, "%s", i ? ", " : "");
@@ -271,6 +278,14 @@ static void p_write_function(random_text *g, const char *name, p_type result, p_
             : f.mode[k] == 'b' ? "inout "
                                : "out ",
             p_names[type], parameter);
+        if (k > 0 && k + 1 == f.count && f.mode[k] == 'i' && type != P_BOOL && p_chance(g, 60)) {
+            put(g, " = ");
+            if (type == P_FLOAT)
+                put(g, "%s + 0.5", g->variables[0].name); /* what it is when the call is made */
+            else
+                p_literal(g, type);
+            f.num_defaults = 1;
+        }
         p_declared(g, parameter, type, false);
     }
     put(g, ") {\n");
@@ -332,6 +347,7 @@ static void p_sum_up(random_text *g)
         [P_FLOATS] = "(@[0] - @[1] + 0.5 * @[2])",
         [P_VECTORS] = "dot(@[0], @[1].yx)",
         [P_INTS] = "0.25 * float(@[0] + @[1] - @[2] & 63)",
+        [P_GRID] = "(@[0][1] - @[1][0] + 0.5 * @[1][1])",
     };
     for (int i = 0; i < g->num_variables; i++) {
         const p_variable *v = &g->variables[i];

@@ -1,8 +1,6 @@
 /* An interpreter of the language, for one lane, straight along the syntax tree: what a text says, done as C would do
  * it. No graph, no masks, nothing shared, mathematics of its own; only the parser is the language's. Order: from the
- * left to the right; of an assignment the place first, then the value.
- *
- * What was executed is noted by feature. */
+ * left to the right; of an assignment the place first, then the value. What was executed is noted by feature. */
 #ifndef KARST_TESTS_LANGUAGE_TRUTH_H
 #define KARST_TESTS_LANGUAGE_TRUTH_H
 
@@ -20,7 +18,7 @@
                             F(INT) F(UINT) F(BITS) F(SHADOWED) F(WHILE) F(DO) F(VECTOR_COMPARISON) F(CONVERSION)       \
                                 F(MACRO) F(LIST) F(SWITCH) F(SWITCH_DEFAULT) \
                                     F(SWITCH_FALLS_THROUGH) F(CONTINUE_IN_SWITCH) F(LENGTH) F(CHOICE_OF_TWO_TYPES) \
-                                        F(BOUND_OF_CHOICE)
+                                        F(BOUND_OF_CHOICE) F(ARRAY_OF_ARRAYS) F(DEFAULT_ARGUMENT)
 
 #define TRUTH_NAME_OF(name) TRUTH_##name,
 enum { TRUTH_FEATURES(TRUTH_NAME_OF) NUM_TRUTH_FEATURES };
@@ -68,8 +66,6 @@ static void step(truth *t)
 
 static const char *spelt(const truth *t, uint32_t name) { return karst_name_text(&t->names, name); }
 
-/* ---- types ---- */
-
 static const karst_type *resolve_type(truth *t, const karst_ast_type *type, uint32_t count);
 
 static const karst_type *struct_of(truth *t, karst_ast_struct *s)
@@ -87,12 +83,18 @@ static const karst_type *struct_of(truth *t, karst_ast_struct *s)
     return s->type = type;
 }
 
+static const karst_type *array_of(truth *t, const karst_type *base, const karst_ast_expr *size, uint32_t count)
+{
+    if (!size)
+        return base;
+    if (size->kind != KARST_AST_LIST)
+        count = (uint32_t)evaluate(t, size).c[0].v;
+    return karst_type_array(&t->arrays, array_of(t, base, size->next, 0), count);
+}
+
 static const karst_type *resolve_type(truth *t, const karst_ast_type *type, uint32_t count)
 {
-    const karst_type *base = type->base ? type->base : struct_of(t, type->structure);
-    if (type->size)
-        count = (uint32_t)evaluate(t, type->size).c[0].v;
-    return type->size || type->unsized ? karst_type_array(&t->arrays, base, count) : base;
+    return array_of(t, type->base ? type->base : struct_of(t, type->structure), type->size, count);
 }
 
 /* ---- variables ---- */
@@ -125,7 +127,7 @@ static value initial(truth *t, const karst_ast_expr *e, const karst_type *type)
 static uint32_t list_length(const karst_ast_variable *v)
 {
     uint32_t n = 0;
-    for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
+    for (const karst_ast_expr *a = v->type.size && v->value ? v->value->a : NULL; a; a = a->next)
         n++;
     return n;
 }
@@ -189,6 +191,7 @@ static uint32_t index_of(truth *t, const karst_ast_expr *e, const karst_type *ty
     double v = i.c[0].v, most = (double)type->count - 1;
     t->seen[e->kind == KARST_AST_NUMBER ? TRUTH_ARRAY_CONSTANT_INDEX : TRUTH_ARRAY_VARYING_INDEX] = true;
     t->seen[TRUTH_MATRIX_COLUMN] |= type->shape == KARST_SHAPE_MATRIX;
+    t->seen[TRUTH_ARRAY_OF_ARRAYS] |= type->element->shape == KARST_SHAPE_ARRAY;
     return (uint32_t)(v < 0 ? 0 : v > most ? most : v);
 }
 
@@ -279,7 +282,8 @@ static karst_ast_function *choose_function(truth *t, uint32_t name, const value 
             int one_cost = conversion(a[i].type, resolve_type(t, &p->type, 0));
             cost = one_cost < 0 || (one_cost && p->is_out) ? -1 : cost + one_cost;
         }
-        if (cost < 0 || f->num_parameters != count || (best && cost >= best_cost))
+        if (cost < 0 || f->num_parameters < count || f->num_parameters - f->num_defaults > count ||
+            (best && cost >= best_cost))
             continue;
         best = f;
         best_cost = cost;
@@ -331,6 +335,12 @@ static value call(truth *t, const karst_ast_expr *e)
     t->first_variable = t->num_variables;
     t->num_loops = t->num_switches = t->in_choice = 0;
     uint32_t i = 0;
+    for (p = f->parameters; p; p = p->next, i++)
+        if (i >= count) { /* with no variable but globals in sight */
+            a[i] = initial(t, p->value, resolve_type(t, &p->type, 0));
+            t->seen[TRUTH_DEFAULT_ARGUMENT] = true;
+        }
+    i = 0;
     for (p = f->parameters; p; p = p->next, i++) {
         const karst_type *formal = resolve_type(t, &p->type, 0);
         declare(t, p->name, p->is_in ? convert(a[i], formal) : new_value(formal));
@@ -510,6 +520,7 @@ static value evaluate_inner(truth *t, const karst_ast_expr *e)
         return one(KARST_TYPE_INT, exactly(type->shape == KARST_SHAPE_VECTOR ? type->num_scalars : type->count));
     }
     case KARST_AST_LIST:
+    case KARST_AST_FIELD:
         break;
     }
     give_up("a list where none can be");

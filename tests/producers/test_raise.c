@@ -210,12 +210,33 @@ static void test_which(void **state)
                   {"return 0.01 - p.y * p.y;", true},
                   {"return ridged(p / 90.0, 4, 0.5, 2.0, 3);", true},
                   {"return min(p.x, -p.y);", true}};
+    /* Of what has noise, by default: where something without it stands beside. */
+    static const struct {
+        const char *density;
+        bool raised;
+    } mixed_worlds[] = {
+        {"return max(60.0 * fbm(p / 90.0, 4, 0.5, 2.0, 3) - p.y, 0.1 - abs(p.x));", true},
+        {"return -smin(p.y - 9.0 * noise(p / 30.0), box(p, vec3(9.0, 2.0, 0.1)), 0.5);", true},
+        {"float a = 9.0 * noise(p / 30.0) - p.y, b = 0.1 - length(p.xz); return a > b ? a : b;", true},
+        {"return 0.5 * max(ridged(p / 90.0, 4, 0.5, 2.0, 3) - p.y / 50.0, min(0.05 - abs(p.z), -p.x));", true},
+        {"return max(ridged(p / 90.0, 4, 0.5, 2.0, 3), noise(p / 30.0) - p.y);", false},
+        {"return 60.0 * fbm(p / 90.0, 4, 0.5, 2.0, 3) - max(p.y, 0.0) + 0.1 * abs(p.x);", false},
+        {"return max(9.0 * noise(p / 30.0) - p.y, -50.0 - p.y);", false}, /* a plane */
+        {"return 40.0 * smoothstep(-0.2, 0.3, noise(p / 90.0, 1)) - p.y;", false},
+    };
     (void)state;
     for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++) {
         karst_world_file *file = open_text(worlds[w].density, true);
         assert_int_equal(file->raises_thin, worlds[w].thin);
         karst_world_file_raise_thin(file, KARST_THIN_NEVER);
         assert_false(file->raises_thin);
+        karst_world_file_destroy(file);
+    }
+    for (size_t w = 0; w < sizeof mixed_worlds / sizeof *mixed_worlds; w++) {
+        karst_world_file *file = open_text(mixed_worlds[w].density, true);
+        karst_world_file_raise_thin(file, KARST_THIN_AUTO);
+        if (file->raises_thin != mixed_worlds[w].raised)
+            fail_msg("%s: raised %d", mixed_worlds[w].density, file->raises_thin);
         karst_world_file_destroy(file);
     }
 }

@@ -17,7 +17,7 @@ extern "C" {
 
 /* Whether matter thinner than the voxels that a distance asks for is shown a voxel wide, or let go. */
 typedef enum {
-    KARST_THIN_AUTO,   /* shown, unless the density has noise or is very long: landscapes do not pay for it */
+    KARST_THIN_AUTO,   /* shown, unless noise is in all that the density joins, or it is very long: hills do not pay */
     KARST_THIN_ALWAYS, /* shown wherever there may be some: with noise bricks take longer, and a start a fifth more */
     KARST_THIN_NEVER
 } karst_thin;

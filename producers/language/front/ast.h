@@ -26,15 +26,17 @@ typedef enum {
     KARST_AST_MEMBER,    /* a.name: a field or a swizzle */
     KARST_AST_INDEX,     /* a[b] */
     KARST_AST_COUNT,     /* a.length() */
-    KARST_AST_LIST       /* {a, a->next, ...}, only as an initialiser */
+    KARST_AST_LIST,      /* {a, a->next, ...}, only as an initialiser */
+    KARST_AST_FIELD      /* .name = a, only in a LIST */
 } karst_ast_kind;
 
-/* How a type is written: a base, and the size of an array of it. */
+/* How a type is written: a base, and the sizes of an array of it. */
 typedef struct {
-    const karst_type *base; /* NULL: a struct */
+    const karst_type *base; /* NULL: a struct, or deduced */
     karst_ast_struct *structure;
-    karst_ast_expr *size;    /* NULL: no array, or unsized */
-    bool unsized;            /* "[]": the initialiser says */
+    karst_ast_expr *size;    /* NULL: no array; else, from the outermost, each size's `next` the one within; an empty
+                              * LIST is "[]": the initialiser says */
+    bool is_deduced;         /* "auto": the initialiser says */
     const char *unsupported; /* set instead of all others: "sampler2D" */
 } karst_ast_type;
 
@@ -80,12 +82,13 @@ struct karst_ast_variable { /* also parameters, fields and globals */
     karst_ast_type type;
     bool is_const, is_in, is_out; /* parameters: in, out, inout */
     bool is_prelude;
-    karst_ast_expr *value; /* initialiser; may be NULL */
+    karst_ast_expr *value; /* initialiser, or what a parameter is by default; may be NULL */
     karst_ast_variable *next;
 };
 
 struct karst_ast_struct {
     uint32_t name, where;
+    const karst_ast_type *same_as; /* a typedef: it is that type, and the rest is empty */
     karst_ast_variable *fields;
     const double *usual; /* what each of its floats is at first; NULL: 0 */
     karst_type *type;    /* made by lower_state.c when first needed */
@@ -96,7 +99,7 @@ struct karst_ast_function {
     uint32_t name, where;
     karst_ast_type result;
     karst_ast_variable *parameters;
-    uint32_t num_parameters;
+    uint32_t num_parameters, num_defaults; /* the last of them have a value */
     bool is_prelude;
     size_t body;                    /* token of its '{'; 0: declared only */
     karst_ast_statement *statement; /* parsed body */

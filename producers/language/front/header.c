@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "karst/position.h"
+#include "producers/language/front/header_comment.h"
 
 /* As far as a camera may be (karst_engine_set_camera). */
 #define MAX_CAMERA_VOXEL ((int64_t)1 << 61)
@@ -63,6 +64,17 @@ static json_t *object_of(reader *r, json_t *value, const char *key)
     if (!json_is_object(value))
         fail(r, key, NULL, karst_format(r->source->arena, "\"%s\" is an object in braces", key));
     return value;
+}
+
+/* Whether a key has the second of two words; the first is what it has where it is left out. */
+static bool is_second(reader *r, json_t *object, const char *key, const char *first, const char *second)
+{
+    json_t *v = json_object_get(object, key);
+    const char *word = v ? text_of(r, v, key) : first;
+    if (strcmp(word, first) != 0 && strcmp(word, second) != 0)
+        fail(r, key, karst_format(r->source->arena, "write \"%s\" or \"%s\"", first, second),
+             karst_format(r->source->arena, "\"%s\" cannot be \"%.60s\"", key, word));
+    return strcmp(word, second) == 0;
 }
 
 /* Warns of keys that are not among `known` (space-separated). */
@@ -143,13 +155,9 @@ static void read_model(reader *r, json_t *sky)
 {
     static const char *const colours[] = {"zenith", "horizon", "haze", "haze_height"};
     karst_world_header *h = r->header;
-    json_t *model = json_object_get(sky, "model"), *dust = json_object_get(sky, "dust");
-    const char *name = model ? text_of(r, model, "model") : "plain";
-    h->has_atmosphere = strcmp(name, "atmosphere") == 0;
+    json_t *dust = json_object_get(sky, "dust");
+    h->has_atmosphere = is_second(r, sky, "model", "plain", "atmosphere");
     h->dust = dust ? number_of(r, dust, "dust", 0, 100) : 1;
-    if (!h->has_atmosphere && strcmp(name, "plain") != 0)
-        fail(r, "model", "write \"atmosphere\" or \"plain\"",
-             karst_format(r->source->arena, "no model of the sky is called \"%s\"", name));
     if (!h->has_atmosphere && dust)
         karst_source_warn(r->source, place_of(r, "dust", r->begin), "write \"model\": \"atmosphere\" beside it",
                           "\"dust\" has no effect without an atmosphere");
@@ -407,7 +415,7 @@ static karst_header_model read_point_model(reader *r, json_t *object)
 {
     karst_header_model model = {.at = {"0", "0", "0"}, .scale = 1};
     json_t *v = json_object_get(object_of(r, object, "models"), "points");
-    warn_unknown(r, object, "a model", "points at turn scale as");
+    warn_unknown(r, object, "a model", "points at turn scale as blend copies sides");
     if (!v)
         fail(r, "models", "write { \"points\": \"rabbit.karstpoints\", \"at\": [\"0\", \"1\", \"0\"] }",
              "a model has \"points\": the name of an imported file");
@@ -422,9 +430,10 @@ static karst_header_model read_point_model(reader *r, json_t *object)
         model.turn_deg[i] = number_of(r, json_array_get(v, i), "turn", -36000, 36000);
     if ((v = json_object_get(object, "scale")))
         model.scale = number_of(r, v, "scale", 1e-30, 1e30);
-    if ((v = json_object_get(object, "as")) && strcmp(text_of(r, v, "as"), "surface") != 0)
-        fail(r, "as", "write \"surface\", or leave it out",
-             karst_format(r->source->arena, "models are not shown as \"%.60s\"", json_string_value(v)));
+    model.is_splats = is_second(r, object, "as", "surface", "splats");
+    model.is_shallow = is_second(r, object, "blend", "deep", "leaf");
+    model.has_backs = is_second(r, object, "sides", "front", "both");
+    model.culls = is_second(r, object, "copies", "all", "culled");
     return model;
 }
 
@@ -520,13 +529,7 @@ static karst_header_particles read_group(reader *r, json_t *object)
     warn_unknown(r, object, "a group of particles",
                  has_file ? "file at combine"
                           : "emitter at combine size velocity spread stray life fade count radius extinction seed");
-    if ((v = json_object_get(object, "combine"))) {
-        const char *how = text_of(r, v, "combine");
-        if (strcmp(how, "sum") != 0 && strcmp(how, "union") != 0)
-            fail(r, "combine", "write \"union\" or \"sum\"",
-                 karst_format(r->source->arena, "particles do not combine as \"%.60s\"", how));
-        p.is_sum = strcmp(how, "sum") == 0;
-    }
+    p.is_sum = is_second(r, object, "combine", "union", "sum");
     if ((v = json_object_get(object, "at")) && (!json_is_array(v) || json_array_size(v) != 3))
         fail(r, "at", "write [\"0\", \"320\", \"0\"]", "\"at\" is three decimals, in metres");
     for (size_t i = 0; v && i < 3; i++)
@@ -584,10 +587,10 @@ static void leave_voxel_open(reader *r)
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
-    json_t *v;
+    const char *name;
+    json_t *v, *value;
     warn_unknown(r, r->root, "the header",
-                 "name author description seed voxel extent params camera sun sky lipschitz view exposure "
-                 "mirror data lights models particles occlusion");
+                 KARST_HEADER_KEYS);
     if ((v = json_object_get(r->root, "name")))
         h->name = text_of(r, v, "name");
     if ((v = json_object_get(r->root, "author")))
@@ -623,6 +626,11 @@ static void read_root(reader *r)
                  "\"occlusion\" is true or false: whether what stands around hides light from all around");
         h->has_occlusion = json_is_true(v);
     }
+    if ((v = json_object_get(r->root, "light_map"))) {
+        if ((value = json_object_get(v, "reach")))
+            h->light_reach_m = number_of(r, value, "reach", 1e-12, 1e18);
+        h->light_map = text_of(r, json_is_object(v) ? json_object_get(v, "file") : v, "light_map");
+    }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))
@@ -632,43 +640,12 @@ static void read_root(reader *r)
         read_lights(r, v);
     if ((v = json_object_get(r->root, "models")))
         read_point_models(r, v);
-    if ((v = json_object_get(r->root, "params"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "params")))
         json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
-    }
-    if ((v = json_object_get(r->root, "data"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "data")))
         json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
-    }
     if ((v = json_object_get(r->root, "particles")))
         read_particles(r, v);
-}
-
-/* The text of the object in the first comment; false: there is none. */
-static bool find_object(const karst_source *source, uint32_t *begin, uint32_t *end)
-{
-    const char *s = source->text;
-    uint32_t i = source->user_begin, n = source->length;
-    for (;;) { /* line comments may stand before it */
-        while (i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r')))
-            i++;
-        if (i + 1 >= n || s[i] != '/' || s[i + 1] != '/')
-            break;
-        while (i < n && s[i] != '\n')
-            i++;
-    }
-    if (i + 1 >= n || s[i] != '/' || s[i + 1] != '*')
-        return false;
-    for (i += 2; i < n && (s[i] == ' ' || (s[i] >= '\t' && s[i] <= '\r') || s[i] == '*'); i++)
-        ;
-    if (i >= n || s[i] != '{')
-        return false;
-    *begin = i;
-    for (*end = i; *end + 1 < n && !(s[*end] == '*' && s[*end + 1] == '/'); ++*end)
-        ;
-    return *end + 1 < n; /* a comment that never ends is the lexer's to report */
 }
 
 void karst_header_read(karst_source *source, karst_world_header *header)
@@ -681,18 +658,16 @@ void karst_header_read(karst_source *source, karst_world_header *header)
                                    .camera_fov_deg = 60,
                                    .sun_azimuth_deg = 135,
                                    .sun_elevation_deg = 40};
-    reader r = {.source = source, .header = header};
-    if (!find_object(source, &r.begin, &r.end))
+    const karst_header_object object = karst_header_find(source);
+    reader r = {.source = source, .header = header, .begin = object.begin, .end = object.end, .root = object.inputs};
+    const char *name;
+    json_t *value;
+    json_object_foreach(object.inputs, name, value) read_parameter(&r, name, value);
+    json_decref(object.inputs);
+    r.root = object.root;
+    if (!r.root)
         return;
     header->is_given = true;
-    json_error_t e;
-    r.root = json_loadb(source->text + r.begin, r.end - r.begin, JSON_REJECT_DUPLICATES, &e);
-    if (!r.root) {
-        uint32_t where =
-            r.begin + (e.position > 0 && (uint32_t)e.position <= r.end - r.begin ? (uint32_t)e.position - 1 : 0);
-        char *message = karst_format(source->arena, "the header is not JSON: %s", e.text);
-        karst_source_error(source, where, "quote all names, put commas between, none at the end", "%s", message);
-    }
     read_root(&r);
     json_decref(r.root);
 }

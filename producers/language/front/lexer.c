@@ -180,6 +180,15 @@ static uint32_t lex_punctuation(const char *s, uint32_t left)
     return *s && strchr("+-*/%<>=!&|^~?:;,.()[]{}#", *s) ? (uint32_t)*s : 0;
 }
 
+/* A text in quotes, which may stand in what no entry reaches; 1: it does not end on its line. */
+static uint32_t length_of_string(const char *s, uint32_t left)
+{
+    for (uint32_t i = 1; i < left && s[i] != '\n'; i += s[i] == '\\' ? 2 : 1)
+        if (s[i] == '"')
+            return i + 1;
+    return 1;
+}
+
 /* Behind the name of a directive whose line means nothing here, so that it may hold anything: its end. */
 static uint32_t pass_over_line(const karst_source *source, const karst_token *name, uint32_t at, uint32_t end)
 {
@@ -222,6 +231,8 @@ void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_
             token.length = token.what > 0xffff ? 3 : token.what > 0xff ? 2 : 1;
             while (!token.what && at + token.length < end && ((unsigned char)s[at + token.length] & 0xc0) == 0x80)
                 token.length++; /* the rest of a UTF-8 sequence */
+            if (c == '"')
+                token.length = length_of_string(s + at, end - at);
             at += token.length;
         }
         if (tokens->count - first >= KARST_MAX_TOKENS)

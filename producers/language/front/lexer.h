@@ -13,7 +13,7 @@ typedef enum {
     KARST_TOKEN_INT,
     KARST_TOKEN_UINT,
     KARST_TOKEN_PUNCTUATION,
-    KARST_TOKEN_ODD /* a character without meaning: an error unless it is passed over */
+    KARST_TOKEN_ODD /* a character without meaning: an error unless it is passed over; or a text in quotes */
 } karst_token_kind;
 
 /* Punctuation is named by its characters packed in an int: '+', or KARST_P2('+', '='). */

@@ -35,7 +35,7 @@ static void reset(karst_lower_state *s)
 
 /* ---- which functions they are ---- */
 
-static bool is_plain(const karst_ast_type *type) { return !type->size && !type->unsized && !type->unsupported; }
+static bool is_plain(const karst_ast_type *type) { return !type->size && !type->unsupported; }
 
 /* The struct that an entry gives: the language's own, which the text may have hidden. */
 static bool is_own_struct(const karst_lower_state *s, const karst_ast_struct *structure, const char *name)
@@ -48,7 +48,7 @@ static bool has_signature(const karst_lower_state *s, const karst_ast_function *
     const karst_entry_info *e = &karst_entries[entry];
     const karst_type *result = karst_type_named(e->result);
     bool fits =
-        f->num_parameters == e->num_inputs && is_plain(&f->result) &&
+        f->num_parameters == e->num_inputs && !f->num_defaults && is_plain(&f->result) &&
         (result ? f->result.base == result : f->result.structure && is_own_struct(s, f->result.structure, e->result));
     for (const karst_ast_variable *p = f->parameters; p && fits; p = p->next)
         fits = p->type.base == karst_type_vector(KARST_TYPE_FLOAT, 3) && is_plain(&p->type) && !p->is_out;
@@ -124,6 +124,9 @@ static _Noreturn void no_density(karst_lower_state *s)
                                          "GetDist", "getDist", "sdScene", "sceneSDF", "f"};
     const karst_type *vec3 = karst_type_vector(KARST_TYPE_FLOAT, 3);
     const karst_ast_function *stranger = find_stranger(s, KARST_ENTRY_DENSITY, true);
+    for (const karst_ast_variable *p = stranger ? stranger->parameters : NULL; p; p = p->next)
+        if (p->type.unsupported)
+            karst_lower_type(s, &p->type, NULL, p->where); /* says what it is that is not there */
     if (stranger)
         karst_source_error(s->source, stranger->where, write_it(s, KARST_ENTRY_DENSITY),
                            "'%s' has other parameters or another result here", karst_lower_name(s, stranger->name));
@@ -243,7 +246,7 @@ static void run_entry(karst_lower_state *s, karst_entry entry, karst_ast_functio
     karst_value arguments[2] = {input(s, KARST_OP_POSITION, f->where)};
     if (e->num_inputs == KARST_INPUT_PLACE_AND_NORMAL)
         arguments[1] = input(s, KARST_OP_NORMAL, f->where);
-    karst_value value = karst_lower_function(s, f, arguments, NULL, f->where);
+    karst_value value = karst_lower_function(s, f, arguments, f->num_parameters, NULL, f->where);
     memcpy(s->io->root + karst_outputs[e->first].root, value.e, value.type->num_scalars * sizeof *value.e);
     for (int o = (int)e->first + 1; o <= (int)e->last; o++)
         if (o != KARST_OUTPUT_AIR_ALBEDO && is_usual(s, &karst_outputs[o])) /* of shading there is always a colour */

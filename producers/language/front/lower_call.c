@@ -71,10 +71,8 @@ static karst_value construct_plain(karst_lower_state *s, const karst_type *type,
 karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value arguments[KARST_MAX_ARGUMENTS];
-    uint32_t count = 0, listed = 0;
-    for (const karst_ast_expr *a = e->a; a; a = a->next)
-        listed++;
-    const karst_type *type = karst_lower_type(s, e->of, listed, e->where);
+    uint32_t count = 0;
+    const karst_type *type = karst_lower_type(s, e->of, e->a, e->where);
     if (type->shape == KARST_SHAPE_VOID)
         karst_source_error(s->source, e->where, NULL, "there is no value of type void");
     if (type->shape == KARST_SHAPE_ARRAY || type->shape == KARST_SHAPE_STRUCT) {
@@ -99,14 +97,14 @@ karst_value karst_lower_construct(karst_lower_state *s, const karst_ast_expr *e)
 /* The cost of calling f so: conversions needed; -1: impossible. */
 static int call_cost(karst_lower_state *s, const karst_ast_function *f, const karst_value *arguments, uint32_t count)
 {
-    if (f->num_parameters != count)
+    if (count > f->num_parameters || count + f->num_defaults < f->num_parameters)
         return -1;
     int cost = 0;
     const karst_ast_variable *p = f->parameters;
     for (uint32_t i = 0; i < count; i++, p = p->next) {
         if (p->type.unsupported)
             return -1;
-        const karst_type *type = karst_lower_type(s, &p->type, 0, p->where);
+        const karst_type *type = karst_lower_type(s, &p->type, NULL, p->where);
         int one = p->is_out ? (arguments[i].type == type ? 0 : -1) : karst_type_conversion(arguments[i].type, type);
         if (one < 0)
             return -1;
@@ -121,7 +119,7 @@ static const char *signature(karst_lower_state *s, const karst_ast_function *f)
     for (const karst_ast_variable *p = f->parameters; p; p = p->next)
         text = karst_format(
             s->arena, "%s%s%s%s", text, p == f->parameters ? "" : ", ", p->is_out ? (p->is_in ? "inout " : "out ") : "",
-            p->type.unsupported ? p->type.unsupported : karst_lower_type(s, &p->type, 0, p->where)->name);
+            p->type.unsupported ? p->type.unsupported : karst_lower_type(s, &p->type, NULL, p->where)->name);
     return karst_format(s->arena, "%s)", text);
 }
 
@@ -275,8 +273,20 @@ static void copy_out(karst_lower_state *s, const karst_argument_place *to, karst
     karst_place_write(s, &place, value);
 }
 
+/* What a parameter is that a call leaves out: told outside of all functions, where it stands. */
+static karst_value default_value(karst_lower_state *s, const karst_ast_function *f, const karst_ast_variable *p,
+                                 const karst_type *type)
+{
+    karst_frame frame = s->frame;
+    karst_ast_function here = {.is_prelude = f->is_prelude};
+    s->frame = (karst_frame){.function = &here, .first_variable = s->num_variables};
+    karst_value value = karst_lower_initialiser(s, p->value, type);
+    s->frame = frame;
+    return value;
+}
+
 karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
-                                 const karst_argument_place *places, uint32_t where)
+                                 uint32_t count, const karst_argument_place *places, uint32_t where)
 {
     const char *name = karst_lower_name(s, f->name);
     if (!f->body)
@@ -288,7 +298,7 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
         karst_source_error(s->source, where, NULL, "calls are nested deeper than %u", KARST_MAX_INLINING);
     if (!f->statement)
         karst_parse_body(s->parser, f);
-    const karst_type *result_type = karst_lower_type(s, &f->result, 0, f->where);
+    const karst_type *result_type = karst_lower_type(s, &f->result, NULL, f->where);
     karst_value result = karst_value_zero(s, result_type, where);
     karst_frame caller = s->frame;
     size_t num_variables = s->num_variables;
@@ -296,9 +306,10 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
     formal = karst_arena_alloc(s->arena, (f->num_parameters + 1) * sizeof *formal);
     const karst_ast_variable *p = f->parameters;
     for (uint32_t i = 0; i < f->num_parameters; i++, p = p->next) {
-        const karst_type *type = karst_lower_type(s, &p->type, 0, p->where);
-        karst_value value = p->is_in ? karst_lower_convert(s, arguments[i], type, "this argument", where)
-                                     : karst_value_zero(s, type, where);
+        const karst_type *type = karst_lower_type(s, &p->type, NULL, p->where);
+        karst_value value = i >= count ? default_value(s, f, p, type)
+                            : p->is_in ? karst_lower_convert(s, arguments[i], type, "this argument", where)
+                                       : karst_value_zero(s, type, where);
         karst_variable *v = karst_variable_declare(s, p->name, type, p->is_const, where);
         formal[i] = v->slot;
         memcpy(s->slots + v->slot, value.e, type->num_scalars * sizeof *value.e);
@@ -315,10 +326,10 @@ karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, co
     s->frame = caller;
     s->num_variables = num_variables;
     p = f->parameters;
-    for (uint32_t i = 0; i < f->num_parameters; i++, p = p->next)
+    for (uint32_t i = 0; i < count; i++, p = p->next)
         if (p->is_out && places)
             copy_out(s, &places[i],
-                     (karst_value){.type = karst_lower_type(s, &p->type, 0, p->where), .e = s->slots + formal[i]});
+                     (karst_value){.type = karst_lower_type(s, &p->type, NULL, p->where), .e = s->slots + formal[i]});
     if (result_type->shape != KARST_SHAPE_VOID)
         s->top = karst_slot_index(s, result.e) + result_type->num_scalars; /* the callee's variables are gone */
     return result;
@@ -386,8 +397,29 @@ static karst_value call_of_data(karst_lower_state *s, const karst_ast_expr *e, s
     return result;
 }
 
+/* OpenCL's convert_float3(v), and with how it rounds behind it: what float3(v) is. NULL: it is none. */
+static const karst_type *converts_to(const karst_lower_state *s, uint32_t function)
+{
+    const char *name = karst_lower_name(s, function), *type = name + strlen("convert_");
+    if (strncmp(name, "convert_", strlen("convert_")) != 0)
+        return NULL;
+    char word[16];
+    const size_t length = strcspn(type, "_");
+    if (length >= sizeof word)
+        return NULL;
+    memcpy(word, type, length);
+    word[length] = 0;
+    return karst_type_named(word);
+}
+
 karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
 {
+    const karst_type *to = is_function(s, e->name) ? NULL : converts_to(s, e->name);
+    if (to) {
+        karst_ast_type of = {.base = to};
+        karst_ast_expr made = {.kind = KARST_AST_CONSTRUCT, .where = e->where, .a = e->a, .of = &of};
+        return karst_lower_construct(s, &made);
+    }
     karst_value arguments[KARST_MAX_ARGUMENTS], result;
     const size_t of_file = data_function(s, e);
     if (of_file < NUM_DATA_FUNCTIONS)
@@ -414,7 +446,7 @@ karst_value karst_lower_call(karst_lower_state *s, const karst_ast_expr *e)
     if (!f)
         f = find_function(s, name, true, arguments, count, e->where, &any);
     if (f) {
-        karst_value value = karst_lower_function(s, f, arguments, places, e->where);
+        karst_value value = karst_lower_function(s, f, arguments, count, places, e->where);
         s->graph->where = e->where;
         return value;
     }

@@ -51,6 +51,16 @@ karst_value karst_lower_convert(karst_lower_state *s, karst_value value, const k
                                 uint32_t where)
 {
     int cost = karst_type_conversion(value.type, to);
+    if (cost < 0 && to->shape == KARST_SHAPE_VECTOR && value.type->shape == KARST_SHAPE_SCALAR &&
+        karst_type_conversion(value.type, karst_type_vector(to->scalar, 1)) >= 0) { /* HLSL's float3 v = 1 */
+        karst_value all = karst_value_new(s, to, where);
+        for (uint32_t i = 0; i < to->num_scalars; i++)
+            all.e[i] = karst_expr_convert(s->graph, to->scalar, value.e[0]);
+        return all;
+    }
+    if (cost < 0 && value.type == karst_type_vector(KARST_TYPE_BOOL, 1) && to->shape == KARST_SHAPE_SCALAR &&
+        (to->scalar == KARST_TYPE_INT || to->scalar == KARST_TYPE_UINT))
+        cost = 1; /* C's int is_near = p.x < 1.0 */
     if (cost < 0) {
         const char *hint = NULL;
         if (value.type->shape == KARST_SHAPE_VOID)

@@ -3,9 +3,20 @@
 
 #include <string.h>
 
+/* As in C and HLSL, an int is true unless it is 0. */
+static karst_value truth_of(karst_lower_state *s, karst_value v, uint32_t where)
+{
+    if (v.type->shape != KARST_SHAPE_SCALAR || (v.type->scalar != KARST_TYPE_INT && v.type->scalar != KARST_TYPE_UINT))
+        return v;
+    karst_value r = karst_value_new(s, karst_type_vector(KARST_TYPE_BOOL, 1), where);
+    r.e[0] = karst_expr_2(s->graph, KARST_OP_NOT_EQUAL, v.e[0],
+                          karst_graph_number(s->graph, v.type->scalar, karst_number_int(0)));
+    return r;
+}
+
 karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, const char *context)
 {
-    karst_value v = karst_lower_expression(s, e);
+    karst_value v = truth_of(s, karst_lower_expression(s, e), e->where);
     if (v.type != karst_type_vector(KARST_TYPE_BOOL, 1))
         karst_source_error(s->source, e->where,
                            e->kind == KARST_AST_ASSIGN                        ? "= assigns: write == to compare"
@@ -15,27 +26,90 @@ karst_expr karst_lower_condition(karst_lower_state *s, const karst_ast_expr *e, 
     return v.e[0];
 }
 
+/* "{}", and C's "{0}" of what has several parts. */
+static bool is_all_zero(const karst_ast_expr *list, uint32_t count)
+{
+    const karst_ast_expr *a = list->a;
+    return !a || (!a->next && count > 1 && a->kind == KARST_AST_NUMBER && a->number.value == 0);
+}
+
+/* How many elements, none of which is in braces itself, or named; 0: some is. */
+static uint32_t num_plain(const karst_ast_expr *list)
+{
+    uint32_t listed = 0;
+    for (const karst_ast_expr *a = list->a; a; a = a->next, listed++)
+        if (a->kind == KARST_AST_LIST || a->kind == KARST_AST_FIELD)
+            return 0;
+    return listed;
+}
+
+/* C's lists of all numbers of an array in a row. */
+static bool is_flat(const karst_ast_expr *list, const karst_type *type)
+{
+    return type->shape == KARST_SHAPE_ARRAY && type->element->num_scalars > 1 && num_plain(list) == type->num_scalars;
+}
+
+/* Which field an element is for: the next, or the one that it names. */
+static uint32_t element_of(karst_lower_state *s, const karst_ast_expr *a, const karst_type *type, uint32_t next)
+{
+    if (a->kind != KARST_AST_FIELD)
+        return next;
+    uint32_t i = 0;
+    while (type->shape == KARST_SHAPE_STRUCT && i < type->num_fields && type->fields[i].name != a->name)
+        i++;
+    if (type->shape != KARST_SHAPE_STRUCT || i == type->num_fields)
+        karst_source_error(s->source, a->where, NULL, "%s has no field '%s'", karst_a_type(s, type),
+                           karst_lower_name(s, a->name));
+    return i;
+}
+
+static void lower_flat(karst_lower_state *s, const karst_ast_expr *list, const karst_type *type, karst_value r)
+{
+    const karst_type *scalar = type->element;
+    while (scalar->shape != KARST_SHAPE_SCALAR && scalar->shape != KARST_SHAPE_STRUCT)
+        scalar = scalar->element;
+    uint32_t i = 0;
+    for (const karst_ast_expr *a = list->a; a; a = a->next)
+        r.e[i++] =
+            karst_lower_convert(s, karst_lower_expression(s, a), scalar, "this element", a->where).e[0];
+}
+
 karst_value karst_rule_initialiser(karst_lower_state *s, const karst_ast_expr *e, const karst_type *type)
 {
     if (e->kind != KARST_AST_LIST)
         return karst_lower_convert(s, karst_lower_expression(s, e), type, "this variable", e->where);
+    if ((type->shape == KARST_SHAPE_VECTOR || type->shape == KARST_SHAPE_MATRIX) && num_plain(e) > 1) {
+        karst_ast_type of = {.base = type}; /* HLSL's { v, 1 } is vec4(v, 1) */
+        karst_ast_expr made = {.kind = KARST_AST_CONSTRUCT, .where = e->where, .a = e->a, .of = &of};
+        return karst_lower_construct(s, &made);
+    }
     karst_lower_enter(s, e->where);
     karst_value r = karst_value_zero(s, type, e->where);
-    uint32_t count = type->shape == KARST_SHAPE_STRUCT   ? type->num_fields
-                     : type->shape == KARST_SHAPE_SCALAR ? 1
-                                                         : type->count,
-             i = 0;
+    const bool is_struct = type->shape == KARST_SHAPE_STRUCT, is_scalar = type->shape == KARST_SHAPE_SCALAR;
+    const uint32_t count = is_struct ? type->num_fields : is_scalar ? 1 : type->count;
+    uint32_t i = 0;
+    bool is_named = false;
+    if (is_all_zero(e, count)) {
+        karst_lower_leave(s);
+        return r;
+    }
+    if (is_flat(e, type)) {
+        lower_flat(s, e, type, r);
+        karst_lower_leave(s);
+        return r;
+    }
     for (const karst_ast_expr *a = e->a; a; a = a->next, i++) {
+        is_named |= a->kind == KARST_AST_FIELD;
+        i = element_of(s, a, type, i);
         if (i >= count)
             karst_source_error(s->source, a->where, NULL, "%s has %u elements, and the list has more",
                                karst_a_type(s, type), count);
-        const karst_type *part = type->shape == KARST_SHAPE_STRUCT   ? type->fields[i].type
-                                 : type->shape == KARST_SHAPE_SCALAR ? type
-                                                                     : type->element;
-        uint32_t offset = type->shape == KARST_SHAPE_STRUCT ? type->fields[i].offset : i * part->num_scalars;
-        memcpy(r.e + offset, karst_lower_initialiser(s, a, part).e, part->num_scalars * sizeof *r.e);
+        const karst_type *part = is_struct ? type->fields[i].type : is_scalar ? type : type->element;
+        const uint32_t offset = is_struct ? type->fields[i].offset : i * part->num_scalars;
+        const karst_ast_expr *value = a->kind == KARST_AST_FIELD ? a->a : a;
+        memcpy(r.e + offset, karst_lower_initialiser(s, value, part).e, part->num_scalars * sizeof *r.e);
     }
-    if (i < count)
+    if (i < count && !is_named)
         karst_source_error(s->source, e->where, NULL, "%s has %u elements, not %u", karst_a_type(s, type), count, i);
     karst_lower_leave(s);
     return r;
@@ -128,10 +202,24 @@ static karst_op operation_for(uint32_t op, karst_scalar_type type)
     return KARST_OP_NONE;
 }
 
+/* `a`, if it is a bool and `b` a number or several: 1 or 0 of b's kind. */
+static karst_value mask_of(karst_lower_state *s, karst_value a, karst_value b, uint32_t where)
+{
+    if (a.type != karst_type_vector(KARST_TYPE_BOOL, 1) || !karst_type_is_number(b.type))
+        return a;
+    karst_value r = karst_value_new(s, karst_type_vector(b.type->scalar, 1), where);
+    r.e[0] = karst_expr_convert(s->graph, b.type->scalar, a.e[0]);
+    return r;
+}
+
 karst_value karst_lower_arithmetic(karst_lower_state *s, uint32_t op, karst_value a, karst_value b, uint32_t where)
 {
     bool shift = op == KARST_P2('<', '<') || op == KARST_P2('>', '>');
     karst_value left = a, right = b;
+    if (op == '*') { /* HLSL's masks: a bool times a number is that number or 0 */
+        left = mask_of(s, a, b, where);
+        right = mask_of(s, b, a, where);
+    }
     if (shift && karst_type_is_number(a.type) && karst_type_is_number(b.type) && b.type->scalar != KARST_TYPE_FLOAT &&
         a.type->scalar != b.type->scalar) {
         right = karst_value_new(s, karst_type_vector(a.type->scalar, b.type->size), where);
@@ -216,11 +304,12 @@ static karst_value apply_binary(karst_lower_state *s, const karst_ast_expr *e, k
     case KARST_P2('|', '|'):
     case KARST_P2('^', '^'): {
         karst_value b = {.type = truth};
+        a = truth_of(s, a, e->where);
         if (a.type == truth && e->op != KARST_P2('^', '^')) {
             r = short_circuit(s, e->op, a.e[0], e->b, e->where);
             break;
         }
-        b = karst_lower_expression(s, e->b);
+        b = truth_of(s, karst_lower_expression(s, e->b), e->where);
         if (a.type != truth || b.type != truth)
             bad_operands(s, e->op, a, b, e->where);
         r = one_bool(
@@ -268,6 +357,8 @@ static karst_value lower_binary(karst_lower_state *s, const karst_ast_expr *e)
 static karst_value lower_unary(karst_lower_state *s, const karst_ast_expr *e)
 {
     karst_value a = karst_lower_expression(s, e->a);
+    if (e->op == '!')
+        a = truth_of(s, a, e->where);
     bool number = karst_type_is_number(a.type) || a.type->shape == KARST_SHAPE_MATRIX;
     bool is_int = number && a.type->scalar != KARST_TYPE_FLOAT;
     bool fits = e->op == '!' ? a.type == karst_type_vector(KARST_TYPE_BOOL, 1) : e->op == '~' ? is_int : number;
@@ -526,6 +617,7 @@ static karst_value lower_inner(karst_lower_state *s, const karst_ast_expr *e)
     case KARST_AST_COMMA:
         break;
     case KARST_AST_LIST:
+    case KARST_AST_FIELD:
         karst_source_error(s->source, e->where, "write a constructor, such as vec3(1, 2, 3)",
                            "a list in braces can only begin a variable");
     }

@@ -34,10 +34,7 @@ static void prepare_global(karst_lower_state *s, karst_global *g)
     karst_ast_function here = {.is_prelude = v->is_prelude};
     s->frame = (karst_frame){.function = &here, .first_variable = s->num_variables};
     s->open_branches = 0;
-    uint32_t count = 0;
-    for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
-        count++;
-    g->type = karst_lower_type(s, &v->type, count, v->where);
+    g->type = karst_lower_declared(s, v);
     karst_value value = v->value ? initial_value(s, g) : karst_value_zero(s, g->type, v->where);
     /* Globals live in a region of their own, as long as the state does. */
     g->initial = karst_arena_alloc(s->arena, value.type->num_scalars * sizeof *g->initial);
@@ -84,7 +81,7 @@ static const karst_type *struct_type(karst_lower_state *s, karst_ast_struct *str
     for (const karst_ast_variable *f = structure->fields; f; f = f->next, field++) {
         karst_lower_enter(s, f->where); /* structs of structs of structs */
         field->name = f->name;
-        field->type = karst_lower_type(s, &f->type, 0, f->where);
+        field->type = karst_lower_type(s, &f->type, NULL, f->where);
         if (field->type->shape == KARST_SHAPE_VOID)
             karst_source_error(s->source, f->where, NULL, "a field cannot be void");
         field->offset = type->num_scalars;
@@ -96,34 +93,75 @@ static const karst_type *struct_type(karst_lower_state *s, karst_ast_struct *str
     return structure->type = type;
 }
 
-const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
+/* One size of an array; 0: it is left open. */
+static uint32_t array_size(karst_lower_state *s, const karst_ast_expr *text)
+{
+    if (text->kind == KARST_AST_LIST)
+        return 0;
+    karst_value size = karst_lower_expression(s, text);
+    if (size.type->shape != KARST_SHAPE_SCALAR ||
+        (size.type->scalar != KARST_TYPE_INT && size.type->scalar != KARST_TYPE_UINT))
+        karst_source_error(s->source, text->where, NULL, "the size of an array is an int, not %s", size.type->name);
+    karst_number n = karst_lower_constant(s, size.e[0], "the size of an array", text->where);
+    if (n.value < 1 || n.value > KARST_MAX_ARRAY)
+        karst_source_error(s->source, text->where, NULL, "an array may have 1 to %u elements, not %.0f",
+                           KARST_MAX_ARRAY, n.value);
+    return (uint32_t)n.value;
+}
+
+static uint32_t num_listed(const karst_ast_expr *a)
+{
+    uint32_t count = 0;
+    for (; a; a = a->next)
+        count++;
+    return count;
+}
+
+const karst_type *karst_lower_declared(karst_lower_state *s, const karst_ast_variable *v)
+{
+    if (!v->type.is_deduced)
+        return karst_lower_type(s, &v->type, v->value ? v->value->a : NULL, v->where);
+    if (!v->value || v->value->kind == KARST_AST_LIST)
+        karst_source_error(s->source, v->where, "write its type", "nothing says what type '%s' has",
+                           karst_lower_name(s, v->name));
+    karst_branch branch = karst_branch_open(s); /* for its type alone */
+    const karst_type *type = karst_lower_expression(s, v->value).type;
+    karst_branch_close(s, branch);
+    s->num_changes = branch.changes;
+    return type;
+}
+
+const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, const karst_ast_expr *elements,
                                    uint32_t where)
 {
+    if (type->unsupported && !strcmp(type->unsupported, KARST_POINTER))
+        karst_source_error(s->source, where, "write inout before the type", "there are no pointers");
+    if (type->is_deduced)
+        karst_source_error(s->source, where, "write its type", "only variables with a value can be 'auto'");
     if (type->unsupported)
         karst_source_error(s->source, where, "use noise(p) or write a function",
                            "a world has no textures, so there is no '%s'", type->unsupported);
-    const karst_type *base = type->base ? type->base : struct_type(s, type->structure);
-    uint32_t count = unsized_count;
-    if (!type->size && !type->unsized)
-        return base;
-    if (type->size) {
-        karst_value size = karst_lower_expression(s, type->size);
-        if (size.type->shape != KARST_SHAPE_SCALAR ||
-            (size.type->scalar != KARST_TYPE_INT && size.type->scalar != KARST_TYPE_UINT))
-            karst_source_error(s->source, type->size->where, NULL, "the size of an array is an int, not %s",
-                               size.type->name);
-        karst_number n = karst_lower_constant(s, size.e[0], "the size of an array", type->size->where);
-        if (n.value < 1 || n.value > KARST_MAX_ARRAY)
-            karst_source_error(s->source, type->size->where, NULL, "an array may have 1 to %u elements, not %.0f",
-                               KARST_MAX_ARRAY, n.value);
-        count = (uint32_t)n.value;
-    } else if (!count || count > KARST_MAX_ARRAY) {
-        karst_source_error(s->source, where, "write the number of elements into the brackets",
-                           "the size of this array is not known");
+    const karst_type *made = type->base ? type->base : struct_type(s, type->structure);
+    uint32_t counts[KARST_MAX_DIMENSIONS], num = 0;
+    for (const karst_ast_expr *size = type->size; size; size = size->next) {
+        if (num == KARST_MAX_DIMENSIONS)
+            karst_source_error(s->source, where, NULL, "arrays of arrays have at most %u sizes", KARST_MAX_DIMENSIONS);
+        counts[num] = array_size(s, size);
+        if (!counts[num])
+            counts[num] = num_listed(elements);
+        if (!counts[num] || counts[num] > KARST_MAX_ARRAY)
+            karst_source_error(s->source, where, "write the number of elements into the brackets",
+                               "the size of this array is not known");
+        num++;
+        elements = elements && (elements->kind == KARST_AST_LIST || elements->kind == KARST_AST_CONSTRUCT) ? elements->a
+                                                                                                         : NULL;
     }
-    if (base->shape == KARST_SHAPE_VOID)
+    if (num && made->shape == KARST_SHAPE_VOID)
         karst_source_error(s->source, where, NULL, "there are no arrays of void");
-    if ((uint64_t)base->num_scalars * count > KARST_MAX_SLOTS / 4)
-        karst_source_error(s->source, where, NULL, "this array is too large");
-    return karst_type_array(&s->array_types, base, count);
+    while (num--) {
+        if ((uint64_t)made->num_scalars * counts[num] > KARST_MAX_SLOTS / 4)
+            karst_source_error(s->source, where, NULL, "this array is too large");
+        made = karst_type_array(&s->array_types, made, counts[num]);
+    }
+    return made;
 }

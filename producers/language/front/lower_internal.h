@@ -150,7 +150,11 @@ const char *karst_type_list(karst_lower_state *s, const karst_value *arguments, 
 
 /* ---- lower_global.c ---- */
 karst_global *karst_global_find(karst_lower_state *s, uint32_t name); /* evaluates its initialiser at the first call */
-const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, uint32_t unsized_count,
+#define KARST_MAX_DIMENSIONS 8u /* arrays of arrays */
+/* The type of a variable with or without a value. */
+const karst_type *karst_lower_declared(karst_lower_state *s, const karst_ast_variable *v);
+/* `elements`: the first of what an array is made of, for sizes that are left open; NULL: none. */
+const karst_type *karst_lower_type(karst_lower_state *s, const karst_ast_type *type, const karst_ast_expr *elements,
                                    uint32_t where);
 
 /* ---- lower_expr.c ---- */
@@ -182,9 +186,9 @@ typedef struct {
     bool is_found; /* before the call: `place` is where */
     karst_place place;
 } karst_argument_place;
-/* `places`: of each argument; NULL: what it puts out is lost. */
+/* `places`: of each of `count` arguments; NULL: what it puts out is lost. Other parameters have values of their own. */
 karst_value karst_lower_function(karst_lower_state *s, karst_ast_function *f, const karst_value *arguments,
-                                 const karst_argument_place *places, uint32_t where);
+                                 uint32_t count, const karst_argument_place *places, uint32_t where);
 
 /* ---- lower_builtin.c ---- */
 /* false: there is no built-in of that name. Errors if there is, but not for these arguments. */

@@ -3,12 +3,55 @@
 
 #include <string.h>
 
+/* HLSL's elements of matrices, "_m01_m11" and "_12_22": rows, which are columns here, then columns. 0: it is none. */
+static uint32_t elements_of_matrix(const char *name, const karst_type *type, uint8_t part[4])
+{
+    uint32_t n = 0;
+    for (; *name == '_'; n++) {
+        const char first = name[1] == 'm' ? '0' : '1';
+        name += first == '0' ? 2 : 1;
+        if (n == 4 || name[0] < first || name[0] >= first + (char)type->count || name[1] < first ||
+            name[1] >= first + (char)type->size)
+            return 0;
+        part[n] = (uint8_t)((name[0] - first) * type->size + name[1] - first);
+        name += 2;
+    }
+    return *name ? 0 : n;
+}
+
+/* OpenCL C's components: "s0", "s3210", "lo", "even". */
+static uint32_t numbered(const char *name, const karst_type *type, uint8_t part[4])
+{
+    static const struct {
+        const char *name;
+        uint8_t first, step;
+    } halves[] = {{"lo", 0, 1}, {"hi", 1, 1}, {"even", 0, 2}, {"odd", 1, 2}};
+    uint32_t n = 0;
+    if (name[0] == 's' || name[0] == 'S') {
+        for (; n < 4 && name[n + 1] >= '0' && name[n + 1] < '0' + (char)type->size; n++)
+            part[n] = (uint8_t)(name[n + 1] - '0');
+        return name[n + 1] ? 0 : n;
+    }
+    for (size_t i = 0; i < sizeof halves / sizeof *halves; i++)
+        if (!strcmp(name, halves[i].name)) {
+            const uint32_t half = (type->size + 1u) / 2, by = halves[i].step;
+            for (uint32_t k = by == 1 ? halves[i].first * half : halves[i].first; n < half && k < type->size; k += by)
+                part[n++] = (uint8_t)k;
+        }
+    return n;
+}
+
 /* Component numbers of a swizzle such as "xzy", "rgb", "st", or OpenCL's "s0", "lo"; 0: it is none. Errors: beyond the
  * vector's size. */
 static uint32_t swizzle(karst_lower_state *s, const char *name, const karst_type *type, uint32_t where, uint8_t part[4])
 {
     static const char *const sets[] = {"xyzw", "rgba", "stpq"};
     size_t n = strlen(name);
+    if (type->shape == KARST_SHAPE_MATRIX)
+        return elements_of_matrix(name, type, part);
+    if (type->size > 1 && (n = numbered(name, type, part)) != 0)
+        return (uint32_t)n;
+    n = strlen(name);
     if (n < 1 || n > 4)
         return 0;
     for (size_t set = 0; set < 3; set++) {
@@ -67,8 +110,9 @@ karst_value karst_lower_member(karst_lower_state *s, const karst_ast_expr *e)
         return copy_part(s, field->type, whole.e + field->offset, e->where);
     }
     uint8_t part[4];
-    uint32_t n =
-        karst_type_is_plain(whole.type) ? swizzle(s, karst_lower_name(s, e->name), whole.type, e->where, part) : 0;
+    uint32_t n = karst_type_is_plain(whole.type) || whole.type->shape == KARST_SHAPE_MATRIX
+                     ? swizzle(s, karst_lower_name(s, e->name), whole.type, e->where, part)
+                     : 0;
     if (!n)
         no_member(s, whole.type, e->name, e->where);
     karst_value r = karst_value_new(s, karst_type_vector(whole.type->scalar, n), e->where);
@@ -205,7 +249,7 @@ static karst_place member_place(karst_lower_state *s, const karst_ast_expr *e, c
             offset[i] = field->offset + i;
     } else {
         uint8_t part[4];
-        uint32_t n = whole.type->shape == KARST_SHAPE_VECTOR
+        uint32_t n = whole.type->shape == KARST_SHAPE_VECTOR || whole.type->shape == KARST_SHAPE_MATRIX
                          ? swizzle(s, karst_lower_name(s, e->name), whole.type, e->where, part)
                          : 0;
         if (!n)

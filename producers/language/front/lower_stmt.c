@@ -132,11 +132,8 @@ static void lower_declaration(karst_lower_state *s, const karst_ast_statement *s
     for (const karst_ast_variable *v = st->variables; v; v = v->next) {
         karst_lower_enter(s, v->where);
         check_name_is_free(s, v);
-        uint32_t count = 0;
-        for (const karst_ast_expr *a = v->type.unsized && v->value ? v->value->a : NULL; a; a = a->next)
-            count++;
         uint32_t top = s->top;
-        const karst_type *type = karst_lower_type(s, &v->type, count, v->where);
+        const karst_type *type = karst_lower_declared(s, v);
         if (type->shape == KARST_SHAPE_VOID)
             karst_source_error(s->source, v->where, NULL, "a variable cannot be void");
         s->top = top;

@@ -4,27 +4,29 @@
 #include <string.h>
 
 static karst_ast_expr *parse_unary(karst_parser *p);
+static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where, karst_ast_expr *a, karst_ast_expr *b,
+                            karst_ast_expr *c);
 
 void karst_parse_array_size(karst_parser *p, karst_ast_type *type)
 {
-    uint32_t where = karst_parser_peek(p)->where;
-    if (!karst_parser_accept(p, '['))
-        return;
-    if (type->size || type->unsized)
-        karst_source_error(p->source, where, "use one array and compute the index", "there are no arrays of arrays");
-    if (karst_parser_accept(p, ']')) {
-        type->unsized = true;
-    } else {
-        type->size = karst_parse_expression(p);
-        karst_parser_expect(p, ']', "behind the array's size");
+    karst_ast_expr *within = type->size, **link = &type->size;
+    for (uint32_t where; where = karst_parser_peek(p)->where, karst_parser_accept(p, '['); link = &(*link)->next) {
+        if (karst_parser_accept(p, ']')) {
+            *link = make(p, KARST_AST_LIST, where, NULL, NULL, NULL);
+        } else {
+            *link = karst_parse_expression(p);
+            karst_parser_expect(p, ']', "behind the array's size");
+        }
     }
-    if (karst_token_is(karst_parser_peek(p), '['))
-        karst_source_error(p->source, where, "use one array and compute the index", "there are no arrays of arrays");
+    *link = within;
 }
 
 karst_ast_type karst_parse_type(karst_parser *p)
 {
     karst_ast_type type = {0};
+    if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT ||
+        karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_ENUM)
+        p->at++; /* C's "struct Ray", of one that is there */
     const karst_token *t = karst_parser_peek(p);
     if (t->kind != KARST_TOKEN_NAME)
         karst_source_error(p->source, t->where, NULL, "expected a type, not %s", karst_parser_spell(p, t));
@@ -34,12 +36,16 @@ karst_ast_type karst_parse_type(karst_parser *p)
         type.base = karst_type_named(name);
     } else if (keyword == KARST_KEYWORD_UNSUPPORTED_TYPE) {
         type.unsupported = name;
+    } else if (keyword == KARST_KEYWORD_AUTO) {
+        type.is_deduced = true;
     } else if (!(type.structure = karst_parser_find_struct(p, t->what))) {
         karst_nearest nearest = karst_nearest_begin(name, strlen(name));
         karst_parser_offer_types(p, &nearest);
         karst_source_error(p->source, t->where, karst_nearest_hint(&nearest, p->arena), "there is no type '%s'", name);
     }
     p->at++;
+    if (type.structure && type.structure->same_as)
+        type = *type.structure->same_as;
     karst_parse_array_size(p, &type);
     return type;
 }
@@ -69,6 +75,11 @@ static karst_ast_expr *make(karst_parser *p, karst_ast_kind kind, uint32_t where
     return e;
 }
 
+static karst_ast_expr *parse_element(karst_parser *p)
+{
+    return karst_token_is(karst_parser_peek(p), '{') ? parse_unary(p) : karst_parse_assignment(p);
+}
+
 /* Arguments up to the closing bracket; the opening one has been read. */
 static karst_ast_expr *parse_arguments(karst_parser *p, uint32_t close, unsigned *height)
 {
@@ -86,7 +97,15 @@ static karst_ast_expr *parse_arguments(karst_parser *p, uint32_t close, unsigned
     do {
         if (close == '}' && karst_token_is(karst_parser_peek(p), close))
             break; /* a trailing comma */
-        *link = karst_token_is(karst_parser_peek(p), '{') ? parse_unary(p) : karst_parse_assignment(p);
+        const karst_token *t = karst_parser_peek(p);
+        if (close == '}' && karst_parser_accept(p, '.')) { /* C's designators */
+            uint32_t name = karst_parser_name(p, "the name of a field");
+            karst_parser_expect(p, '=', "behind the field");
+            *link = make(p, KARST_AST_FIELD, t->where, parse_element(p), NULL, NULL);
+            (*link)->name = name;
+        } else {
+            *link = parse_element(p);
+        }
         if ((*link)->height > *height)
             *height = (*link)->height;
         link = &(*link)->next;
@@ -122,19 +141,20 @@ static karst_ast_expr *parse_number(karst_parser *p, const karst_token *t)
     return e;
 }
 
-/* vec3(...), float[3](...), Ray(...). */
+/* vec3(...), float[3](...), Ray(...), and C++'s Ray{...}. */
 static karst_ast_expr *parse_construct(karst_parser *p)
 {
     uint32_t where = karst_parser_peek(p)->where;
     karst_ast_type *type = karst_arena_alloc(p->arena, sizeof *type);
     *type = karst_parse_type(p);
-    karst_parser_expect(p, '(', "behind the type");
-    karst_ast_expr *e = with_arguments(p, KARST_AST_CONSTRUCT, where, ')');
+    const bool is_brace = karst_token_is(karst_parser_peek(p), '{');
+    karst_parser_expect(p, is_brace ? '{' : '(', "behind the type");
+    karst_ast_expr *e = with_arguments(p, KARST_AST_CONSTRUCT, where, is_brace ? '}' : ')');
     e->of = type;
     return e;
 }
 
-/* OpenCL C's (float3)(x, y, z), and C's (float)x. The bracket is next. */
+/* OpenCL C's (float3)(x, y, z), C's (float)x and (Ray){...}. The bracket is next. */
 static karst_ast_expr *parse_cast(karst_parser *p)
 {
     uint32_t where = karst_parser_peek(p)->where;
@@ -146,8 +166,10 @@ static karst_ast_expr *parse_cast(karst_parser *p)
     /* (float)(int)x: a cast of a cast, not what the first is made of */
     const bool is_cast_again = karst_parser_keyword(p, karst_parser_ahead(p, 1)) == KARST_KEYWORD_TYPE &&
                                karst_token_is(karst_parser_ahead(p, 2), ')');
-    if (!is_cast_again && karst_parser_accept(p, '(')) {
-        e = with_arguments(p, KARST_AST_CONSTRUCT, where, ')');
+    const bool is_brace = karst_token_is(karst_parser_peek(p), '{'); /* C's (Ray){...} */
+    if (is_brace || (!is_cast_again && karst_token_is(karst_parser_peek(p), '('))) {
+        p->at++;
+        e = with_arguments(p, KARST_AST_CONSTRUCT, where, is_brace ? '}' : ')');
     } else {
         karst_ast_expr *a = parse_unary(p);
         e = make(p, KARST_AST_CONSTRUCT, where, a, NULL, NULL);
@@ -167,7 +189,8 @@ static karst_ast_expr *parse_primary(karst_parser *p)
     }
     if (karst_token_is(t, '(')) {
         p->at++;
-        bool is_type = karst_parser_at_type(p) && karst_token_is(karst_parser_ahead(p, 1), ')');
+        const size_t words = karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT ? 2 : 1;
+        bool is_type = karst_parser_at_type(p) && karst_token_is(karst_parser_ahead(p, words), ')');
         if (is_type) {
             p->at--;
             return parse_cast(p);
@@ -176,6 +199,8 @@ static karst_ast_expr *parse_primary(karst_parser *p)
         karst_parser_expect(p, ')', "to close the bracket");
         return e;
     }
+    if (t->kind == KARST_TOKEN_ODD)
+        karst_source_error(p->source, t->where, NULL, "the character '\"' has no meaning here");
     if (t->kind != KARST_TOKEN_NAME)
         karst_source_error(p->source, t->where, NULL, "expected a value, not %s", karst_parser_spell(p, t));
     if (karst_parser_at_type(p))

@@ -40,9 +40,10 @@ karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, 
         v->type = type;
         v->is_const = is_const;
         v->is_prelude = p->is_prelude;
+        karst_parser_skip_marks(p);
         karst_parse_array_size(p, &v->type);
         karst_parser_skip_semantic(p);
-        if (karst_parser_accept(p, '='))
+        if (karst_parser_accept(p, '=') || karst_token_is(karst_parser_peek(p), '{'))
             v->value = karst_parse_assignment(p);
         *link = v;
         link = &v->next;
@@ -50,26 +51,43 @@ karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, 
     return first;
 }
 
-void karst_parse_struct(karst_parser *p)
+static void check_struct_is_free(karst_parser *p, const karst_ast_struct *s)
 {
-    karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
-    p->at++;
-    s->where = karst_parser_peek(p)->where;
-    s->name = karst_parser_name(p, "the name of the struct");
     const karst_ast_struct *same = p->structs;
     while (same != p->outer_structs && same->name != s->name)
         same = same->next;
     if (same != p->outer_structs)
         karst_source_error(p->source, s->where, "rename one of them", "there are two structs called '%s'",
                            karst_name_text(p->names, s->name));
+}
+
+void karst_parse_struct(karst_parser *p)
+{
+    karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
+    s->name = karst_parser_peek(p)->what; /* "struct" itself is the name of one that has none */
+    p->at++;
+    s->where = karst_parser_peek(p)->where;
+    if (!karst_token_is(karst_parser_peek(p), '{')) {
+        s->name = karst_parser_name(p, "the name of the struct");
+        check_struct_is_free(p, s);
+    }
     karst_parser_expect(p, '{', "behind the struct's name");
+    karst_parser_enter(p);
     karst_ast_variable **link = &s->fields;
     uint32_t num_fields = 0;
     karst_parser_count(p, &p->num_structs, KARST_MAX_STRUCTS, "structs", s->where);
     while (!karst_parser_accept(p, '}')) {
-        while (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
+        while (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER ||
+               karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_CONST)
             p->at++;
-        *link = karst_parse_variables(p, karst_parse_type(p), false);
+        karst_ast_type type;
+        if (karst_parser_at_new_struct(p)) {
+            karst_parse_struct(p);
+            type = (karst_ast_type){.structure = p->structs};
+        } else {
+            type = karst_parse_type(p);
+        }
+        *link = karst_parse_variables(p, type, false);
         while (*link) {
             karst_parser_count(p, &num_fields, KARST_MAX_FIELDS, "fields in this struct", (*link)->where);
             if ((*link)->value)
@@ -86,8 +104,52 @@ void karst_parse_struct(karst_parser *p)
     }
     if (!s->fields)
         karst_source_error(p->source, s->where, NULL, "struct '%s' has no fields", karst_name_text(p->names, s->name));
+    karst_parser_leave(p);
     s->next = p->structs;
     p->structs = s;
+}
+
+void karst_parse_typedef(karst_parser *p)
+{
+    p->at++;
+    while (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_CONST ||
+           karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
+        p->at++;
+    const karst_token *name = karst_parser_ahead(p, 1), *again = karst_parser_ahead(p, 2);
+    if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT && again->kind == KARST_TOKEN_NAME &&
+        name->what == again->what && karst_token_is(karst_parser_ahead(p, 3), ';')) {
+        p->at += 3; /* "typedef struct Ray Ray;", and the struct comes later */
+        return;
+    }
+    karst_ast_type type;
+    if (karst_parser_at_new_struct(p)) {
+        karst_parse_struct(p);
+        type = (karst_ast_type){.structure = p->structs};
+    } else {
+        type = karst_parse_type(p);
+    }
+    do {
+        karst_ast_struct *s = karst_arena_alloc(p->arena, sizeof *s);
+        karst_ast_type *same_as = karst_arena_alloc(p->arena, sizeof *same_as);
+        const karst_token *t = karst_parser_peek(p);
+        const bool is_built_in = karst_parser_keyword(p, t) == KARST_KEYWORD_TYPE && type.base && !type.size &&
+                                 karst_type_named(karst_name_text(p->names, t->what)) == type.base;
+        if (is_built_in) { /* "typedef vec3 float3" */
+            p->at++;
+            continue;
+        }
+        s->where = t->where;
+        s->name = karst_parser_name(p, "the name of a type");
+        *same_as = type;
+        karst_parse_array_size(p, same_as);
+        s->same_as = same_as;
+        if (type.structure && type.structure->name == s->name)
+            continue; /* typedef struct Ray { ... } Ray; */
+        check_struct_is_free(p, s);
+        karst_parser_count(p, &p->num_structs, KARST_MAX_STRUCTS, "structs", s->where);
+        s->next = p->structs;
+        p->structs = s;
+    } while (karst_parser_accept(p, ','));
 }
 
 /* A declaration, if the tokens look like one: [const] TYPE NAME, or TYPE[3] NAME. */
@@ -103,9 +165,10 @@ static bool at_declaration(const karst_parser *p)
     }
     if (karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_QUALIFIER)
         return true;
-    if (karst_parser_at_type(p))
-        return !karst_token_is(karst_parser_ahead(p, 1), '(') &&
-               !(karst_token_is(karst_parser_ahead(p, 1), '[') && karst_token_is(karst_parser_ahead(p, 4), '('));
+    if (karst_parser_at_type(p)) {
+        const karst_token *behind = karst_parser_ahead(p, karst_parser_behind_sizes(p, 1));
+        return !karst_token_is(behind, '(') && !karst_token_is(behind, '{');
+    }
     /* Two names in a row: a type that is not known. */
     return karst_parser_peek(p)->kind == KARST_TOKEN_NAME &&
            karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_NONE &&
@@ -307,7 +370,11 @@ static karst_ast_statement *parse_statement_inner(karst_parser *p)
         karst_source_error(p->source, t->where, "return a negative density: that is air",
                            "there is no 'discard': a density has no pixel to drop");
     case KARST_KEYWORD_STRUCT:
-        s = parse_local_struct(p);
+        s = karst_parser_at_new_struct(p) ? parse_local_struct(p) : parse_declaration(p);
+        break;
+    case KARST_KEYWORD_TYPEDEF:
+        karst_parse_typedef(p);
+        s = NULL;
         break;
     case KARST_KEYWORD_ELSE:
         karst_source_error(p->source, t->where, NULL, "there is no 'if' before this 'else'");

@@ -12,6 +12,9 @@ static const struct {
     {"out", KARST_KEYWORD_OUT},
     {"inout", KARST_KEYWORD_INOUT},
     {"struct", KARST_KEYWORD_STRUCT},
+    {"typedef", KARST_KEYWORD_TYPEDEF},
+    {"enum", KARST_KEYWORD_ENUM},
+    {"auto", KARST_KEYWORD_AUTO},
     {"if", KARST_KEYWORD_IF},
     {"else", KARST_KEYWORD_ELSE},
     {"for", KARST_KEYWORD_FOR},
@@ -43,7 +46,31 @@ static const struct {
     {"precise", KARST_KEYWORD_QUALIFIER},
     {"__constant", KARST_KEYWORD_CONST},
     {"constant", KARST_KEYWORD_CONST},
+    {"constexpr", KARST_KEYWORD_CONST},
     {"__private", KARST_KEYWORD_QUALIFIER},
+    {"__kernel", KARST_KEYWORD_QUALIFIER},
+    {"fragment", KARST_KEYWORD_QUALIFIER},
+    {"vertex", KARST_KEYWORD_QUALIFIER},
+    {"subroutine", KARST_KEYWORD_QUALIFIER},
+    {"__local", KARST_KEYWORD_QUALIFIER},
+    {"__global", KARST_KEYWORD_QUALIFIER},
+    {"global", KARST_KEYWORD_QUALIFIER},
+    {"shared", KARST_KEYWORD_QUALIFIER},
+    {"groupshared", KARST_KEYWORD_QUALIFIER},
+    {"thread", KARST_KEYWORD_QUALIFIER},
+    {"device", KARST_KEYWORD_QUALIFIER},
+    {"extern", KARST_KEYWORD_QUALIFIER},
+    {"register", KARST_KEYWORD_QUALIFIER},
+    {"volatile", KARST_KEYWORD_QUALIFIER},
+    {"restrict", KARST_KEYWORD_QUALIFIER},
+    {"coherent", KARST_KEYWORD_QUALIFIER},
+    {"readonly", KARST_KEYWORD_QUALIFIER},
+    {"writeonly", KARST_KEYWORD_QUALIFIER},
+    {"centroid", KARST_KEYWORD_QUALIFIER},
+    {"noperspective", KARST_KEYWORD_QUALIFIER},
+    {"nointerpolation", KARST_KEYWORD_QUALIFIER},
+    {"row_major", KARST_KEYWORD_QUALIFIER},
+    {"column_major", KARST_KEYWORD_QUALIFIER},
 };
 /* GLSL's also with i and u in front. */
 static const char *const textures[] = {
@@ -86,7 +113,7 @@ static const char *const type_names[] = {
     "uvec3",  "uvec4",  "bvec2", "bvec3", "bvec4", "mat2",  "mat3",  "mat4",  "mat2x2", "mat3x3", "mat4x4", "float2",
     "float3", "float4", "int2",  "int3",  "int4",  "uint2", "uint3", "uint4", "double", "half",
     "half2",  "half3",  "half4", "fixed", "fixed2", "fixed3", "fixed4", "min16float", "min16float2", "min16float3",
-    "min16float4", "dvec2", "dvec3", "dvec4", "bool2", "bool3", "bool4",
+    "min16float4", "unsigned", "uint32_t", "int32_t", "dword", "dvec2", "dvec3", "dvec4", "bool2", "bool3", "bool4",
     "mat2x3", "mat2x4", "mat3x2", "mat3x4", "mat4x2", "mat4x3", "float2x2", "float2x3", "float2x4", "float3x2",
     "float3x3", "float3x4", "float4x2", "float4x3", "float4x4"};
 
@@ -121,7 +148,14 @@ const karst_token *karst_parser_ahead(const karst_parser *p, size_t n)
 
 karst_keyword karst_parser_keyword(const karst_parser *p, const karst_token *token)
 {
-    return token->kind == KARST_TOKEN_NAME ? (karst_keyword)p->names->items[token->what].keyword : KARST_KEYWORD_NONE;
+    if (token->kind != KARST_TOKEN_NAME)
+        return KARST_KEYWORD_NONE;
+    const karst_name *name = &p->names->items[token->what];
+    karst_keyword keyword = (karst_keyword)name->keyword;
+    /* One language's qualifiers are names in another: they qualify the word, or the bracket, behind them. */
+    bool may_be_name = keyword == KARST_KEYWORD_QUALIFIER || keyword == KARST_KEYWORD_AUTO ||
+                       (keyword == KARST_KEYWORD_CONST && !strcmp(name->text, "constant"));
+    return may_be_name && token[1].kind != KARST_TOKEN_NAME ? KARST_KEYWORD_NONE : keyword;
 }
 
 bool karst_parser_accept(karst_parser *p, uint32_t punctuation)
@@ -192,11 +226,18 @@ static void skip_brackets(karst_parser *p)
 
 void karst_parser_skip_attributes(karst_parser *p)
 {
+    karst_parser_skip_marks(p);
     while (karst_token_is(karst_parser_peek(p), '[') && karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME) {
         p->at += 2;
         skip_brackets(p);
         karst_parser_expect(p, ']', "behind the attribute");
     }
+}
+
+void karst_parser_skip_marks(karst_parser *p)
+{
+    while (karst_token_is(karst_parser_peek(p), '[') && karst_token_is(karst_parser_ahead(p, 1), '['))
+        p->at += karst_parser_behind_sizes(p, 0);
 }
 
 void karst_parser_skip_semantic(karst_parser *p)
@@ -225,15 +266,31 @@ bool karst_parser_is_spelling(const karst_parser *p, const karst_token *token)
 static bool spells_type(const karst_parser *p)
 {
     const karst_token *next = karst_parser_ahead(p, 1), *second = karst_parser_ahead(p, 2);
-    bool is_cast = karst_token_is(next, ')') && (second->kind == KARST_TOKEN_NAME || karst_token_is(second, '(') ||
+    bool is_cast = karst_token_is(next, ')') &&
+                   (karst_token_is(second, '{') || second->kind == KARST_TOKEN_NAME || karst_token_is(second, '(') ||
                                                  second->kind == KARST_TOKEN_FLOAT || second->kind == KARST_TOKEN_INT);
-    size_t behind = 1; /* an array's size */
-    if (karst_token_is(next, '['))
-        for (behind = 2; !karst_token_is(karst_parser_ahead(p, behind - 1), ']'); behind++)
-            if (karst_parser_ahead(p, behind)->kind == KARST_TOKEN_END)
-                return false;
-    const karst_token *last = karst_parser_ahead(p, behind);
-    return last->kind == KARST_TOKEN_NAME || karst_token_is(last, '(') || is_cast;
+    const karst_token *last = karst_parser_ahead(p, karst_parser_behind_sizes(p, 1));
+    return last->kind == KARST_TOKEN_NAME || karst_token_is(last, '(') || karst_token_is(last, '{') || is_cast;
+}
+
+size_t karst_parser_behind_sizes(const karst_parser *p, size_t n)
+{
+    for (uint32_t depth = 0;; n++) {
+        const karst_token *t = karst_parser_ahead(p, n);
+        if (karst_token_is(t, '['))
+            depth++;
+        else if (!depth || t->kind == KARST_TOKEN_END)
+            return n;
+        else if (karst_token_is(t, ']'))
+            depth--;
+    }
+}
+
+bool karst_parser_at_new_struct(const karst_parser *p)
+{
+    return karst_parser_keyword(p, karst_parser_peek(p)) == KARST_KEYWORD_STRUCT &&
+           (karst_parser_ahead(p, 1)->kind != KARST_TOKEN_NAME || karst_token_is(karst_parser_ahead(p, 2), '{') ||
+            !karst_parser_find_struct(p, karst_parser_ahead(p, 1)->what));
 }
 
 bool karst_parser_at_type(const karst_parser *p)
@@ -242,7 +299,13 @@ bool karst_parser_at_type(const karst_parser *p)
     karst_keyword keyword = karst_parser_keyword(p, t);
     if (karst_parser_is_spelling(p, t))
         return spells_type(p);
+    if (keyword == KARST_KEYWORD_STRUCT)
+        return !karst_parser_at_new_struct(p);
+    if (keyword == KARST_KEYWORD_ENUM)
+        return karst_parser_ahead(p, 1)->kind == KARST_TOKEN_NAME &&
+               karst_parser_find_struct(p, karst_parser_ahead(p, 1)->what);
     return keyword == KARST_KEYWORD_TYPE || keyword == KARST_KEYWORD_UNSUPPORTED_TYPE ||
+           keyword == KARST_KEYWORD_AUTO ||
            (keyword == KARST_KEYWORD_NONE && t->kind == KARST_TOKEN_NAME && karst_parser_find_struct(p, t->what));
 }
 

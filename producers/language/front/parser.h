@@ -14,6 +14,9 @@ typedef enum {
     KARST_KEYWORD_OUT,
     KARST_KEYWORD_INOUT,
     KARST_KEYWORD_STRUCT,
+    KARST_KEYWORD_TYPEDEF,
+    KARST_KEYWORD_ENUM,
+    KARST_KEYWORD_AUTO,
     KARST_KEYWORD_IF,
     KARST_KEYWORD_ELSE,
     KARST_KEYWORD_FOR,
@@ -40,6 +43,8 @@ typedef enum {
 #define KARST_MAX_FIELDS 256u
 #define KARST_MAX_ARGUMENTS 64u
 
+#define KARST_POINTER "a pointer" /* what is not there, of a karst_ast_type */
+
 #define KARST_FUNCTION_LISTS 1024u /* a power of two */
 
 typedef struct {
@@ -55,7 +60,7 @@ typedef struct {
     karst_ast_variable *globals, *last_global;
     karst_ast_struct *structs;             /* the latest first, those of open blocks among them */
     const karst_ast_struct *outer_structs; /* the first that was there before the innermost open block */
-    uint32_t num_functions, num_globals, num_structs;
+    uint32_t num_functions, num_globals, num_structs, open_namespaces;
 } karst_parser;
 
 /* The first of the functions among which all of that name are, in order, each the former's `named_next`. */
@@ -89,6 +94,12 @@ void karst_parser_skip_semantic(karst_parser *p);
 /* A type's name that GLSL does not have (float2, half): where none can stand it is a name like any other. */
 bool karst_parser_is_spelling(const karst_parser *p, const karst_token *token);
 bool karst_parser_at_type(const karst_parser *p);
+/* "struct {" or "struct Ray {": not the name of one that is there. */
+bool karst_parser_at_new_struct(const karst_parser *p);
+/* The token behind "[3][]", which begin n further on. */
+size_t karst_parser_behind_sizes(const karst_parser *p, size_t n);
+/* Passes over what Metal says of a name: [[position]]. */
+void karst_parser_skip_marks(karst_parser *p);
 karst_ast_struct *karst_parser_find_struct(const karst_parser *p, uint32_t name); /* NULL: there is none */
 void karst_parser_offer_types(const karst_parser *p, karst_nearest *nearest);
 /* Counts one more of something that there may be `most` of. */
@@ -102,6 +113,7 @@ karst_ast_expr *karst_parse_assignment(karst_parser *p); /* without */
 
 /* ---- parse_stmt.c ---- */
 void karst_parse_struct(karst_parser *p); /* becomes p->structs */
+void karst_parse_typedef(karst_parser *p); /* up to the ';' */
 karst_ast_statement *karst_parse_block(karst_parser *p);
 /* "float a = 1., b[3]" up to, not including, the ';'. */
 karst_ast_variable *karst_parse_variables(karst_parser *p, karst_ast_type type, bool is_const);

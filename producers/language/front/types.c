@@ -46,7 +46,10 @@ static const struct {
     {"fixed", KARST_TYPE_FLOAT, 1},  {"fixed2", KARST_TYPE_FLOAT, 2}, {"fixed3", KARST_TYPE_FLOAT, 3},
     {"fixed4", KARST_TYPE_FLOAT, 4}, {"min16float", KARST_TYPE_FLOAT, 1}, {"min16float2", KARST_TYPE_FLOAT, 2},
     {"min16float3", KARST_TYPE_FLOAT, 3}, {"min16float4", KARST_TYPE_FLOAT, 4},
-    {"half3", KARST_TYPE_FLOAT, 3},  {"half4", KARST_TYPE_FLOAT, 4}, {"dvec2", KARST_TYPE_FLOAT, 2},
+    {"unsigned", KARST_TYPE_UINT, 1}, {"uint32_t", KARST_TYPE_UINT, 1},
+    {"int32_t", KARST_TYPE_INT, 1},
+    {"dword", KARST_TYPE_UINT, 1},   {"half3", KARST_TYPE_FLOAT, 3},  {"half4", KARST_TYPE_FLOAT, 4},
+    {"dvec2", KARST_TYPE_FLOAT, 2},
     {"dvec3", KARST_TYPE_FLOAT, 3},  {"dvec4", KARST_TYPE_FLOAT, 4}, {"bool2", KARST_TYPE_BOOL, 2},
     {"bool3", KARST_TYPE_BOOL, 3},   {"bool4", KARST_TYPE_BOOL, 4},
 };
