@@ -141,8 +141,8 @@ static double random_unit(void)
     return (double)(state >> 11) * 0x1p-53;
 }
 
-/* How many points the text calls 0, none of which the executed field may call solid. `rounds`: densities that the text's
- * own rounding may turn. */
+/* How many points the text calls 0, none of which the executed field may call solid. `rounds`: densities that the
+ * text's own rounding may turn. */
 static void check_signs(const char *body, double rounds, int *num_zeros)
 {
     karst_world_file *file = open_body(body);

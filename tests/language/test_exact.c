@@ -1,6 +1,7 @@
 /* Forms that people write, from the origin out to 10^7 m, without a header: at surfaces each is right to a hundredth of
  * a voxel of 1/16 m, or check has said how far it is: never too far, and not less than a quarter of how far it really
- * is, or of how far it is right to three tenths of that: errors that hardly grow pass a hundredth anywhere. KARST_TEST_FULL=1 tells all figures. */
+ * is, or of how far it is right to three tenths of that: errors that hardly grow pass a hundredth anywhere.
+ * KARST_TEST_FULL=1 tells all figures. */
 #include "world_text.h"
 
 #include "producers/language/check.h"
@@ -163,7 +164,8 @@ static double error_voxels(const text_world *w, karst_position from, const doubl
     return error / (slope * VOXEL_M);
 }
 
-/* The least distance at which the form is off, and at which by three tenths of that; and how many surfaces were looked at. */
+/* The least distance at which the form is off, and at which by three tenths of that; and how many surfaces were looked
+ * at. */
 static double measure(const text_world *w, int *num_found, double *worst, double *part_off_m)
 {
     double off_m = *part_off_m = INFINITY;
@@ -203,7 +205,8 @@ static void test_forms(void **s)
         double worst = 0, part_off_m, off_m = measure(&w, &num_found, &worst, &part_off_m);
         least_m = INFINITY;
         assert_true(karst_language_check(w.program, listen, NULL, NULL));
-        bool is_fine = num_found >= 10 && (least_m <= off_m || off_m > EXTENT_M) && fmin(part_off_m, EXTENT_M) <= 4 * least_m;
+        bool is_fine =
+            num_found >= 10 && (least_m <= off_m || off_m > EXTENT_M) && fmin(part_off_m, EXTENT_M) <= 4 * least_m;
         if (!is_fine || getenv("KARST_TEST_FULL"))
             print_message("%s %s: off by %.3g voxels, right to %g m; check says %g m; %d surfaces\n",
                           is_fine ? "fine" : "BAD", forms[i], worst, off_m, least_m, num_found);
