@@ -14,7 +14,7 @@
 #define MOST_NODES 1.2e7
 #define EVALUATIONS_A_WAY 100
 #define NODES_AN_OCTAVE 12
-enum { LEAST_WAYS = 8, MOST_WAYS = 128 };
+enum { LEAST_WAYS = 3, MOST_WAYS = 128 };
 
 typedef struct {
     const karst_program_graph *program;
