@@ -10,6 +10,7 @@
 #include "cache/layout_shared.h"
 #include "producers/language/emit/emit.h"
 #include "producers/language/graph/lipschitz.h"
+#include "producers/language/reach.h"
 
 typedef struct {
     const karst_program_graph *program;
@@ -299,34 +300,47 @@ static void say_steepness(const report *r)
 /* A range without an end, or with none that a world comes to, as powers have. */
 static bool is_open(karst_range range) { return !(range.hi - range.lo < 0x1p60); }
 
-/* Sums and differences of numbers without bound, as floats. */
-static void say_reach(const report *r)
+/* Sums and differences of numbers without bound, as floats; KARST_NO_EXPR: there are none. */
+static karst_expr find_loose(const report *r)
 {
-    uint32_t num_wide = 0;
-    karst_expr first_wide = 0, loose = 0;
     for (karst_expr e = 1; e < r->graph->num_nodes; e++) {
         const karst_expr_node *n = &r->graph->nodes[e];
-        if (n->kind == KARST_KIND_WIDE && !num_wide++)
-            first_wide = e;
         bool sums = n->op == KARST_OP_ADD || n->op == KARST_OP_SUBTRACT || n->op == KARST_OP_FMA;
         karst_expr last = n->op == KARST_OP_FMA ? n->arg[2] : n->arg[1];
         bool is_first_open = is_open(r->ranges[n->arg[0]]) || (n->op == KARST_OP_FMA && is_open(r->ranges[n->arg[1]]));
-        if (!loose && sums && n->kind == KARST_KIND_FLOAT && is_first_open && is_open(r->ranges[last]))
-            loose = e;
+        if (sums && n->kind == KARST_KIND_FLOAT && is_first_open && is_open(r->ranges[last]))
+            return e;
         /* powers have no pairs, and come to any size */
-        for (int k = 0; k < 3 && !loose && n->kind == KARST_KIND_WIDE; k++)
+        for (int k = 0; k < 3 && n->kind == KARST_KIND_WIDE; k++)
             if (r->graph->nodes[n->arg[k]].op == KARST_OP_EXP2 && is_open(r->ranges[n->arg[k]]))
-                loose = n->arg[k];
+                return n->arg[k];
     }
+    return KARST_NO_EXPR;
+}
+
+static bool say_reach(const report *r, karst_error *error)
+{
+    const karst_world_header *h = &r->program->header;
+    uint32_t num_wide = 0;
+    karst_expr first_wide = KARST_NO_EXPR, loose = find_loose(r);
+    karst_reach reach = {(double)INFINITY, KARST_NO_EXPR};
+    karst_error why = {0};
+    for (karst_expr e = 1; e < r->graph->num_nodes; e++)
+        if (r->graph->nodes[e].kind == KARST_KIND_WIDE && !num_wide++)
+            first_wide = e;
     if (num_wide)
         say(r, "  %u operations need pairs of floats, the first in line %u", num_wide, line_of(r, first_wide));
-    if (loose) {
-        const karst_world_header *h = &r->program->header;
-        double voxel = ldexp(1.0, h->voxel_log2_m + h->exact_above_log2);
-        double reach = ldexp(voxel, 22) / 100; /* forms become floats with 2^-22 */
-        say(r, "  line %u: right to 1/100 voxel%s up to %.3g m from the origin; say \"extent\" in the header for more",
-            line_of(r, loose), h->exact_above_log2 ? " of 1/16 m" : "", reach);
+    if (!karst_reach_measure(r->program, &reach, &why)) {
+        if (why.status != KARST_OK)
+            return karst_fail(error, why.status, "%s", why.message);
+        if (loose) /* forms become floats with 2^-22 */
+            reach = (karst_reach){ldexp(1.0, 22 + h->voxel_log2_m + h->exact_above_log2) / 100, loose};
     }
+    if (isfinite(reach.reach_m))
+        say(r, "  line %u: right to 1/100 voxel%s up to %.2g m from the origin%s", line_of(r, reach.cause),
+            h->exact_above_log2 ? " of 1/16 m" : "", reach.reach_m,
+            loose && !(h->extent_m > 0) ? "; say \"extent\" in the header for more" : "");
+    return true;
 }
 
 /* How fast what is piecewise constant grows, (rate * metres from the origin)^degree, and by how much it differs from
@@ -515,9 +529,9 @@ bool karst_language_check(const karst_program_graph *program, void (*print)(void
         say_noises(&r);
         say_bounds(&r);
         say_steepness(&r);
-        say_reach(&r);
+        done = say_reach(&r, error);
         say_sines(&r, growths);
-        done = say_cost(&r, error);
+        done = done && say_cost(&r, error);
     } else {
         karst_fail(error, KARST_FAILED, "out of memory");
     }

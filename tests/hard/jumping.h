@@ -54,7 +54,6 @@ static inline double height_of(double a) { return a < 1 ? 3 : a < 2 ? 7 : a < 3 
     X(falling_teeth, "0, 14, 0, 15, -20", 7.0 * (1.0 - fract(p.z / 10.0 + 0.3 * sin(p.x / 9.0))) - p.y,               \
       p.z / 10.0 + 0.3 * sin(p.x / 9.0), 0)                                                                           \
     X(flat_teeth, "0.3, 13, -0.7, -55, -20", 1e-4 * (mod(p.x, 8.0) - p.y), p.x / 8.0, 0)                              \
-    X(steep_teeth, "0.3, 13, -0.7, -55, -20", 1e5 * (mod(p.x, 8.0) - p.y), p.x / 8.0, 0)                              \
     X(teeth_of_signs, "0.3, 13, -0.7, -55, -20", p.y < mod(p.x, 8.0) ? 1.0 : -1.0, p.x / 8.0, 0)                      \
     X(teeth_in_flat_air, "0.3, 13, -0.7, -55, -20", p.y < mod(p.x, 8.0) ? 1.0 : 0.0, p.x / 8.0, 0)                    \
     X(terraces, "-20, 17, -20, 60, -22", 7.0 * floor(2.3 * sin(p.x / 29.0) * cos(p.z / 26.0)) - p.y,                  \

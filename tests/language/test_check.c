@@ -60,7 +60,7 @@ static void test_lines(void **s)
           "  bounded: there is a proof for every box\n"
           "  no Lipschitz constant: line 3, floor, jumps\n"
           "  density from -inf to inf\n"
-          "  line 2: right to 1/100 voxel up to 2.62e+03 m from the origin; say \"extent\" in the header for more\n"
+          "  line 2: right to 1/100 voxel up to 2.1e+03 m from the origin; say \"extent\" in the header for more\n"
           "  estimated cost: 0.164 ns a voxel and core\n");
     check("float density(vec3 p) { return sin(p.x) - 2.0; }\n",
           "world.karst: a world\n"

@@ -1,8 +1,12 @@
 #include "producers/language/graph/deepen_forms.h"
+#include "producers/language/graph/deepen_given.h"
+
+#include <math.h>
 
 typedef struct {
     karst_graph *graph;
     const karst_range *ranges; /* of the nodes that were there at first */
+    const karst_fade *fades;   /* likewise; NULL: nobody looked */
     karst_expr *anew;          /* of each: what it becomes */
     uint8_t *is_sign; /* of each: only where it is positive counts, so that what is steeper at 0 may stand in */
 } rewriter;
@@ -182,11 +186,38 @@ static bool passes_sign(const rewriter *r, const karst_expr_node *n, int k)
 
 #define HALF_TURN 3.14159
 
+/* The fade of a node of which no more counts than where it is positive. Multiples are as good as what they are of. */
+static const karst_fade *fade_of(const rewriter *r, karst_expr e)
+{
+    const karst_expr_node *n = node(r, e);
+    bool is_multiple = (n->op == KARST_OP_MULTIPLY || n->op == KARST_OP_DIVIDE) &&
+                       (is_constant(r, n->arg[0]) || is_constant(r, n->arg[1]));
+    return r->fades && r->is_sign[e] && r->fades[e].of && !is_multiple ? &r->fades[e] : NULL;
+}
+
+/* The end at which a fade is 0: the very number at which its node is cut off, if that is it. */
+static karst_expr end_of(rewriter *r, const karst_fade *fade)
+{
+    const karst_expr_node n = *node(r, fade->of);
+    const double end = fade->rises ? fade->lo : fade->hi;
+    for (int k = 0; k < 2 && (n.op == KARST_OP_MIN || n.op == KARST_OP_MAX); k++) {
+        const karst_number *bound = karst_graph_constant(r->graph, n.arg[k]);
+        if (bound && bound->value == end)
+            return n.arg[k];
+    }
+    return number(r, end);
+}
+
 static karst_expr rewrite(rewriter *r, karst_expr e)
 {
     const karst_expr_node n = *node(r, e);
+    const karst_fade *fade = fade_of(r, e);
     karst_expr arg[4], x;
     bool is_same = true;
+    if (fade && fade->rises)
+        return fade->lo == 0 ? r->anew[fade->of] : two(r, KARST_OP_SUBTRACT, r->anew[fade->of], end_of(r, fade));
+    if (fade)
+        return taken_from(r, end_of(r, fade), r->anew[fade->of], 0);
     for (int k = 0; k < 4; k++) {
         arg[k] = n.arg[k] ? r->anew[n.arg[k]] : KARST_NO_EXPR;
         is_same = is_same && arg[k] == n.arg[k];
@@ -245,25 +276,58 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
     }
 }
 
+static void need(rewriter *r, uint8_t *needed, karst_expr e, bool is_sign)
+{
+    r->is_sign[e] = is_sign && (r->is_sign[e] || !needed[e]);
+    needed[e] = 1;
+}
+
+static karst_expr rewrite_all(rewriter *r, karst_expr density)
+{
+    r->anew = karst_arena_alloc(r->graph->arena, (density + 1) * sizeof *r->anew);
+    r->is_sign = karst_arena_alloc(r->graph->arena, density + 1);
+    uint8_t *needed = karst_arena_alloc(r->graph->arena, density + 1);
+    needed[density] = r->is_sign[density] = 1;
+    for (karst_expr e = density; e > 0; e--) {
+        const karst_expr_node n = *node(r, e);
+        const karst_fade *fade = needed[e] ? fade_of(r, e) : NULL;
+        if (fade)
+            need(r, needed, fade->of, fade->rises && fade->lo == 0);
+        for (int k = 0; needed[e] && !fade && k < 4 && n.arg[k]; k++)
+            need(r, needed, n.arg[k], r->is_sign[e] && passes_sign(r, &n, k));
+    }
+    for (karst_expr e = 1; e <= density; e++) {
+        r->graph->where = r->graph->nodes[e].where;
+        r->anew[e] = needed[e] && r->graph->nodes[e].type == KARST_TYPE_FLOAT ? rewrite(r, e) : e;
+    }
+    return r->anew[density];
+}
+
+/* Whether sums of what choices let in may be flat air: where nothing else says how low the density goes. */
+static bool may_be_given(const karst_graph *graph, const karst_range *ranges, karst_expr density)
+{
+    if (isfinite(ranges[density].lo))
+        return ranges[density].lo <= 0;
+    for (karst_expr e = 1; e <= density; e++)
+        if (graph->nodes[e].op == KARST_OP_SELECT && graph->nodes[e].type == KARST_TYPE_FLOAT)
+            return true;
+    return false;
+}
+
 karst_expr karst_deepen_forms(karst_graph *graph, const karst_kinds_settings *settings, karst_expr density)
 {
     karst_range *ranges = karst_arena_alloc(graph->arena, graph->num_nodes * sizeof *ranges);
     karst_graph_ranges(graph, settings, ranges);
-    rewriter r = {.graph = graph, .ranges = ranges};
-    r.anew = karst_arena_alloc(graph->arena, (density + 1) * sizeof *r.anew);
-    uint8_t *needed = karst_arena_alloc(graph->arena, density + 1);
-    r.is_sign = karst_arena_alloc(graph->arena, density + 1);
-    needed[density] = r.is_sign[density] = 1;
-    for (karst_expr e = density; e > 0; e--)
-        for (int k = 0; needed[e] && k < 4 && graph->nodes[e].arg[k]; k++) {
-            karst_expr argument = graph->nodes[e].arg[k];
-            bool is_sign = r.is_sign[e] && passes_sign(&r, &graph->nodes[e], k);
-            r.is_sign[argument] = is_sign && (r.is_sign[argument] || !needed[argument]);
-            needed[argument] = 1;
+    if (may_be_given(graph, ranges, density)) {
+        const karst_expr given = karst_given_enter(graph, density);
+        karst_range *closer = karst_arena_alloc(graph->arena, graph->num_nodes * sizeof *closer);
+        karst_fade *fades = karst_arena_alloc(graph->arena, graph->num_nodes * sizeof *fades);
+        karst_given_ranges(graph, settings, closer, fades);
+        if (closer[given].lo >= 0) { /* no air but where it is 0 */
+            rewriter r = {.graph = graph, .ranges = closer, .fades = fades};
+            return karst_given_leave(graph, rewrite_all(&r, given));
         }
-    for (karst_expr e = 1; e <= density; e++) {
-        graph->where = graph->nodes[e].where;
-        r.anew[e] = needed[e] && graph->nodes[e].type == KARST_TYPE_FLOAT ? rewrite(&r, e) : e;
     }
-    return r.anew[density];
+    rewriter r = {.graph = graph, .ranges = ranges};
+    return rewrite_all(&r, density);
 }

@@ -33,6 +33,9 @@ void karst_kinds_set(karst_graph *graph, uint32_t first);
 /* ranges.c: the range of each node of a graph, resolved or not; bools and ints included. `ranges` has num_nodes items.
  */
 void karst_graph_ranges(const karst_graph *graph, const karst_kinds_settings *settings, karst_range *ranges);
+/* The same of one node, by those of its arguments. */
+karst_range karst_graph_range_of(const karst_graph *graph, karst_expr e, const karst_kinds_settings *settings,
+                                 const karst_range *ranges);
 /* widen.c: sets kind WIDE where floats do not do for the density, given the ranges. */
 void karst_kinds_widen(karst_graph *resolved, const karst_kinds_settings *settings, const karst_range *ranges,
                        karst_expr density);

@@ -124,7 +124,7 @@ static karst_range length(const karst_expr_node *n, const karst_range *ranges)
     return range_of(sqrt(lo), sqrt(hi));
 }
 
-static karst_range range_of_node(const karst_graph *graph, karst_expr e, const karst_kinds_settings *settings,
+karst_range karst_graph_range_of(const karst_graph *graph, karst_expr e, const karst_kinds_settings *settings,
                                  const karst_range *ranges)
 {
     const karst_expr_node *n = &graph->nodes[e];
@@ -213,5 +213,5 @@ void karst_graph_ranges(const karst_graph *graph, const karst_kinds_settings *se
 {
     ranges[0] = (karst_range){0, 0};
     for (uint32_t e = 1; e < graph->num_nodes; e++)
-        ranges[e] = range_of_node(graph, e, settings, ranges);
+        ranges[e] = karst_graph_range_of(graph, e, settings, ranges);
 }
