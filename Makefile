@@ -67,7 +67,8 @@ find_tests    = $(if $(TEST_FOLDERS),$(sort $(shell find $(TEST_FOLDERS) -name '
 TESTS        := $(call find_tests,test)
 BENCHES      := $(call find_tests,bench)
 TEST_SCRIPTS := $(addprefix tests/,run_selftest.sh lint/selftest.sh abi/run.sh api/run.sh cli/run.sh cli/bench.sh cli/world.sh cli/edits.sh cli/points.sh cli/saved.sh \
-    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
+    cli/mesh.sh cli/heights.sh cli/voxels.sh cli/surface_points.sh cli/bake.sh \
+    cli/accuracy.sh cli/environment.sh cli/command.sh cli/farm.sh cli/bands.sh cli/cold.sh cli/tutorial.sh packages/dependencies.sh $(if $(filter release,$(CONFIG)),oclgrind/run.sh))
 SUPPORT_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,$(sort $(wildcard tests/support/*.c)))
 SUPPORT := $(OBJ)/tests/libsupport.a
 TEST_PROGRAMS  := $(TESTS:%.c=$(OBJ)/%)
@@ -228,6 +229,10 @@ fuzz:
 	$(Q)mkdir -p $(FUZZ_CORPUS)-points
 	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_points -max_total_time=$(FUZZ_SECONDS) -timeout=2 -rss_limit_mb=500 \
 	    -max_len=4000 -print_final_stats=1 -artifact_prefix=$(BUILD)/fuzz/points- $(FUZZ_CORPUS)-points tests/fuzz/points
+	$(Q)$(MAKE) CONFIG=fuzz CC=clang $(BUILD)/fuzz/tests/fuzz/fuzz_volume
+	$(Q)mkdir -p $(FUZZ_CORPUS)-volume
+	$(Q)$(BUILD)/fuzz/tests/fuzz/fuzz_volume -max_total_time=$$(($(FUZZ_SECONDS) / 4)) -timeout=4 -rss_limit_mb=1000 \
+	    -max_len=400 -artifact_prefix=$(BUILD)/fuzz/volume- $(FUZZ_CORPUS)-volume
 
 # The pictures that the pages under docs/ and the README show.
 docs-images: $(COMMAND) docs-view
@@ -238,6 +243,9 @@ docs-images: $(COMMAND) docs-view
 	$(Q)for world in $(notdir $(basename $(WORLDS))); do \
 	    [ $$world = caustics ] && photons='--caustics 1000000' || photons=; \
 	    $(COMMAND) render demos/worlds/$$world.karst -q -o docs/images/worlds/$$world.png --size 400x225 $$photons || exit; done
+	$(Q)mkdir -p docs/images/gallery
+	$(Q)sed -n 's/^    karst render \(.*\) -o \([a-z]*\.png\)$$/\1 -o docs\/images\/gallery\/\2/p' docs/GALLERY.md | \
+	    while read -r options; do $(COMMAND) render $$options -q --size 400x225 || exit; done
 
 # The tables and plots of docs/ACCURACY.md: minutes for each world; on a quiet machine.
 ACCURACY_WORLDS := hills alps asteroid planet islands
@@ -345,7 +353,7 @@ help:
 	@echo 'make check           build and run all tests (installs missing packages if it can); ONLY=text runs some'
 	@echo 'make lint            check the layout, the includes and the style'
 	@echo 'make bench           the standard benchmark; PARTS=start does a part, ONLY=cast measures a module'
-	@echo 'make fuzz            fuzz the world language, files of samples and of points with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
+	@echo 'make fuzz            fuzz the world language, files of samples, points, light and volumes with libFuzzer (clang); FUZZ_SECONDS=$(FUZZ_SECONDS)'
 	@echo 'make docs-images     render the pictures of the README and docs/'
 	@echo 'make docs-accuracy   measure the tables and plots of docs/ACCURACY.md'
 	@echo 'make install         into PREFIX=$(PREFIX), below DESTDIR if given; make uninstall removes it'

@@ -66,7 +66,9 @@ typedef struct {
     double exposure_stops; /* of pictures, where it is said */
     double mirror;         /* the share of light that land mirrors */
     bool has_occlusion;    /* what stands around surfaces hides light from all around */
+    bool has_light_map;    /* what comes from around is known beforehand */
     bool has_own_mirror;   /* its surfaces say so each for itself */
+    bool has_transparency; /* and how much light passes them */
     bool has_sun_colour;
     float sun_colour[3];
     uint32_t num_lights;

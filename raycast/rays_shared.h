@@ -44,6 +44,9 @@ K_ASSERT_SIZE(karst_ray, 64);
 #define KARST_HIT_SURFACE 1u     /* at the level the footprint asks for */
 #define KARST_HIT_PROVISIONAL 2u /* on a coarser brick than asked for, since that is missing */
 #define KARST_HIT_SOLID 3u       /* ran into (or started in) proven solid without crossing a surface cell */
+/* On discs of a model (raycast/cast/splats.h). There is no brick: `place` is their colour, square roots of red, green
+ * and blue in 1023rds, and `node` is 1 if they have one, else 0. */
+#define KARST_HIT_SPLAT 4u
 
 /* Where a ray ended. `kind` KARST_HIT_MISS: t is t_max; if `incomplete` is set then the ray met a region without any
  * data. */
@@ -93,6 +96,8 @@ typedef struct {
                            * that they stamp and want, they do in every picture that lacks nothing */
     float blend_below; /* rays of a stream whose footprints, times detail, grow at least as fast do not blend levels; 0:
                         * all do */
+    uint anchor_fraction[3];
+    long anchor_voxel[3]; /* of level 0 */
 } karst_cast_view;
 
 /* As blend_below: such rays pass a level within a brick, and would blend over a voxel of their way. */

@@ -18,6 +18,7 @@ struct karst_ranger {
     karst_expr *order; /* the nodes that the density needs and that a position decides */
     uint32_t num_nodes;
     uint8_t *is_float;       /* per node: a float decides what is piecewise constant further on */
+    double *before;          /* per node: its value where a jump was not yet passed */
     karst_node_range *nodes; /* per node of the graph */
     double direction[3], half;
     int level;
@@ -68,7 +69,8 @@ karst_ranger *karst_ranger_create(const karst_program_graph *program, const kars
     r->order = calloc(r->graph->num_nodes, sizeof *r->order);
     r->is_float = calloc(r->graph->num_nodes, 1);
     r->nodes = calloc(r->graph->num_nodes, sizeof *r->nodes);
-    if (!r->oracle || !r->order || !r->is_float || !r->nodes || !find_order(r)) {
+    r->before = calloc(r->graph->num_nodes, sizeof *r->before);
+    if (!r->oracle || !r->order || !r->is_float || !r->nodes || !r->before || !find_order(r)) {
         karst_fail(error, KARST_FAILED, "out of memory");
         karst_ranger_destroy(r);
         return NULL;
@@ -86,6 +88,7 @@ void karst_ranger_destroy(karst_ranger *ranger)
     karst_oracle_destroy(ranger->oracle);
     free(ranger->order);
     free(ranger->is_float);
+    free(ranger->before);
     free(ranger->nodes);
     free(ranger);
 }
@@ -461,6 +464,15 @@ static karst_node_range steps_range(const karst_ranger *r, karst_expr e, interva
                               interval_is_thin(value) ? interval_thin(0) : interval_whole()};
 }
 
+/* What decides a step is a float: near where it steps, it may be on the other side. */
+#define FLOAT_ERROR 0x1p-21
+static interval as_float(const karst_ranger *r, karst_expr e, interval value)
+{
+    const uint8_t kind = r->graph->nodes[e].kind;
+    bool rounds = r->graph->nodes[e].type == KARST_TYPE_FLOAT && kind != KARST_KIND_UNIFORM && kind != KARST_KIND_STEPS;
+    return rounds ? interval_widen(value, FLOAT_ERROR * interval_most(value)) : value;
+}
+
 static karst_node_range node_range(const karst_ranger *r, karst_expr e)
 {
     const karst_expr_node *n = &r->graph->nodes[e];
@@ -481,13 +493,16 @@ static karst_node_range node_range(const karst_ranger *r, karst_expr e)
         result = place_range(r, e);
         return n->kind == KARST_KIND_STEPS ? steps_range(r, e, result.value) : result;
     }
+    const interval first = as_float(r, n->arg[0], a->value), second = as_float(r, n->arg[1], b->value);
     if (n->type == KARST_TYPE_BOOL) {
-        bool ints = r->graph->nodes[n->arg[0]].type == KARST_TYPE_INT || n->op == KARST_OP_SELECT ||
-                    r->graph->nodes[n->arg[0]].type == KARST_TYPE_UINT || n->op == KARST_OP_CONVERT;
-        return steps_range(r, e, ints ? interval_of(0, 1) : karst_truth_of_op((karst_op)n->op, a->value, b->value));
+        bool known = n->op != KARST_OP_SELECT && n->op != KARST_OP_CONVERT;
+        return steps_range(r, e, known ? karst_truth_of_op((karst_op)n->op, first, second) : interval_of(0, 1));
     }
     if (n->type != KARST_TYPE_FLOAT)
-        return steps_range(r, e, interval_whole());
+        return steps_range(r, e, karst_range_of_whole((karst_op)n->op, n->type == KARST_TYPE_UINT, first, second,
+                                                      c->value));
+    if (n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL || n->op == KARST_OP_RINT)
+        return steps_range(r, e, karst_range_of_op((karst_op)n->op, first, second, c->value, d->value));
     if (n->op == KARST_OP_MULTIPLY && n->arg[0] == n->arg[1]) {
         result.middle = interval_square(a->middle);
         result.value = interval_square(a->value);
@@ -552,5 +567,84 @@ bool karst_ranger_gradient(karst_ranger *r, const karst_position *anchor, const 
         if (!isfinite(gradient[i]))
             return false;
     }
+    return true;
+}
+
+/* ---- jumps ---- */
+
+/* Whether a node is the first to jump between two places next to one another; `was`: its value at the first. */
+static bool is_first_to_jump(const karst_ranger *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    const double by = r->nodes[e].middle.lo - r->before[e];
+    bool of_float = r->graph->nodes[n->arg[0]].type == KARST_TYPE_FLOAT;
+    switch (n->op) {
+    case KARST_OP_FLOOR:
+    case KARST_OP_CEIL:
+    case KARST_OP_RINT:
+    case KARST_OP_CELL:
+        return by != 0;
+    case KARST_OP_LESS:
+    case KARST_OP_LESS_EQUAL:
+    case KARST_OP_EQUAL:
+    case KARST_OP_NOT_EQUAL:
+    case KARST_OP_CONVERT:
+        return by != 0 && of_float && n->type != KARST_TYPE_FLOAT;
+    case KARST_OP_FRACT:
+        return fabs(by) > 0.5;
+    case KARST_OP_MOD:
+        return fabs(by) > 0.5 * interval_most(r->nodes[n->arg[1]].middle);
+    case KARST_OP_ATAN:
+        return fabs(by) > 0.5 * TURN;
+    default:
+        return false;
+    }
+}
+
+/* Along the direction, the slope of what jumps where it passes a number: the argument, or how two of them differ. */
+static double slope_of_argument(const karst_ranger *r, karst_expr e)
+{
+    const karst_expr_node *n = &r->graph->nodes[e];
+    const karst_node_range *a = &r->nodes[n->arg[0]], *b = &r->nodes[n->arg[1]];
+    interval slope = a->slope;
+    if (karst_takes_place(&r->oracle->layout, e, 0)) {
+        const karst_expr_node *from = &r->graph->nodes[n->arg[0]];
+        const double rate = cells_rate(r, karst_oracle_record(r->oracle, e));
+        interval offset = from->op == KARST_OP_SHIFTED ? r->nodes[from->arg[1]].slope : interval_thin(0);
+        if (n->op == KARST_OP_MOD)
+            offset = interval_divide(offset, b->value);
+        slope = interval_add(interval_thin(rate), offset);
+    } else if (n->op == KARST_OP_MOD) {
+        slope = interval_subtract(slope, interval_multiply(interval_divide(a->middle, b->middle), b->slope));
+    } else if (n->type == KARST_TYPE_BOOL && n->op != KARST_OP_CONVERT) {
+        slope = interval_subtract(slope, b->slope);
+    }
+    return 0.5 * (slope.lo + slope.hi);
+}
+
+bool karst_ranger_jump(karst_ranger *r, const karst_position *anchor, const double direction[3], double before,
+                       double behind, int level, double gradient[3])
+{
+    karst_expr first = KARST_NO_EXPR;
+    double toward = 0;
+    karst_ranger_density(r, anchor, direction, before, level);
+    for (uint32_t i = 0; i < r->num_nodes; i++)
+        r->before[r->order[i]] = r->nodes[r->order[i]].middle.lo;
+    karst_ranger_density(r, anchor, direction, behind, level);
+    for (uint32_t i = 0; i < r->num_nodes && !first; i++)
+        first = is_first_to_jump(r, r->order[i]) ? r->order[i] : KARST_NO_EXPR;
+    for (int i = 0; i < 3 && first; i++) {
+        stand_at(r, anchor, direction, behind, level);
+        for (int k = 0; k < 3; k++)
+            r->direction[k] = k == i;
+        r->half = 0;
+        range_here(r);
+        gradient[i] = slope_of_argument(r, first);
+        toward += gradient[i] * direction[i];
+    }
+    if (!first || !isfinite(toward) || toward == 0)
+        return false;
+    for (int i = 0; i < 3; i++)
+        gradient[i] = toward > 0 ? gradient[i] : -gradient[i];
     return true;
 }

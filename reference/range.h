@@ -43,6 +43,12 @@ karst_piece karst_ranger_piece(karst_ranger *ranger, const karst_position *ancho
 bool karst_ranger_gradient(karst_ranger *ranger, const karst_position *anchor, const double direction[3], double t,
                            int level, double gradient[3]);
 
+/* Of a density that jumps up between two places next to one another on a ray: the gradient of the argument that passes
+ * what it jumps at (the x of floor(x), a - b of a < b), turned so that it rises along the ray. false: none is known to
+ * jump there, or it touches. */
+bool karst_ranger_jump(karst_ranger *ranger, const karst_position *anchor, const double direction[3], double before,
+                       double behind, int level, double gradient[3]);
+
 /* anchor + t * direction, rounded to 2^-32 voxel. */
 karst_position karst_reference_place(const karst_position *anchor, const double direction[3], double t);
 

@@ -191,6 +191,33 @@ interval karst_truth_of_op(karst_op op, interval a, interval b)
     }
 }
 
+/* Whole numbers that stay in [least, most], where nothing wraps; all of these otherwise. */
+static interval within(interval r, double least, double most)
+{
+    return r.lo >= least && r.hi <= most ? r : interval_whole();
+}
+
+interval karst_range_of_whole(karst_op op, bool is_unsigned, interval a, interval b, interval c)
+{
+    const double least = is_unsigned ? 0 : -2147483648.0, most = is_unsigned ? 4294967295.0 : 2147483647.0;
+    switch (op) {
+    case KARST_OP_CONVERT:
+        return within(interval_of(trunc(a.lo), trunc(a.hi)), least, most);
+    case KARST_OP_SELECT:
+        return a.lo > 0 ? b : a.hi < 1 ? c : interval_hull(b, c);
+    case KARST_OP_INT_ADD:
+        return within(interval_of(a.lo + b.lo, a.hi + b.hi), least, most);
+    case KARST_OP_INT_SUBTRACT:
+        return within(interval_of(a.lo - b.hi, a.hi - b.lo), least, most);
+    case KARST_OP_INT_MULTIPLY:
+        if (!interval_is_thin(b) || !(fabs(b.lo) < 0x1p20) || !(interval_most(a) < 0x1p31))
+            return interval_whole();
+        return within(interval_of(fmin(a.lo * b.lo, a.hi * b.lo), fmax(a.lo * b.lo, a.hi * b.lo)), least, most);
+    default:
+        return interval_whole();
+    }
+}
+
 /* Of v / length along one axis. */
 static interval share_of_length(interval v, interval length)
 {

@@ -17,6 +17,8 @@ interval karst_range_of_op(karst_op op, interval a, interval b, interval c, inte
 interval karst_slope_of_op(karst_op op, const karst_node_range *a, const karst_node_range *b, const karst_node_range *c,
                            const karst_node_range *d, interval value);
 /* Comparisons and logic: [0, 0], [1, 1] or [0, 1]. */
+/* Of an op that gives an int, or a uint; the whole line where it may wrap, or is not known. */
+interval karst_range_of_whole(karst_op op, bool is_unsigned, interval a, interval b, interval c);
 interval karst_truth_of_op(karst_op op, interval a, interval b);
 
 /* sin (or cos) of radians. */

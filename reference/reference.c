@@ -93,12 +93,12 @@ static bool is_jump(const worker *w, const double direction[3], const karst_refe
         return true;
     for (int i = 0; i < 3; i++)
         slope += fmax(fabs(gradient[i]), fabs(before[i]));
-    return rise > 64 * reach * slope + 1e-11 * fabs(root->t);
+    return rise > 64 * reach * slope;
 }
 
 /* Where a jump decides, the surface is the jump's: from where neighbours of the ray meet it. false: they do not. */
-static bool find_jump_gradient(const worker *w, const double direction[3], const karst_reference_root *root,
-                               double gradient[3])
+static bool find_neighbours_gradient(const worker *w, const double direction[3], const karst_reference_root *root,
+                                     double gradient[3])
 {
     const karst_position *anchor = &w->picture->camera.position;
     double apart = fmax(JUMP_APART * root->t, 0x1p-20), side[2][3];
@@ -136,6 +136,18 @@ static bool find_jump_gradient(const worker *w, const double direction[3], const
             gradient[i] -= steep * side[s][i];
     }
     return true;
+}
+
+/* From the argument that jumps, if that is known. */
+static bool find_jump_gradient(const worker *w, const double direction[3], const karst_reference_root *root,
+                               double gradient[3])
+{
+    double reach = fmax(ROOT_ERROR * root->t, 0x1p-28);
+    for (int i = 0; i < 3; i++, reach *= 16) /* floats jump somewhere near */
+        if (karst_ranger_jump(w->ranger, &w->picture->camera.position, direction, root->t - reach, root->t + reach,
+                              root->level, gradient))
+            return true;
+    return find_neighbours_gradient(w, direction, root, gradient);
 }
 
 static void trace_ray(const worker *w, vector3 direction, karst_reference_hit *hit, karst_reference_stats *stats)

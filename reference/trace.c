@@ -105,6 +105,11 @@ static bool search_field(search *s, double from, double to)
             return true;
         }
         known = true;
+        if (piece.value.lo > 0) { /* it jumped just here */
+            root->kind = KARST_REFERENCE_SURFACE;
+            root->t = t;
+            return true;
+        }
         /* Falling, or air throughout: nothing in it. */
         if (piece.value.hi <= 0 || piece.slope.hi <= 0) {
             t = end;

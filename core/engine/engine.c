@@ -170,7 +170,7 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
         return karst_fail(error, KARST_FAILED, "this engine lost its picture memory; set a size that fits");
     /* Who looks at the same for long gains by what pays off late. */
     const bool stands = engine->complete && !engine->view_changed;
-    *stats = (karst_stats){0};
+    *stats = (karst_stats){.splats = engine->shown.splat_stats};
     karst_engine_begin_store_stats(engine);
     snprintf(stats->device, sizeof stats->device, "%s", engine->context->name);
     engine->verdict = KARST_LADDER_UNDECIDED;

@@ -80,7 +80,7 @@ static bool make_picture(ahead *a, karst_error *error)
     karst_engine_picture_size(a->config, &width_px, &height_px);
     size_t num_px = (size_t)width_px * (size_t)height_px;
     const bool radiance = karst_engine_shade_ways(a->config, &a->world.file->info) & KARST_SHADE_RADIANCE;
-    const size_t depth_floats = radiance ? KARST_RADIANCE_MIRROR_PLANE + 1 : 1;
+    const size_t depth_floats = radiance ? KARST_RADIANCE_PASS_PLANE + 1 : 1;
     karst_cast_view_init(&a->view, &origin, corner, 8);
     a->view.serial = 1;
     karst_pinhole_init(&a->pinhole, &camera, width_px, height_px, 16);
@@ -171,7 +171,7 @@ bool karst_engine_compile_ahead(const karst_engine_config *config, karst_error *
                                       .has_seed = config->has_seed,
                                       .seed = config->seed};
     ahead a = {.config = config};
-    bool done = karst_engine_world_open(&a.world, &world, a.config->thin, error) &&
+    bool done = karst_engine_world_open(&a.world, &world, a.config->thin, a.config->models, error) &&
                 (a.context = karst_context_create(config->device, config->lanes, NULL, error));
     if (done)
         karst_context_set_helper(a.context, config->helper);

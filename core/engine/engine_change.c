@@ -18,6 +18,9 @@ void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *wo
     engine->shader = engine->shown.shader;
     if (engine->colours && engine->shader)
         karst_shader_set_colours(engine->shader, engine->colours, karst_cache_get_buffers(engine->cache));
+    karst_caster_set_splats(engine->caster, engine->shown.splats);
+    if (engine->counting)
+        karst_caster_set_splats(engine->counting, engine->shown.splats);
     engine->view_changed = true;
 }
 
@@ -78,7 +81,8 @@ static bool build(karst_engine *engine, karst_engine_world *world, karst_error *
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, engine->edits != NULL,
                                          karst_engine_contents(engine),
-                                         karst_engine_has_caustics(engine)};
+                                         karst_engine_has_caustics(engine),
+                                         engine->paths && engine->integrator == KARST_INTEGRATOR_DIRECT};
     return karst_engine_world_build(world, engine->context, karst_cache_get_buffers(engine->cache), &wishes, error) &&
            karst_engine_world_set_layers(engine, world, error);
 }
@@ -255,7 +259,7 @@ karst_prepared_world *karst_engine_prepare_world(karst_engine *engine, const kar
         karst_fail(error, KARST_FAILED, "out of memory");
         return NULL;
     }
-    if (karst_engine_world_open(&prepared->world, config, engine->shown.thin, error) &&
+    if (karst_engine_world_open(&prepared->world, config, engine->shown.thin, engine->shown.models_as, error) &&
         karst_engine_try_world(engine, &prepared->world, error))
         return prepared;
     karst_prepared_world_destroy(prepared);
@@ -293,7 +297,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
 {
     karst_engine_world *old = &engine->shown;
     if (!world->file->has_tape_colours || karst_engine_contents(engine) || engine->refine ||
-        world->file->info.has_atmosphere ||
+        world->file->info.has_atmosphere || old->splats || karst_engine_world_has_splats(world) ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
         !karst_engine_world_same_layers(old, world, false) ||
@@ -322,7 +326,7 @@ bool karst_engine_show_colours(karst_engine *engine, const karst_world_config *c
     *shown = false;
     if (!engine->has_tape_colours)
         return true;
-    if (!karst_engine_world_open(&world, config, engine->shown.thin, error))
+    if (!karst_engine_world_open(&world, config, engine->shown.thin, engine->shown.models_as, error))
         return false;
     bool done = take_colours(engine, &world, shown, error);
     karst_engine_world_close(&world);

@@ -3,8 +3,9 @@
 
 #include "core/engine/engine_parts.h"
 
+/* passing: of the picture, as long. */
 static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                                      const karst_light *light)
+                                      const karst_light *light, karst_pass_picture *passing)
 {
     const bool has_clear = karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
     karst_clear_picture picture = {
@@ -23,6 +24,7 @@ static karst_clear_picture picture_of(karst_engine *engine, const karst_cast_vie
         .parts = karst_radiance_parts(engine->radiance),
         .shadow_rays = engine->shadow_rays,
         .counters = engine->counters,
+        .pass = karst_engine_pass_picture(engine, view, pinhole, light, passing),
         .has_caustics = karst_engine_has_caustics(engine),
     };
     picture.is_inside =
@@ -38,7 +40,13 @@ bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *co
     const karst_producer *producer = world->content[KARST_CONTENT_CLEAR].producer;
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
     karst_shade_colour surface = {.options = options};
-    if (!(wishes->contents >> KARST_CONTENT_CLEAR & 1u))
+    /* Land that lets light pass has streams of the same kind. */
+    const bool has_clear = wishes->contents >> KARST_CONTENT_CLEAR & 1u,
+               passes = wishes->shade & KARST_SHADE_PASS && wishes->shade & KARST_SHADE_MIRROR;
+    const unsigned ways = (world->file->info.has_atmosphere ? KARST_CLEAR_ATMOSPHERE : 0u) |
+                          (has_clear && karst_engine_world_bends(world) ? KARST_CLEAR_BENDS : 0u) |
+                          (passes ? KARST_CLEAR_PASSES : 0u);
+    if (!has_clear && !passes)
         return true;
     const bool has_surface = file && producer && file->code.colour_source;
     if (has_surface) {
@@ -46,9 +54,9 @@ bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *co
         surface.source = file->code.colour_source;
         surface.data = producer->data[0];
     }
-    world->clear_shader =
-        karst_clear_shader_create(context, world->file->info.has_atmosphere, karst_engine_world_bends(world),
-                                  has_surface ? &surface : NULL, error);
+    world->clear_shader = karst_clear_shader_create(context, ways, has_surface ? &surface : NULL, error);
+    if (!has_clear)
+        return world->clear_shader != NULL;
     return world->clear_shader && karst_engine_world_build_clear_refiner(world, context, error) &&
            karst_engine_world_build_bending(world, context, wishes->refine, error);
 }
@@ -59,7 +67,8 @@ bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *v
     if (!engine->clear || !karst_engine_has_content(engine, KARST_CONTENT_CLEAR))
         return true;
     const karst_light light = {.pad = {0}}; /* none is looked at */
-    const karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    karst_pass_picture passing;
+    const karst_clear_picture picture = picture_of(engine, view, pinhole, &light, &passing);
     return karst_clear_cast_camera(engine->clear, &picture, keeps, error);
 }
 
@@ -68,7 +77,8 @@ bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *vi
 {
     if (!engine->clear)
         return true;
-    const karst_clear_picture picture = picture_of(engine, view, pinhole, light);
+    karst_pass_picture passing;
+    const karst_clear_picture picture = picture_of(engine, view, pinhole, light, &passing);
     return karst_clear_cover(engine->clear, &picture, error);
 }
 
@@ -104,16 +114,18 @@ static bool veil(void *user, const karst_clear_stream *of, bool again, karst_err
 }
 
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              bool again, karst_error *error)
+                              karst_follow follow, karst_error *error)
 {
     if (!engine->clear)
         return true;
     const karst_light light = karst_engine_light(engine);
-    karst_clear_picture picture = picture_of(engine, view, pinhole, &light);
+    karst_pass_picture passing;
+    karst_clear_picture picture = picture_of(engine, view, pinhole, &light, &passing);
     lit_stream lit = {engine, view, pinhole, &light};
+    picture.only_lacking = follow == KARST_FOLLOW_LACKING;
     picture.user = &lit;
     picture.veil = veil;
-    if (karst_engine_has_caustics(engine))
+    if (karst_engine_has_caustics(engine) || (engine->pass && engine->paths))
         picture.more = add_lights;
-    return karst_clear_trace(engine->clear, &picture, again, error);
+    return karst_clear_trace(engine->clear, &picture, follow != KARST_FOLLOW_TO_DRAW, error);
 }

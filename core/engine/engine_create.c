@@ -88,15 +88,18 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config)
 unsigned karst_engine_shade_ways(const karst_engine_config *config, const karst_world_info *world)
 {
     if (config->integrator == KARST_INTEGRATOR_FULL)
-        return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS | (world->has_clear ? KARST_SHADE_THROUGH_CLEAR : 0u);
+        return KARST_SHADE_RADIANCE | KARST_SHADE_PATHS | (world->has_clear ? KARST_SHADE_THROUGH_CLEAR : 0u) |
+               (karst_engine_wants_pass(config, world) ? KARST_SHADE_PASS : 0u);
+    const bool passes = karst_engine_wants_pass(config, world);
     const bool mirror = karst_engine_mirror_share(config->mirror, world) > 0 ||
-                        (world->has_own_mirror && config->mirror >= 0) || world->has_clear;
-    const bool lights = world->num_lights > 0;
+                        (world->has_own_mirror && config->mirror >= 0) || world->has_clear || passes;
+    const bool lights = world->num_lights > 0 || karst_engine_wants_light_map(config, world);
     const bool occlusion = karst_engine_wants_occlusion(config, world);
     const bool radiance = mirror || lights || occlusion || world->has_air || config->samples > 1 ||
                           config->tone != KARST_TONE_OF_PLAIN || config->exposure;
     return (config->no_shadows ? 0u : KARST_SHADE_SHADOWS) | (radiance ? KARST_SHADE_RADIANCE : 0u) |
-           (mirror ? KARST_SHADE_MIRROR : 0u) | (occlusion ? KARST_SHADE_OCCLUSION : 0u) |
+           (mirror ? KARST_SHADE_MIRROR : 0u) | (passes ? KARST_SHADE_PASS : 0u) |
+           (occlusion ? KARST_SHADE_OCCLUSION : 0u) |
            (lights || karst_engine_wants_caustics(config, world) ? KARST_SHADE_PATHS : 0u);
 }
 
@@ -118,6 +121,8 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
         return karst_fail(error, KARST_USAGE, "land that mirrors %g of its light: it may be 0 to 1", config->mirror);
     if ((unsigned)config->occlusion >= KARST_NUM_OCCLUSIONS)
         return karst_fail(error, KARST_USAGE, "there is no mode of occlusion number %d", (int)config->occlusion);
+    if ((unsigned)config->models >= KARST_NUM_MODELS_AS)
+        return karst_fail(error, KARST_USAGE, "there is no way number %d to show models", (int)config->models);
     if (config->has_sun && !karst_engine_check_sun(&config->sun, error))
         return false;
     if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
@@ -154,14 +159,52 @@ static bool open_context(karst_engine *engine, const karst_engine_config *config
     return engine->context != NULL;
 }
 
+/* What follows from how light is found. */
+static void settle_integrator(karst_engine_config *config)
+{
+    /* Paths look for the sun by rays of their own. */
+    config->no_shadows |= config->integrator == KARST_INTEGRATOR_FULL;
+    if (config->irradiance) { /* there is nothing to meter */
+        config->exposure = KARST_EXPOSURE_GIVEN;
+        config->exposure_stops = 0;
+    }
+}
+
+/* Planes of shares that parts have. */
+static unsigned num_shares(unsigned shade)
+{
+    return shade & KARST_SHADE_MIRROR ? (shade & KARST_SHADE_PASS ? 2 : 1) : 0;
+}
+
+/* What a picture's light goes by: samples, and the streams after the camera's rays. */
+static bool create_streams(karst_engine *engine, const karst_engine_config *config, karst_error *error)
+{
+    karst_context *context = engine->context;
+    const unsigned shade = engine->shade;
+    const bool passes = shade & KARST_SHADE_PASS,
+               has_clear = (engine->stores[KARST_CONTENT_CLEAR].store || passes) &&
+                           config->integrator != KARST_INTEGRATOR_FULL,
+               has_bounce = shade & KARST_SHADE_MIRROR && !has_clear;
+    return (!(shade & KARST_SHADE_RADIANCE) ||
+            (engine->radiance = karst_radiance_create(context, engine->shadows, num_shares(shade), error))) &&
+           (!passes || (engine->pass = karst_pass_create(context, error))) &&
+           (!has_clear || (engine->clear = karst_clear_create(context, engine->shadows, error))) &&
+           (!has_bounce || (engine->bounce = karst_bounce_create(context, engine->shadows, error))) &&
+           (!(shade & KARST_SHADE_OCCLUSION) || (engine->occlusion = karst_occlusion_create(context, error))) &&
+           (!(shade & KARST_SHADE_PATHS) ||
+            (engine->paths = karst_paths_create(context, shade & KARST_SHADE_THROUGH_CLEAR,
+                                                karst_engine_has_path_media(engine), error))) &&
+           (!config->irradiance || (engine->starts = karst_path_starts_create(context, error))) &&
+           karst_engine_create_photons(engine, config, error);
+}
+
 karst_engine *karst_engine_create(const karst_engine_config *given, karst_error *error)
 {
     karst_engine_config own = *given;
     const karst_engine_config *config = &own;
     if (!karst_engine_check_paths(given, error) || !karst_engine_check_caustics(given, error))
         return NULL;
-    /* Paths look for the sun by rays of their own. */
-    own.no_shadows |= given->integrator == KARST_INTEGRATOR_FULL;
+    settle_integrator(&own);
     karst_engine *engine = calloc(1, sizeof *engine);
     if (!engine) {
         karst_fail(error, KARST_FAILED, "out of memory");
@@ -197,7 +240,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_ladder_init(&engine->ladder);
     karst_pace_init(&engine->pace);
     karst_cost_init(&engine->cost);
-
     const karst_world_config world = {.world = config->world,
                                       .parameters = config->parameters,
                                       .num_parameters = config->num_parameters,
@@ -206,7 +248,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
                                       .log = config->log};
     engine->view_distance_m = config->view_distance_m;
     engine->refine = config->refine;
-    if (!karst_engine_world_open(&engine->shown, &world, config->thin, error) ||
+    if (!karst_engine_world_open(&engine->shown, &world, config->thin, config->models, error) ||
         !karst_engine_check_size(engine->width_px, engine->height_px, error) ||
         !karst_engine_check_window(&config->window, engine->width_px, engine->height_px, error) ||
         !karst_engine_size_pools(config, karst_engine_num_contents(karst_engine_contents_of(engine->shown.file)),
@@ -247,10 +289,11 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
                                           config->brick_bits, error);
     if (!engine->cache)
         goto failed;
+    const bool has_light_map = karst_engine_wants_light_map(config, engine->world);
     const karst_engine_wishes wishes = {engine->shade, engine->refine, engine->budget_bricks,
                                          engine->budget_ns > 0, config->edits != NULL,
                                          karst_engine_contents_of(engine->shown.file),
-                                         karst_engine_wants_caustics(config, engine->world)};
+                                         karst_engine_wants_caustics(config, engine->world), has_light_map};
     engine->counters =
         karst_buffer_create(engine->context, "counters", KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), NULL, error);
     char cast_options[160];
@@ -264,22 +307,7 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
         !(engine->sunward =
               karst_sunward_create(engine->context, karst_cache_get_buffers(engine->cache), error)))
         goto failed;
-    if ((engine->shade & KARST_SHADE_RADIANCE) &&
-        !(engine->radiance =
-              karst_radiance_create(engine->context, engine->shadows, engine->shade & KARST_SHADE_MIRROR, error)))
-        goto failed;
-    const bool has_clear =
-        engine->stores[KARST_CONTENT_CLEAR].store != NULL && config->integrator != KARST_INTEGRATOR_FULL;
-    if (has_clear && !(engine->clear = karst_clear_create(engine->context, engine->shadows, error)))
-        goto failed;
-    if ((engine->shade & KARST_SHADE_MIRROR) && !has_clear &&
-        !(engine->bounce = karst_bounce_create(engine->context, engine->shadows, error)))
-        goto failed;
-    const unsigned shade = engine->shade;
-    if (((shade & KARST_SHADE_OCCLUSION) && !(engine->occlusion = karst_occlusion_create(engine->context, error))) ||
-        ((shade & KARST_SHADE_PATHS) &&
-         !(engine->paths = karst_paths_create(engine->context, shade & KARST_SHADE_THROUGH_CLEAR, error))) ||
-        !karst_engine_create_photons(engine, config, error))
+    if (!create_streams(engine, config, error))
         goto failed;
     if (!engine->counters || !engine->caster ||
         !karst_engine_world_build(&engine->shown, engine->context, karst_cache_get_buffers(engine->cache), &wishes,
@@ -289,7 +317,6 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     karst_opening_end(opening);
     karst_caster_set_sunward(engine->caster, engine->sunward);
     karst_engine_adopt_world(engine, &engine->shown);
-    karst_engine_say_what_paths_miss(engine);
     if (!karst_engine_world_set_layers(engine, &engine->shown, error) || !karst_engine_colour_layers(engine, error)) {
         karst_engine_destroy(engine);
         return NULL;
@@ -318,6 +345,7 @@ void karst_engine_destroy(karst_engine *engine)
     karst_colours_destroy(engine->colours);
     karst_caster_destroy(engine->caster);
     karst_caster_destroy(engine->counting);
+    karst_engine_destroy_streams(engine);
     karst_engine_destroy_stores(engine);
     karst_media_destroy(engine->media);
     karst_sunward_destroy(engine->sunward);
@@ -325,8 +353,10 @@ void karst_engine_destroy(karst_engine *engine)
     karst_radiance_destroy(engine->radiance);
     karst_bounce_destroy(engine->bounce);
     karst_paths_destroy(engine->paths);
+    karst_path_starts_destroy(engine->starts);
     karst_photons_destroy(engine->photons.photons);
     karst_clear_destroy(engine->clear);
+    karst_pass_destroy(engine->pass);
     karst_occlusion_destroy(engine->occlusion);
     karst_cache_destroy(engine->cache);
     karst_buffer_destroy(engine->counters);

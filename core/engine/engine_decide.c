@@ -43,7 +43,8 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
     if (rays == last_rays(engine) && !karst_engine_look_at_photons(engine, &view, &pinhole, error))
         return false;
     if (rays == THROUGH_CLEAR)
-        return karst_engine_trace_clear(engine, &view, &pinhole, true, error);
+        return karst_engine_trace_clear(engine, &view, &pinhole, again ? KARST_FOLLOW_LACKING : KARST_FOLLOW_AGAIN,
+                                        error);
     if (rays == FROM_MIRRORED)
         return karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error);
     if (rays == PICTURE)
@@ -104,6 +105,7 @@ bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work
         const uint32_t num_starved = work->num_starved_bricks + work->num_starved_tiles;
         const uint32_t num_granted = work->num_loads + work->num_subdivides;
         made = made || num_granted > 0;
+        const bool all = !again;
         again = true;
         if (work->num_used_bricks > num_bricks || karst_engine_stores_overflow(engine) ||
             (num_granted == 0 && num_starved > 0)) {
@@ -112,6 +114,11 @@ bool karst_engine_decide(karst_engine *engine, karst_allowance *left, karst_work
         }
         if (work->num_requests > 0) {
             engine->stats.num_requests += num_granted;
+            continue;
+        }
+        /* Of clear matter not all rays were followed then: all of them have to want nothing. */
+        if (rays == THROUGH_CLEAR && !all) {
+            again = false;
             continue;
         }
         if (rays == last_rays(engine)) {

@@ -23,7 +23,7 @@ static bool draw_next(karst_engine *engine, const karst_cast_view *view, const k
 {
     return (!engine->bounce || (karst_engine_draw_mirrored(engine, view, pinhole, light, error) &&
                                 karst_engine_draw_lights(engine, view, pinhole, light, true, error))) &&
-           karst_engine_trace_clear(engine, view, pinhole, false, error);
+           karst_engine_trace_clear(engine, view, pinhole, KARST_FOLLOW_TO_DRAW, error);
 }
 
 /* By sun, sky and mirrors. */
@@ -45,7 +45,8 @@ static bool shade(karst_engine *engine, const karst_cast_view *view, const karst
         !engine->shadows || ((!engine->sunward || karst_sunward_aim(engine->sunward, light->sun_direction, error)) &&
                              karst_cast_picture_shadows(engine->caster, view, pinhole, light, engine->shadow_rays,
                                                         shaded, engine->shadows_asked, engine->shadow_hints, error) &&
-                             hide_sun_by_clear(engine, view, pinhole, light, shaded, error));
+                             hide_sun_by_clear(engine, view, pinhole, light, shaded, error) &&
+                             karst_engine_pass_sun(engine, view, pinhole, light, error));
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
     /* Media lie before what they dim, and say how much of what is mirrored comes through. */
     return shadowed && karst_engine_draw_media(engine, view, pinhole, light, error) &&

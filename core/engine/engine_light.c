@@ -114,5 +114,5 @@ void karst_engine_picture_view(const karst_engine *engine, karst_cast_view *view
     view->own_detail = (float)engine->detail_px;
     view->blend = engine->blend ? KARST_BLEND_SHARE : 0;
     karst_engine_pinhole(engine, &engine->camera, pinhole);
-    pinhole->sample = engine->sample;
+    pinhole->sample = engine->starts ? 0 : engine->sample;
 }

@@ -8,10 +8,13 @@
 /* Voxels of media are so many times as wide as those of land: they are soft, and rays pass through all that there are
  * before what is behind. */
 #define MEDIA_DETAIL 3.0f
+/* Where light in media is to be as it is, they are as fine as land. */
+#define MEDIA_TRUE_DETAIL 1.0f
 
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config)
 {
     engine->media_mode = config->media;
+    engine->has_own_bounces = config->bounces != 0;
     engine->scattering = config->scattering;
 }
 
@@ -20,6 +23,11 @@ static uint32_t mode_of(karst_media_mode mode)
     return mode == KARST_MEDIA_MODE_BASIC    ? KARST_MEDIA_BASIC
            : mode == KARST_MEDIA_MODE_SHADOW ? KARST_MEDIA_SHADOW
                                              : KARST_MEDIA_FULL;
+}
+
+bool karst_engine_has_path_media(const karst_engine *engine)
+{
+    return engine->integrator == KARST_INTEGRATOR_FULL && engine->stores[KARST_CONTENT_AIR].store != NULL;
 }
 
 /* Those of the world that is shown, as its content is now. */
@@ -41,7 +49,9 @@ static bool prepare(karst_engine *engine, karst_error *error)
         .scattering = engine->alone.is_on ? KARST_SCATTERING_OCTAVES : engine->scattering,
         .has_atmosphere = engine->shown.skies != NULL && !engine->alone.is_on,
         .has_streams = !engine->alone.is_on && (engine->bounce || engine->clear),
+        .passes = engine->pass && engine->clear,
         .glows = karst_has_output(file->program->world.root, KARST_OUTPUT_EMISSION),
+        .has_paths = karst_engine_has_path_media(engine) && !engine->alone.is_on,
         .has_lamps = !engine->alone.is_on && engine->world->num_lights > 0,
         .is_alone = engine->alone.is_on,
         .groups = engine->media_groups,
@@ -67,7 +77,10 @@ static karst_media_picture picture_of(const karst_engine *engine, const karst_ca
                                    .anchor = &engine->camera.position,
                                    .skies = engine->shown.skies,
                                    .metres = (float)voxel_m,
-                                   .detail = MEDIA_DETAIL,
+                                   .detail = engine->integrator == KARST_INTEGRATOR_FULL ||
+                                                     engine->scattering != KARST_SCATTERING_OCTAVES
+                                                 ? MEDIA_TRUE_DETAIL
+                                                 : MEDIA_DETAIL,
                                    .hits = engine->hits,
                                    .parts = karst_radiance_parts(engine->radiance),
                                    .has_sun = engine->shadows,
@@ -114,6 +127,57 @@ bool karst_engine_veil_stream(karst_engine *engine, const karst_cast_view *view,
         return true;
     const karst_media_picture picture = picture_of(engine, view, pinhole, light);
     return karst_media_stream_rays(engine->media, &picture, stream, error);
+}
+
+/* ---- for paths ---- */
+
+static bool meet_paths(void *user, const karst_path_media_stream *stream, karst_error *error)
+{
+    const karst_engine_path_air *air = user;
+    return karst_media_meet_paths(air->engine->media, &air->picture, stream, error);
+}
+
+static bool turn_paths(void *user, const karst_path_media_stream *stream, karst_error *error)
+{
+    const karst_engine_path_air *air = user;
+    return karst_media_turn_paths(air->engine->media, &air->picture, stream, error);
+}
+
+static bool dim_lamps(void *user, karst_buffer *rays, const karst_buffer *count, uint32_t max_rays, karst_error *error)
+{
+    const karst_engine_path_air *air = user;
+    return karst_media_dim(air->engine->media, &air->picture, rays, count, max_rays, error);
+}
+
+/* Where `wanted`, and the world has air. */
+static bool open_air(karst_engine *engine, const karst_path_picture *picture, bool wanted, karst_engine_path_air *air,
+                     karst_error *error)
+{
+    *air = (karst_engine_path_air){
+        .is_there = wanted && karst_engine_has_content(engine, KARST_CONTENT_AIR) && !engine->alone.is_on};
+    if (!air->is_there)
+        return true;
+    if (!prepare(engine, error))
+        return false;
+    air->engine = engine;
+    air->picture = picture_of(engine, picture->view, picture->pinhole, picture->light);
+    air->media = (karst_path_media){.meet = meet_paths, .turn = turn_paths, .dim = dim_lamps, .user = air};
+    return true;
+}
+
+bool karst_engine_media_of_paths(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error)
+{
+    uint32_t num_lacking, num_made;
+    return open_air(engine, picture, karst_engine_has_path_media(engine), air, error) &&
+           (!air->is_there || picture->again ||
+            karst_media_take_counts(engine->media, &num_lacking, &num_made, error));
+}
+
+bool karst_engine_media_of_lamps(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error)
+{
+    return open_air(engine, picture, engine->media_mode == KARST_MEDIA_MODE_FULL, air, error);
 }
 
 bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

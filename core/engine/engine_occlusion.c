@@ -5,7 +5,7 @@
 
 bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst_world_info *world)
 {
-    return config->integrator == KARST_INTEGRATOR_DIRECT &&
+    return config->integrator == KARST_INTEGRATOR_DIRECT && !world->has_light_map && /* which knows better */
            (config->occlusion == KARST_OCCLUSION_ON ||
             (config->occlusion == KARST_OCCLUSION_OF_WORLD && world->has_occlusion));
 }

@@ -27,7 +27,9 @@
 #include "raycast/cast/refine.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear.h"
+#include "raycast/light/light_map.h"
 #include "raycast/light/occlusion.h"
+#include "raycast/light/pass.h"
 #include "raycast/light/paths.h"
 #include "raycast/light/photons.h"
 #include "raycast/light/radiance.h"
@@ -38,6 +40,8 @@
 #define KARST_MOST_LAYER_KINDS 8
 #define KARST_ENGINE_NUM_COUNTERS (KARST_CLEAR_COUNT_CUT + 1)
 #define KARST_ENGINE_MAX_VOXEL ((int64_t)1 << 61) /* how far out a camera may be */
+
+typedef struct karst_engine_streams karst_engine_streams; /* engine_rays.c */
 
 /* A density's own surface, with its gradient: what moves hits there. Zeros: hits stay as bricks have them. */
 typedef struct {
@@ -88,6 +92,11 @@ typedef struct {
     karst_layer *layers[KARST_MOST_LAYER_KINDS]; /* by kind (engine_layers.c); NULL: none, or not made yet */
     karst_clear_shader *clear_shader; /* NULL: the engine has no store for clear matter */
     karst_engine_bending bending;
+    karst_light_map *light_map;     /* NULL: none, or not made use of */
+    karst_position light_map_anchor;
+    karst_models_as models_as; /* as wanted */
+    karst_splats *splats;      /* NULL: no model is shown as discs */
+    karst_stats_splats splat_stats;
 } karst_engine_world;
 
 /* What is built of a world. */
@@ -99,6 +108,7 @@ typedef struct {
     bool has_layers;    /* they are to take part in what it makes */
     unsigned contents;  /* those to be made beside the land: bit i stands for karst_content i */
     bool has_photons;   /* land that mirrors is to mirror as exactly as clear matter does */
+    bool has_light_map; /* pictures make use of the one that the world may name */
 } karst_engine_wishes;
 
 /* What a frame has made so far, and the CPU time over the cores that it took (CPU devices only). */
@@ -169,12 +179,15 @@ struct karst_engine {
     karst_shader *shader;
     karst_radiance *radiance; /* NULL: pictures are bytes from the start */
     karst_bounce *bounce;     /* NULL: no land mirrors, or `clear` follows what it does */
-    karst_clear *clear;       /* NULL: there is no clear matter, or paths are followed */
+    karst_clear *clear;       /* NULL: there is no clear matter, and land lets no light pass, or paths are followed */
+    karst_pass *pass;         /* NULL: land lets no light pass */
     karst_occlusion *occlusion; /* NULL: light from all around comes everywhere */
     karst_paths *paths;       /* NULL: no paths are followed, and the world has no lights but the sun */
+    karst_path_starts *starts; /* of pictures of what light falls; NULL: those of any other kind */
     karst_engine_photons photons;
     karst_integrator integrator;
     uint32_t bounces; /* of paths, or of rays through clear matter */
+    bool has_own_bounces; /* as configured */
     karst_buffer *hits, *shadow_rays, *counters, *asked, *shadows_asked, *hints, *shadow_hints;
     uint32_t counted[KARST_ENGINE_NUM_COUNTERS]; /* the counters' contents, once a picture is ended */
     bool drawing;                                /* a picture was begun that is not ended */
@@ -225,6 +238,7 @@ struct karst_engine {
     karst_camera drawn;     /* the last frame's */
     karst_views *views;     /* NULL until one is asked for */
     karst_caster *counting; /* the caster that counts steps; NULL until they are asked for */
+    karst_engine_streams *streams; /* for karst_engine_cast_rays; NULL until it is called */
     karst_ladder ladder;
     karst_ladder_verdict verdict; /* of this frame, while the ladder is deciding */
     karst_pace pace;
@@ -255,7 +269,7 @@ bool karst_engine_has_wide_sun(const karst_engine_config *config);
 /* engine_world.c. Finds and compiles the world that the configuration names; its values, seed and fingerprint are those
  * asked for. Closed when it fails. Thread-safe. Errors: KARST_BAD_WORLD, KARST_FAILED. */
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
-                             karst_error *error);
+                             karst_models_as as, karst_error *error);
 /* The same text with other values, compiled anew. */
 bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_world *old, const karst_number *values,
                                   karst_error *error);
@@ -278,6 +292,12 @@ bool karst_engine_set_view_distance(karst_engine *engine, const karst_world_info
 /* engine_change.c. From now on the engine shows this world, which is built; it is the engine's. */
 void karst_engine_adopt_world(karst_engine *engine, const karst_engine_world *world);
 
+/* engine_splats.c. Whether an open world's header shows models as discs; shows its models in another way from then on,
+ * before anything is built; and what casters meet of them, a part of karst_engine_world_build. Errors: KARST_BAD_DATA,
+ * KARST_USAGE, KARST_FAILED. */
+bool karst_engine_world_has_splats(const karst_engine_world *world);
+void karst_engine_world_show_models(karst_engine_world *world, karst_models_as as);
+bool karst_engine_world_build_splats(karst_engine_world *world, karst_context *context, karst_error *error);
 /* engine_edit.c. Applies a file of edits. Errors: KARST_BAD_DATA, and as karst_engine_edit. */
 bool karst_engine_load_edits(karst_engine *engine, const char *path, karst_error *error);
 /* engine_layers.c. Makes the layers that an open world's header names, and the engine's edits, part of what the world's
@@ -425,7 +445,7 @@ bool karst_engine_forget_contents(karst_engine *engine, const bool changed[KARST
 void karst_engine_begin_store_stats(karst_engine *engine);
 void karst_engine_end_store_stats(karst_engine *engine);
 
-/* engine_media.c; all do nothing where the world has no air. How they are shown, once. */
+/* engine_media.c; all do nothing where the world has no air. How they are shown, once, and how far paths go in them. */
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config);
 /* Lays media before the sample that was shaded; before what a stream sees that was cast and is not shaded yet; and,
  * once all of these are, makes what light needs to come through what they looked at. */
@@ -438,6 +458,20 @@ bool karst_engine_survey_media(karst_engine *engine, const karst_cast_view *view
 /* The picture's rays ask for what they lack of media. */
 bool karst_engine_look_at_media(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
+/* What paths meet on their way, for a call of karst_paths_follow. `air` must stay where it is. */
+typedef struct {
+    karst_engine *engine;
+    karst_media_picture picture;
+    karst_path_media media;
+    bool is_there; /* else nothing else is set */
+} karst_engine_path_air;
+bool karst_engine_media_of_paths(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error);
+/* The same for rays to lamps from a picture's surfaces, and from what its rays mirror: only what dims them. */
+bool karst_engine_media_of_lamps(karst_engine *engine, const karst_path_picture *picture, karst_engine_path_air *air,
+                                 karst_error *error);
+/* Whether paths may meet media: there is a store of air, and light is full. */
+bool karst_engine_has_path_media(const karst_engine *engine);
 /* Once a picture is ended: whether its media lacked anything. */
 bool karst_engine_end_media(karst_engine *engine, karst_error *error);
 
@@ -494,8 +528,6 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
                              const karst_light *light, karst_error *error);
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, bool mirrored, karst_error *error);
-/* What full light leaves out of the world is warned of. */
-void karst_engine_say_what_paths_miss(const karst_engine *engine);
 /* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);
@@ -514,6 +546,13 @@ bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *
 /* engine_paths.c. What a world's own lights, and photons, add to what a stream's rays hit. */
 bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
+
+/* engine_light_map.c. Whether pictures of the world are to have one; what its header names; and what that adds to what
+ * a stream's rays hit, as karst_engine_gather_photons. Errors: KARST_BAD_DATA, KARST_FAILED. */
+bool karst_engine_wants_light_map(const karst_engine_config *config, const karst_world_info *world);
+bool karst_engine_world_open_light_map(karst_engine_world *world, karst_context *context, karst_error *error);
+bool karst_engine_gather_light_map(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
+                                   const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
 /* engine_photons.c. What of a configuration concerns caustics. Errors: KARST_USAGE. */
 bool karst_engine_check_caustics(const karst_engine_config *config, karst_error *error);
@@ -537,6 +576,19 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing);
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error);
 
+/* engine_pass.c. Whether land of the world lets light pass in such pictures: --mirror 0 leaves that out, too. */
+bool karst_engine_wants_pass(const karst_engine_config *config, const karst_world_info *world);
+/* What follows the picture's size, and what that takes; nothing where nothing passes. Errors: KARST_FAILED. */
+bool karst_engine_allocate_pass(karst_engine *engine, karst_error *error);
+double karst_engine_pass_bytes(const karst_engine *engine);
+/* *picture is what passes of a picture, all of it borrowed; NULL: nothing does. */
+const karst_pass_picture *karst_engine_pass_picture(const karst_engine *engine, const karst_cast_view *view,
+                                                    const karst_pinhole *pinhole, const karst_light *light,
+                                                    karst_pass_picture *picture);
+/* After shadows were cast: adds what of the sun comes through land that hides it. Waits. Errors: KARST_FAILED. */
+bool karst_engine_pass_sun(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
+                           const karst_light *light, karst_error *error);
+
 /* engine_clear.c. What runs at surfaces of clear matter; a part of karst_engine_world_build. */
 bool karst_engine_world_build_clear(karst_engine_world *world, karst_context *context,
                                     const karst_engine_wishes *wishes, karst_error *error);
@@ -546,8 +598,11 @@ bool karst_engine_cast_into_clear(karst_engine *engine, const karst_cast_view *v
                                   bool keeps, karst_error *error);
 bool karst_engine_cover_by_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                  const karst_light *light, karst_error *error);
+/* Rays are followed for a picture; once more for what they ask for; or only those of pixels whose rays lacked something
+ * when they were followed last. */
+typedef enum { KARST_FOLLOW_TO_DRAW, KARST_FOLLOW_AGAIN, KARST_FOLLOW_LACKING } karst_follow;
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                              bool again, karst_error *error);
+                              karst_follow follow, karst_error *error);
 
 /* engine_samples.c. Which sample of its pixels the next frame draws; 0: their centres, once, while something moves. */
 uint32_t karst_engine_choose_sample(const karst_engine *engine, bool moves);
@@ -576,6 +631,8 @@ bool karst_engine_refine(karst_engine *engine, const karst_cast_view *view, cons
                          karst_error *error);
 bool karst_engine_refine_hits(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               karst_buffer *hits, karst_error *error);
+/* engine_rays.c */
+void karst_engine_destroy_streams(karst_engine *engine);
 /* engine_aov.c. Casts the last frame's rays through the pixels' centres, if they went elsewhere. */
 bool karst_engine_centre_hits(karst_engine *engine, karst_error *error);
 /* The camera's rays through the picture's pixels, which may be a window of a whole picture's. */

@@ -23,6 +23,8 @@ bool karst_engine_check_paths(const karst_engine_config *config, karst_error *er
     if (config->bounces > KARST_ENGINE_MAX_BOUNCES)
         return karst_fail(error, KARST_USAGE, "%u bounces: it may be 1 to %d", config->bounces,
                           KARST_ENGINE_MAX_BOUNCES);
+    if (config->irradiance && config->integrator != KARST_INTEGRATOR_FULL)
+        return karst_fail(error, KARST_USAGE, "irradiance is found by full light: set KARST_INTEGRATOR_FULL");
     return config->integrator != KARST_INTEGRATOR_FULL || !config->no_shadows ||
            karst_fail(error, KARST_USAGE, "full light without shadows is none: leave one of them out");
 }
@@ -33,18 +35,20 @@ karst_path_picture karst_engine_path_picture(const karst_engine *engine, const k
     const karst_world_info *world = engine->world;
     const bool hides = karst_engine_has_caustics(engine) && engine->clear &&
                        karst_engine_has_content(engine, KARST_CONTENT_CLEAR);
-    return (karst_path_picture){.caster = engine->caster,
-                                .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
-                                .shader = engine->shader,
-                                .view = view,
-                                .pinhole = pinhole,
-                                .light = light,
-                                .hits = engine->hits,
-                                .parts = karst_radiance_parts(engine->radiance),
-                                .counters = engine->counters,
-                                .again = again,
-                                .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
-                                           (world->has_own_mirror && engine->mirror >= 0)};
+    karst_path_picture picture = {.caster = engine->caster,
+                                  .over = hides ? engine->stores[KARST_CONTENT_CLEAR].caster : NULL,
+                                  .shader = engine->shader,
+                                  .view = view,
+                                  .pinhole = pinhole,
+                                  .light = light,
+                                  .hits = engine->hits,
+                                  .parts = karst_radiance_parts(engine->radiance),
+                                  .counters = engine->counters,
+                                  .again = again,
+                                  .mirrors = karst_engine_mirror_share(engine->mirror, world) > 0 ||
+                                             (world->has_own_mirror && engine->mirror >= 0)};
+    karst_engine_pass_picture(engine, view, pinhole, light, &picture.pass);
+    return picture;
 }
 
 /* What paths go through; NULL: there is none. `clear` holds it. */
@@ -68,7 +72,19 @@ static const karst_path_clear *clear_of(karst_engine *engine, karst_path_clear *
 static bool follow(karst_engine *engine, karst_path_picture *picture, karst_error *error)
 {
     karst_path_clear clear;
+    karst_pinhole of_paths = *picture->pinhole;
+    if (engine->starts) { /* rays to where they start have no sample */
+        of_paths.sample = engine->sample;
+        picture->pinhole = &of_paths;
+        picture->starts = engine->starts;
+    }
+    karst_engine_path_air air;
     picture->clear = clear_of(engine, &clear);
+    if (!karst_engine_media_of_paths(engine, picture, &air, error))
+        return false;
+    picture->media = air.is_there ? &air.media : NULL;
+    const uint32_t bounces =
+        air.is_there && !engine->has_own_bounces ? KARST_ENGINE_MAX_BOUNCES : engine->bounces;
     /* With all samples a frame is for the pixels' centres, and adds no light. */
     if (engine->samples > 1 && engine->num_summed == engine->samples)
         return karst_paths_set_lamps(engine->paths, NULL, 0, error) &&
@@ -76,22 +92,28 @@ static bool follow(karst_engine *engine, karst_path_picture *picture, karst_erro
     karst_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = karst_engine_lamps(engine, picture->light, lamps);
     return karst_paths_set_lamps(engine->paths, lamps, num, error) &&
-           karst_paths_follow(engine->paths, picture, engine->bounces, error);
+           karst_paths_follow(engine->paths, picture, bounces, error);
 }
 
 bool karst_engine_draw_lights_of(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
                                  const karst_buffer *count, const karst_buffer *hits, karst_error *error)
 {
     karst_lamp lamps[KARST_MOST_LAMPS];
+    karst_engine_path_air air = {0};
+    karst_path_picture own = *picture;
     const uint32_t num = karst_engine_own_lamps(engine, lamps, 0);
+    if (num && !karst_engine_media_of_lamps(engine, picture, &air, error))
+        return false;
+    own.media = air.is_there ? &air.media : NULL;
     /* As the sun does, they shine through matter where pictures are without shadows. */
     for (uint32_t i = 0; i < num; i++)
         lamps[i].shadow = lamps[i].shadow && engine->shadows;
     if (num && (!karst_paths_set_lamps(engine->paths, lamps, num, error) ||
-                !(rays ? karst_paths_add_lamps_of(engine->paths, picture, rays, count, hits, error)
-                       : karst_paths_add_lamps(engine->paths, picture, error))))
+                !(rays ? karst_paths_add_lamps_of(engine->paths, &own, rays, count, hits, error)
+                       : karst_paths_add_lamps(engine->paths, &own, error))))
         return false;
-    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error);
+    return karst_engine_gather_photons(engine, picture, rays, count, rays ? hits : picture->hits, error) &&
+           karst_engine_gather_light_map(engine, picture, rays, count, rays ? hits : picture->hits, error);
 }
 
 /* To the picture's surfaces, or those that they mirror. */
@@ -118,17 +140,6 @@ bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view,
         return true;
     karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
     return add_lights(engine, &picture, mirrored, error);
-}
-
-void karst_engine_say_what_paths_miss(const karst_engine *engine)
-{
-    if (engine->integrator != KARST_INTEGRATOR_FULL)
-        return;
-    if (karst_engine_has_content(engine, KARST_CONTENT_AIR))
-        karst_log_print(engine->log, KARST_LOG_WARNING,
-                        "%s: full light does not see its air yet: pictures are as without; direct light with "
-                        "--scattering paths shows all light in it",
-                        engine->world->name);
 }
 
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,

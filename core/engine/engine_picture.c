@@ -50,8 +50,9 @@ static bool check_room(const karst_engine *engine, karst_error *error)
          : engine->clear ? karst_clear_bytes(engine->width_px, engine->height_px, engine->shadows,
                                              karst_engine_world_bends(&engine->shown))
                          : 0) +
-        (engine->paths ? karst_paths_bytes((size_t)num_pixels, engine->shade & KARST_SHADE_THROUGH_CLEAR) : 0) +
-        karst_engine_occlusion_bytes(engine);
+        (engine->paths ? karst_paths_bytes((size_t)num_pixels, engine->shade & KARST_SHADE_THROUGH_CLEAR,
+                                           karst_engine_has_path_media(engine)) : 0) +
+        karst_engine_occlusion_bytes(engine) + karst_engine_pass_bytes(engine);
     double largest = fmax(engine->bounce || engine->clear || engine->paths || engine->occlusion
                                    ? num_pixels * sizeof(karst_ray)
                                    : hits,
@@ -104,7 +105,7 @@ bool karst_engine_allocate_picture(karst_engine *engine, karst_error *error)
         (engine->bounce && !karst_bounce_set_room(engine->bounce, engine->width_px, engine->height_px, error)) ||
         (engine->paths && !karst_paths_set_room(engine->paths, num_pixels, error)) ||
         (engine->clear && !karst_clear_set_room(engine->clear, engine->width_px, engine->height_px, error)) ||
-        !karst_engine_allocate_occlusion(engine, error))
+        !karst_engine_allocate_occlusion(engine, error) || !karst_engine_allocate_pass(engine, error))
         return false;
     size_t hint_bytes = karst_cast_hint_bytes(engine->context, karst_cache_get_buffers(engine->cache),
                                               engine->width_px, engine->height_px);

@@ -39,7 +39,7 @@ static bool trial_open(trial *t, karst_context *of, int brick_bits, karst_error 
         !trial_buffer(t, &t->work.subdivide_tiles, sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->hits, TRIAL_PX * sizeof(karst_hit), error) ||
         !trial_buffer(t, &t->shadow_rays, karst_cast_shadow_bytes(TRIAL_SIDE_PX, TRIAL_SIDE_PX), error) ||
-        !trial_buffer(t, &t->depth, (KARST_RADIANCE_MIRROR_PLANE + 1) * TRIAL_PX * sizeof(float), error) ||
+        !trial_buffer(t, &t->depth, (KARST_RADIANCE_PASS_PLANE + 1) * TRIAL_PX * sizeof(float), error) ||
         !trial_buffer(t, &t->counters, KARST_ENGINE_NUM_COUNTERS * sizeof(uint32_t), error) ||
         !trial_buffer(t, &t->pixels, TRIAL_PX * 4, error))
         return false;
@@ -132,7 +132,8 @@ bool karst_engine_try_world(karst_engine *engine, const karst_engine_world *open
 {
     trial t;
     const karst_engine_wishes wishes = {engine->shade, engine->refine, 1, false, engine->edits != NULL,
-                                        karst_engine_contents(engine), karst_engine_has_caustics(engine)};
+                                        karst_engine_contents(engine), karst_engine_has_caustics(engine),
+                                        false};
     karst_engine_world world = {.file = opened->file, .values = opened->values, .seed = opened->seed};
     bool done = trial_open(&t, engine->context, karst_cache_get_buffers(engine->cache)->brick_bits, error) &&
                 karst_engine_world_build(&world, t.context, &t.cache, &wishes, error) &&

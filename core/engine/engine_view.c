@@ -127,6 +127,8 @@ bool karst_engine_set_view(karst_engine *engine, karst_view view, karst_error *e
                                      "-DCAST_COUNT_STEPS " KARST_CAST_NO_STREAMS " " KARST_CAST_NO_SHADOWS, error);
     if (view == KARST_VIEW_STEPS && !engine->counting)
         return false;
+    if (view == KARST_VIEW_STEPS)
+        karst_caster_set_splats(engine->counting, engine->shown.splats);
     engine->view = (int)view;
     return true;
 }

@@ -4,6 +4,7 @@
 
 #include "core/engine/engine_layers.h"
 #include "producers/density/world_find.h"
+#include "raycast/cast/splats.h"
 
 static bool remember_values(karst_engine_world *world, const karst_world_config *config, karst_error *error)
 {
@@ -24,13 +25,15 @@ static void show_what_samples_miss(karst_world_file *file, karst_thin thin)
 }
 
 bool karst_engine_world_open(karst_engine_world *world, const karst_world_config *config, karst_thin thin,
-                             karst_error *error)
+                             karst_models_as as, karst_error *error)
 {
     char path[PATH_MAX];
     *world = (karst_engine_world){.thin = thin};
     world->file = karst_world_find(config, path, error);
-    if (world->file)
+    if (world->file) {
         show_what_samples_miss(world->file, thin);
+        karst_engine_world_show_models(world, as);
+    }
     if (world->file && remember_values(world, config, error))
         return true;
     karst_engine_world_close(world);
@@ -54,8 +57,10 @@ bool karst_engine_world_recompile(karst_engine_world *world, const karst_engine_
     world->file = karst_world_file_compile(program->name, source->text + source->user_begin,
                                            source->length - source->user_begin, given, num_given, NULL, error);
     free(given);
-    if (world->file)
+    if (world->file) {
         show_what_samples_miss(world->file, world->thin);
+        karst_engine_world_show_models(world, old->models_as);
+    }
     if (world->file && remember_values(world, &config, error))
         return true;
     karst_engine_world_close(world);
@@ -70,8 +75,10 @@ void karst_engine_world_close(karst_engine_world *world)
     karst_engine_world_close_contents(world);
     karst_shader_destroy(world->shader);
     karst_skies_destroy(world->skies);
+    karst_light_map_destroy(world->light_map);
     karst_producer_destroy(world->producer);
     karst_engine_world_close_layers(world);
+    karst_splats_destroy(world->splats);
     karst_fingerprint_finish(&world->fingerprint);
     free(world->values);
     karst_world_file_destroy(world->file);
@@ -83,6 +90,8 @@ karst_shader *karst_engine_world_shader(const karst_engine_world *world, karst_c
 {
     if (world->file->info.has_atmosphere)
         ways |= KARST_SHADE_ATMOSPHERE;
+    if (karst_engine_world_has_splats(world))
+        ways |= KARST_SHADE_PAINT | KARST_SHADE_SPLATS;
     if (!world->file->code.colour_source)
         return karst_shader_create(context, ways, error);
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
@@ -130,6 +139,8 @@ bool karst_engine_world_build(karst_engine_world *world, karst_context *context,
     return world->shader && karst_engine_world_build_contents(world, context, buffers, wishes, error) &&
            karst_engine_world_build_clear(world, context, wishes, error) &&
            karst_engine_world_build_skies(world, context, error) &&
+           (!wishes->has_light_map || karst_engine_world_open_light_map(world, context, error)) &&
+           karst_engine_world_build_splats(world, context, error) &&
            (!wishes->refine ||
             karst_engine_world_make_refining(world, context, wishes->has_layers, &world->refining, error)) &&
            (!(wishes->has_photons && (world->file->info.has_own_mirror || world->file->info.mirror > 0)) ||

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "core/export/join.h"
+#include "core/export/mesh_tiles.h"
 #include "core/export/piece.h"
 
 enum { MAX_THREADS = 256, TILES_OF_THREAD = 8 };
@@ -18,6 +19,7 @@ typedef struct {
     const karst_world *world;
     const karst_mesh_config *config;
     const karst_mesh_sink *sink;
+    bool (*begin_tile)(void *user, const int64_t first[3], karst_error *error); /* NULL: nobody asks */
     karst_mesh_stats *stats;
     karst_mesh_join *join;
     karst_mesh_worker *workers[MAX_THREADS];
@@ -128,7 +130,8 @@ static bool join_tiles(finder *f, size_t first, size_t end, karst_error *error)
         f->stats->num_open_cells += tile->num_open_cells;
         f->stats->num_samples += tile->num_samples;
         f->stats->num_sharp += tile->num_sharp;
-        done = done && karst_mesh_join_add(f->join, tile, error);
+        done = done && (!f->begin_tile || f->begin_tile(f->sink->user, tile->first, error)) &&
+               karst_mesh_join_add(f->join, tile, error);
         karst_mesh_tile_finish(tile);
     }
     return done;
@@ -137,8 +140,7 @@ static bool join_tiles(finder *f, size_t first, size_t end, karst_error *error)
 static bool report(const finder *f, size_t num_done, karst_error *error)
 {
     const double of_slab = f->num_tiles ? (double)num_done / (double)f->num_tiles : 1;
-    return !f->sink->progress ||
-           f->sink->progress(f->sink->user, ((double)f->slab + of_slab) / (double)f->num_slabs) ||
+    return !f->sink->progress || f->sink->progress(f->sink->user, ((double)f->slab + of_slab) / (double)f->num_slabs) ||
            karst_fail(error, KARST_FAILED, "the mesh was stopped");
 }
 
@@ -193,7 +195,7 @@ static bool check(const karst_world *world, const karst_mesh_config *config, kar
     return true;
 }
 
-static int choose_num_threads(const karst_mesh_config *config)
+int karst_mesh_num_threads(const karst_mesh_config *config)
 {
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
     if (config->num_threads)
@@ -201,8 +203,9 @@ static int choose_num_threads(const karst_mesh_config *config)
     return cores < 1 ? 1 : cores > MAX_THREADS ? MAX_THREADS : (int)cores;
 }
 
-bool karst_mesh_find(const karst_world *world, const karst_mesh_config *config, const karst_mesh_sink *sink,
-                     karst_mesh_stats *stats, karst_error *error)
+bool karst_mesh_find_tiles(const karst_world *world, const karst_mesh_config *config, const karst_mesh_sink *sink,
+                           bool (*begin_tile)(void *user, const int64_t first[3], karst_error *error),
+                           karst_mesh_stats *stats, karst_error *error)
 {
     if (!check(world, config, error))
         return false;
@@ -210,8 +213,9 @@ bool karst_mesh_find(const karst_world *world, const karst_mesh_config *config, 
     finder f = {.world = world,
                 .config = config,
                 .sink = sink,
+                .begin_tile = begin_tile,
                 .stats = &own,
-                .num_threads = choose_num_threads(config)};
+                .num_threads = karst_mesh_num_threads(config)};
     bool done = true;
     own.num_cells = (double)config->num_cells[0] * (double)config->num_cells[1] * (double)config->num_cells[2];
     for (int axis = 0; axis < 3; axis++)
@@ -233,4 +237,10 @@ bool karst_mesh_find(const karst_world *world, const karst_mesh_config *config, 
     done = done && f.join;
     karst_mesh_join_destroy(f.join);
     return done;
+}
+
+bool karst_mesh_find(const karst_world *world, const karst_mesh_config *config, const karst_mesh_sink *sink,
+                     karst_mesh_stats *stats, karst_error *error)
+{
+    return karst_mesh_find_tiles(world, config, sink, NULL, stats, error);
 }

@@ -1,18 +1,16 @@
 /* Meshes as files: PLY, OBJ and binary glTF. */
 #include <errno.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
+#include "core/export/glb.h"
 #include "core/export/out_file.h"
 #include "karst/engine.h"
 #include "karst/mesh.h"
 
-enum { HEADER_BYTES = 8192, BUFFER_BYTES = 1 << 20 };
-/* Of a glTF vertex: position, normal, colour as four 16-bit numbers. */
-enum { GLB_VERTEX_BYTES = 32, PLY_VERTEX_BYTES = 27, GLB_CHUNK_BYTES = 8, GLB_HEADER_BYTES = 12 };
+enum { BUFFER_BYTES = 1 << 20, PLY_VERTEX_BYTES = 27 };
 
 typedef struct {
     karst_mesh_format format;
@@ -21,6 +19,7 @@ typedef struct {
     bool (*progress)(void *user, double share);
     void *user;
     float least[3], most[3];
+    bool points_only; /* no triangles */
 } writer;
 
 bool karst_mesh_format_of(const char *path, karst_mesh_format *format, karst_error *error)
@@ -40,21 +39,6 @@ bool karst_mesh_format_of(const char *path, karst_mesh_format *format, karst_err
 
 /* ---- parts ---- */
 
-/* Little-endian, whatever the machine. */
-static uint8_t *put_u32(uint8_t *to, uint32_t value)
-{
-    for (int i = 0; i < 4; i++)
-        *to++ = (uint8_t)(value >> 8 * i);
-    return to;
-}
-
-static uint8_t *put_float(uint8_t *to, float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return put_u32(to, bits);
-}
-
 static double to_srgb(float linear)
 {
     const double x = (double)linear;
@@ -68,24 +52,22 @@ static bool cannot_write(const writer *w, karst_error *error)
 
 static bool write_vertex(writer *w, const karst_mesh_vertex *v)
 {
-    uint8_t bytes[GLB_VERTEX_BYTES], *to = bytes;
+    uint8_t bytes[KARST_GLB_VERTEX_BYTES], *to = bytes;
     if (w->format == KARST_MESH_OBJ)
         return fprintf(w->parts[0], "v %.9g %.9g %.9g %.4f %.4f %.4f\nvn %.7g %.7g %.7g\n", (double)v->position[0],
                        (double)v->position[1], (double)v->position[2], to_srgb(v->rgb[0]), to_srgb(v->rgb[1]),
                        to_srgb(v->rgb[2]), (double)v->normal[0], (double)v->normal[1], (double)v->normal[2]) > 0;
-    for (int axis = 0; axis < 3; axis++)
-        to = put_float(to, v->position[axis]);
-    for (int axis = 0; axis < 3; axis++)
-        to = put_float(to, v->normal[axis]);
-    for (int i = 0; i < 3 && w->format == KARST_MESH_PLY; i++)
-        *to++ = (uint8_t)lrint(255 * to_srgb(v->rgb[i]));
-    for (int i = 0; i < 4 && w->format == KARST_MESH_GLB; i++) {
-        const unsigned value = i < 3 ? (unsigned)lrintf(65535 * v->rgb[i]) : 65535;
-        *to++ = (uint8_t)value;
-        *to++ = (uint8_t)(value >> 8);
+    if (w->format == KARST_MESH_GLB) {
+        karst_glb_put_vertex(v, bytes);
+        return fwrite(bytes, 1, sizeof bytes, w->parts[0]) == sizeof bytes;
     }
-    const size_t num = (size_t)(to - bytes);
-    return fwrite(bytes, 1, num, w->parts[0]) == num;
+    for (int axis = 0; axis < 3; axis++)
+        to = karst_out_put_float(to, v->position[axis]);
+    for (int axis = 0; axis < 3; axis++)
+        to = karst_out_put_float(to, v->normal[axis]);
+    for (int i = 0; i < 3; i++)
+        *to++ = (uint8_t)lrint(255 * to_srgb(v->rgb[i]));
+    return fwrite(bytes, 1, PLY_VERTEX_BYTES, w->parts[0]) == PLY_VERTEX_BYTES;
 }
 
 static bool write_vertices(void *user, const karst_mesh_vertex *vertices, size_t num, karst_error *error)
@@ -113,7 +95,7 @@ static bool write_triangle(writer *w, const uint32_t t[3])
     if (w->format == KARST_MESH_PLY)
         *to++ = 3;
     for (int i = 0; i < 3; i++)
-        to = put_u32(to, t[i]);
+        to = karst_out_put_u32(to, t[i]);
     const size_t num = (size_t)(to - bytes);
     return fwrite(bytes, 1, num, w->parts[1]) == num;
 }
@@ -122,7 +104,7 @@ static bool write_triangles(void *user, const uint32_t (*indices)[3], size_t num
 {
     writer *w = user;
     errno = 0;
-    for (size_t i = 0; i < num; i++)
+    for (size_t i = 0; i < num && !w->points_only; i++)
         if (!write_triangle(w, indices[i]))
             return cannot_write(w, error);
     return true;
@@ -138,149 +120,149 @@ static bool pass_end(void *user) { return pass_progress(user, 1); }
 
 /* ---- headers ---- */
 
-typedef struct {
-    char *text;
-    size_t length, size_bytes;
-} text_buffer;
+static const karst_out_style ply_style = {"comment ", "", " ", "\n"}, obj_style = {"# ", "", " ", "\n"},
+                             json_style = {"", "\"", ":", ","};
 
-static void say(text_buffer *b, const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void say(text_buffer *b, const char *format, ...)
+static void say_ply_header(karst_out_text *text, const writer *w, const karst_world *world,
+                           const karst_mesh_config *config, const karst_mesh_stats *stats)
 {
-    va_list arguments;
-    va_start(arguments, format);
-    const int length = vsnprintf(b->text + b->length, b->size_bytes - b->length, format, arguments);
-    va_end(arguments);
-    b->length += length > 0 ? (size_t)length : 0;
-    b->length = b->length < b->size_bytes ? b->length : b->size_bytes - 1;
+    karst_out_say(text, "ply\nformat binary_little_endian 1.0\ncomment made by Karst %s\n", karst_version());
+    karst_out_say_facts(text, world, config, &ply_style);
+    karst_out_say(text,
+                  "\ncomment axes: x right, y up, z forward (left-handed), metres from the origin\n"
+                  "element vertex %llu\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+                  "property float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\n"
+                  "property uchar blue\n",
+                  (unsigned long long)stats->num_vertices);
+    if (!w->points_only)
+        karst_out_say(text, "element face %llu\nproperty list uchar uint vertex_indices\n",
+                      (unsigned long long)stats->num_triangles);
+    karst_out_say(text, "end_header\n");
 }
 
-/* What can stand in a comment and between quotes: control characters, quotes and what is no ASCII become '?'. */
-static const char *plain(const char *text, char *copy, size_t size_bytes)
+static void say_obj_header(karst_out_text *text, const karst_world *world, const karst_mesh_config *config)
 {
-    size_t i = 0;
-    for (; text[i] && i + 1 < size_bytes; i++)
-        copy[i] = text[i] >= ' ' && text[i] < 127 && text[i] != '"' && text[i] != '\\' ? text[i] : '?';
-    copy[i] = '\0';
-    return copy;
+    karst_out_say(text, "# made by Karst %s\n", karst_version());
+    karst_out_say_facts(text, world, config, &obj_style);
+    karst_out_say(text, "\n# axes: x right, y up, z forward (left-handed), metres from the origin\n");
 }
 
-/* "name": value pairs; `between` parts them, `quote` stands around names and texts. */
-static void say_facts(text_buffer *b, const karst_world *world, const karst_mesh_config *config, const char *line,
-                      const char *quote, const char *colon, const char *between)
-{
-    const karst_world_metadata *about = karst_world_get_metadata(world);
-    char name[128], at[160];
-    say(b, "%s%sworld%s%s%s%s%s%s", line, quote, quote, colon, quote, plain(about->name, name, sizeof name), quote,
-        between);
-    say(b, "%s%sseed%s%s%lu%s", line, quote, quote, colon, (unsigned long)about->seed, between);
-    for (int axis = 0; axis < 3; axis++) {
-        karst_coordinate_format(config->corner.voxel[axis], config->corner.fraction[axis], about->voxel_log2_m, at,
-                                sizeof at);
-        say(b, "%s%sorigin_%c_m%s%s%s%s%s%s", line, quote, "xyz"[axis], quote, colon, quote, at, quote, between);
-    }
-    say(b, "%s%scell_m%s%s%.17g%s", line, quote, quote, colon, config->cell_m, between);
-    say(b, "%s%sfootprint_m%s%s%.17g", line, quote, quote, colon, config->footprint_m);
-}
+/* Karst's axes are left-handed, glTF's are not. */
+#define GLTF_MIRRORED ",\"scale\":[1,1,-1]"
 
-static void say_ply_header(text_buffer *b, const karst_world *world, const karst_mesh_config *config,
-                           const karst_mesh_stats *stats)
-{
-    say(b, "ply\nformat binary_little_endian 1.0\ncomment made by Karst %s\n", karst_version());
-    say_facts(b, world, config, "comment ", "", " ", "\n");
-    say(b, "\ncomment axes: x right, y up, z forward (left-handed), metres from the origin\n"
-           "element vertex %llu\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
-           "property float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-           "element face %llu\nproperty list uchar uint vertex_indices\nend_header\n",
-        (unsigned long long)stats->num_vertices, (unsigned long long)stats->num_triangles);
-}
-
-static void say_obj_header(text_buffer *b, const karst_world *world, const karst_mesh_config *config)
-{
-    say(b, "# made by Karst %s\n", karst_version());
-    say_facts(b, world, config, "# ", "", " ", "\n");
-    say(b, "\n# axes: x right, y up, z forward (left-handed), metres from the origin\n");
-}
-
-static void say_vector(text_buffer *b, const char *name, const float v[3])
-{
-    say(b, "\"%s\":[%.9g,%.9g,%.9g]", name, (double)v[0], (double)v[1], (double)v[2]);
-}
-
-static void say_gltf(text_buffer *b, const writer *w, const karst_world *world, const karst_mesh_config *config,
-                     const karst_mesh_stats *stats)
+/* Up to what a scene's first node has beside its name. */
+static void say_gltf_start(karst_out_text *text, const karst_world *world, const karst_mesh_config *config,
+                           const char *extensions)
 {
     char name[128];
-    const unsigned long long vertices = stats->num_vertices, triangles = stats->num_triangles;
-    say(b, "{\"asset\":{\"version\":\"2.0\",\"generator\":\"Karst %s\",\"extras\":{", karst_version());
-    say_facts(b, world, config, "", "\"", ":", ",");
-    say(b, "}},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"name\":\"%s\",\"scale\":[1,1,-1]",
-        plain(karst_world_get_metadata(world)->name, name, sizeof name));
-    if (triangles == 0) { /* a mesh of nothing may not be said */
-        say(b, "}]}");
-        return;
-    }
-    say(b, ",\"mesh\":0}],\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,\"NORMAL\":1,\"COLOR_0\":2},"
-           "\"indices\":3,\"material\":0}]}],"
-           "\"materials\":[{\"pbrMetallicRoughness\":{\"metallicFactor\":0,\"roughnessFactor\":1}}],"
-           "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":%llu,\"type\":\"VEC3\",",
-        vertices);
-    say_vector(b, "min", w->least);
-    say(b, ",");
-    say_vector(b, "max", w->most);
-    say(b, "},{\"bufferView\":0,\"byteOffset\":12,\"componentType\":5126,\"count\":%llu,\"type\":\"VEC3\"},"
-           "{\"bufferView\":0,\"byteOffset\":24,\"componentType\":5123,\"normalized\":true,\"count\":%llu,"
-           "\"type\":\"VEC4\"},{\"bufferView\":1,\"componentType\":5125,\"count\":%llu,\"type\":\"SCALAR\"}],",
-        vertices, vertices, 3 * triangles);
-    say(b, "\"bufferViews\":[{\"buffer\":0,\"byteLength\":%llu,\"byteStride\":%d,\"target\":34962},"
-           "{\"buffer\":0,\"byteOffset\":%llu,\"byteLength\":%llu,\"target\":34963}],"
-           "\"buffers\":[{\"byteLength\":%llu}]}",
-        GLB_VERTEX_BYTES * vertices, GLB_VERTEX_BYTES, GLB_VERTEX_BYTES * vertices, 12 * triangles,
-        GLB_VERTEX_BYTES * vertices + 12 * triangles);
+    karst_out_say(text, "{\"asset\":{\"version\":\"2.0\",\"generator\":\"Karst %s\",\"extras\":{", karst_version());
+    karst_out_say_facts(text, world, config, &json_style);
+    karst_out_say(text, "}}%s,\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"name\":\"%s\"", extensions,
+                  karst_out_plain(karst_world_get_metadata(world)->name, name, sizeof name));
 }
 
-/* The header with its chunk of JSON, up to where the bytes of the second chunk begin. */
-static bool say_glb_header(text_buffer *b, const writer *w, const karst_world *world, const karst_mesh_config *config,
-                           const karst_mesh_stats *stats, karst_error *error)
+/* Of the accessors from number `first` on: those of vertices, then of triangles. */
+static void say_gltf_mesh(karst_out_text *text, unsigned long long first)
 {
-    const uint64_t binary_bytes = GLB_VERTEX_BYTES * stats->num_vertices + 12 * stats->num_triangles;
-    uint8_t *start = (uint8_t *)b->text;
-    b->length = GLB_HEADER_BYTES + GLB_CHUNK_BYTES;
-    say_gltf(b, w, world, config, stats);
-    while (b->length % 4)
-        say(b, " ");
-    const size_t json_end = b->length;
-    const bool has_binary = stats->num_triangles > 0;
-    const uint64_t whole_bytes = json_end + (has_binary ? GLB_CHUNK_BYTES + binary_bytes : 0);
-    if (whole_bytes > UINT32_MAX)
-        return karst_fail(error, KARST_FAILED,
-                          "%s would have %.1f GiB, and a .glb has at most 4: write a .ply, or several boxes", w->path,
-                          (double)whole_bytes / 0x1p30);
-    put_u32(put_u32(put_u32(start, 0x46546c67), 2), (uint32_t)whole_bytes);
-    put_u32(put_u32(start + GLB_HEADER_BYTES, (uint32_t)(json_end - GLB_HEADER_BYTES - GLB_CHUNK_BYTES)), 0x4e4f534a);
-    if (has_binary) {
-        put_u32(put_u32(start + json_end, (uint32_t)binary_bytes), 0x004e4942);
-        b->length += GLB_CHUNK_BYTES;
+    karst_out_say(text,
+                  "{\"primitives\":[{\"attributes\":{\"POSITION\":%llu,\"NORMAL\":%llu,\"COLOR_0\":%llu},"
+                  "\"indices\":%llu,\"material\":0}]}",
+                  first, first + 1, first + 2, first + 3);
+}
+
+/* Behind the meshes, up to the accessors. */
+static void say_gltf_material(karst_out_text *text)
+{
+    karst_out_say(text, "],\"materials\":[{\"pbrMetallicRoughness\":{\"metallicFactor\":0,\"roughnessFactor\":1}}],"
+                        "\"accessors\":[");
+}
+
+static void say_gltf(karst_out_text *text, const writer *w, const karst_world *world, const karst_mesh_config *config,
+                     const karst_mesh_stats *stats)
+{
+    say_gltf_start(text, world, config, "");
+    if (stats->num_triangles == 0) { /* a mesh of nothing may not be said */
+        karst_out_say(text, "}]}");
+        return;
     }
-    return true;
+    karst_out_say(text, GLTF_MIRRORED ",\"mesh\":0}],\"meshes\":[");
+    say_gltf_mesh(text, 0);
+    say_gltf_material(text);
+    karst_glb_say_vertices(text, 0, stats->num_vertices, w->least, w->most);
+    karst_out_say(text, ",");
+    karst_glb_say_triangles(text, 0, stats->num_triangles);
+    karst_out_say(text, "],");
+    karst_glb_say_buffer(text, stats->num_vertices, stats->num_triangles);
+    karst_out_say(text, "}");
 }
 
 static bool finish(writer *w, const karst_world *world, const karst_mesh_config *config, const karst_mesh_stats *stats,
                    karst_error *error)
 {
-    char text[HEADER_BYTES];
-    text_buffer b = {.text = text, .size_bytes = sizeof text - 64};
-    int num_parts = 2;
+    karst_out_text text = {.length = 0};
+    int num_parts = w->points_only ? 1 : 2;
+    bool done = true;
     if (w->format == KARST_MESH_PLY) {
-        say_ply_header(&b, world, config, stats);
+        say_ply_header(&text, w, world, config, stats);
     } else if (w->format == KARST_MESH_OBJ) {
-        say_obj_header(&b, world, config);
+        say_obj_header(&text, world, config);
         num_parts = 1;
-    } else if (!say_glb_header(&b, w, world, config, stats, error)) {
-        return false;
-    } else if (stats->num_triangles == 0) {
-        num_parts = 0;
+    } else {
+        const bool has_binary = stats->num_triangles > 0;
+        karst_glb_begin(&text);
+        say_gltf(&text, w, world, config, stats);
+        done = karst_glb_end(&text,
+                             has_binary ? KARST_GLB_VERTEX_BYTES * stats->num_vertices +
+                                              KARST_GLB_TRIANGLE_BYTES * stats->num_triangles
+                                        : 0,
+                             w->path, error);
+        num_parts = has_binary ? 2 : 0;
     }
-    return karst_out_assemble(w->path, b.text, b.length, w->parts, num_parts, pass_end, w, error);
+    done = done && (!text.is_out_of_memory || karst_fail(error, KARST_FAILED, "out of memory")) &&
+           karst_out_assemble(w->path, text.bytes, text.length, w->parts, num_parts, pass_end, w, error);
+    free(text.bytes);
+    return done;
+}
+
+static void begin(writer *w)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        w->least[axis] = INFINITY;
+        w->most[axis] = -INFINITY;
+    }
+}
+
+static bool open_parts(writer *w, karst_error *error)
+{
+    errno = 0;
+    for (int i = 0; i < 2; i++) {
+        w->parts[i] = karst_out_part(w->path);
+        if (!w->parts[i] || setvbuf(w->parts[i], NULL, _IOFBF, BUFFER_BYTES) != 0)
+            return cannot_write(w, error);
+    }
+    return true;
+}
+
+static void close_parts(writer *w)
+{
+    for (int i = 0; i < 2; i++)
+        if (w->parts[i])
+            fclose(w->parts[i]);
+}
+
+static bool write_all(writer *w, const karst_world *world, const karst_mesh_config *config, karst_mesh_stats *stats,
+                      karst_error *error)
+{
+    karst_mesh_stats found;
+    const karst_mesh_sink sink = {
+        .vertices = write_vertices, .triangles = write_triangles, .progress = pass_progress, .user = w};
+    begin(w);
+    const bool done = open_parts(w, error) && karst_mesh_find(world, config, &sink, &found, error) &&
+                      finish(w, world, config, &found, error);
+    close_parts(w);
+    if (done && stats)
+        *stats = found;
+    return done;
 }
 
 bool karst_mesh_write(const karst_world *world, const karst_mesh_config *config, const char *path,
@@ -288,28 +270,161 @@ bool karst_mesh_write(const karst_world *world, const karst_mesh_config *config,
                       karst_mesh_stats *stats, karst_error *error)
 {
     writer w = {.format = format, .path = path, .progress = progress, .user = user};
-    karst_mesh_stats found;
-    if (format == KARST_MESH_OF_SUFFIX && !karst_mesh_format_of(path, &w.format, error))
-        return false;
-    for (int axis = 0; axis < 3; axis++) {
-        w.least[axis] = INFINITY;
-        w.most[axis] = -INFINITY;
+    return (format != KARST_MESH_OF_SUFFIX || karst_mesh_format_of(path, &w.format, error)) &&
+           write_all(&w, world, config, stats, error);
+}
+
+bool karst_mesh_write_points(const karst_world *world, const karst_mesh_config *config, const char *path,
+                             bool (*progress)(void *user, double share), void *user, karst_mesh_stats *stats,
+                             karst_error *error)
+{
+    writer w = {.path = path, .progress = progress, .user = user, .points_only = true};
+    if (!karst_mesh_format_of(path, &w.format, NULL) || w.format != KARST_MESH_PLY)
+        return karst_fail(error, KARST_USAGE, "%s: points are a .ply", path);
+    return write_all(&w, world, config, stats, error);
+}
+
+/* ---- levels ---- */
+
+/* What the JSON says of a chunk, once all are known. */
+typedef struct {
+    int64_t at[3];
+    uint64_t first_vertex, first_triangle[KARST_MESH_MAX_LEVELS];
+    uint32_t num_vertices[KARST_MESH_MAX_LEVELS], num_triangles[KARST_MESH_MAX_LEVELS];
+    float least[KARST_MESH_MAX_LEVELS][3], most[KARST_MESH_MAX_LEVELS][3];
+    double moved_m[KARST_MESH_MAX_LEVELS];
+} written_chunk;
+
+typedef struct {
+    writer w; /* first: so it has the level writer's address, for pass_progress */
+    int num_levels;
+    written_chunk *chunks;
+    size_t num_chunks, max_chunks;
+    uint64_t num_vertices, num_triangles;
+} level_writer;
+
+static bool keep_chunk(level_writer *l, const karst_mesh_chunk *chunk)
+{
+    if (l->num_chunks == l->max_chunks) {
+        const size_t more = l->max_chunks ? 2 * l->max_chunks : 16;
+        written_chunk *larger = realloc(l->chunks, more * sizeof *larger);
+        if (!larger)
+            return false;
+        l->chunks = larger;
+        l->max_chunks = more;
     }
-    const karst_mesh_sink sink = {
-        .vertices = write_vertices, .triangles = write_triangles, .progress = pass_progress, .user = &w};
-    bool done = true;
-    errno = 0;
-    for (int i = 0; i < 2 && done; i++) {
-        w.parts[i] = karst_out_part(path);
-        done = w.parts[i] && setvbuf(w.parts[i], NULL, _IOFBF, BUFFER_BYTES) == 0;
+    written_chunk *kept = &l->chunks[l->num_chunks++];
+    *kept = (written_chunk){.first_vertex = l->num_vertices};
+    memcpy(kept->at, chunk->at, sizeof kept->at);
+    for (int level = 0; level < l->num_levels; level++) {
+        kept->num_vertices[level] = (uint32_t)chunk->num_vertices[level];
+        kept->num_triangles[level] = (uint32_t)chunk->num_triangles[level];
+        kept->first_triangle[level] = l->num_triangles;
+        kept->moved_m[level] = chunk->moved_m[level];
+        l->num_triangles += chunk->num_triangles[level];
+        for (int axis = 0; axis < 3; axis++) {
+            float least = INFINITY, most = -INFINITY;
+            for (size_t i = 0; i < chunk->num_vertices[level]; i++) {
+                least = fminf(least, chunk->vertices[i].position[axis]);
+                most = fmaxf(most, chunk->vertices[i].position[axis]);
+            }
+            kept->least[level][axis] = least;
+            kept->most[level][axis] = most;
+        }
     }
-    if (!done)
-        cannot_write(&w, error);
-    done = done && karst_mesh_find(world, config, &sink, &found, error) && finish(&w, world, config, &found, error);
-    for (int i = 0; i < 2; i++)
-        if (w.parts[i])
-            fclose(w.parts[i]);
-    if (done && stats)
-        *stats = found;
+    l->num_vertices += chunk->num_vertices[0];
+    return true;
+}
+
+static bool write_chunk(void *user, const karst_mesh_chunk *chunk, karst_error *error)
+{
+    level_writer *l = user;
+    if (!keep_chunk(l, chunk))
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    bool done = write_vertices(&l->w, chunk->vertices, chunk->num_vertices[0], error);
+    for (int level = 0; done && level < l->num_levels; level++)
+        done = write_triangles(&l->w, chunk->triangles[level], chunk->num_triangles[level], error);
+    return done;
+}
+
+static void say_nodes(karst_out_text *text, const level_writer *l, const char *name)
+{
+    const int levels = l->num_levels;
+    for (size_t i = 0; i < l->num_chunks; i++)
+        for (int level = 0; level < levels; level++) {
+            const written_chunk *c = &l->chunks[i];
+            const size_t number = i * (size_t)levels + (size_t)level;
+            karst_out_say(text, ",{\"name\":\"%s_x%lld_y%lld_z%lld_lod%d\",\"mesh\":%zu,", name, (long long)c->at[0],
+                          (long long)c->at[1], (long long)c->at[2], level, number);
+            karst_out_say(text, "\"extras\":{\"moved_m\":%.6g}" GLTF_MIRRORED, c->moved_m[level]);
+            for (int other = 1; level == 0 && other < levels; other++)
+                karst_out_say(text, "%s%zu%s", other == 1 ? ",\"extensions\":{\"MSFT_lod\":{\"ids\":[" : ",",
+                              1 + number + (size_t)other, other == levels - 1 ? "]}}" : "");
+            karst_out_say(text, "}");
+        }
+}
+
+static void say_levels(karst_out_text *text, const level_writer *l, const karst_world *world,
+                       const karst_mesh_config *config)
+{
+    const size_t levels = (size_t)l->num_levels, num = l->num_chunks * levels;
+    char name[128];
+    say_gltf_start(text, world, config, levels > 1 && num ? ",\"extensionsUsed\":[\"MSFT_lod\"]" : "");
+    if (num == 0) {
+        karst_out_say(text, "}]}");
+        return;
+    }
+    for (size_t i = 0; i < l->num_chunks; i++)
+        karst_out_say(text, "%s%zu", i ? "," : ",\"children\":[", 1 + i * levels);
+    karst_out_say(text, "]}");
+    say_nodes(text, l, karst_out_plain(karst_world_get_metadata(world)->name, name, sizeof name));
+    karst_out_say(text, "],\"meshes\":[");
+    for (unsigned long long i = 0; i < num; i++) {
+        karst_out_say(text, "%s", i ? "," : "");
+        say_gltf_mesh(text, 4 * i);
+    }
+    say_gltf_material(text);
+    for (size_t i = 0; i < num; i++) {
+        const written_chunk *c = &l->chunks[i / levels];
+        const size_t level = i % levels;
+        karst_out_say(text, "%s", i ? "," : "");
+        karst_glb_say_vertices(text, c->first_vertex, c->num_vertices[level], c->least[level], c->most[level]);
+        karst_out_say(text, ",");
+        karst_glb_say_triangles(text, c->first_triangle[level], c->num_triangles[level]);
+    }
+    karst_out_say(text, "],");
+    karst_glb_say_buffer(text, l->num_vertices, l->num_triangles);
+    karst_out_say(text, "}");
+}
+
+static bool finish_levels(level_writer *l, const karst_world *world, const karst_mesh_config *config,
+                          karst_error *error)
+{
+    karst_out_text text = {.length = 0};
+    karst_glb_begin(&text);
+    say_levels(&text, l, world, config);
+    const bool done =
+        karst_glb_end(&text, KARST_GLB_VERTEX_BYTES * l->num_vertices + KARST_GLB_TRIANGLE_BYTES * l->num_triangles,
+                      l->w.path, error) &&
+        karst_out_assemble(l->w.path, text.bytes, text.length, l->w.parts, l->num_chunks ? 2 : 0, pass_end, &l->w,
+                           error);
+    free(text.bytes);
+    return done;
+}
+
+bool karst_mesh_write_levels(const karst_world *world, const karst_mesh_config *config, int num_levels,
+                             const char *path, bool (*progress)(void *user, double share), void *user,
+                             karst_mesh_stats *stats, karst_mesh_level_stats *levels, karst_error *error)
+{
+    level_writer l = {.w = {.path = path, .progress = progress, .user = user}, .num_levels = num_levels};
+    const karst_mesh_chunk_sink sink = {.chunk = write_chunk, .progress = pass_progress, .user = &l};
+    if (!karst_mesh_format_of(path, &l.w.format, NULL) || l.w.format != KARST_MESH_GLB)
+        return karst_fail(error, KARST_USAGE, "%s: several levels stand in a .glb", path);
+    begin(&l.w);
+    const bool done = open_parts(&l.w, error) &&
+                      karst_mesh_find_levels(world, config, num_levels, &sink, stats, levels, error) &&
+                      finish_levels(&l, world, config, error);
+    close_parts(&l.w);
+    free(l.chunks);
     return done;
 }

@@ -66,6 +66,7 @@ bool karst_point_source_read(karst_point_source *source, karst_file_point *point
 
 bool karst_point_source_has_normals(const karst_point_source *source) { return source->has_normals; }
 bool karst_point_source_has_colours(const karst_point_source *source) { return source->has_colours; }
+bool karst_point_source_has_radius(const karst_point_source *source) { return source->has_radius; }
 bool karst_point_source_has_more(const karst_point_source *source) { return source->has_more; }
 uint64_t karst_point_source_num_withheld(const karst_point_source *source) { return source->num_withheld; }
 

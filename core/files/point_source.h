@@ -17,6 +17,7 @@ typedef struct {
     double at[3];
     float normal[3]; /* if the source has normals; any length */
     uint8_t rgb[3];  /* if the source has colours */
+    float light[3];  /* of a PLY with colours: as they are written, so that light may be brighter than white */
     double more[5];  /* if the source has what particles have: radius, extinction; velocity, or 0 */
 } karst_file_point;
 
@@ -40,6 +41,7 @@ bool karst_point_source_read(karst_point_source *source, karst_file_point *point
                              karst_error *error);
 bool karst_point_source_has_normals(const karst_point_source *source);
 bool karst_point_source_has_colours(const karst_point_source *source);
+bool karst_point_source_has_radius(const karst_point_source *source); /* more[0], of a PLY */
 bool karst_point_source_has_more(const karst_point_source *source); /* radius and extinction */
 /* Points that the file itself says are not to be used (LAS: withheld, noise), so far. */
 uint64_t karst_point_source_num_withheld(const karst_point_source *source);

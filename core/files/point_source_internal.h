@@ -37,7 +37,7 @@ struct karst_point_source {
     uint64_t offset, length; /* of the byte at `begin`; of the file, 0: not known */
     uint64_t line;           /* of texts: the number of the last one read */
     char text[KARST_POINTS_MAX_LINE_BYTES];
-    bool has_normals, has_colours, has_more;
+    bool has_normals, has_colours, has_more, has_radius;
     uint64_t num_withheld;
     float (*normals)[3]; /* of an OBJ's vertices, from its faces; NULL: there are none */
     uint64_t num_normals, next_vertex;

@@ -115,6 +115,7 @@ static bool look_at_vertices(karst_point_source *source, karst_error *error)
     source->has_normals = (found & 0x70u) == 0x70u;
     source->has_colours = (found & 0x380u) == 0x380u;
     source->has_more = (found & 0xc00u) == 0xc00u;
+    source->has_radius = (found & 0x400u) != 0;
     return true;
 }
 
@@ -203,6 +204,7 @@ static void take(karst_file_point *point, uint8_t meaning, uint8_t type, double 
         point->more[meaning - 10] = value;
     else if (meaning >= 7) {
         double scaled = type >= FLOAT32 ? value * 255 : type == UINT16 ? value / 257 : value;
+        point->light[meaning - 7] = (float)value;
         point->rgb[meaning - 7] = scaled >= 255 ? 255 : scaled > 0 ? (uint8_t)(scaled + 0.5) : 0;
     }
 }

@@ -95,7 +95,7 @@ bool saved_make_tables(karst_saved *saved, karst_error *error)
 {
     char sql[200];
     snprintf(sql, sizeof sql, "PRAGMA page_size=%d; BEGIN; PRAGMA application_id=%d; PRAGMA user_version=%d",
-             SAVED_PAGE_BYTES, SAVED_APPLICATION_ID, KARST_SAVED_VERSION);
+             SAVED_PAGE_BYTES, SAVED_APPLICATION_ID, SAVED_FIRST_VERSION);
     return saved_run(saved, sql, "written", error) && saved_run(saved, SAVED_SQL_FACTS, "written", error) &&
            saved_run(saved, SAVED_SQL_EDITS, "written", error);
 }

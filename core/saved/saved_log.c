@@ -61,7 +61,8 @@ bool karst_saved_append(karst_saved *saved, const karst_edit *edits, size_t num_
     saved->is_changed = true;
     bool done = saved->num_made == saved->num_in_force || drop_undone(saved, error);
     for (size_t i = 0; done && i < num_edits; i++)
-        done = insert(saved, &edits[i], voxel_log2_m, error);
+        done = saved_raise_version(saved, saved_row_version(&edits[i]), error) &&
+               insert(saved, &edits[i], voxel_log2_m, error);
     if (!done)
         saved_roll_back(saved);
     return done;

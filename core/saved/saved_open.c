@@ -69,7 +69,7 @@ static bool check_identity(karst_saved *saved, karst_error *error)
             "%s was made by a newer Karst (its format is %lld, this one knows up to %d): use that one, or "
             "have it write edits as text",
             saved->path, (long long)version, KARST_SAVED_VERSION);
-    saved->about.version = (int)version;
+    saved->about.version = saved->committed_version = (int)version;
     return true;
 }
 

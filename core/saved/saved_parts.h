@@ -20,6 +20,7 @@
 
 /* "Krst", which says what the file is, as SQLite's documentation asks for. */
 #define SAVED_APPLICATION_ID 0x4b727374
+#define SAVED_FIRST_VERSION 1 /* of the format: what new files are, until they hold what it does not know */
 
 /* The whole schema: SQLite keeps these texts, and a file that has others, or more, is no saved world. */
 #define SAVED_SQL_FACTS \
@@ -27,7 +28,7 @@
 #define SAVED_SQL_EDITS "CREATE TABLE edits (id INTEGER PRIMARY KEY, edit BLOB NOT NULL) STRICT"
 
 #define SAVED_PAGE_BYTES 4096
-#define SAVED_MAX_ROW_BYTES 192 /* one with every field has 188 */
+#define SAVED_MAX_ROW_BYTES 200 /* one with every field has 196 */
 #define SAVED_MAX_KEY_BYTES 80
 #define SAVED_MAX_FACTS 1024
 #define SAVED_MAX_TEXT_BYTES (1 << 20) /* as worlds have */
@@ -50,6 +51,7 @@ struct karst_saved {
     bool has_voxel, has_num; /* the facts are there */
     int64_t data_version;    /* SQLite's: another one after another connection's commit */
     uint64_t num_in_force, num_made, num_committed_in_force, num_committed_made;
+    int committed_version;
     karst_saved_about about;
     saved_fact *facts;
     size_t num_facts;
@@ -65,6 +67,8 @@ uint64_t saved_sum(uint64_t sum, const void *data, size_t size_bytes);
 /* An edit as a row's bytes, which hold their own checksum and that of its number; returns how many. */
 size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uint8_t row[SAVED_MAX_ROW_BYTES]);
 int saved_row_voxel_log2_m(const uint8_t *row);
+/* The format that a file must have which holds this edit. */
+int saved_row_version(const karst_edit *edit);
 /* false: damaged, or no edit. voxel_log2_m may be SAVED_OWN_VOXEL. */
 #define SAVED_OWN_VOXEL INT_MIN
 bool saved_row_unpack(const uint8_t *row, size_t size_bytes, uint64_t id, int voxel_log2_m, karst_edit *edit);
@@ -110,6 +114,8 @@ void saved_free_facts(karst_saved *saved);
 /* Rows that are looked at for the last whole one, and passed over. */
 #define SAVED_MOST_BAD_AT_END 10000
 
+/* In a transaction: the file is of this version of the format from the commit on, if it was older. */
+bool saved_raise_version(karst_saved *saved, int version, karst_error *error);
 bool saved_begin(karst_saved *saved, karst_error *error);
 void saved_roll_back(karst_saved *saved);
 /* How many rows the log has, with num_in_force as the facts say. */

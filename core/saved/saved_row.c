@@ -5,7 +5,8 @@
 #include "core/saved/saved_parts.h"
 #include "producers/edits/edit_list.h"
 
-#define ROW_VERSION 1
+#define ROW_VERSION 1  /* of all rows but those of */
+#define ROW_VERSION_2 2 /* what only files of version 2 have: edits that smooth */
 #define HEAD_BYTES 40 /* version, shape and mode, voxel, fields; voxels and fractions of three axes */
 #define SUM_BYTES 8
 
@@ -18,7 +19,7 @@ enum {
     HAS_BLEND = 16,
     HAS_NOISE = 32,
     HAS_COLOUR = 64,
-    HAS_ALL = 127
+    HAS_STRENGTH = 128 /* without a colour */
 };
 
 /* FNV-1a: each step can be undone, so no single wrong byte ever goes unnoticed. */
@@ -72,14 +73,19 @@ static uint64_t sum_of(const uint8_t *row, size_t size_bytes, uint64_t id)
 
 static bool any(const double v[3]) { return v[0] != 0 || v[1] != 0 || v[2] != 0; }
 
+int saved_row_version(const karst_edit *edit)
+{
+    return edit->mode == KARST_EDIT_SMOOTH ? ROW_VERSION_2 : ROW_VERSION;
+}
+
 size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uint8_t row[SAVED_MAX_ROW_BYTES])
 {
     uint8_t *at = row;
     unsigned fields = (edit->radius_m != 0 ? HAS_RADIUS : 0) | (any(edit->half_m) ? HAS_HALF : 0) |
                       (any(edit->to_m) ? HAS_TO : 0) | (any(edit->normal) ? HAS_NORMAL : 0) |
                       (edit->blend_m != 0 ? HAS_BLEND : 0) | (edit->shape == KARST_EDIT_NOISE ? HAS_NOISE : 0) |
-                      (edit->has_colour ? HAS_COLOUR : 0);
-    put(&at, ROW_VERSION, 1);
+                      (edit->has_colour ? HAS_COLOUR : 0) | (edit->mode == KARST_EDIT_SMOOTH ? HAS_STRENGTH : 0);
+    put(&at, (uint64_t)saved_row_version(edit), 1);
     put(&at, (unsigned)edit->shape | (unsigned)edit->mode << 4, 1);
     put(&at, (uint8_t)(int8_t)voxel_log2_m, 1);
     put(&at, fields, 1);
@@ -106,6 +112,8 @@ size_t saved_row_pack(const karst_edit *edit, uint64_t id, int voxel_log2_m, uin
         put_doubles(&at, edit->colour, 3);
         put_doubles(&at, &edit->strength, 1);
     }
+    if (fields & HAS_STRENGTH)
+        put_doubles(&at, &edit->strength, 1);
     put(&at, sum_of(row, (size_t)(at - row), id), SUM_BYTES);
     return (size_t)(at - row);
 }
@@ -114,7 +122,7 @@ static size_t size_of(unsigned fields)
 {
     return HEAD_BYTES + (fields & HAS_RADIUS ? 8 : 0) + (fields & HAS_HALF ? 24 : 0) + (fields & HAS_TO ? 24 : 0) +
            (fields & HAS_NORMAL ? 24 : 0) + (fields & HAS_BLEND ? 8 : 0) + (fields & HAS_NOISE ? 20 : 0) +
-           (fields & HAS_COLOUR ? 32 : 0) + SUM_BYTES;
+           (fields & HAS_COLOUR ? 32 : 0) + (fields & HAS_STRENGTH ? 8 : 0) + SUM_BYTES;
 }
 
 /* The same place in voxels of another width; false if it lies beyond them. */
@@ -135,14 +143,16 @@ bool saved_row_unpack(const uint8_t *row, size_t size_bytes, uint64_t id, int vo
     const uint8_t *at = row, *sum = row + size_bytes - SUM_BYTES;
     karst_edit_record record;
     if (size_bytes < HEAD_BYTES + SUM_BYTES || size_bytes > SAVED_MAX_ROW_BYTES ||
-        get(&sum, SUM_BYTES) != sum_of(row, size_bytes - SUM_BYTES, id) || get(&at, 1) != ROW_VERSION)
+        get(&sum, SUM_BYTES) != sum_of(row, size_bytes - SUM_BYTES, id))
         return false;
+    const unsigned version = (unsigned)get(&at, 1);
     unsigned what = (unsigned)get(&at, 1);
     int from_log2_m = (int8_t)get(&at, 1);
     if (voxel_log2_m == SAVED_OWN_VOXEL)
         voxel_log2_m = from_log2_m;
     unsigned fields = (unsigned)get(&at, 1);
-    if ((fields & ~(unsigned)HAS_ALL) || size_bytes != size_of(fields))
+    if (version < ROW_VERSION || version > ROW_VERSION_2 || size_bytes != size_of(fields) ||
+        (version == ROW_VERSION && (fields & HAS_STRENGTH)))
         return false;
     *edit = (karst_edit){.shape = (karst_edit_shape)(what & 15), .mode = (karst_edit_mode)(what >> 4)};
     edit->scale_m = 1;
@@ -171,6 +181,9 @@ bool saved_row_unpack(const uint8_t *row, size_t size_bytes, uint64_t id, int vo
         get_doubles(&at, edit->colour, 3);
         get_doubles(&at, &edit->strength, 1);
     }
-    return (from_log2_m == voxel_log2_m || convert(&edit->at, from_log2_m, voxel_log2_m)) &&
+    if (fields & HAS_STRENGTH)
+        get_doubles(&at, &edit->strength, 1);
+    return saved_row_version(edit) == (int)version &&
+           (from_log2_m == voxel_log2_m || convert(&edit->at, from_log2_m, voxel_log2_m)) &&
            karst_edit_record_make(edit, 1, voxel_log2_m, &record, NULL);
 }

@@ -28,6 +28,18 @@ bool saved_begin(karst_saved *saved, karst_error *error)
     return true;
 }
 
+bool saved_raise_version(karst_saved *saved, int version, karst_error *error)
+{
+    char sql[64];
+    if (version <= saved->about.version)
+        return true;
+    snprintf(sql, sizeof sql, "PRAGMA user_version=%d", version);
+    if (!saved_run(saved, sql, "written", error))
+        return false;
+    saved->about.version = version;
+    return true;
+}
+
 void saved_roll_back(karst_saved *saved)
 {
     sqlite3_reset(saved->insert);
@@ -35,6 +47,7 @@ void saved_roll_back(karst_saved *saved)
         sqlite3_exec(saved->db, "ROLLBACK", NULL, NULL, NULL);
     saved->num_in_force = saved->num_committed_in_force;
     saved->num_made = saved->num_committed_made;
+    saved->about.version = saved->committed_version;
     if (saved->are_facts_changed) {
         bool has_num;
         uint64_t num_in_force;
@@ -59,6 +72,7 @@ bool karst_saved_commit(karst_saved *saved, karst_error *error)
     saved->in_transaction = saved->is_changed = saved->are_facts_changed = false;
     saved->num_committed_in_force = saved->num_in_force;
     saved->num_committed_made = saved->num_made;
+    saved->committed_version = saved->about.version;
     saved_begin(saved, NULL); /* so that nobody else writes; if it fails, the next change says why */
     return true;
 }

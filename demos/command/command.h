@@ -25,6 +25,9 @@
  *   command_mesh.c     karst mesh
  *   command_heights.c  karst heights
  *   command_voxels.c   karst voxels
+ *   command_points.c   karst points
+ *   command_export.c   what these four share: see command_export.h
+ *   command_bake.c     karst bake
  *   command_box.c      boxes cut into cells
  *   view/              karst view; see view/view.h
  *   command_saved.c    saved worlds where a world is taken
@@ -499,8 +502,10 @@ bool command_sample(int argc, char **argv, command_talk *talk, karst_error *erro
 bool command_new(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_edit(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_heights(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_bake(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_voxels(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_mesh(int argc, char **argv, command_talk *talk, karst_error *error);
+bool command_points(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_import(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_info(int argc, char **argv, command_talk *talk, karst_error *error);
 void command_print_version(FILE *file);

@@ -142,6 +142,22 @@ bool command_begun_open(const char *file, const char *note, command_begun **begu
     return good;
 }
 
+bool command_begun_detail(const char *file, double *detail_px, karst_error *error)
+{
+    int width_px, height_px;
+    if (access(file, F_OK) != 0 && errno == ENOENT)
+        return true;
+    karst_image_reader *reader = karst_image_open_exr(file, &width_px, &height_px, error);
+    const char *note = reader ? karst_image_note(reader) : NULL;
+    json_t *root = note ? json_loads(note, JSON_REJECT_DUPLICATES, NULL) : NULL;
+    const double found_px = json_number_value(json_object_get(root, "detail"));
+    if (found_px >= 0.25 && found_px <= 64)
+        *detail_px = found_px;
+    json_decref(root);
+    karst_image_close(reader);
+    return reader != NULL;
+}
+
 uint32_t command_begun_samples(const command_begun *begun) { return begun->num_samples; }
 
 bool command_begun_read(command_begun *begun, int y_px, int num_rows, float *sums, karst_error *error)

@@ -16,6 +16,8 @@ typedef struct command_begun command_begun;
  * message says in what, or with more samples). */
 bool command_begun_open(const char *file, const char *note, command_begun **begun, bool *is_done, karst_error *error);
 uint32_t command_begun_samples(const command_begun *begun);
+/* How fine the picture of `file` is, if it is there and says so; else *detail_px stays. Errors: KARST_BAD_DATA. */
+bool command_begun_detail(const char *file, double *detail_px, karst_error *error);
 /* The sums of rows, three floats a pixel. Errors: KARST_BAD_DATA. */
 bool command_begun_read(command_begun *begun, int y_px, int num_rows, float *sums, karst_error *error);
 /* All of them to an engine that draws the whole picture. Errors: also KARST_FAILED. */

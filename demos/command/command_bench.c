@@ -5,9 +5,9 @@
 #include <string.h>
 
 typedef struct {
-    const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups;
+    const char *json, *csv, *plot, *trace, *compare, *display, *beside, *particles, *groups, *scattering;
     bench_effect_lists lists;
-    bool help;
+    bool help, points;
 } outputs;
 
 static void print_help(const command_option *options, size_t num_options)
@@ -15,6 +15,7 @@ static void print_help(const command_option *options, size_t num_options)
     puts(
         "karst bench WORLD [--path PATH] [OPTIONS]\n"
         "karst bench smoke --particles N,... --groups N,... [OPTIONS]\n"
+        "karst bench WORLD --points [OPTIONS]\n"
         "Measures a world's view, and a flight along a path: each run starts afresh, settles, draws settled frames in\n"
         "turns with a floor and ceilings of the device, and then flies. Prints a table; ratios are what counts.\n"
         "\nOptions:");
@@ -27,6 +28,7 @@ static void print_help(const command_option *options, size_t num_options)
          "  karst bench hills --compare then.json\n"
          "  karst bench glass --effects none,shadows,reflection,translucency --plot effects.svg\n"
          "  karst bench smoke --particles 250,500,750,1000,1250,1500 --groups 1,2,4,8,16,32 --frames 30\n"
+         "  karst bench rabbit.karst --points --json points.json\n"
          "  karst bench karst --trace karst.json          (to be opened in ui.perfetto.dev or chrome://tracing)\n"
          "\nsettled frame: after another one, as a view that stands is drawn; with empty caches: after memory was "
          "copied.\n"
@@ -41,7 +43,8 @@ static void print_help(const command_option *options, size_t num_options)
 static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, outputs *out, karst_error *error)
 {
     const command_option options[] = {
-        {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 800x600)", b->size_px, 1, 16384, NULL},
+        {"size", 0, COMMAND_SIZE, "WxH", "pixels (default: 800x600; of --points 512x512)", b->size_px, 1, 16384,
+         &b->has_size},
         {"camera", 0, COMMAND_TEXT, "X,Y,Z,YAW,PITCH[,FOV]",
          "metres, exact at any distance, and degrees (default: the world's)", &b->camera, 0, 0, NULL},
         {"path", 0, COMMAND_TEXT, "PATH", "fly: a file, or walk, low-flight, orbit, dive or jump", &b->path, 0, 0,
@@ -72,6 +75,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
          &out->lists.sizes, 0, 0, NULL},
         {"details", 0, COMMAND_TEXT, "LIST", "of those pictures, not --detail (default: 4,2,1)",
          &out->lists.details, 0, 0, NULL},
+        {"points", 0, COMMAND_FLAG, NULL, "what models of points cost and how right they are, as surfaces and splats",
+         &out->points, 0, 0, NULL},
         {"compare", 0, COMMAND_TEXT, "FILE", "print ratios to the report of an earlier --json", &out->compare, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &b->detail_px, 0.25, 64,
@@ -88,6 +93,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
         COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
+        {"scattering", 0, COMMAND_TEXT, "HOW", "of light in media: once, octaves or paths (default: octaves)",
+         &out->scattering, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",
          &b->brick_bits, 8, 32, NULL},
@@ -163,6 +170,8 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
         return karst_fail(error, KARST_USAGE, "--camera and --path: the path says where the camera is");
     if (b->camera && !karst_camera_parse(b->camera, KARST_VOXEL_LOG2_MAX, &camera, error))
         return false;
+    if (out->scattering && !karst_scattering_parse(out->scattering, &b->scattering, error))
+        return false;
     if (!parse_beside(b, out->beside, error) || !karst_display_kind_parse(out->display, &b->display_kind, error) ||
         !command_find_scene(b->world, &scene, talk, error))
         return false;
@@ -181,6 +190,7 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
     }
     if (num_stdout > 1)
         return karst_fail(error, KARST_USAGE, "only one of --json, --csv, --plot and --trace can have stdout (-)");
+    enum { AT_CAMERA = 5 };
     const char *const alone[] = {b->path ? "--path" : NULL,       out->beside ? "--beside" : NULL,
                                  out->csv ? "--csv" : NULL,       out->trace ? "--trace" : NULL,
                                  out->compare ? "--compare" : NULL, b->camera ? "--camera" : NULL,
@@ -189,6 +199,10 @@ static bool check_options(bench *b, const outputs *out, command_talk *talk, kars
     for (size_t i = 0; has_lists && i < sizeof alone / sizeof *alone; i++)
         if (alone[i])
             return karst_fail(error, KARST_USAGE, "--effects makes a table of its own: leave %s out", alone[i]);
+    for (size_t i = 0; out->points && i < sizeof alone / sizeof *alone; i++)
+        if ((alone[i] && alone[i] != alone[AT_CAMERA]) || has_lists || out->plot)
+            return karst_fail(error, KARST_USAGE, "--points makes a table of its own: leave %s out",
+                              has_lists ? "--effects" : out->plot ? "--plot" : alone[i]);
     return !out->compare || bench_compare_check(out->compare, error);
 }
 
@@ -352,6 +366,8 @@ bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error
         const bench_effect_outputs files = {out.json, out.plot};
         return bench_effects(&b, &out.lists, &files, talk, error);
     }
+    if (out.points)
+        return bench_points(&b, out.json, talk, error);
     b.budget_ms = b.budget_ms > 0 ? b.budget_ms : 8;
     b.fps = b.fps > 0 ? b.fps : 30;
     command_catch_interrupts();

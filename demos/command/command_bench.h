@@ -7,6 +7,7 @@
  *   command_bench_smoke.c    particles that move, and groups, beside the figures of a thesis
  *   command_bench_compare.c  two reports side by side
  *   command_bench_table.c    what effects cost, by size and detail
+ *   command_bench_points.c   models of points, as surfaces and as discs
  */
 #ifndef KARST_DEMOS_COMMAND_BENCH_H
 #define KARST_DEMOS_COMMAND_BENCH_H
@@ -79,7 +80,8 @@ typedef struct {
     uint64_t num_runs, num_rounds, seed, brick_bits, lanes, max_frames, num_pictures;
     double pool_mib, detail_px, view_distance_m, budget_ms, fps;
     double mirror;
-    bool has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
+    bool has_size, has_seed, no_shadows, no_blend, no_beam, refine, has_mirror, occlusion, no_occlusion;
+    karst_scattering scattering;
     const char *edits;
     bench_beside beside;
     command_parameters parameters;
@@ -112,6 +114,10 @@ bool bench_set_first_camera(bench *b, karst_engine *engine, const karst_path *pa
  * none; -: stdout). Errors: KARST_USAGE, and as the library's. */
 bool bench_smoke(bench *b, const char *particles, const char *groups, const char *json, command_talk *talk,
                  const karst_log *log, karst_error *error);
+
+/* command_bench_points.c. The table of --points on stdout and as JSON, likewise. Errors: KARST_USAGE, and as the
+ * library's. */
+bool bench_points(bench *b, const char *json, command_talk *talk, karst_error *error);
 
 /* command_bench_report.c. The report; NULL: out of memory. */
 json_t *bench_report(const bench *b);

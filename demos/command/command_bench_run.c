@@ -152,6 +152,7 @@ karst_engine *bench_open_engine(bench *b, bool is_beside, const karst_log *log, 
     config.no_shadows = b->no_shadows || (is_beside && b->beside == BENCH_BESIDE_NO_SHADOWS);
     config.occlusion = command_occlusion(b->occlusion, b->no_occlusion);
     config.mirror = is_beside && b->beside == BENCH_BESIDE_NO_MIRROR ? -1 : command_mirror(b->mirror, b->has_mirror);
+    config.scattering = b->scattering;
     config.no_blend = b->no_blend;
     config.refine = b->refine;
     config.edits = b->edits;

@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef enum { NONE, SHADOWS, REFLECTION, TRANSLUCENCY, NUM_EFFECTS } effect;
+typedef enum { NONE, SHADOWS, REFLECTION, TRANSLUCENCY, REFRACTION, NUM_EFFECTS } effect;
 
 /* What the body is made of, by the world's own parameter, and how it is drawn; and how many times a frame without took
- * there. */
+ * there, where translucent bodies also refract: that is two effects here, light that passes straight, and glass. */
 static const struct {
     const char *name;
     double matter;
@@ -19,7 +19,8 @@ static const struct {
 } effects[NUM_EFFECTS] = {{"none", 2, false, false, 1},
                           {"shadows", 2, true, false, 1.31},
                           {"reflection", 1, false, true, 1.47},
-                          {"translucency", 0, false, true, 2.87}};
+                          {"translucency", 3, false, true, 2.87},
+                          {"refraction", 0, false, true, 2.87}};
 
 /* There the data had 512, 1024 and 2048 voxels on a side. */
 static const struct {
@@ -69,7 +70,8 @@ static bool parse_effects(table *t, const char *list, karst_error *error)
             found++;
         if (found == NUM_EFFECTS)
             return karst_fail(error, KARST_USAGE,
-                              "--effects: nothing is called '%s'; there are: none, shadows, reflection, translucency",
+                              "--effects: nothing is called '%s'; there are: none, shadows, reflection, translucency, "
+                              "refraction",
                               word);
         t->wanted[found] = true;
     }
@@ -364,7 +366,8 @@ bool bench_effects(bench *b, const bench_effect_lists *lists, const bench_effect
         return karst_fail(error, KARST_USAGE,
                           "--effects, --sizes and --details are about the world glass: karst bench glass --effects "
                           "none,shadows");
-    if (!parse_effects(&t, lists->effects ? lists->effects : "none,shadows,reflection,translucency", error) ||
+    const char *all = "none,shadows,reflection,translucency,refraction";
+    if (!parse_effects(&t, lists->effects ? lists->effects : all, error) ||
         !parse_sizes(&t, lists->sizes ? lists->sizes : "768x768,1024x1024,1920x1080", error) ||
         !parse_details(&t, lists->details ? lists->details : "4,2,1", error))
         return false;

@@ -32,12 +32,12 @@ static void print_help(const command_option *options, size_t num_options)
          "\nOptions:");
     command_print_options(stdout, options, num_options);
     puts("\nEdits: SHAPE,VALUES[,MODE][,NAME=VALUE...]; lengths are metres, coordinates exact decimals of any length\n"
-         "  sphere,X,Y,Z,RADIUS                       modes: add (the default), remove,\n"
-         "  box,X,Y,Z,HALF_X,HALF_Y,HALF_Z                   flatten (sphere and box), paint\n"
+         "  sphere,X,Y,Z,RADIUS                       modes: add (the default), remove, paint,\n"
+         "  box,X,Y,Z,HALF_X,HALF_Y,HALF_Z                   flatten (sphere and box), smooth (sphere)\n"
          "  capsule,X,Y,Z,TO_X,TO_Y,TO_Z,RADIUS       blend=M rounds edges off\n"
-         "  plane,X,Y,Z                               normal=X:Y:Z (plane, flatten): which way is up\n"
+         "  plane,X,Y,Z                               normal=X:Y:Z (plane, flatten, smooth): which way is up\n"
          "  noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE        seed=N (noise)\n"
-         "  colour=R:G:B (paint, add): linear, 0 to 1 strength=S (with it): how much it covers, 1 if left out\n"
+         "  colour=R:G:B (paint, add): linear, 0 to 1 strength=S (with it, smooth): how much it covers, 1 if left out\n"
          "\nExamples:\n"
          "  karst edit mine.karstdb --add sphere,300,60,400,12,remove\n"
          "  karst edit mine.karstdb --add box,1000000000010,20,0,4,30,4,blend=2 --add capsule,0,9,0,0,9,90,3\n"

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define DEFAULT_SAMPLES 8
+#define MANY_SAMPLES 16 /* noise is below what voxels a pixel wide leave out: docs/ACCURACY.md, samples */
 
 typedef struct {
     const char *world, *output, *stats, *camera, *device, *display, *path;
@@ -121,7 +122,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          &o->resume, 0, 0, NULL},
         {"live", 0, COMMAND_FLAG, NULL, "draw each picture once, as it then is, for measuring", &o->flight.live, 0, 0,
          NULL},
-        {"detail", 0, COMMAND_NUMBER, "PX", "pixels that a voxel may be wide (default: 1)", &o->detail_px, 0.25, 64,
+        {"detail", 0, COMMAND_NUMBER, "PX",
+         "pixels that a voxel may be wide (default: 1; of pictures of 16 samples and more 0.5)", &o->detail_px, 0.25, 64,
          NULL},
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
          &o->view_distance_m, 1e-9, 1e18, NULL},
@@ -323,6 +325,15 @@ static void choose_sums(render_options *o)
                   1u << KARST_AOV_SUMS;
 }
 
+/* Where nobody says how fine: many samples are worth finer voxels; and a picture that is gone on with stays as it is. */
+static bool choose_detail(render_options *o, karst_error *error)
+{
+    if (o->detail_px > 0)
+        return true;
+    o->detail_px = o->look.samples >= MANY_SAMPLES ? 0.5 : 1;
+    return !o->goes_on || command_begun_detail(o->output, &o->detail_px, error);
+}
+
 /* All that can be wrong and is found without opening a device. */
 static bool check_options(render_options *o, karst_display_kind *display, command_talk *talk, karst_error *error)
 {
@@ -354,6 +365,8 @@ static bool check_options(render_options *o, karst_display_kind *display, comman
     if (o->aov && !command_parse_aovs(o->aov, &o->aovs, error))
         return false;
     choose_sums(o);
+    if (!choose_detail(o, error))
+        return false;
     return karst_display_kind_parse(o->display, display, error) && command_find_scene(o->world, &scene, talk, error) &&
            (o->six_way || check_flight(o, error)) &&
            (o->flies || o->six_way ||
@@ -592,7 +605,6 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
                         .size_px = {1280, 720},
                         .pool_mib = 512,
                         .max_frames = 1000,
-                        .detail_px = 1,
                         .look = {.samples = 0}};
     karst_display_kind display_kind;
     uint64_t start_ns = command_clock_ns();

@@ -59,6 +59,21 @@ bool karst_sampler_set_edits(karst_sampler *sampler, const karst_edit *edits, si
     return true;
 }
 
+bool karst_sampler_append_edits(karst_sampler *sampler, const karst_edit *edits, size_t num_edits, karst_error *error)
+{
+    if (!sampler->edits.data)
+        return karst_sampler_set_edits(sampler, edits, num_edits, error);
+    return karst_edit_list_append(&sampler->edits, edits, num_edits, error);
+}
+
+size_t karst_sampler_keep_edits(karst_sampler *sampler, size_t num)
+{
+    if (!sampler->edits.data)
+        return 0;
+    karst_edit_list_set_num(&sampler->edits, num < KARST_MAX_EDITS ? (uint32_t)num : KARST_MAX_EDITS);
+    return karst_edit_list_num(&sampler->edits);
+}
+
 bool karst_sampler_is_edited(const karst_sampler *sampler, const karst_position *at, double half_m)
 {
     return sampler->edits.data &&
@@ -92,7 +107,7 @@ karst_sample karst_sampler_density(karst_sampler *sampler, const karst_position 
     sample.precise = precise_with_models(sampler, at, level, sample.precise);
     if (sampler->edits.data) {
         sample.device = karst_edit_list_density(&sampler->edits, at, level, sample.device);
-        sample.precise = karst_edit_list_precise(&sampler->edits, at, level, sample.precise, NULL);
+        sample.precise = karst_edit_list_precise_density(&sampler->edits, at, level, sample.precise);
     }
     return sample;
 }
@@ -104,7 +119,7 @@ double karst_sampler_precise_density(karst_sampler *sampler, const karst_positio
                          ? karst_oracle_text_density(sampler->oracle, at, level).precise
                          : karst_oracle_precise_density(sampler->oracle, at, level);
     precise = precise_with_models(sampler, at, level, precise);
-    return sampler->edits.data ? karst_edit_list_precise(&sampler->edits, at, level, precise, NULL) : precise;
+    return sampler->edits.data ? karst_edit_list_precise_density(&sampler->edits, at, level, precise) : precise;
 }
 
 bool karst_sampler_is_model(const karst_sampler *sampler, const karst_position *at, int level, float density,

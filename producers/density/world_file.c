@@ -331,7 +331,9 @@ static void set_info(karst_world_file *file)
         .exposure_stops = header->exposure_stops,
         .mirror = header->mirror,
         .has_occlusion = header->has_occlusion,
+        .has_light_map = header->light_map != NULL,
         .has_own_mirror = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
+        .has_transparency = karst_has_output(file->program->world.root, KARST_OUTPUT_TRANSPARENCY),
         .has_air = karst_has_output(file->program->world.root, KARST_OUTPUT_EXTINCTION),
         .has_clear = karst_has_output(file->program->world.root, KARST_OUTPUT_CLEAR),
     };

@@ -110,14 +110,23 @@ static bool make_shape(const karst_edit *edit, size_t number, int voxel_log2_m, 
 {
     double reach[3] = {0};
     bool is_flat = edit->mode == KARST_EDIT_FLATTEN;
+    bool is_smooth = edit->mode == KARST_EDIT_SMOOTH;
     if (is_flat && edit->shape != KARST_EDIT_SPHERE && edit->shape != KARST_EDIT_BOX)
         return complain(number, error, "flatten takes a sphere or a box");
-    if ((is_flat || edit->shape == KARST_EDIT_PLANE) && !make_normal(edit->normal, record->axis))
+    if (is_smooth && edit->shape != KARST_EDIT_SPHERE)
+        return complain(number, error, "smooth takes a sphere");
+    if (is_smooth && edit->blend_m != 0)
+        return complain(number, error, "smooth has no blend: it fades towards the edge of its sphere by itself");
+    if (is_smooth && !(edit->strength > 0 && edit->strength <= 1))
+        return complain(number, error, "the strength must be above 0, and 1 at most");
+    if ((is_flat || is_smooth || edit->shape == KARST_EDIT_PLANE) && !make_normal(edit->normal, record->axis))
         return complain(number, error, "the normal must be finite");
     if (edit->shape == KARST_EDIT_SPHERE || edit->shape == KARST_EDIT_CAPSULE || edit->shape == KARST_EDIT_NOISE) {
         if (!to_voxels(edit->radius_m, voxel_log2_m, false, &record->radius))
             return complain(number, error, "the radius must be 2^-20 to 2^60 voxels");
         reach[0] = reach[1] = reach[2] = record->radius;
+        if (is_smooth)
+            record->size[0] = (float)edit->strength;
     }
     if (edit->shape == KARST_EDIT_BOX)
         for (int a = 0; a < 3; a++) {
@@ -174,7 +183,7 @@ bool karst_edit_record_make(const karst_edit *edit, size_t number, int voxel_log
                             karst_error *error)
 {
     *record = (karst_edit_record){.what = (uint)edit->shape | (uint)edit->mode << 8};
-    if ((unsigned)edit->shape > KARST_EDIT_NOISE || (unsigned)edit->mode > KARST_EDIT_PAINT)
+    if ((unsigned)edit->shape > KARST_EDIT_NOISE || (unsigned)edit->mode > KARST_EDIT_SMOOTH)
         return complain(number, error, "there is no such shape or mode");
     for (int a = 0; a < 3; a++) {
         if (edit->at.voxel[a] > (int64_t)1 << 61 || edit->at.voxel[a] < -((int64_t)1 << 61))

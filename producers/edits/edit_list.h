@@ -43,6 +43,9 @@ void karst_edit_list_colour(const karst_edit_list *list, const karst_position *a
  * are measured against. Noise is the devices'. */
 double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density,
                                double colour[4]);
+/* That density again, bit for bit, of the edits that the index finds. */
+double karst_edit_list_precise_density(const karst_edit_list *list, const karst_position *at, int level,
+                                       double density);
 /* Whether any edit in force changes the density at a position, or might. */
 bool karst_edit_list_touches(const karst_edit_list *list, const karst_position *at, double half_voxels);
 /* What edits make of a range that holds the world's density in the closed box so many voxels around a position, at

@@ -100,35 +100,70 @@ static void lay_over(const karst_edit_record *edit, double s, double d, int leve
         colour[i] += (own[i] / 65535.0 - colour[i]) * share;
 }
 
+/* Towards the edit's plane, the more the nearer the middle. */
+static double smoothed(const karst_edit_record *edit, const double p[3], double voxel_m, double density)
+{
+    const double reach = length(p) / (double)edit->radius, plane = -dot(p, edit->axis) * voxel_m;
+    if (reach >= 1)
+        return density;
+    const double share = (double)edit->size[0] * pow(1 - reach * reach, 2);
+    return share < 1 ? density * (1 - share) + plane * share : plane;
+}
+
+/* The density after an edit that reaches the place; its colour is laid over `colour`, unless that is NULL. */
+static double after_edit(const karst_edit_record *edit, const karst_position *at, int level, double voxel_m,
+                         double density, double colour[4])
+{
+    double p[3];
+    for (int a = 0; a < 3; a++)
+        p[a] = (double)(at->voxel[a] - edit->at[a]) + ((double)at->fraction[a] - (double)edit->fraction[a]) * 0x1p-32;
+    double s = depth(p, edit), blend = (double)edit->blend * voxel_m;
+    if (EDIT_SHAPE(edit->what) == EDIT_NOISE)
+        s += rough(edit, at, level);
+    if (colour && (edit->what & EDIT_COLOURED))
+        lay_over(edit, s, density / voxel_m, level, colour);
+    if (EDIT_MODE(edit->what) == EDIT_PAINT)
+        return density;
+    if (EDIT_MODE(edit->what) == EDIT_SMOOTH)
+        return smoothed(edit, p, voxel_m, density);
+    s *= voxel_m;
+    if (EDIT_MODE(edit->what) == EDIT_ADD)
+        return smooth_max(density, s, blend);
+    density = -smooth_max(-density, s, blend);
+    if (EDIT_MODE(edit->what) == EDIT_FLATTEN)
+        density = smooth_max(density, fmin(-dot(p, edit->axis) * voxel_m, s), blend);
+    return density;
+}
+
 double karst_edit_list_precise(const karst_edit_list *list, const karst_position *at, int level, double density,
                                double colour[4])
 {
-    double voxel_m = ldexp(1, list->voxel_log2_m);
     for (int i = 0; i < 4 && colour; i++)
         colour[i] = 0;
     for (uint32_t i = 0; i < karst_edit_list_num(list); i++) {
         const karst_edit_record *edit = &karst_edit_list_records(list)[i];
-        double p[3];
-        if (!applies(edit, at, level))
-            continue;
-        for (int a = 0; a < 3; a++)
-            p[a] =
-                (double)(at->voxel[a] - edit->at[a]) + ((double)at->fraction[a] - (double)edit->fraction[a]) * 0x1p-32;
-        double s = depth(p, edit), blend = (double)edit->blend * voxel_m;
-        if (EDIT_SHAPE(edit->what) == EDIT_NOISE)
-            s += rough(edit, at, level);
-        if (colour && (edit->what & EDIT_COLOURED))
-            lay_over(edit, s, density / voxel_m, level, colour);
-        if (EDIT_MODE(edit->what) == EDIT_PAINT)
-            continue;
-        s *= voxel_m;
-        if (EDIT_MODE(edit->what) == EDIT_ADD) {
-            density = smooth_max(density, s, blend);
-            continue;
-        }
-        density = -smooth_max(-density, s, blend);
-        if (EDIT_MODE(edit->what) == EDIT_FLATTEN)
-            density = smooth_max(density, fmin(-dot(p, edit->axis) * voxel_m, s), blend);
+        if (applies(edit, at, level))
+            density = after_edit(edit, at, level, ldexp(1, list->voxel_log2_m), density, colour);
     }
+    return density;
+}
+
+double karst_edit_list_precise_density(const karst_edit_list *list, const karst_position *at, int level, double density)
+{
+    edits_box box = {.level = level > 0 ? level : 0, .margin = EDITS_MARGIN, .which = EDITS_OF_LAND};
+    uint found[EDITS_LIST], count, first = 0;
+    for (int a = 0; a < 3; a++) {
+        box.min[a] = box.max[a] = at->voxel[a];
+        box.max[a] += at->fraction[a] != 0;
+    }
+    do {
+        count = edits_collect(list->data, &box, first, found);
+        for (uint i = 0; i < count; i++) {
+            const karst_edit_record *edit = &karst_edit_list_records(list)[found[i]];
+            if (applies(edit, at, level))
+                density = after_edit(edit, at, level, ldexp(1, list->voxel_log2_m), density, NULL);
+        }
+        first = count ? found[count - 1] + 1 : 0;
+    } while (count == EDITS_LIST);
     return density;
 }

@@ -24,6 +24,27 @@ static interval turned(interval a) { return (interval){-a.hi, -a.lo}; }
 
 static interval around(double at, double radius) { return (interval){at - radius, at + radius}; }
 
+/* Of the places at most `radius` voxels from p: the plane's share, and what that leaves of a density. */
+static interval smoothed(interval d, interval plane, const karst_edit_record *edit, const float p[3], double radius)
+{
+    double square = 0;
+    for (int a = 0; a < 3; a++)
+        square += (double)p[a] * (double)p[a];
+    const double distance = sqrt(square);
+    const double near = fmax(distance - radius, 0) / (double)edit->radius;
+    const double far = EDITS_MUTANT(SMOOTH) ? near : (distance + radius) / (double)edit->radius;
+    const double most = (double)edit->size[0], at_near = fmax(1 - near * near, 0), at_far = fmax(1 - far * far, 0);
+    const double shares[2] = {fmax(most * at_far * at_far - 0x1p-18, 0),
+                              fmin(most * at_near * at_near + 0x1p-18, most)};
+    interval mean = {INFINITY, -INFINITY};
+    for (int i = 0; i < 2; i++) { /* it changes evenly with the share */
+        mean.lo = fmin(mean.lo, d.lo * (1 - shares[i]) + plane.lo * shares[i]);
+        mean.hi = fmax(mean.hi, d.hi * (1 - shares[i]) + plane.hi * shares[i]);
+    }
+    const double size = fmax(fmax(fabs(d.lo), fabs(d.hi)), fmax(fabs(plane.lo), fabs(plane.hi)));
+    return (interval){mean.lo - 0x1p-20 * size, mean.hi + 0x1p-20 * size};
+}
+
 /* The density of the places at most `radius` voxels from p, after an edit: no shape is steeper than 1, and roundings
  * are below 2^-20 of what is added up. */
 static interval edited(interval d, const karst_edit_record *edit, const float p[3], double radius, double voxel_m)
@@ -41,7 +62,9 @@ static interval edited(interval d, const karst_edit_record *edit, const float p[
     interval s = around((double)edits_distance(p, edit), radius + rough),
              plane = around((double)edits_plane_distance(p, edit), radius);
     s.lo *= voxel_m, s.hi *= voxel_m, plane.lo *= voxel_m, plane.hi *= voxel_m;
-    if (mode == EDIT_ADD) {
+    if (mode == EDIT_SMOOTH) {
+        d = smoothed(d, plane, edit, p, radius);
+    } else if (mode == EDIT_ADD) {
         d = max_of(d, s, blend);
     } else {
         d = turned(max_of(turned(d), s, blend));

@@ -108,22 +108,23 @@ static bool check_fields(const reader *r, const karst_edit *edit)
     bool is_round = edit->shape == KARST_EDIT_SPHERE || edit->shape == KARST_EDIT_CAPSULE ||
                     edit->shape == KARST_EDIT_NOISE;
     bool may_have_colour = edit->mode == KARST_EDIT_PAINT || edit->mode == KARST_EDIT_ADD;
+    bool is_smooth = edit->mode == KARST_EDIT_SMOOTH;
     const struct {
         const char *name;
         bool is_known;
     } fields[] = {{"shape", true},
                   {"mode", true},
                   {"at", true},
-                  {"blend", true},
+                  {"blend", !is_smooth},
                   {"radius", is_round},
                   {"half", edit->shape == KARST_EDIT_BOX},
                   {"to", edit->shape == KARST_EDIT_CAPSULE},
-                  {"normal", edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN},
+                  {"normal", edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN || is_smooth},
                   {"amplitude", edit->shape == KARST_EDIT_NOISE},
                   {"scale", edit->shape == KARST_EDIT_NOISE},
                   {"seed", edit->shape == KARST_EDIT_NOISE},
                   {"colour", may_have_colour},
-                  {"strength", may_have_colour}};
+                  {"strength", may_have_colour || is_smooth}};
     const char *field;
     json_t *value;
     json_object_foreach(r->object, field, value)

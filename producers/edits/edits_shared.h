@@ -14,6 +14,7 @@
 #define EDIT_REMOVE 1u
 #define EDIT_FLATTEN 2u
 #define EDIT_PAINT 3u
+#define EDIT_SMOOTH 4u
 /* Added to karst_edit_record.what: it has a colour. */
 #define EDIT_COLOURED 0x10000u
 #define EDIT_SHAPE(what) ((what)&255u)
@@ -26,8 +27,8 @@ typedef struct {
     uint fraction[3]; /* and of it, in 2^-32 */
     uint what;        /* shape | mode << 8 | EDIT_COLOURED */
     float reach[3];   /* it changes the sign of no density farther away than that along an axis, blend included */
-    float size[3];    /* box: half its sides. noise: [0] its amplitude */
-    float axis[3];    /* capsule: to its other end. plane, flatten: the normal, of length 1 */
+    float size[3];    /* box: half its sides. noise: [0] its amplitude. smooth: [0] its strength */
+    float axis[3];    /* capsule: to its other end. plane, flatten, smooth: the normal, of length 1 */
     float radius;     /* sphere, capsule, noise */
     float blend;      /* 0: sharp */
     uint seed;        /* noise */

@@ -12,7 +12,7 @@
 #include "producers/edits/edit_list.h"
 
 const char *const karst_edit_shape_words[EDITS_NUM_SHAPES] = {"sphere", "box", "capsule", "plane", "noise"};
-const char *const karst_edit_mode_words[EDITS_NUM_MODES] = {"add", "remove", "flatten", "paint"};
+const char *const karst_edit_mode_words[EDITS_NUM_MODES] = {"add", "remove", "flatten", "paint", "smooth"};
 
 /* ---- reading ---- */
 
@@ -88,13 +88,18 @@ static bool may_have_colour(const karst_edit *edit)
     return edit->mode == KARST_EDIT_PAINT || edit->mode == KARST_EDIT_ADD;
 }
 
+static bool has_normal(const karst_edit *edit)
+{
+    return edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN || edit->mode == KARST_EDIT_SMOOTH;
+}
+
 /* NAME=VALUE. `text` is written to. */
 static bool read_named(char *text, karst_edit *edit, karst_error *error)
 {
     char quoted[KARST_TEXT_QUOTE_BYTES], *value = strchr(text, '=') + 1;
     double seed;
     value[-1] = '\0';
-    if (strcmp(text, "blend") == 0)
+    if (strcmp(text, "blend") == 0 && edit->mode != KARST_EDIT_SMOOTH)
         return read_number("blend", value, &edit->blend_m, error);
     if (strcmp(text, "seed") == 0 && edit->shape == KARST_EDIT_NOISE) {
         if (!karst_text_to_double(value, &seed) || !(seed >= 0 && seed <= UINT32_MAX) || seed != floor(seed))
@@ -102,18 +107,18 @@ static bool read_named(char *text, karst_edit *edit, karst_error *error)
         edit->seed = (uint32_t)seed;
         return true;
     }
-    if (strcmp(text, "normal") == 0 && (edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN))
+    if (strcmp(text, "normal") == 0 && has_normal(edit))
         return read_three("normal", value, "X:Y:Z, such as 0:1:0.2", edit->normal, error);
     if (strcmp(text, "colour") == 0 && may_have_colour(edit)) {
         edit->has_colour = true;
         return read_three("colour", value, "R:G:B, such as 0.6:0.1:0", edit->colour, error);
     }
-    if (strcmp(text, "strength") == 0 && may_have_colour(edit))
+    if (strcmp(text, "strength") == 0 && (may_have_colour(edit) || edit->mode == KARST_EDIT_SMOOTH))
         return read_number("strength", value, &edit->strength, error);
-    return karst_fail(error, KARST_USAGE, "a %s of mode %s has no '%s'; there are: blend=M%s%s%s",
+    return karst_fail(error, KARST_USAGE, "a %s of mode %s has no '%s'; there are: %s%s%s%s",
                       karst_edit_shape_words[edit->shape], karst_edit_mode_words[edit->mode],
-                      karst_text_quote(text, quoted), edit->shape == KARST_EDIT_NOISE ? ", seed=N" : "",
-                      edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN ? ", normal=X:Y:Z" : "",
+                      karst_text_quote(text, quoted), edit->mode == KARST_EDIT_SMOOTH ? "strength=S" : "blend=M",
+                      edit->shape == KARST_EDIT_NOISE ? ", seed=N" : "", has_normal(edit) ? ", normal=X:Y:Z" : "",
                       may_have_colour(edit) ? ", colour=R:G:B, strength=S" : "");
 }
 
@@ -151,7 +156,8 @@ static bool read_parts(char **parts, size_t num_parts, int voxel_log2_m, karst_e
         return false;
     for (; at < num_parts; at++)
         if (!strchr(parts[at], '='))
-            return karst_fail(error, KARST_USAGE, "'%s' is neither a mode (add, remove, flatten, paint) nor NAME=VALUE",
+            return karst_fail(error, KARST_USAGE,
+                              "'%s' is neither a mode (add, remove, flatten, paint, smooth) nor NAME=VALUE",
                               karst_text_quote(parts[at], quoted));
         else if (!read_named(parts[at], edit, error))
             return false;
@@ -235,7 +241,7 @@ static void put_numbers(writer *w, const char *name, const double numbers[3])
 int karst_edit_format(const karst_edit *edit, int voxel_log2_m, char *text, size_t size_bytes)
 {
     writer w = {.text = text, .size_bytes = size_bytes};
-    bool is_flat = edit->shape == KARST_EDIT_PLANE || edit->mode == KARST_EDIT_FLATTEN;
+    bool is_flat = has_normal(edit);
     if (size_bytes)
         *text = '\0';
     if (voxel_log2_m < KARST_VOXEL_LOG2_MIN || voxel_log2_m > KARST_VOXEL_LOG2_MAX ||
@@ -263,8 +269,9 @@ int karst_edit_format(const karst_edit *edit, int voxel_log2_m, char *text, size
         put_number(&w, "blend", edit->blend_m);
     if (edit->has_colour) {
         put_numbers(&w, "colour", edit->colour);
-        put_number(&w, "strength", edit->strength);
     }
+    if (edit->has_colour || edit->mode == KARST_EDIT_SMOOTH)
+        put_number(&w, "strength", edit->strength);
     put(&w, " }");
     return (int)w.length;
 }

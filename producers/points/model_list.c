@@ -109,17 +109,17 @@ static void rotation(const double turn_deg[3], double r[3][3])
         }
 }
 
-static bool place(const karst_model *model, const model_file *file, int voxel_log2_m, karst_model_record *record,
-                  karst_error *error)
+bool karst_model_place(const karst_model *model, const karst_points_head *head, const double half_units[3],
+                       int voxel_log2_m, karst_model_record *record, karst_error *error)
 {
-    double r[3][3], m_per_unit = file->head.unit * model->scale, voxel_m = ldexp(1, voxel_log2_m);
+    double r[3][3], m_per_unit = head->unit * model->scale, voxel_m = ldexp(1, voxel_log2_m);
     double units = voxel_m / m_per_unit, widest = 0;
     *record = (karst_model_record){.units_per_voxel = (float)units, .m_per_unit = (float)m_per_unit};
     rotation(model->turn_deg, r);
     for (int a = 0; a < 3; a++) {
         double half = 0;
         for (int k = 0; k < 3; k++)
-            half += fabs(r[a][k]) * file->half[k] / units;
+            half += fabs(r[a][k]) * half_units[k] / units;
         widest = fmax(widest, half);
         record->extent[a] = half < 0x1p40 ? (long)ceil(half) + 2 : 0;
         record->at[a] = model->at.voxel[a];
@@ -136,7 +136,7 @@ static bool place(const karst_model *model, const model_file *file, int voxel_lo
                           "%s: it is %.3g voxels wide, so nothing of it would be seen: give the "
                           "world a smaller voxel, or the model a larger scale",
                           model->path, 2 * widest);
-    record->has_colours = (file->head.flags & KARST_POINTS_HAS_COLOURS) != 0;
+    record->has_colours = (head->flags & KARST_POINTS_HAS_COLOURS) != 0;
     record->shift = MATRIX_BITS - (int)ceil(log2(units));
     for (int row = 0; row < 3; row++) {
         double offset = 0;
@@ -206,8 +206,7 @@ static void fill_level(const model_file *file, uint32_t number, karst_model_leve
     }
 }
 
-/* Bytes of sRGB to what they stand for. */
-static void fill_linear(float linear[256])
+void karst_fill_linear(float linear[256])
 {
     for (int i = 0; i < 256; i++) {
         double c = i / 255.0;
@@ -224,7 +223,7 @@ static bool make_block(karst_model_list *list, model_file *files, uint32_t num_f
     karst_models_head head = {.num_models = list->num_models, .voxel_m = (float)ldexp(1, voxel_log2_m)};
     head.models = WORDS(sizeof head);
     head.levels = head.models + list->num_models * WORDS(sizeof *records);
-    fill_linear(head.linear);
+    karst_fill_linear(head.linear);
     size_t size = (head.levels + num_levels * WORDS(sizeof(karst_model_level))) * sizeof(uint64_t);
     for (uint32_t f = 0; f < num_files; f++) {
         size = (size + page_bytes() - 1) / page_bytes() * page_bytes();
@@ -283,7 +282,7 @@ bool karst_model_list_init_reading(karst_model_list *list, const karst_model *mo
     bool done = (files && records) || karst_fail(error, KARST_FAILED, "out of memory");
     for (size_t i = 0; done && i < num; i++) {
         const model_file *file = file_of(files, &num_files, models[i].path, &max_bytes, log, error);
-        done = file && place(&models[i], file, voxel_log2_m, &records[i], error);
+        done = file && karst_model_place(&models[i], &file->head, file->half, voxel_log2_m, &records[i], error);
         if (!done)
             break;
         for (const model_file *f = files; f < file; f++)

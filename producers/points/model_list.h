@@ -3,8 +3,10 @@
 #define KARST_PRODUCERS_POINTS_MODEL_LIST_H
 
 #include "cache/cache.h"
+#include "core/points/points_file.h"
 #include "karst/log.h"
 #include "karst/position.h"
+#include "producers/points/points_shared.h"
 
 /* An imported file of points, and where it stands. */
 typedef struct {
@@ -15,6 +17,13 @@ typedef struct {
 } karst_model;
 
 #define KARST_MAX_MODELS 256u
+
+/* Where a model of a file with this head stands, whose points reach so far from its centre: all of the record but its
+ * levels. Errors: KARST_USAGE (too large or too small for the world's voxels, too far out). */
+bool karst_model_place(const karst_model *model, const karst_points_head *head, const double half_units[3],
+                       int voxel_log2_m, karst_model_record *record, karst_error *error);
+/* Bytes of sRGB to what they stand for (IEC 61966-2-1). */
+void karst_fill_linear(float linear[256]);
 
 /* What a device reads is one block of memory, head first (points_shared.h). */
 typedef struct {

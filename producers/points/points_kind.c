@@ -23,9 +23,10 @@ karst_model *karst_named_models(const karst_program_graph *program, int voxel_lo
     const karst_world_header *header = &program->header;
     karst_model *models = calloc(header->num_models + 1, sizeof *models);
     bool done = models || karst_fail(error, KARST_FAILED, "out of memory");
-    *num = header->num_models;
+    *num = 0;
     for (uint32_t i = 0; done && i < header->num_models; i++)
-        done = make_model(program, &header->models[i], voxel_log2_m, &models[i], error);
+        if (!header->models[i].is_splats)
+            done = make_model(program, &header->models[i], voxel_log2_m, &models[(*num)++], error);
     if (done)
         return models;
     karst_named_models_free(models, *num);
@@ -39,7 +40,48 @@ void karst_named_models_free(karst_model *models, size_t num)
     free(models);
 }
 
-static bool is_named(const karst_program_graph *program) { return program->header.num_models > 0; }
+karst_splat_source *karst_named_splats(const karst_program_graph *program, int voxel_log2_m, size_t *num,
+                                       karst_error *error)
+{
+    const karst_world_header *header = &program->header;
+    karst_splat_source *sources = calloc(header->num_models + 1, sizeof *sources);
+    bool done = sources || karst_fail(error, KARST_FAILED, "out of memory");
+    *num = 0;
+    for (uint32_t i = 0; done && i < header->num_models; i++) {
+        const karst_header_model *from = &header->models[i];
+        if (!from->is_splats)
+            continue;
+        karst_splat_source *source = &sources[(*num)++];
+        source->culls = !from->keeps_copies;
+        source->is_deep = !from->is_shallow;
+        source->has_backs = from->has_backs;
+        done = make_model(program, from, voxel_log2_m, &source->model, error);
+    }
+    if (done)
+        return sources;
+    karst_named_splats_free(sources, *num);
+    return NULL;
+}
+
+void karst_named_splats_free(karst_splat_source *sources, size_t num)
+{
+    for (size_t i = 0; sources && i < num; i++)
+        free((char *)sources[i].model.path);
+    free(sources);
+}
+
+/* The first model from number i on that is shown as a surface. */
+static uint32_t next_surface(const karst_world_header *header, uint32_t i)
+{
+    while (i < header->num_models && header->models[i].is_splats)
+        i++;
+    return i;
+}
+
+static bool is_named(const karst_program_graph *program)
+{
+    return next_surface(&program->header, 0) < program->header.num_models;
+}
 
 static karst_layer *create(const karst_layer_scene *scene, karst_error *error)
 {
@@ -55,15 +97,17 @@ static karst_layer *create(const karst_layer_scene *scene, karst_error *error)
 static bool is_same(const karst_program_graph *a, const karst_program_graph *b)
 {
     const karst_world_header *one = &a->header, *other = &b->header;
-    bool same = one->num_models == other->num_models && strcmp(a->name, b->name) == 0;
-    for (uint32_t i = 0; same && i < one->num_models; i++) {
-        const karst_header_model *m = &one->models[i], *n = &other->models[i];
+    bool same = strcmp(a->name, b->name) == 0;
+    uint32_t i = next_surface(one, 0), k = next_surface(other, 0);
+    for (; same && i < one->num_models && k < other->num_models; i = next_surface(one, i + 1),
+                                                                k = next_surface(other, k + 1)) {
+        const karst_header_model *m = &one->models[i], *n = &other->models[k];
         same = strcmp(m->points, n->points) == 0 && m->scale == n->scale &&
                memcmp(m->turn_deg, n->turn_deg, sizeof m->turn_deg) == 0;
         for (int axis = 0; axis < 3; axis++)
             same = same && strcmp(m->at[axis], n->at[axis]) == 0;
     }
-    return same;
+    return same && i >= one->num_models && k >= other->num_models;
 }
 
 static bool has_colours(const karst_layer *layer)

@@ -4,12 +4,17 @@
 
 #include "producers/layer_kind.h"
 #include "producers/points/points.h"
+#include "producers/points/splat_list.h"
 
 extern const karst_layer_kind karst_points_kind;
 
-/* All of them, with their paths from the world's own folder on, *num of them; free them with karst_named_models_free.
- * NULL on errors: KARST_BAD_DATA (paths), KARST_USAGE (places that are none), KARST_FAILED. */
+/* All that are shown as surfaces, with their paths from the world's own folder on, *num of them; free them with
+ * karst_named_models_free. NULL on errors: KARST_BAD_DATA (paths), KARST_USAGE (places that are none), KARST_FAILED. */
 karst_model *karst_named_models(const karst_program_graph *program, int voxel_log2_m, size_t *num, karst_error *error);
 void karst_named_models_free(karst_model *models, size_t num); /* NULL is fine */
+/* Likewise of those that are shown as discs. */
+karst_splat_source *karst_named_splats(const karst_program_graph *program, int voxel_log2_m, size_t *num,
+                                       karst_error *error);
+void karst_named_splats_free(karst_splat_source *sources, size_t num); /* NULL is fine */
 
 #endif

@@ -22,9 +22,11 @@ class Edit:
 
     @classmethod
     def sphere(cls, at: Sequence[Coordinate], radius: float, mode: str = "add", *, blend: float = 0.0,
-               normal: Optional[Sequence[float]] = None) -> "Edit":
-        """A ball. `mode` is "add", "remove" or "flatten", here as below; `normal` is for "flatten"."""
-        return cls(_line("sphere", at, [radius], mode, blend, normal))
+               normal: Optional[Sequence[float]] = None, strength: Optional[float] = None) -> "Edit":
+        """A ball. `mode` is "add", "remove" or "flatten", here as below; or, of a ball alone, "smooth", of which
+        `strength` says how much. `normal` is for "flatten" and "smooth"."""
+        line = _line("sphere", at, [radius], mode, blend, normal)
+        return cls(line if strength is None else f"{line},strength={float(strength)!r}")
 
     @classmethod
     def box(cls, at: Sequence[Coordinate], half: Sequence[float], mode: str = "add", *, blend: float = 0.0,

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "raycast/cast/hints_shared.h"
+#include "raycast/cast/splats.h"
 
 #define NUM_VIEWS 8 /* casts that may be queued before one has to wait for the oldest */
 #define RAYS_PER_GROUP (KARST_PACKET_RAYS * KARST_GROUP_PACKETS)
@@ -19,6 +20,7 @@ struct karst_caster {
     cl_kernel pinhole, survey;
     cl_kernel rays, shadows; /* NULL: left out */
     const karst_sunward *sunward; /* borrowed; NULL: none */
+    karst_splats *splats;         /* borrowed; NULL: none */
     bool sun_disc; /* KARST_CAST_SUN_DISC */
     bool beams; /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
@@ -110,6 +112,8 @@ void karst_cast_view_init(karst_cast_view *view, const karst_position *anchor, c
     view->detail = 1;
     view->stands_for = 1;
     for (int a = 0; a < 3; a++) {
+        view->anchor_voxel[a] = anchor->voxel[a];
+        view->anchor_fraction[a] = anchor->fraction[a];
         for (int level = 0; level <= top_level; level++) {
             int shift = KARST_BRICK_CELLS_LOG2 + level;
             int64_t node = anchor->voxel[a] >> shift;
@@ -210,7 +214,8 @@ static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, cons
                          KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)) ||
         !upload_view(caster, view, error)) /* last: cores begin with it */
         return false;
-    return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error);
+    return launch_picture(caster, caster->pinhole, pinhole->width_px, pinhole->height_px, error) &&
+           (!hits || !caster->splats || karst_splats_pinhole(caster->splats, view, pinhole, hits, error));
 }
 
 bool karst_cast_pinhole(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -269,7 +274,9 @@ static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const k
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
     return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
                         (num_rays + rays_per_item - 1) / rays_per_item,
-                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
+                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error) &&
+           (!hits || !caster->splats || !num_rays ||
+            karst_splats_rays(caster->splats, view, rays, num_rays, count, wanted, hits, error));
 }
 
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
@@ -303,6 +310,8 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
                       rays->size_bytes, pinhole->width_px, pinhole->height_px);
 }
 
+void karst_caster_set_splats(karst_caster *caster, karst_splats *splats) { caster->splats = splats; }
+
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward) { caster->sunward = sunward; }
 
 /* The disc that sample `sample` of the pixels sees a place on. */
@@ -325,6 +334,22 @@ static void spread_sun(karst_shadow_sun *sun, uint32_t sample)
     }
 }
 
+karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_pinhole *pinhole,
+                                       const karst_light *light, bool of_stream)
+{
+    karst_shadow_sun sun = {.t_max = light->shadow_distance,
+                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
+                            .width_px = pinhole->width_px,
+                            .height_px = pinhole->height_px,
+                            .of_stream = of_stream,
+                            .x0_px = pinhole->x0_px,
+                            .y0_px = pinhole->y0_px};
+    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
+    if (caster->sun_disc)
+        spread_sun(&sun, pinhole->sample);
+    return sun;
+}
+
 /* What a cast of shadow rays takes, and where it notes what. */
 typedef struct {
     const karst_buffer *rays;
@@ -339,16 +364,7 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
 {
     if (!caster->shadows)
         return karst_fail(error, KARST_FAILED, "the caster was made without shadows");
-    karst_shadow_sun sun = {.t_max = light->shadow_distance,
-                            .cone = pinhole->cone > KARST_SUN_CONE ? pinhole->cone : KARST_SUN_CONE,
-                            .width_px = pinhole->width_px,
-                            .height_px = pinhole->height_px,
-                            .of_stream = cast->of_stream,
-                            .x0_px = pinhole->x0_px,
-                            .y0_px = pinhole->y0_px};
-    memcpy(sun.direction, light->sun_direction, 3 * sizeof(float));
-    if (caster->sun_disc)
-        spread_sun(&sun, pinhole->sample);
+    const karst_shadow_sun sun = karst_cast_shadow_sun(caster, pinhole, light, cast->of_stream);
     const bool known = !caster->sun_disc && caster->sunward && karst_sunward_is_aimed(caster->sunward, sun.direction);
     const cl_mem hinted = cast->hints ? cast->hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
@@ -361,7 +377,9 @@ static bool cast_shadows(karst_caster *caster, const karst_cast_view *view, cons
                          KARST_VALUE_ARG(cast->pixels), KARST_VALUE_ARG(cast->notes), KARST_VALUE_ARG(bricks),
                          KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)))
         return false;
-    return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error);
+    return launch_picture(caster, caster->shadows, pinhole->width_px, pinhole->height_px, error) &&
+           (!cast->pixels || !caster->splats ||
+            karst_splats_shadows(caster->splats, view, &sun, cast->rays, cast->pixels, error));
 }
 
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,

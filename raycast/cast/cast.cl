@@ -503,17 +503,7 @@ RAY_INLINE void darken(K_GLOBAL uint *pixels, vint at, vint dark, vint ended)
 /* With CAST_SUN_DISC each ray goes to a place of its own on the sun. */
 #ifdef CAST_SUN_DISC
 #define ONE_SUN 0
-RAY_INLINE vector3 towards_disc(const karst_shadow_sun *sun, vint x, vint y)
-{
-    const jitter at = jitter_on_disc(jitter_of(x + sun->x0_px, y + sun->y0_px, sun->sample, JITTER_SUN));
-    vector3 d;
-    d.x = k_fma(at.u, (vfloat)(sun->across[0]), k_fma(at.v, (vfloat)(sun->along[0]), (vfloat)(sun->direction[0])));
-    d.y = k_fma(at.u, (vfloat)(sun->across[1]), k_fma(at.v, (vfloat)(sun->along[1]), (vfloat)(sun->direction[1])));
-    d.z = k_fma(at.u, (vfloat)(sun->across[2]), k_fma(at.v, (vfloat)(sun->along[2]), (vfloat)(sun->direction[2])));
-    const vfloat scale = 1.0f / k_sqrt(k_fma(d.x, d.x, k_fma(d.y, d.y, d.z * d.z)));
-    d.x *= scale, d.y *= scale, d.z *= scale;
-    return d;
-}
+#include "raycast/cast/sun.clh"
 #else
 #define ONE_SUN 1
 #endif

@@ -18,6 +18,7 @@
 #define KARST_BLEND_SHARE 0.0625f
 
 typedef struct karst_caster karst_caster;
+typedef struct karst_splats karst_splats; /* raycast/cast/splats.h */
 
 /* Builds the cast kernels for the context's lanes. The buffers stay the cache's and must outlive the caster. Errors:
  * KARST_FAILED. */
@@ -79,6 +80,9 @@ bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const 
 bool karst_cast_stream_marks(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
                              uint32_t num_rays, const karst_buffer *count, karst_buffer *marks, karst_error *error);
 
+/* Where they go (of_stream: as of karst_cast_stream_shadows), for who follows them further. Thread-safe. */
+karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_pinhole *pinhole,
+                                       const karst_light *light, bool of_stream);
 /* What a picture's shadow rays take (raycast/shadow_shared.h). Thread-safe. */
 size_t karst_cast_shadow_bytes(int width_px, int height_px);
 /* Errors: KARST_FAILED if the buffer is too small for them. */
@@ -87,6 +91,9 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
  * but for rays that touch a surface within the rounding of floats. They are of all bricks of the caster's pools, and
  * outlive the caster; NULL: none. */
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward);
+/* From now on all that is cast with hits, marks or pixels to write meets these discs, too (raycast/cast/splats.h).
+ * Borrowed; NULL: none. */
+void karst_caster_set_splats(karst_caster *caster, karst_splats *splats);
 /* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */
 bool karst_cast_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,

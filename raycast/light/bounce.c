@@ -117,8 +117,7 @@ void karst_bounce_limit(karst_bounce *bounce, uint32_t max_rays)
     bounce->limit = (max_rays + BLOCK_RAYS - 1) / BLOCK_RAYS * BLOCK_RAYS;
 }
 
-/* The picture that shadow rays of the stream are laid out as. */
-static karst_pinhole stream_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
+karst_pinhole karst_bounce_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
 {
     karst_pinhole of_stream = *pinhole;
     of_stream.width_px = KARST_STREAM_WIDTH_PX;
@@ -177,7 +176,7 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
                                const karst_pinhole *pinhole, const karst_light *light, bool again, karst_error *error)
 {
-    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    const karst_pinhole of_stream = karst_bounce_pinhole(bounce, pinhole);
     return (again || karst_buffer_fill(bounce->marks, 0, 0, most_rays(bounce, pinhole) * sizeof(uint32_t), error)) &&
            karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
                                      again ? NULL : bounce->marks->mem, error);
@@ -187,7 +186,7 @@ bool karst_bounce_cast_more_shadows(karst_bounce *bounce, karst_caster *caster, 
                                     const karst_pinhole *pinhole, const karst_light *light, bool again,
                                     karst_error *error)
 {
-    const karst_pinhole of_stream = stream_pinhole(bounce, pinhole);
+    const karst_pinhole of_stream = karst_bounce_pinhole(bounce, pinhole);
     return karst_cast_stream_shadows(caster, view, &of_stream, light, bounce->shadow_rays,
                                      again ? NULL : bounce->marks->mem, error);
 }
@@ -205,7 +204,8 @@ bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, ka
 
 karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
 {
-    return (karst_bounce_stream){bounce->rays, bounce->hits, bounce->total, bounce->shadow_rays, bounce->room};
+    return (karst_bounce_stream){bounce->rays, bounce->hits, bounce->total, bounce->shadow_rays,
+                                 bounce->room, bounce->suns, bounce->marks};
 }
 
 uint32_t karst_bounce_room(int width_px, int height_px)

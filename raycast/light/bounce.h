@@ -47,9 +47,12 @@ typedef struct {
     karst_buffer *rays, *hits, *total;
     karst_buffer *shadow_rays; /* NULL without a sun */
     uint32_t room;
+    karst_buffer *suns, *marks; /* what the sun adds to rays, and where it is hidden; NULL without a sun */
 } karst_bounce_stream;
 karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
 uint32_t karst_bounce_room(int width_px, int height_px);
+/* The picture that shadow rays of the stream are laid out as. */
+karst_pinhole karst_bounce_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole);
 /* From now on the stream has that many rays at most, and no more is launched: the host knows. 0: as many as pixels. */
 void karst_bounce_limit(karst_bounce *bounce, uint32_t max_rays);
 /* Takes rays, and the word that counts them, of another stream with as much room, and gives its own. */

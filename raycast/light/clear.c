@@ -27,11 +27,13 @@ static const char *const kernel_names[NUM_KERNELS] = {
     "clear_matter_of_picture", "clear_matter_of_stream", "clear_camera", "clear_cover",      "clear_count_first",
     "clear_scan",              "clear_first",            "clear_turn",   "clear_count_next", "clear_next"};
 
+enum { REFLECTED, REFRACTED, PASSING, NUM_BRANCHES }; /* karst_clear_task.branch */
+
 struct karst_clear_shader {
     karst_context *context;
     karst_program *program;
     cl_kernel kernels[NUM_KERNELS];
-    bool atmosphere, bends;
+    bool atmosphere, passes;
     cl_mem data;
     karst_shade_anchor anchor;
     karst_skies *skies;
@@ -45,12 +47,15 @@ struct karst_clear {
     int width_px, height_px; /* that there is room for */
     karst_buffer *next_rays, *total; /* and the next one's */
     karst_buffer *ways, *next_ways, *first_hits, *over_hits, *matter, *counts;
+    /* Of each pixel, in packet order: 0 where the rays that were followed last lacked nothing; and where that is noted
+     * of those at hand. */
+    karst_buffer *lacked, *lacking;
 };
 
 /* ---- shaders ---- */
 
-karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere, bool bends,
-                                              const karst_shade_colour *surface, karst_error *error)
+karst_clear_shader *karst_clear_shader_create(karst_context *context, unsigned ways, const karst_shade_colour *surface,
+                                              karst_error *error)
 {
     karst_clear_shader *shader = calloc(1, sizeof *shader);
     if (!shader) {
@@ -58,12 +63,14 @@ karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmos
         return NULL;
     }
     char options[512];
-    snprintf(options, sizeof options, "%s%s%s%s", atmosphere ? "-DSHADE_ATMOSPHERE" : "", bends ? " -DCLEAR_BENDS" : "",
+    const bool atmosphere = ways & KARST_CLEAR_ATMOSPHERE;
+    snprintf(options, sizeof options, "%s%s%s%s%s", atmosphere ? "-DSHADE_ATMOSPHERE" : "",
+             ways & KARST_CLEAR_BENDS ? " -DCLEAR_BENDS" : "", ways & KARST_CLEAR_PASSES ? " -DCLEAR_PASSES" : "",
              surface ? " -DSHADE_WORLD_COLOUR " : "", surface ? surface->options : "");
     const karst_virtual_file world = {"world.clh", surface ? surface->source : ""};
     shader->context = context;
     shader->atmosphere = atmosphere;
-    shader->bends = bends;
+    shader->passes = ways & KARST_CLEAR_PASSES;
     shader->data = surface && surface->data ? surface->data->mem : NULL;
     bool done = !atmosphere || (shader->black = karst_buffer_create(context, "sky", KARST_SKY_FLOATS * sizeof(float),
                                                                     NULL, error));
@@ -119,7 +126,8 @@ karst_clear *karst_clear_create(karst_context *context, bool sun, karst_error *e
 static void free_room(karst_clear *clear)
 {
     karst_buffer **const buffers[] = {&clear->next_rays,  &clear->ways,   &clear->next_ways, &clear->first_hits,
-                                      &clear->over_hits, &clear->matter, &clear->counts};
+                                      &clear->over_hits, &clear->matter, &clear->counts,    &clear->lacked,
+                                      &clear->lacking};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
         *buffers[i] = NULL;
@@ -140,7 +148,7 @@ void karst_clear_destroy(karst_clear *clear)
 #define BLOCK_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
 #define RAY_BYTES \
     (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + \
-     KARST_CLEAR_MATTER_PLANES * sizeof(float))
+     (KARST_CLEAR_MATTER_PLANES + 2) * sizeof(float))
 
 double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends)
 {
@@ -167,6 +175,8 @@ bool karst_clear_set_room(karst_clear *clear, int width_px, int height_px, karst
         !(clear->first_hits = make(clear, room, sizeof(karst_hit), error)) ||
         !(clear->over_hits = make(clear, room, sizeof(karst_hit), error)) ||
         !(clear->matter = make(clear, room, KARST_CLEAR_MATTER_PLANES * sizeof(float), error)) ||
+        !(clear->lacked = make(clear, room, sizeof(uint32_t), error)) ||
+        !(clear->lacking = make(clear, room, sizeof(uint32_t), error)) ||
         !(clear->counts = make(clear, room / BLOCK_RAYS, sizeof(uint32_t), error)))
         return false;
     clear->width_px = width_px;
@@ -198,6 +208,7 @@ static karst_clear_task task_of(const karst_clear_picture *picture)
                              .x0_px = p->x0_px,
                              .y0_px = p->y0_px,
                              .is_sure = picture->view->ends_at_missing,
+                             .only_lacking = picture->only_lacking,
                              .has_clear = picture->clear != NULL};
     for (int c = 0; c < 3; c++)
         task.absorption[c] = (float)(picture->absorption_per_m[c] * picture->voxel_m);
@@ -367,13 +378,13 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
         KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole), KARST_BUFFER_ARG(picture->hits),
         KARST_BUFFER_ARG(clear->first_hits), KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(picture->parts),
         KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(stream.rays),
-        KARST_BUFFER_ARG(clear->ways), KARST_VALUE_ARG(met.now)};
+        KARST_BUFFER_ARG(clear->ways), KARST_BUFFER_ARG(clear->lacked), KARST_VALUE_ARG(met.now)};
     const size_t num_first = sizeof first / sizeof *first - (picture->bender ? 0 : 1);
     return (!picture->clear || find_matter_of_picture(clear, picture, error)) &&
            KARST_ARGUMENTS(kernels[COUNT_FIRST], error, KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole),
                            KARST_BUFFER_ARG(picture->parts), KARST_BUFFER_ARG(picture->hits),
                            KARST_BUFFER_ARG(clear->first_hits), KARST_BUFFER_ARG(clear->counts),
-                           KARST_VALUE_ARG(blocks)) &&
+                           KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(clear->lacked)) &&
            karst_launch(clear->context, kernels[COUNT_FIRST], KARST_STAGE_SHADE, blocks, local_size(clear), error) &&
            scan(clear, picture, stream.total, blocks, error) &&
            karst_arguments(kernels[FIRST], first, num_first, error) &&
@@ -433,7 +444,19 @@ static bool cast(karst_clear *clear, const karst_clear_picture *picture, const k
                                     .y0_px = task->y0_px,
                                     .cast = cast_straight,
                                     .user = &with};
-    return picture->bender ? karst_bend_cast(picture->bender, &bent, error) : cast_straight(&with, error);
+    /* Of what surfaces reflect and refract first nothing is inside land. */
+    const bool leaves = picture->pass && (task->branch == PASSING || task->bounce > 1);
+    return (!leaves || karst_pass_leave(picture->pass, stream->rays, stream->total, stream->room, error)) &&
+           (picture->bender ? karst_bend_cast(picture->bender, &bent, error) : cast_straight(&with, error));
+}
+
+/* Of arguments whose last are the shares that pass, and num_met of a bender, those that the kernel has; how many. */
+static size_t keep_arguments(const karst_clear_picture *picture, karst_argument *arguments, size_t num, size_t num_met)
+{
+    const size_t num_bent = picture->bender ? num_met : 0, first = num - num_met - 1;
+    if (!picture->clear_shader->passes)
+        memmove(arguments + first, arguments + first + 1, num_bent * sizeof *arguments);
+    return first + (picture->clear_shader->passes ? 1 : 0) + num_bent;
 }
 
 /* The next stream, of the rays that go on; the one at hand keeps those that do not. */
@@ -444,25 +467,48 @@ static bool go_on(karst_clear *clear, const karst_clear_picture *picture, const 
     const uint32_t blocks = stream->room / BLOCK_RAYS;
     const cl_mem shadows = stream->shadow_rays ? stream->shadow_rays->mem : NULL;
     const met_arguments met = met_of(picture);
-    const karst_argument count[] = {
+    const karst_buffer *shares =
+        picture->pass ? karst_pass_find_shares(picture->pass, stream->rays, stream->total, stream->hits, stream->room,
+                                               true, error)
+                      : NULL;
+    if (picture->pass && !shares)
+        return false;
+    const cl_mem passing = shares ? shares->mem : NULL;
+    karst_argument count[] = {
         KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(clear->ways),
         KARST_BUFFER_ARG(stream->total), KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
-        KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_VALUE_ARG(met.now), KARST_VALUE_ARG(met.most)};
-    const karst_argument next[] = {
+        KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks), KARST_VALUE_ARG(passing), KARST_VALUE_ARG(met.now),
+        KARST_VALUE_ARG(met.most)};
+    karst_argument next[] = {
         KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(clear->ways),
         KARST_BUFFER_ARG(stream->total), KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(clear->over_hits),
         KARST_BUFFER_ARG(clear->matter), KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks),
         KARST_BUFFER_ARG(clear->next_rays), KARST_BUFFER_ARG(clear->next_ways), KARST_VALUE_ARG(shadows),
-        KARST_VALUE_ARG(stream->room), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(met.now),
-        KARST_VALUE_ARG(met.most), KARST_VALUE_ARG(met.next)};
-    const size_t num_count = sizeof count / sizeof *count - (picture->bender ? 0 : 2),
-                 num_next = sizeof next / sizeof *next - (picture->bender ? 0 : 3);
+        KARST_VALUE_ARG(stream->room), KARST_BUFFER_ARG(picture->counters), KARST_BUFFER_ARG(clear->lacking),
+        KARST_VALUE_ARG(passing),
+        KARST_VALUE_ARG(met.now), KARST_VALUE_ARG(met.most), KARST_VALUE_ARG(met.next)};
+    const size_t num_count = keep_arguments(picture, count, sizeof count / sizeof *count, 2),
+                 num_next = keep_arguments(picture, next, sizeof next / sizeof *next, 3);
     return (!picture->clear || find_matter_of_stream(clear, picture, stream, error)) &&
            karst_arguments(kernels[COUNT_NEXT], count, num_count, error) &&
            karst_launch(clear->context, kernels[COUNT_NEXT], KARST_STAGE_SHADE, blocks, local_size(clear), error) &&
            scan(clear, picture, clear->total, blocks, error) &&
            karst_arguments(kernels[NEXT], next, num_next, error) &&
            karst_launch(clear->context, kernels[NEXT], KARST_STAGE_SHADE, blocks, local_size(clear), error);
+}
+
+/* What of the sun comes through land that hides it. */
+static bool add_passing_sun(karst_clear *clear, const karst_clear_picture *picture, karst_error *error)
+{
+    const karst_bounce_stream stream = karst_bounce_get_stream(clear->bounce);
+    const karst_pinhole of_stream = karst_bounce_pinhole(clear->bounce, picture->pinhole);
+    const karst_pass_dark dark = {.shadow_rays = stream.shadow_rays,
+                                  .marks = stream.marks,
+                                  .suns = stream.suns,
+                                  .stride = (size_t)of_stream.width_px * (size_t)of_stream.height_px,
+                                  .pinhole = &of_stream,
+                                  .of_stream = true};
+    return !picture->pass || karst_pass_sun(picture->pass, &dark, picture->parts, error);
 }
 
 /* What the rays that ended see. */
@@ -482,7 +528,8 @@ static bool shade(karst_clear *clear, const karst_clear_picture *picture, bool a
                        karst_bounce_cast_more_shadows(clear->bounce, picture->clear, picture->view, pinhole,
                                                       picture->light, again, error));
     karst_profile_set_stream(clear->context, KARST_NUM_STREAMS);
-    return cast && (again || karst_bounce_add_sun(clear->bounce, pinhole, picture->parts, error));
+    return cast && (again || (karst_bounce_add_sun(clear->bounce, pinhole, picture->parts, error) &&
+                              add_passing_sun(clear, picture, error)));
 }
 
 static void exchange(karst_clear *clear, const karst_clear_picture *picture)
@@ -512,8 +559,13 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
         (picture->bender && !karst_bender_set_room(picture->bender, room, error)))
         return false;
     task.adds_nothing = again;
-    for (task.branch = 0; task.branch < (picture->clear ? 2u : 1u); task.branch++) {
-        const uint32_t bounces = picture->clear ? picture->bounces : 1;
+    if (!karst_buffer_fill(clear->lacking, 0, 0,
+                           (size_t)task.width_px * (size_t)task.height_px * sizeof(uint32_t), error))
+        return false;
+    for (task.branch = 0; task.branch < NUM_BRANCHES; task.branch++) {
+        const uint32_t bounces = picture->clear || picture->pass ? picture->bounces : 1;
+        if ((task.branch == REFRACTED && !picture->clear) || (task.branch == PASSING && !picture->pass))
+            continue;
         uint32_t num_rays = 0;
         if (!begin_branch(clear, picture, &task, error) || !count_rays(clear, &num_rays, error))
             return false;
@@ -529,5 +581,8 @@ bool karst_clear_trace(karst_clear *clear, const karst_clear_picture *picture, b
                 return false;
         }
     }
+    karst_buffer *lacked = clear->lacked;
+    clear->lacked = clear->lacking;
+    clear->lacking = lacked;
     return true;
 }

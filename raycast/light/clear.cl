@@ -7,6 +7,7 @@
 #include "raycast/shadow_shared.h"
 #include "raycast/light/blocks.clh"
 #include "raycast/light/choice.clh"
+#include "raycast/light/clear_rays.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/through.clh"
 #include "world.clh"
@@ -29,6 +30,21 @@
 #define MET_OUTPUT
 #define MET
 #define EYE_IS_IN(task) 0
+#endif
+
+/* With CLEAR_PASSES land lets light pass: shares of it, by ray. */
+#ifdef CLEAR_PASSES
+#define PASS_PARAMETERS , K_GLOBAL const float *passing
+#define PASSING , passing
+#define OF_BRANCH_2(task) ((task)->branch == 2u)
+#define SHARE_PLANE(task) (OF_BRANCH_2(task) ? KARST_RADIANCE_PASS_PLANE : KARST_RADIANCE_MIRROR_PLANE)
+#define GOES_THROUGH(e) ((e)->passes)
+#else
+#define PASS_PARAMETERS
+#define PASSING
+#define OF_BRANCH_2(task) 0
+#define SHARE_PLANE(task) KARST_RADIANCE_MIRROR_PLANE
+#define GOES_THROUGH(e) ((vint)(0))
 #endif
 
 /* ---- surfaces of clear matter ---- */
@@ -142,72 +158,6 @@ __kernel K_WIDE void clear_matter_of_picture(karst_pinhole pinhole, float detail
         find_matter(data, octaves, &anchor, &s, &direction, s.t, hit, found);
         store_matter(matter, plane, place, valid, found);
     }
-}
-
-/* ---- rays of a stream in lanes ---- */
-
-typedef struct {
-    vint index, valid;
-    vector3 origin, direction;
-    vfloat t_max, width, cone;
-    vint pixel;
-    colour throughput, absorption;
-    vint is_inside;
-} clear_rays;
-
-#define RAY_WORD_(word) v_gather_float(words, first + (word))
-RAY_INLINE clear_rays load_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const karst_clear_way *ways, uint lowest,
-                                uint num_rays)
-{
-    clear_rays r;
-    r.index = V_LANE + (int)lowest;
-    r.valid = v_mask(v_lt(r.index, (vint)((int)num_rays)));
-    K_GLOBAL const float *words = (K_GLOBAL const float *)(rays + lowest);
-    const vint at = v_select(r.valid, r.index - (int)lowest, (vint)(0));
-    vint first = at * (int)(sizeof(karst_ray) / sizeof(float));
-    r.origin.x = RAY_WORD_(0), r.origin.y = RAY_WORD_(1), r.origin.z = RAY_WORD_(2);
-    r.direction.x = RAY_WORD_(4), r.direction.y = RAY_WORD_(5), r.direction.z = RAY_WORD_(6);
-    r.t_max = RAY_WORD_(7), r.width = RAY_WORD_(8), r.cone = RAY_WORD_(9);
-    r.pixel = v_as_int(RAY_WORD_(10));
-    r.throughput.r = RAY_WORD_(12), r.throughput.g = RAY_WORD_(13), r.throughput.b = RAY_WORD_(14);
-    words = (K_GLOBAL const float *)(ways + lowest);
-    first = at * (int)(sizeof(karst_clear_way) / sizeof(float));
-    r.absorption.r = RAY_WORD_(0), r.absorption.g = RAY_WORD_(1), r.absorption.b = RAY_WORD_(2);
-    r.is_inside = v_mask(v_eq(v_as_int(RAY_WORD_(3)), (vint)((int)KARST_SIDE_BACK)));
-    return r;
-}
-
-/* Stores the lanes of `m`, one after the other; sides as in karst_ray and karst_clear_way. */
-RAY_INLINE void store_rays(K_GLOBAL karst_ray *out, K_GLOBAL karst_clear_way *ways, const clear_rays *r, vint m,
-                           vint land_side, vint clear_side)
-{
-    float words[16][LANES];
-    int bits[3][LANES];
-    const uint lanes = mask_bits(m);
-    v_store_float(r->origin.x, words[0]), v_store_float(r->origin.y, words[1]), v_store_float(r->origin.z, words[2]);
-    v_store_float(r->direction.x, words[3]), v_store_float(r->direction.y, words[4]);
-    v_store_float(r->direction.z, words[5]), v_store_float(r->t_max, words[6]), v_store_float(r->width, words[7]);
-    v_store_float(r->cone, words[8]), v_store_float(r->throughput.r, words[9]);
-    v_store_float(r->throughput.g, words[10]), v_store_float(r->throughput.b, words[11]);
-    v_store_float(r->absorption.r, words[12]), v_store_float(r->absorption.g, words[13]);
-    v_store_float(r->absorption.b, words[14]);
-    v_store_int(r->pixel, bits[0]), v_store_int(land_side, bits[1]), v_store_int(clear_side, bits[2]);
-    for (int l = 0; l < LANES; l++)
-        if (lanes >> l & 1u) {
-            const karst_ray ray = {{words[0][l], words[1][l], words[2][l]},
-                                   0.0f,
-                                   {words[3][l], words[4][l], words[5][l]},
-                                   words[6][l],
-                                   words[7][l],
-                                   words[8][l],
-                                   (uint)bits[0][l],
-                                   (uint)bits[1][l],
-                                   {words[9][l], words[10][l], words[11][l]},
-                                   0};
-            const karst_clear_way way = {{words[12][l], words[13][l], words[14][l]}, (uint)bits[2][l]};
-            *out++ = ray;
-            *ways++ = way;
-        }
 }
 
 /* Of a stream's surfaces. */
@@ -357,7 +307,8 @@ typedef struct {
 
 RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pinhole *pinhole,
                                    K_GLOBAL const float *parts, K_GLOBAL const karst_hit *hits,
-                                   K_GLOBAL const karst_hit *over_hits, uint block, uint item)
+                                   K_GLOBAL const karst_hit *over_hits, K_GLOBAL const uint *lacking, uint block,
+                                   uint item)
 {
     first_pixels p;
     const size_t plane = (size_t)pinhole->width_px * (size_t)pinhole->height_px;
@@ -366,8 +317,10 @@ RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pin
     if (!v_any(valid))
         return p;
     p.order = packet_order(p.x, p.y, pinhole->width_px, pinhole->height_px);
-    p.share = load_ordered(parts + KARST_RADIANCE_MIRROR_PLANE * plane, p.order, valid);
+    p.share = load_ordered(parts + SHARE_PLANE(task) * plane, p.order, valid);
     p.m = valid & v_gt(p.share, (vfloat)(0.0f));
+    if (task->only_lacking)
+        p.m &= v_mask(v_ne(v_as_int(load_ordered((K_GLOBAL const float *)lacking, p.order, valid)), (vint)(0)));
     if (!v_any(p.m))
         return p;
     p.direction = pinhole_direction(pinhole, p.x, p.y);
@@ -375,20 +328,20 @@ RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pin
     p.over = load_surface(over_hits, p.order, valid, &p.direction, 0.0f, 0.0f);
     p.clear = EYE_IS_IN(task) ? p.m : p.m & ends_in_clear(task, &p.land, &p.over);
     if (task->branch)
-        p.m = EYE_IS_IN(task) ? (vint)(0) : p.clear;
+        p.m = EYE_IS_IN(task) ? (vint)(0) : OF_BRANCH_2(task) ? p.m & ~p.clear : p.clear;
     return p;
 }
 
 __kernel K_WIDE void clear_count_first(karst_clear_task task, karst_pinhole pinhole, K_GLOBAL const float *parts,
                                        K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
-                                       K_GLOBAL uint *counts, uint num_blocks)
+                                       K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL const uint *lacking)
 {
     const uint block = (uint)get_global_id(0);
     if (block >= num_blocks)
         return;
     uint num = 0;
     for (uint i = 0; i < BLOCK_ITEMS; i++) {
-        const first_pixels p = load_first(&task, &pinhole, parts, hits, over_hits, block, i);
+        const first_pixels p = load_first(&task, &pinhole, parts, hits, over_hits, lacking, block, i);
         num += (uint)count_lanes(p.m);
     }
     counts[block] = num;
@@ -430,11 +383,38 @@ RAY_INLINE vector3 select_vector(vint m, const vector3 *a, const vector3 *b)
 
 #define SIDES(m, a, b) v_select(m, (vint)((int)(a)), (vint)((int)(b)))
 
+#ifdef CLEAR_PASSES
+/* Rays that go on straight behind land, in it at first, as they came: into clear matter, if they are not in it, as soon
+ * as there is some. */
+RAY_INLINE void store_passing(const karst_clear_task *task, const karst_pinhole *pinhole, const first_pixels *p,
+                              K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways)
+{
+    const vfloat t = p->land.t, scale = task->adds_nothing ? (vfloat)(0.0f) : p->share;
+    const colour own = own_absorption(task);
+    clear_rays r;
+    r.direction = p->direction;
+    r.origin.x = p->direction.x * t, r.origin.y = p->direction.y * t, r.origin.z = p->direction.z * t;
+    r.t_max = to_sphere(&r.origin, &r.direction, task->t_max);
+    r.width = lane_max(t * pinhole->cone, v_as_float((p->land.level + 127) << 23) * (vfloat)(1.0001f / task->detail));
+    r.cone = (vfloat)(pinhole->cone);
+    r.pixel = p->y << 16 | p->x;
+    r.throughput.r = r.throughput.g = r.throughput.b = scale;
+    r.absorption = own;
+    if (task->is_inside) {
+        r.throughput.r *= left_after(own.r, t), r.throughput.g *= left_after(own.g, t);
+        r.throughput.b *= left_after(own.b, t);
+    }
+    store_rays(rays, ways, &r, p->m, (vint)((int)KARST_SIDE_BACK),
+               (vint)((int)(task->is_inside ? KARST_SIDE_BACK : KARST_SIDE_ANY)));
+}
+#endif
+
 /* Makes the rays of a branch: one work-item for each block. */
 __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
                                  K_GLOBAL const karst_hit *over_hits, K_GLOBAL const float *matter,
                                  K_GLOBAL const float *parts, K_GLOBAL const uint *begins, uint num_blocks,
-                                 K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways MET_OUTPUT)
+                                 K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways,
+                                 K_GLOBAL const uint *lacking MET_OUTPUT)
 {
     const uint block = (uint)get_global_id(0);
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
@@ -444,9 +424,20 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
         return;
     uint begin = begins[block];
     for (uint i = 0; i < BLOCK_ITEMS; i++) {
-        const first_pixels p = load_first(&task, &pinhole, parts, hits, over_hits, block, i);
+        const first_pixels p = load_first(&task, &pinhole, parts, hits, over_hits, lacking, block, i);
         if (!v_any(p.m))
             continue;
+#ifdef CLEAR_PASSES
+        if (OF_BRANCH_2(&task)) {
+#ifdef CLEAR_BENDS
+            for (uint l = 0; l < (uint)count_lanes(p.m); l++)
+                next_met[begin + l] = 1;
+#endif
+            store_passing(&task, &pinhole, &p, rays + begin, ways + begin);
+            begin += (uint)count_lanes(p.m);
+            continue;
+        }
+#endif
         const vint clear = p.clear;
         const vfloat t = v_select(clear, p.over.t, p.land.t);
         const vector3 of_clear = turned_to(inside, &p.over.normal), n = select_vector(clear, &of_clear, &p.land.normal);
@@ -517,13 +508,17 @@ __kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *way
 typedef struct {
     surface_hits land, over;
     vint clear, on;
+#ifdef CLEAR_PASSES
+    vint passes; /* on land that lets light pass; of `on`, those that do so */
+    vfloat share;
+#endif
 #ifdef CLEAR_BENDS
     vint met;
 #endif
 } stream_ends;
 
 RAY_INLINE stream_ends ends_of(const karst_clear_task *task, const clear_rays *r, K_GLOBAL const karst_hit *hits,
-                               K_GLOBAL const karst_hit *over_hits MET_PARAMETERS)
+                               K_GLOBAL const karst_hit *over_hits PASS_PARAMETERS MET_PARAMETERS)
 {
     stream_ends e;
     e.land = load_surface(hits, r->index, r->valid, &r->direction, 0.0f, 0.0f);
@@ -538,13 +533,35 @@ RAY_INLINE stream_ends ends_of(const karst_clear_task *task, const clear_rays *r
 #endif
     if (task->is_sure)
         e.on &= v_mask(v_eq(e.over.kind, (vint)((int)KARST_HIT_SURFACE)));
+#ifdef CLEAR_PASSES
+    e.share = load_ordered(passing, r->index, r->valid);
+    e.passes = is_hit(&e.land) & ~e.clear & r->valid & v_mask(v_gt(e.share, (vfloat)(0.0f)));
+    vint through = e.passes;
+    if (task->is_sure)
+        through &= v_mask(v_eq(e.land.kind, (vint)((int)KARST_HIT_SURFACE)));
+#ifdef CLEAR_BENDS
+    e.on |= through & v_mask(v_lt(e.met, (vint)((int)most_met)));
+#else
+    e.on |= task->is_last ? (vint)(0) : through;
+#endif
+#endif
     return e;
+}
+
+/* Rays that met what is missing, or stands in for it; of those that are to be sure that is as if it were proven. */
+RAY_INLINE vint lacks_something(const stream_ends *e)
+{
+    const vint land = v_mask(v_eq(e->land.kind, (vint)((int)KARST_HIT_PROVISIONAL))) |
+                      v_mask(v_eq(e->land.kind, (vint)((int)KARST_HIT_SOLID))),
+               over = v_mask(v_eq(e->over.kind, (vint)((int)KARST_HIT_PROVISIONAL))) |
+                      v_mask(v_eq(e->over.kind, (vint)((int)KARST_HIT_SOLID)));
+    return land | over | v_mask(v_ne((e->land.word | e->over.word) & (int)KARST_HIT_INCOMPLETE, (vint)(0)));
 }
 
 __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const karst_ray *rays,
                                       K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *count,
                                       K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
-                                      K_GLOBAL uint *counts, uint num_blocks MET_PARAMETERS)
+                                      K_GLOBAL uint *counts, uint num_blocks PASS_PARAMETERS MET_PARAMETERS)
 {
     const uint block = (uint)get_global_id(0), num_rays = *count;
     if (block >= num_blocks)
@@ -552,7 +569,7 @@ __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const kars
     uint num = 0;
     for (uint lowest = block * BLOCK_RAYS; lowest < (block + 1) * BLOCK_RAYS && lowest < num_rays; lowest += LANES) {
         const clear_rays r = load_rays(rays, ways, lowest, num_rays);
-        num += (uint)count_lanes(ends_of(&task, &r, hits, over_hits MET).on);
+        num += (uint)count_lanes(ends_of(&task, &r, hits, over_hits PASSING MET).on);
     }
     counts[block] = num;
 }
@@ -564,7 +581,8 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
                                 K_GLOBAL const karst_hit *over_hits, K_GLOBAL const float *matter,
                                 K_GLOBAL const uint *begins, uint num_blocks, K_GLOBAL karst_ray *next,
                                 K_GLOBAL karst_clear_way *next_ways, K_GLOBAL float *shadow_rays, uint room,
-                                K_GLOBAL uint *counters MET_PARAMETERS MET_OUTPUT)
+                                K_GLOBAL uint *counters, K_GLOBAL uint *lacking PASS_PARAMETERS MET_PARAMETERS
+                                    MET_OUTPUT)
 {
     const uint block = (uint)get_global_id(0), num_rays = *count;
     const vfloat one = (vfloat)(1.0f), zero = (vfloat)(0.0f);
@@ -575,7 +593,8 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
     uint begin = begins[block], num_cut = 0, num_provisional = 0;
     for (uint lowest = block * BLOCK_RAYS; lowest < (block + 1) * BLOCK_RAYS && lowest < num_rays; lowest += LANES) {
         const clear_rays r = load_rays(rays, ways, lowest, num_rays);
-        const stream_ends e = ends_of(&task, &r, hits, over_hits MET);
+        const stream_ends e = ends_of(&task, &r, hits, over_hits PASSING MET);
+        const vint through = e.on & GOES_THROUGH(&e), turned = e.on & ~through;
         const vfloat t = v_select(e.clear, e.over.t, e.land.t);
         clear_rays to = r;
         to.throughput.r *= v_select(r.is_inside, left_after(r.absorption.r, t), one);
@@ -587,11 +606,16 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         vint gone = e.clear;
         if (task.is_sure)
             gone |= v_mask(v_eq(e.land.kind, (vint)((int)KARST_HIT_SOLID)));
-        v_store_float(v_select(e.on, zero, to.throughput.r), left[0]);
-        v_store_float(v_select(e.on, zero, to.throughput.g), left[1]);
-        v_store_float(v_select(e.on, zero, to.throughput.b), left[2]);
+        v_store_float(v_select(turned, zero, to.throughput.r), left[0]);
+        v_store_float(v_select(turned, zero, to.throughput.g), left[1]);
+        v_store_float(v_select(turned, zero, to.throughput.b), left[2]);
         v_store_int(v_select(gone, e.land.word & ~0xff, e.land.word), kinds);
+        int places[LANES];
+        const uint lacks = mask_bits(lacks_something(&e) & r.valid);
+        v_store_int(packet_order(r.pixel & 0xffff, r.pixel >> 16, task.width_px, task.height_px), places);
         for (uint l = 0; l < LANES && lowest + l < num_rays; l++) {
+            if (lacks >> l & 1u)
+                lacking[places[l]] = 1u;
             for (int c = 0; c < 3; c++)
                 rays[lowest + l].throughput[c] = left[c][l];
             hits[lowest + l].kind = (uint)kinds[l];
@@ -599,10 +623,10 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         num_provisional +=
             (uint)count_lanes(e.clear & v_mask(v_eq(e.over.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
 #ifdef CLEAR_BENDS
-        num_cut += (uint)count_lanes(e.clear & v_mask(v_ge(e.met, (vint)((int)most_met))));
+        num_cut += (uint)count_lanes((e.clear | GOES_THROUGH(&e)) & v_mask(v_ge(e.met, (vint)((int)most_met))));
 #else
         if (task.is_last)
-            num_cut += (uint)count_lanes(e.clear);
+            num_cut += (uint)count_lanes(e.clear | GOES_THROUGH(&e));
 #endif
         if (!v_any(e.on))
             continue;
@@ -618,12 +642,18 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         const vector3 reflected = dielectric_reflected(&d, &r.direction, &n),
                       refracted = dielectric_refracted(&d, &r.direction, &n);
         to.direction = select_vector(back, &reflected, &refracted);
+#ifdef CLEAR_PASSES
+        to.direction = select_vector(through, &r.direction, &to.direction);
+        const vfloat share = v_select(through, e.share, one);
+        to.throughput.r *= share, to.throughput.g *= share, to.throughput.b *= share;
+#endif
         to.origin.x = k_fma(r.direction.x, t, r.origin.x), to.origin.y = k_fma(r.direction.y, t, r.origin.y);
         to.origin.z = k_fma(r.direction.z, t, r.origin.z);
         to.t_max = to_sphere(&to.origin, &to.direction, task.t_max);
         to.width = lane_max(k_fma(t, r.cone, r.width),
-                            v_as_float((e.over.level + 127) << 23) * (vfloat)(1.0001f / task.detail));
-        const vint stays = v_select(back, r.is_inside, ~r.is_inside);
+                            v_as_float((v_select(through, e.land.level, e.over.level) + 127) << 23) *
+                                (vfloat)(1.0001f / task.detail));
+        const vint stays = v_select(back | through, r.is_inside, ~r.is_inside);
         const vfloat voxel_m = (vfloat)(task.voxel_m);
         const colour there = {load_ordered(matter + room, r.index, r.valid) * voxel_m,
                               load_ordered(matter + 2 * (size_t)room, r.index, r.valid) * voxel_m,
@@ -631,8 +661,8 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         to.absorption.r = v_select(stays, v_select(r.is_inside, r.absorption.r, there.r), zero);
         to.absorption.g = v_select(stays, v_select(r.is_inside, r.absorption.g, there.g), zero);
         to.absorption.b = v_select(stays, v_select(r.is_inside, r.absorption.b, there.b), zero);
-        store_rays(next + begin, next_ways + begin, &to, e.on, (vint)((int)KARST_SIDE_ANY),
-                   SIDES(stays, KARST_SIDE_BACK, KARST_SIDE_FRONT));
+        store_rays(next + begin, next_ways + begin, &to, e.on, SIDES(through, KARST_SIDE_BACK, KARST_SIDE_ANY),
+                   v_select(stays, (vint)((int)KARST_SIDE_BACK), SIDES(through, KARST_SIDE_ANY, KARST_SIDE_FRONT)));
 #ifdef CLEAR_BENDS
         int mets[LANES];
         pack_int(mets, e.met + 1, mask_bits(e.on));

@@ -13,6 +13,9 @@
  * Surfaces and normals are those of the true density where its gradient is at hand (raycast/cast/refine.h): what 16
  * bits leave of a brick's would turn rays by 3e-4 rad, and more at coarse levels.
  *
+ * Land that lets light pass (raycast/light/pass.h) makes a third branch of what lies straight behind the first surface;
+ * at later ones the share that passes goes on, and the rest of the ray ends there.
+ *
  * What is approximate: without photons (raycast/light/photons.h) the sun reaches what lies in or behind clear matter
  * straight, as if that were not there; haze is taken to lie in clear matter, too, between the surfaces that rays meet
  * there; rays that are cut off see the sky.
@@ -25,15 +28,22 @@
 #include "raycast/light/bend.h"
 #include "raycast/light/bounce.h"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/pass.h"
 
 typedef struct karst_clear karst_clear;
 typedef struct karst_clear_shader karst_clear_shader;
 
+/* What clear shaders are built for: an atmosphere, as KARST_SHADE_ATMOSPHERE; an index that varies inside, whose
+ * pictures come with a bender; land that lets light pass, whose pictures come with a pass. */
+#define KARST_CLEAR_ATMOSPHERE 1u
+#define KARST_CLEAR_BENDS 2u
+#define KARST_CLEAR_PASSES 4u
+
 /* What runs at the surfaces of a world's clear matter: `surface` is as for shaders, with WORLD_OUTPUT_IOR and
- * WORLD_OUTPUT_ABSORPTION (per metre) where its text says them; NULL: ior 1.33, no absorption. atmosphere: as
- * KARST_SHADE_ATMOSPHERE. bends: the index varies inside; pictures then come with a bender. Errors: KARST_FAILED. */
-karst_clear_shader *karst_clear_shader_create(karst_context *context, bool atmosphere, bool bends,
-                                              const karst_shade_colour *surface, karst_error *error);
+ * WORLD_OUTPUT_ABSORPTION (per metre) where its text says them; NULL: ior 1.33, no absorption. ways: KARST_CLEAR_*.
+ * Errors: KARST_FAILED. */
+karst_clear_shader *karst_clear_shader_create(karst_context *context, unsigned ways, const karst_shade_colour *surface,
+                                              karst_error *error);
 void karst_clear_shader_destroy(karst_clear_shader *shader); /* NULL is fine */
 /* As of karst_shader. */
 void karst_clear_shader_set_anchor(karst_clear_shader *shader, const karst_position *anchor);
@@ -77,6 +87,9 @@ typedef struct {
     uint32_t bounces; /* surfaces of clear matter that a ray may meet after its first; 1 at least */
     karst_buffer *hits, *parts, *shadow_rays; /* as of karst_shade_pixels; the last NULL without a sun */
     karst_buffer *counters;                   /* up to KARST_CLEAR_COUNT_CUT */
+    const karst_pass_picture *pass; /* with a shader for land that lets light pass; else NULL */
+    /* Of karst_clear_trace: only pixels whose rays met a stand-in, or what is missing, when it followed some last. */
+    bool only_lacking;
     bool has_caustics; /* the sun does not shine through clear matter: photons bring its light */
     /* What lies before what the rays of a stream see that was cast: called before it is shaded, to change throughput
      * and parts; not where the index varies, since rays are bent there. NULL: nothing. */

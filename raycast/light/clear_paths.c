@@ -199,12 +199,20 @@ bool karst_clear_paths_cast(karst_clear_paths *paths, const karst_clear_path_str
                                                        paths->room, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
     const cl_mem land = bends || !land_hits ? stream->hits->mem : land_hits->mem;
+    const cl_mem collisions = stream->media ? stream->to_media->collisions->mem : NULL;
+    if (found && stream->media) {
+        stream->to_media->hits = bends || !land_hits ? stream->hits : land_hits;
+        stream->to_media->over_hits = paths->over_hits;
+        stream->to_media->ways = paths->ways;
+        if (!stream->media->meet(stream->media->user, stream->to_media, error))
+            return false;
+    }
     return found &&
            KARST_ARGUMENTS(paths->kernels[END], error, KARST_VALUE_ARG(stream->task), KARST_BUFFER_ARG(stream->rays),
                            KARST_BUFFER_ARG(paths->ways), KARST_BUFFER_ARG(paths->trails),
                            KARST_BUFFER_ARG(stream->count), KARST_VALUE_ARG(land), KARST_BUFFER_ARG(paths->over_hits),
-                           KARST_BUFFER_ARG(stream->lamps), KARST_BUFFER_ARG(stream->hits),
-                           KARST_BUFFER_ARG(stream->parts)) &&
+                           KARST_BUFFER_ARG(stream->lamps), KARST_VALUE_ARG(collisions),
+                           KARST_BUFFER_ARG(stream->hits), KARST_BUFFER_ARG(stream->parts)) &&
            launch(paths, END, stream->max_rays, error);
 }
 

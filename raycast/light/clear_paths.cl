@@ -110,12 +110,14 @@ RAY_INLINE void add_lamps(const karst_clear_path_task *task, const karst_ray *ra
         at[(size_t)c * plane] += sum[c];
 }
 
-/* The nearer of each ray's two hits; over_hits: in clear matter. */
+/* The nearer of each ray's two hits; over_hits: in clear matter. Rays that collide with a medium before (collisions; 0:
+ * there is none) end there: what they come with is the collision's, and they bring nothing from what is behind. */
 __kernel void clear_paths_end(karst_clear_path_task task, K_GLOBAL karst_ray *rays,
                               K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *trails,
                               K_GLOBAL const uint *count, K_GLOBAL const karst_hit *land_hits,
                               K_GLOBAL const karst_hit *over_hits, K_GLOBAL const karst_lamp *lamps,
-                              K_GLOBAL karst_hit *hits, K_GLOBAL float *parts)
+                              K_GLOBAL karst_path_collision *collisions, K_GLOBAL karst_hit *hits,
+                              K_GLOBAL float *parts)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
@@ -130,11 +132,20 @@ __kernel void clear_paths_end(karst_clear_path_task task, K_GLOBAL karst_ray *ra
         hit.kind |= lacks | KARST_PATH_HIT_CLEAR;
         hit.brick = hit.place = hit.node = 0; /* of the land's pools it is none */
     }
+    const int collides = collisions && collisions[i].t < KARST_PATH_GOES_BY;
+    if (collides) {
+        hit.t = collisions[i].t;
+        hit.kind &= ~KARST_PATH_HIT_CLEAR;
+    }
     if (trails[i] == KARST_PATH_CROSSED && !task.again)
-        add_lamps(&task, &ray, &way, hit.t, !on_something(hit.kind), lamps, parts);
-    if (way.side == KARST_SIDE_BACK)
-        for (int c = 0; c < 3; c++)
-            rays[i].throughput[c] = ray.throughput[c] * left_after(way.absorption[c], hit.t);
+        add_lamps(&task, &ray, &way, hit.t, !collides && !on_something(hit.kind), lamps, parts);
+    for (int c = 0; c < 3; c++) {
+        const float left = way.side == KARST_SIDE_BACK ? left_after(way.absorption[c], hit.t) : 1.0f;
+        if (collides)
+            collisions[i].throughput[c] *= left;
+        if (collides || way.side == KARST_SIDE_BACK)
+            rays[i].throughput[c] = collides ? 0.0f : ray.throughput[c] * left;
+    }
     hits[i] = hit;
 }
 
@@ -224,7 +235,8 @@ __kernel void clear_paths_go_on(karst_clear_path_task task, K_GLOBAL const karst
         next[i] = out;
     } else if (out.t_max > 0.0f) {
         way.side = inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
-        trail = out.pixel & KARST_PATH_SEES_SUN ? KARST_PATH_LOOKED_FOR_NONE : KARST_PATH_LOOKED;
+        if (out.side != KARST_SIDE_BACK) /* one that passes land knows what it knew */
+            trail = task.from_starts || (out.pixel & KARST_PATH_SEES_SUN) ? KARST_PATH_LOOKED_FOR_NONE : KARST_PATH_LOOKED;
     }
     next_ways[i] = way;
     next_trails[i] = trail | (clear ? KARST_PATH_FROM_CLEAR : 0u);

@@ -17,6 +17,7 @@
 
 #include "raycast/light/clear.h"
 #include "raycast/light/clear_paths_shared.h"
+#include "raycast/light/path_media.h"
 
 typedef struct karst_clear_paths karst_clear_paths;
 
@@ -51,6 +52,8 @@ typedef struct {
     karst_buffer *parts, *counters;
     uint32_t max_rays, max_bounces;
     karst_clear_path_task task;
+    const karst_path_media *media; /* NULL: none. What to_media lacks of hits and ways is filled in */
+    karst_path_media_stream *to_media;
 } karst_clear_path_stream;
 /* The task of a picture's first generation; num_lamps and the flags are the caller's to set. */
 karst_clear_path_task karst_clear_paths_task(const karst_path_clear *clear, const karst_cast_view *view,

@@ -28,7 +28,7 @@ typedef struct {
     uint is_sure; /* rays go on only from what lacks nothing */
     uint again;   /* no light is added, and nothing is counted */
     uint num_lamps;
-    uint pad;
+    uint from_starts; /* rays leave where light is looked for: lamps through clear matter are not part of it */
 } karst_clear_path_task;
 K_ASSERT_SIZE(karst_clear_path_task, 72);
 

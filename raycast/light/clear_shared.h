@@ -23,14 +23,15 @@ typedef struct {
     uint sample;  /* of the pixels; 0: their centres, whose rays take the larger share of what a surface parts */
     int width_px, height_px;
     int x0_px, y0_px;
-    uint branch; /* 0: what the first surface reflects (or land mirrors); 1: what it refracts */
+    uint branch; /* 0: what the first surface reflects (or land mirrors); 1: what it refracts; 2: what land lets pass */
     uint bounce; /* surfaces that the stream's rays have met */
     uint is_last; /* those that meet one more are cut off */
     uint is_sure; /* rays go on only from what lacks nothing */
     uint adds_nothing; /* cast for what they ask for: no light of theirs is wanted */
     uint has_clear;    /* there is clear matter; else only what land mirrors is followed */
+    uint only_lacking; /* rays begin only where those that were followed last lacked something */
 } karst_clear_task;
-K_ASSERT_SIZE(karst_clear_task, 72);
+K_ASSERT_SIZE(karst_clear_task, 76);
 
 /* Where counters of rays followed, of rays cut off, and of hits on stand-ins stand. */
 #define KARST_CLEAR_COUNT_RAYS 9

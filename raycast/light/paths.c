@@ -20,9 +20,11 @@ struct karst_paths {
     karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
     karst_buffer *total[2]; /* rays in the stream, and in the next one, by turns */
     karst_clear_paths *clear; /* NULL: paths go through no clear matter */
+    bool has_media;
+    karst_buffer *collisions; /* NULL without media */
 };
 
-karst_paths *karst_paths_create(karst_context *context, bool clear, karst_error *error)
+karst_paths *karst_paths_create(karst_context *context, bool clear, bool media, karst_error *error)
 {
     karst_paths *paths = calloc(1, sizeof *paths);
     if (!paths) {
@@ -30,6 +32,7 @@ karst_paths *karst_paths_create(karst_context *context, bool clear, karst_error 
         return NULL;
     }
     paths->context = context;
+    paths->has_media = media;
     paths->lamps = karst_buffer_create(context, "stream", KARST_MOST_LAMPS * sizeof(karst_lamp), NULL, error);
     for (int i = 0; i < 2 && paths->lamps; i++)
         paths->total[i] = karst_buffer_create(context, "stream", sizeof(uint32_t), NULL, error);
@@ -59,8 +62,8 @@ karst_paths *karst_paths_create(karst_context *context, bool clear, karst_error 
 
 static void free_room(karst_paths *paths)
 {
-    karst_buffer **buffers[] = {&paths->rays, &paths->next,   &paths->to_lamps,
-                                &paths->hits, &paths->counts, &paths->shining};
+    karst_buffer **buffers[] = {&paths->rays,   &paths->next,    &paths->to_lamps,  &paths->hits,
+                                &paths->counts, &paths->shining, &paths->collisions};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
         *buffers[i] = NULL;
@@ -92,10 +95,13 @@ static size_t padded(size_t num_pixels)
     return (num < KARST_MOST_LAMPS ? KARST_MOST_LAMPS : num) * PADDING_RAYS;
 }
 
-double karst_paths_bytes(size_t num_pixels, bool clear)
+uint32_t karst_paths_room(size_t num_pixels) { return (uint32_t)padded(num_pixels); }
+
+double karst_paths_bytes(size_t num_pixels, bool clear, bool media)
 {
     return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t) +
-                                                 (clear ? karst_clear_paths_ray_bytes() : 0));
+                                                 (clear ? karst_clear_paths_ray_bytes() : 0) +
+                                                 (media ? sizeof(karst_path_collision) : 0));
 }
 
 bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error)
@@ -111,6 +117,10 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
     paths->counts = karst_buffer_create_blank(context, "stream", paths->num_blocks * sizeof(uint32_t), error);
     paths->shining = karst_buffer_create_blank(context, "stream",
                                                paths->room / (uint32_t)context->lanes * sizeof(uint32_t), error);
+    if (paths->has_media &&
+        !(paths->collisions =
+              karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_path_collision), error)))
+        return false;
     return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts && paths->shining &&
            (!paths->clear || karst_clear_paths_set_room(paths->clear, paths->room, error));
 }
@@ -129,11 +139,13 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
 static bool begin(karst_paths *paths, const karst_path_picture *picture, bool keeps_parts, karst_error *error)
 {
     const cl_uint keep = keeps_parts;
-    const karst_pinhole *pinhole = picture->pinhole;
-    const size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
-                 down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+    karst_pinhole pinhole = *picture->pinhole;
+    const size_t across = ((size_t)pinhole.width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
+                 down = ((size_t)pinhole.height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)paths->context->lanes;
-    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(*pinhole), KARST_BUFFER_ARG(paths->rays),
+    if (picture->starts)
+        pinhole.sample = 0;
+    return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(pinhole), KARST_BUFFER_ARG(paths->rays),
                            KARST_BUFFER_ARG(picture->parts), KARST_VALUE_ARG(keep),
                            KARST_BUFFER_ARG(paths->total[0])) &&
            karst_launch(paths->context, paths->begin, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
@@ -159,15 +171,26 @@ static bool hide_lamps(karst_paths *paths, const karst_path_picture *picture, ka
                        karst_launch(paths->context, paths->hide, KARST_STAGE_SHADE, num, GPU_LOCAL_SIZE, error)));
 }
 
+/* Marks those of the rays to lamps that bring no light; what passes land on the way is what is left of others'. */
+static bool cast_to_lamps(karst_paths *paths, const karst_path_picture *picture, karst_buffer *rays,
+                          const karst_buffer *count, uint32_t num, karst_error *error)
+{
+    karst_buffer *marks = picture->again ? NULL : paths->hits;
+    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
+    const bool cast = picture->pass.pass ? karst_pass_to_lamps(&picture->pass, rays, count, num, error) &&
+                                          (!marks || karst_buffer_fill(marks, 0, 0, num * sizeof(uint32_t), error))
+                                    : karst_cast_stream_marks(picture->caster, picture->view, rays, num, count, marks,
+                                                              error);
+    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    return cast;
+}
+
 /* The light of lamps that the generation's rays to them reach. */
 static bool add_lamps(karst_paths *paths, const karst_path_picture *picture, const karst_buffer *count, uint32_t num,
                       karst_error *error)
 {
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
-    karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast = karst_cast_stream_marks(picture->caster, picture->view, paths->to_lamps, num, count,
-                                              picture->again ? NULL : paths->hits, error);
-    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = cast_to_lamps(paths, picture, paths->to_lamps, count, num, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -199,12 +222,13 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
                          KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(all), KARST_BUFFER_ARG(paths->next)) ||
         !launch_blocks(paths, paths->pack_lit, all, error))
         return false;
+    const karst_path_media *media = picture->media;
+    if (media && !media->dim(media->user, paths->next, total, all * BLOCK_RAYS, error))
+        return false;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool cast =
-        (!picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error)) &&
-        karst_cast_stream_marks(picture->caster, picture->view, paths->next, all * BLOCK_RAYS, total,
-                                picture->again ? NULL : paths->hits, error);
+    const bool is_seen = !picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+    const bool cast = is_seen && cast_to_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add_lit, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -234,19 +258,27 @@ static bool pack(karst_paths *paths, const karst_path_picture *picture, const ka
                           launch_blocks(paths, paths->pack, blocks, error));
 }
 
-/* Where the rays of a generation end: those of the first ended where the picture's hits say. */
+/* Where the rays of a generation end: those of the first ended where the picture's hits say. media: what they may
+ * collide with before, and what of them that takes. */
 static bool cast(karst_paths *paths, const karst_path_picture *picture, const karst_clear_path_stream *through,
-                 const karst_buffer *count, uint32_t num, bool is_first, karst_error *error)
+                 const karst_path_media *media, const karst_path_media_stream *to_media, bool is_first,
+                 karst_error *error)
 {
+    if (picture->pass.pass && !is_first &&
+        !karst_pass_leave(&picture->pass, paths->rays, to_media->count, to_media->max_rays, error))
+        return false;
     if (through)
         return (!is_first || karst_clear_paths_begin(paths->clear, through, error)) &&
                karst_clear_paths_cast(paths->clear, through, is_first ? picture->hits : NULL, error);
-    if (is_first)
-        return true;
-    karst_profile_set_stream(paths->context, KARST_STREAM_MIRROR);
-    const bool done = karst_cast_stream(picture->caster, picture->view, paths->rays, num, count, paths->hits, error);
-    karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
-    return done;
+    if (!is_first) {
+        karst_profile_set_stream(paths->context, KARST_STREAM_MIRROR);
+        const bool done = karst_cast_stream(picture->caster, picture->view, paths->rays, to_media->max_rays,
+                                            to_media->count, paths->hits, error);
+        karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
+        if (!done)
+            return false;
+    }
+    return !media || media->meet(media->user, to_media, error);
 }
 
 bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
@@ -255,6 +287,7 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
     karst_path_task task = {.sample = picture->pinhole->sample ? picture->pinhole->sample : 1,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again};
     const bool has_clear = picture->clear && paths->clear;
     karst_clear_path_stream clear = {.clear = picture->clear,
@@ -268,6 +301,15 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
                                      .counters = picture->counters,
                                      .max_bounces = max_bounces};
     const karst_clear_path_stream *through = has_clear ? &clear : NULL;
+    const karst_path_media *media = paths->has_media ? picture->media : NULL;
+    karst_path_media_stream to_media = {.rays = paths->rays,
+                                        .collisions = paths->collisions,
+                                        .next = paths->next,
+                                        .to_lamps = paths->to_lamps,
+                                        .lamps = paths->lamps,
+                                        .parts = picture->parts};
+    clear.media = media;
+    clear.to_media = &to_media;
     uint32_t left = num_pixels;
     if (num_pixels > paths->room)
         return karst_fail(error, KARST_FAILED, "there is no room for the paths of %u pixels", num_pixels);
@@ -275,10 +317,10 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         return false;
     if (through)
         clear.task = karst_clear_paths_task(picture->clear, picture->view, picture->pinhole);
-    clear.task.num_lamps = paths->num_lamps;
     clear.task.again = picture->again;
     for (uint32_t bounce = 0; bounce <= max_bounces && left; bounce++) {
         karst_buffer *count = paths->total[bounce % 2], *next_count = paths->total[(bounce + 1) % 2];
+        const bool starts = picture->starts && bounce == 0; /* no light falls yet: the eye's rays only find surfaces */
         const karst_path_streams streams = {.rays = paths->rays,
                                             .count = count,
                                             .hits = bounce || through ? paths->hits : picture->hits,
@@ -289,13 +331,23 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         clear.count = count;
         clear.max_rays = left;
         task.bounce = clear.task.bounce = bounce;
-        task.is_last = clear.task.is_last = bounce == max_bounces;
-        if (!cast(paths, picture, through, count, left, bounce == 0, error) ||
+        clear.task.is_last = bounce == max_bounces;
+        clear.task.from_starts = starts;
+        task.is_last = starts || clear.task.is_last;
+        task.num_lamps = clear.task.num_lamps = starts ? 0 : paths->num_lamps;
+        to_media.count = count;
+        to_media.max_rays = left;
+        to_media.hits = streams.hits;
+        to_media.task = task;
+        if (!cast(paths, picture, through, media, &to_media, bounce == 0, error) ||
             !karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
+            (starts && !karst_path_starts_leave(picture->starts, picture->pinhole, picture->view->detail, streams.hits,
+                                                paths->next, picture->again ? NULL : picture->parts, error)) ||
+            (media && !media->turn(media->user, &to_media, error)) ||
             (through && !karst_clear_paths_go_on(paths->clear, through, paths->next, paths->to_lamps, error)) ||
-            (paths->num_lamps && !add_lamps(paths, picture, count, left, error)) ||
-            (!task.is_last && !pack(paths, picture, through, count, next_count, left, error)) ||
+            (task.num_lamps && !add_lamps(paths, picture, count, left, error)) ||
+            (bounce < max_bounces && !pack(paths, picture, through, count, next_count, left, error)) ||
             (bounce % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
              !karst_buffer_read(next_count, 0, &left, sizeof left, error)))
             return false;
@@ -324,6 +376,7 @@ static bool add_each_lamp(karst_paths *paths, const karst_path_picture *picture,
                             .sample = picture->pinhole->sample,
                             .num_lamps = paths->num_lamps,
                             .mirrors = picture->mirrors,
+                            .passes = picture->pass.pass != NULL,
                             .again = picture->again,
                             .each_lamp = 1,
                             .strip_packets = strip_packets,
@@ -375,7 +428,11 @@ bool karst_paths_look_along_normals(karst_paths *paths, const karst_path_picture
                                         .next = paths->next,
                                         .to_lamps = paths->to_lamps};
     /* As if it were followed no further; no light is added. */
-    const karst_path_task task = {.is_last = 1, .sample = picture->pinhole->sample, .num_lamps = 1, .again = 1};
+    const karst_path_task task = {.is_last = 1,
+                                  .sample = picture->pinhole->sample,
+                                  .num_lamps = 1,
+                                  .passes = picture->pass.pass != NULL,
+                                  .again = 1};
     *stream = (karst_path_stream){paths->to_lamps, streams.count, num_pixels};
     return karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                              picture->parts, picture->counters, error);

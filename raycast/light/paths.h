@@ -12,17 +12,22 @@
 
 #include "raycast/cast/cast.h"
 #include "raycast/light/clear_paths.h"
+#include "raycast/light/pass.h"
+#include "raycast/light/path_starts.h"
+#include "raycast/light/path_media.h"
 #include "raycast/light/shade.h"
 
 typedef struct karst_paths karst_paths;
 
-/* clear: for pictures with clear matter that paths go through, too. Errors: KARST_FAILED. */
-karst_paths *karst_paths_create(karst_context *context, bool clear, karst_error *error);
+/* clear: for pictures with clear matter that paths go through, too; media: with media. Errors: KARST_FAILED. */
+karst_paths *karst_paths_create(karst_context *context, bool clear, bool media, karst_error *error);
 void karst_paths_destroy(karst_paths *paths); /* NULL is fine */
 /* Room for pictures of so many pixels. Errors: KARST_FAILED. */
 bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *error);
+/* Rays of a stream that there is room for then. Thread-safe. */
+uint32_t karst_paths_room(size_t num_pixels);
 /* What that takes. Thread-safe. */
-double karst_paths_bytes(size_t num_pixels, bool clear);
+double karst_paths_bytes(size_t num_pixels, bool clear, bool media);
 /* What shines from now on, KARST_MOST_LAMPS at most: copied. Errors: KARST_FAILED. */
 bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t num, karst_error *error);
 
@@ -38,11 +43,18 @@ typedef struct {
     karst_buffer *parts, *counters;
     bool mirrors; /* surfaces do, if they say so */
     karst_caster *over; /* of clear matter that hides lamps, as land does; NULL: none does */
+    karst_pass_picture pass; /* land lets light pass; its pass NULL: nothing does */
     const karst_path_clear *clear; /* that paths go through (shader and paths are made for it); NULL: none */
+    const karst_path_media *media; /* that they may collide with (paths are made for it), or that dims
+                                    * lamps; NULL: none */
     bool again;   /* for stamps and wishes alone: parts and counters stay as they are */
+    /* Paths start at what the hits are on, and what falls there is the light, but that of lamps: the pinhole's sample
+     * is that of the paths, and the hits are of the pixels' centres. NULL: they start at the eye. */
+    karst_path_starts *starts;
 } karst_path_picture;
 
-/* Follows one path for each pixel, sample max(1, pinhole->sample), beyond at most max_bounces surfaces, and overwrites
+/* Follows one path for each pixel, sample max(1, pinhole->sample), beyond at most max_bounces surfaces and collisions
+ * with media, and overwrites
  * the parts with its light. counters as karst_shade_paths; rays that go on are added to counters[5], those from clear
  * matter also to KARST_CLEAR_COUNT_RAYS. Waits now and then for how many do. Errors: KARST_FAILED. */
 bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces,

@@ -17,6 +17,7 @@
 #define KARST_PATH_OF_LAMP 2u
 #define KARST_PATH_OF_PICK 3u
 #define KARST_PATH_OF_GLOSS 4u
+#define KARST_PATH_OF_MEDIA 5u
 K_INLINE uint karst_path_purpose(uint bounce, uint what)
 {
     uint h = (bounce * 8u + what + 1u) * 0x9e3779b1u ^ 0x51ed270bu;
@@ -56,9 +57,16 @@ typedef struct {
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
-    uint pad;
+    uint passes;      /* 0: surfaces let nothing pass, whatever they say */
 } karst_path_task;
 K_ASSERT_SIZE(karst_path_task, 48);
+/* Where a path's ray collides with a medium, before any surface. */
+typedef struct {
+    float t; /* along the ray; KARST_PATH_GOES_BY: it does not */
+    float throughput[3]; /* that it comes there with */
+} karst_path_collision;
+K_ASSERT_SIZE(karst_path_collision, 16);
+#define KARST_PATH_GOES_BY 3.0e38f
 /* Strips whose packets are neighbours of a stream to lamps: with as many columns they are the pixels of a beam. */
 #define KARST_PATH_STRIPS 8u
 /* Of a lamp by itself, less than this at a pixel is not looked for: a third of a step of its byte. */

@@ -9,11 +9,12 @@ struct karst_radiance {
     karst_context *context;
     karst_program *program;
     cl_kernel add, meter, expose, tone;
-    bool sun, mirror;
+    bool sun;
+    unsigned num_shares;
     karst_buffer *sums, *parts, *marks, *bins, *exposure;
 };
 
-karst_radiance *karst_radiance_create(karst_context *context, bool sun, bool mirror, karst_error *error)
+karst_radiance *karst_radiance_create(karst_context *context, bool sun, unsigned num_shares, karst_error *error)
 {
     karst_radiance *radiance = calloc(1, sizeof(*radiance));
     if (!radiance) {
@@ -22,7 +23,7 @@ karst_radiance *karst_radiance_create(karst_context *context, bool sun, bool mir
     }
     radiance->context = context;
     radiance->sun = sun;
-    radiance->mirror = mirror;
+    radiance->num_shares = num_shares;
     radiance->bins = karst_buffer_create(context, "radiance", KARST_METER_BINS * sizeof(uint32_t), NULL, error);
     radiance->exposure = karst_buffer_create(context, "radiance", sizeof(float), NULL, error);
     if (radiance->bins && radiance->exposure)
@@ -65,7 +66,8 @@ void karst_radiance_destroy(karst_radiance *radiance)
 
 static size_t num_part_planes(const karst_radiance *radiance)
 {
-    return radiance->mirror ? KARST_RADIANCE_MIRROR_PLANE + 1 : (radiance->sun ? 2 : 1) * KARST_RADIANCE_PLANES;
+    return radiance->num_shares ? KARST_RADIANCE_MIRROR_PLANE + radiance->num_shares
+                                : (radiance->sun ? 2u : 1u) * KARST_RADIANCE_PLANES;
 }
 
 double karst_radiance_bytes(const karst_radiance *radiance, double num_pixels)

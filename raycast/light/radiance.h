@@ -15,9 +15,9 @@ typedef struct {
     int x0_px, y0_px; /* where the picture begins in the whole that it is a window of: bytes are dithered as there */
 } karst_radiance_look;
 
-/* `sun`: samples come with what the sun adds, and with marks of where it is hidden; `mirror`: with shares for mirrored
- * rays. Errors: KARST_FAILED. */
-karst_radiance *karst_radiance_create(karst_context *context, bool sun, bool mirror, karst_error *error);
+/* `sun`: samples come with what the sun adds, and with marks of where it is hidden; num_shares: 0; 1: with shares for
+ * mirrored rays; 2: also with those for rays that pass land. Errors: KARST_FAILED. */
+karst_radiance *karst_radiance_create(karst_context *context, bool sun, unsigned num_shares, karst_error *error);
 void karst_radiance_destroy(karst_radiance *radiance); /* NULL is fine */
 /* Room for pictures of so many pixels; what was summed is lost. Errors: KARST_FAILED. */
 bool karst_radiance_set_room(karst_radiance *radiance, size_t num_pixels, karst_error *error);

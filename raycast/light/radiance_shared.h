@@ -11,6 +11,8 @@
 #define KARST_RADIANCE_PLANES 3
 /* Of a sample whose surfaces mirror: the share of what its mirrored ray sees that reaches the pixel. */
 #define KARST_RADIANCE_MIRROR_PLANE 6
+/* And whose surfaces let light pass: the share of what lies straight behind that does. */
+#define KARST_RADIANCE_PASS_PLANE 7
 
 #define KARST_TONE_PLAIN 0u  /* each channel by its own curve: raycast/light/tone.clh */
 #define KARST_TONE_FILMIC 1u /* raycast/light/film.clh */

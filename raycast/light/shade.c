@@ -18,7 +18,8 @@ struct karst_shader {
     cl_kernel pixels;
     cl_kernel rays; /* NULL: surfaces do not mirror */
     cl_kernel paths; /* NULL: no paths are followed */
-    bool shadows, radiance, mirror, atmosphere, paint, occlusion;
+    cl_kernel shares; /* NULL: nothing passes land */
+    bool shadows, radiance, mirror, atmosphere, paint, occlusion, passes;
     const karst_buffer *open; /* of occlusion */
     cl_mem data;         /* of the world's colours; NULL: it has none */
     karst_buffer *taken; /* the parts of a picture that work-items have taken; 0 between launches */
@@ -73,11 +74,13 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
     shader->atmosphere = ways & KARST_SHADE_ATMOSPHERE;
     shader->paint = ways & KARST_SHADE_PAINT;
     shader->occlusion = ways & KARST_SHADE_OCCLUSION;
-    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
+    shader->passes = ways & KARST_SHADE_PASS;
+    snprintf(options, sizeof(options), "%s%s%s%s%s%s%s%s%s%s%s%s", shader->shadows ? "-DSHADE_SHADOWS" : "",
              shader->radiance ? " -DSHADE_RADIANCE" : "", shader->mirror ? " -DSHADE_MIRROR" : "",
              shader->atmosphere ? " -DSHADE_ATMOSPHERE" : "", shader->paint ? " -DSHADE_PAINT" : "",
              ways & KARST_SHADE_PATHS ? " -DSHADE_PATHS" : "", shader->occlusion ? " -DSHADE_OCCLUSION" : "",
-             ways & KARST_SHADE_THROUGH_CLEAR ? " -DSHADE_THROUGH_CLEAR" : "",
+             ways & KARST_SHADE_THROUGH_CLEAR ? " -DSHADE_THROUGH_CLEAR" : "", shader->passes ? " -DSHADE_PASS" : "",
+             ways & KARST_SHADE_SPLATS ? " -DSHADE_SPLATS" : "",
              colour ? " -DSHADE_WORLD_COLOUR " : "", colour ? colour->options : "");
     const karst_virtual_file world = {"world.clh", colour ? colour->source : ""};
     shader->context = context;
@@ -93,7 +96,10 @@ karst_shader *karst_shader_create_coloured(karst_context *context, unsigned ways
         shader->rays = karst_program_kernel(shader->program, "shade_rays", error);
     if (shader->pixels && (ways & KARST_SHADE_PATHS))
         shader->paths = karst_program_kernel(shader->program, "shade_paths", error);
-    if (!shader->pixels || (shader->mirror && !shader->rays) || ((ways & KARST_SHADE_PATHS) && !shader->paths)) {
+    if (shader->pixels && shader->passes)
+        shader->shares = karst_program_kernel(shader->program, "shade_shares", error);
+    if (!shader->pixels || (shader->mirror && !shader->rays) || ((ways & KARST_SHADE_PATHS) && !shader->paths) ||
+        (shader->passes && !shader->shares)) {
         karst_shader_destroy(shader);
         return NULL;
     }
@@ -110,6 +116,8 @@ void karst_shader_destroy(karst_shader *shader)
         clReleaseKernel(shader->rays);
     if (shader->paths)
         clReleaseKernel(shader->paths);
+    if (shader->shares)
+        clReleaseKernel(shader->shares);
     karst_program_destroy(shader->program);
     karst_buffer_destroy(shader->taken);
     karst_buffer_destroy(shader->black);
@@ -175,7 +183,7 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
     if (shader->shadows != (shadow_rays != NULL))
         return karst_fail(error, KARST_FAILED, "the shader was made with%s shadows", shader->shadows ? "" : "out");
     const size_t depth_floats = !shader->radiance ? 1
-                                : shader->mirror  ? KARST_RADIANCE_MIRROR_PLANE + 1
+                                : shader->mirror  ? KARST_RADIANCE_MIRROR_PLANE + (shader->passes ? 2 : 1)
                                                   : KARST_RADIANCE_PLANES * (shader->shadows ? 2 : 1);
     if (shader->radiance && !depth)
         return karst_fail(error, KARST_FAILED, "the shader was made for radiance, which needs room");
@@ -243,6 +251,34 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
     return check_size(parts, (KARST_RADIANCE_MIRROR_PLANE + 1) * sizeof(float), pinhole, error) &&
            karst_arguments(shader->rays, arguments, num_arguments, error) &&
            karst_launch(shader->context, shader->rays, KARST_STAGE_SHADE, global_size, local_size, error);
+}
+
+#define SHARE_PACKETS 64u /* as in passing.clh */
+
+bool karst_shade_shares(karst_shader *shader, const karst_cast_view *view, const karst_light *light,
+                        const karst_share_stream *stream, karst_buffer *shares, karst_error *error)
+{
+    const uint32_t max_rays = stream->max_rays;
+    if (!shader->shares)
+        return karst_fail(error, KARST_FAILED, "the shader was made for land that lets nothing pass");
+    if (stream->rays->size_bytes / sizeof(karst_ray) < max_rays ||
+        stream->hits->size_bytes / sizeof(karst_hit) < max_rays || shares->size_bytes / sizeof(float) < max_rays)
+        return karst_fail(error, KARST_FAILED, "there is no room for the shares of %u rays", max_rays);
+    const bool one_lane = shader->context->lanes == 1;
+    const uint32_t per_item = one_lane ? 1 : KARST_PACKET_RAYS * SHARE_PACKETS;
+    const size_t local_size = one_lane ? KARST_PACKET_RAYS * KARST_GROUP_PACKETS : 1;
+    const size_t items = (max_rays + per_item - 1) / per_item;
+    const cl_uint by_haze = stream->by_haze;
+    const cl_mem sky_mem = sky_table(shader);
+    karst_argument arguments[10 + MAX_LAST_ARGUMENTS] = {
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*light),
+        KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(stream->count), KARST_BUFFER_ARG(stream->hits),
+        KARST_VALUE_ARG(by_haze), KARST_BUFFER_ARG(shares), KARST_VALUE_ARG(shader->anchor),
+        KARST_VALUE_ARG(shader->data)};
+    const size_t num_arguments = 10 + add_last(shader, &sky_mem, arguments + 10);
+    return karst_arguments(shader->shares, arguments, num_arguments, error) &&
+           karst_launch(shader->context, shader->shares, KARST_STAGE_SHADE,
+                        (items + local_size - 1) / local_size * local_size, local_size, error);
 }
 
 bool karst_shade_paths(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,

@@ -44,13 +44,23 @@
 #define OWN_MIRROR_OF(mirror)
 #endif
 
+/* Surfaces that let a share of the light pass straight (raycast/light/pass.h). */
+#if defined(SHADE_PASS) && defined(WORLD_OUTPUT_TRANSPARENCY)
+#define OWN_PASS
+#define OWN_PASS_TAKEN , vfloat *passes
+#define OWN_PASS_OF(passes) , &passes
+#else
+#define OWN_PASS_TAKEN
+#define OWN_PASS_OF(passes)
+#endif
+
 #ifdef SHADE_WORLD_COLOUR
 /* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
  * are. `glow`: 0, to which what the surface gives off is added; so is to *mirror the share of light that it mirrors, if
- * it says. */
+ * it says, and to *passes the share that passes it. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
                                const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
-                               vint hit, colour *glow OWN_MIRROR_TAKEN)
+                               vint hit, colour *glow OWN_MIRROR_TAKEN OWN_PASS_TAKEN)
 {
     world_point_at place;
     world_near_at near;
@@ -85,6 +95,9 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
 #endif
 #ifdef OWN_GLOSS
         *gloss = k_fma(share, lane_unit(values[WORLD_OUTPUT_GLOSS]), *gloss);
+#endif
+#ifdef OWN_PASS
+        *passes = k_fma(share, lane_unit(values[WORLD_OUTPUT_TRANSPARENCY]), *passes);
 #endif
         own &= ~from_own;
         next &= ~from_next;
@@ -285,6 +298,9 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
 #ifdef SHADE_MIRROR
         vfloat mirrored = (vfloat)(0.0f);
 #endif
+#ifdef SHADE_PASS
+        vfloat passing = (vfloat)(0.0f);
+#endif
         vfloat lit = (vfloat)(0.0f); /* cosine of the angle between the surface's normal and the sun */
         if (v_any(hit)) {
             lit = lane_max(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
@@ -294,9 +310,12 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
 #elif defined(SHADE_MIRROR)
             const vfloat mirror = (vfloat)(light->mirror);
 #endif
+#ifdef OWN_PASS
+            vfloat passes = (vfloat)(0.0f);
+#endif
 #ifdef SHADE_WORLD_COLOUR
             colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &s, &direction, hit,
-                                         &glow OWN_MIRROR_OF(mirror));
+                                         &glow OWN_MIRROR_OF(mirror) OWN_PASS_OF(passes));
 #else
             colour albedo = plain_albedo(light, &s.normal);
 #endif
@@ -307,6 +326,9 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
 #else
             (void)shows;
 #endif
+#ifdef OWN_PASS
+            passes *= shows;
+#endif
 #endif
             FIND_WAY(&direction, to_sun, s.t);
 #ifdef SHADE_MIRROR
@@ -316,6 +338,16 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
             const vfloat rest = 1.0f - mirror;
             albedo.r *= rest, albedo.g *= rest, albedo.b *= rest;
             mirrored = v_select(hit, mirror * CLEAR(&direction, s.t), mirrored);
+#endif
+#ifdef OWN_PASS
+            passes *= 1.0f - light->sun_direction[3];
+            passing = v_select(hit, passes * CLEAR(&direction, s.t), passing);
+            passes = 1.0f - passes; /* what is left for the surface */
+            albedo.r *= passes, albedo.g *= passes, albedo.b *= passes;
+            glow.r *= passes, glow.g *= passes, glow.b *= passes;
+#ifdef SHADE_MIRROR
+            mirrored *= v_select(hit, passes, (vfloat)(1.0f));
+#endif
 #endif
             FIND_OPEN(place, valid);
             colour ground = AS_OPEN(glowing_colour(light, &s.normal, albedo, &glow, lit), &s.normal, albedo);
@@ -352,6 +384,10 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
 #ifdef SHADE_MIRROR
         store_ordered(depth + KARST_RADIANCE_MIRROR_PLANE * (size_t)pinhole->width_px * (size_t)pinhole->height_px,
                       place, valid, mirrored);
+#ifdef SHADE_PASS
+        store_ordered(depth + KARST_RADIANCE_PASS_PLANE * (size_t)pinhole->width_px * (size_t)pinhole->height_px,
+                      place, valid, passing);
+#endif
 #endif
 #ifdef SHADE_SHADOWS
         store_rows((K_GLOBAL int *)pixels, index, valid, pinhole->width_px, (vint)(0));
@@ -528,13 +564,26 @@ SHADE_CALL void shade_ray_packet(const shade_scene *scene, const shade_stream *s
 #ifdef OWN_MIRROR
         OWN_MIRROR_IS(mirror); /* which nothing sees a second time */
 #endif
-        colour albedo =
-            world_albedo(scene->data, scene->octaves, scene->anchor, &seen, &way, hit, &glow OWN_MIRROR_OF(mirror));
+#ifdef OWN_PASS
+        vfloat passes = (vfloat)(0.0f);
+#endif
+        colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &seen, &way, hit,
+                                     &glow OWN_MIRROR_OF(mirror) OWN_PASS_OF(passes));
 #else
         colour albedo = plain_albedo(light, &s.normal);
 #endif
 #ifdef SHADE_PAINT
-        lay_paint(paint, light, hits, index, hit, s.weight, &albedo, &glow);
+        const vfloat shows = lay_paint(paint, light, hits, index, hit, s.weight, &albedo, &glow);
+#ifdef OWN_PASS
+        passes *= shows;
+#else
+        (void)shows;
+#endif
+#endif
+#ifdef OWN_PASS
+        passes = 1.0f - passes; /* what is left for the surface */
+        albedo.r *= passes, albedo.g *= passes, albedo.b *= passes;
+        glow.r *= passes, glow.g *= passes, glow.b *= passes;
 #endif
         FIND_WAY_BETWEEN(&origin, &to, &direction, to_sun, s.t);
         colour ground = THROUGH(glowing_colour(light, &s.normal, albedo, &glow, lit), to_sun);
@@ -636,6 +685,9 @@ __kernel K_WIDE void shade_rays(float detail, float blend, karst_pinhole pinhole
 }
 #endif
 
+#ifdef SHADE_PASS
+#include "raycast/light/passing.clh"
+#endif
 #ifdef SHADE_PATHS
 #include "raycast/light/paths.clh"
 #endif

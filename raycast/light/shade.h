@@ -38,7 +38,9 @@ typedef struct {
 #define KARST_SHADE_PAINT 16u     /* land has colours of karst_shader_set_colours over the world's */
 #define KARST_SHADE_ATMOSPHERE 8u /* the sky and what is before land are those of karst_shader_set_skies */
 #define KARST_SHADE_PATHS 32u     /* for karst_shade_paths */
+#define KARST_SHADE_PASS 256u /* land lets a share of the light pass, where its text says so: raycast/light/pass.h */
 #define KARST_SHADE_THROUGH_CLEAR 128u /* paths go through clear matter: raycast/light/clear_paths.h */
+#define KARST_SHADE_SPLATS 512u /* hits on discs have colours of their own; takes paint */
 #define KARST_SHADE_OCCLUSION 64u /* pixels are as open as karst_shader_set_occlusion says; takes radiance */
 
 /* Builds the shading kernel for `ways` (KARST_SHADE_*). Errors: KARST_FAILED. */
@@ -86,6 +88,17 @@ typedef struct {
 bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                       const karst_light *light, const karst_shade_stream *stream, karst_buffer *parts,
                       karst_buffer *counters, karst_error *error);
+
+/* The shares of light that the surfaces let pass which the rays of a stream hit: a float for each ray, 0 where there is
+ * none. by_haze: times what of the light what lies before the surface lets through. For shaders of KARST_SHADE_PASS.
+ * Asynchronous. Errors: KARST_FAILED. */
+typedef struct {
+    const karst_buffer *rays, *count, *hits;
+    uint32_t max_rays;
+    bool by_haze;
+} karst_share_stream;
+bool karst_shade_shares(karst_shader *shader, const karst_cast_view *view, const karst_light *light,
+                        const karst_share_stream *stream, karst_buffer *shares, karst_error *error);
 
 /* With task->each_lamp: the light of each lamp on the surfaces of a part of the stream. Lamps that cast no shadows add
  * theirs to parts, whether or not `next` is there. Of each other lamp, in their order, `to_lamps` has task->num_packets

@@ -8,6 +8,7 @@
 
 /* Depths that nobody ends early. */
 #define NO_END INFINITY
+#define GPU_LOCAL_SIZE 64
 
 static bool build(karst_media *media, karst_error *error)
 {
@@ -19,10 +20,12 @@ static bool build(karst_media *media, karst_error *error)
              karst_cache_brick_option(&media->air));
     media->marching = karst_program_build(context, "raycast/media/media.cl", options, NULL, 0, error);
     if (!media->marching || !(media->rays = karst_program_kernel(media->marching, "media_depths", error)) ||
+        !(media->dim = karst_program_kernel(media->marching, "media_dim", error)) ||
         !(media->look = karst_program_kernel(media->marching, "media_ask", error)) ||
         !(media->sun = karst_program_kernel(media->marching, "media_sun", error)))
         return false;
-    return karst_media_build_light(media, segments, error);
+    return media->config.has_paths ? karst_media_build_paths(media, segments, error)
+                                   : karst_media_build_light(media, segments, error);
 }
 
 karst_media *karst_media_create(karst_context *context, const karst_media_config *config, karst_error *error)
@@ -38,15 +41,17 @@ karst_media *karst_media_create(karst_context *context, const karst_media_config
     media->land = config->land ? *config->land : *config->air;
     media->data = config->look.data ? config->look.data->mem : NULL;
     const size_t num_slots = (size_t)media->air.num_bricks + KARST_CACHE_ROOT_BRICKS;
-    const bool keeps = config->look.source != NULL, has_groups = keeps && config->groups > 1;
+    const bool keeps = config->look.source != NULL, has_grids = keeps && !config->has_paths,
+               has_groups = has_grids && config->groups > 1;
     media->view = karst_buffer_create(context, "view", sizeof(karst_cast_view), NULL, error);
     media->asked = karst_buffer_create(context, "view", sizeof(uint32_t), NULL, error);
     media->counters =
         karst_buffer_create(context, "counters", KARST_MEDIA_COUNTERS * sizeof(uint32_t), NULL, error);
     media->grids = karst_buffer_create_blank(
-        context, "sun depth", keeps ? num_slots * KARST_SUN_DEPTH_PLACES * sizeof(uint32_t) : sizeof(uint32_t), error);
+        context, "sun depth", has_grids ? num_slots * KARST_SUN_DEPTH_PLACES * sizeof(uint32_t) : sizeof(uint32_t),
+        error);
     media->states =
-        karst_buffer_create(context, "sun depth", (keeps ? num_slots : 1) * sizeof(karst_sun_depth), NULL, error);
+        karst_buffer_create(context, "sun depth", (has_grids ? num_slots : 1) * sizeof(karst_sun_depth), NULL, error);
     media->used = karst_buffer_create(context, "sun depth", (keeps ? num_slots : 1) * sizeof(uint32_t), NULL, error);
     media->looks =
         karst_buffer_create(context, "sun depth", (has_groups ? num_slots : 1) * sizeof(uint32_t), NULL, error);
@@ -66,7 +71,7 @@ void karst_media_destroy(karst_media *media)
     if (!media)
         return;
     cl_kernel kernels[] = {media->rays, media->look, media->sun, media->pixels, media->stream,
-                           media->add_lamps};
+                           media->add_lamps, media->meet, media->turn, media->dim};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -97,6 +102,23 @@ bool karst_media_depths(karst_media *media, const karst_cast_view *view, const k
                            KARST_BUFFER_ARG(depths), KARST_BUFFER_ARG(media->counters)) &&
            karst_launch(media->context, media->rays, KARST_STAGE_MEDIA, (num_rays + lanes - 1) / lanes, 1, error) &&
            karst_media_take_counts(media, num_missing, &made, error);
+}
+
+bool karst_media_dim(karst_media *media, const karst_media_picture *picture, karst_buffer *rays,
+                     const karst_buffer *count, uint32_t max_rays, karst_error *error)
+{
+    const karst_media_task task = karst_media_task_of(media, picture->metres, picture->view->detail * picture->detail,
+                                                      2 * KARST_MEDIA_MOST_DEPTH);
+    const size_t lanes = (size_t)media->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 1,
+                 num_items = (max_rays + lanes - 1) / lanes;
+    if (num_items == 0)
+        return true;
+    return karst_media_send_view(media, picture->view, error) &&
+           KARST_ARGUMENTS(media->dim, error, POOL_ARGUMENTS(media->air, media->asked), KARST_BUFFER_ARG(media->view),
+                           KARST_VALUE_ARG(task), KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count),
+                           KARST_BUFFER_ARG(media->counters)) &&
+           karst_launch(media->context, media->dim, KARST_STAGE_MEDIA,
+                        (num_items + local_size - 1) / local_size * local_size, local_size, error);
 }
 
 bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error)

@@ -39,6 +39,40 @@ __kernel K_WIDE void media_depths(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
 }
 
+/* Rays of a stream, to lamps, lose what media take of their light. Idle ones stay as they are. */
+__kernel K_WIDE void media_dim(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
+                               K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GLOBAL uint *counters)
+{
+    const pools pool = POOL_FIELDS;
+    const uint first = (uint)get_global_id(0) * LANES, num_rays = *count;
+    if (first >= num_rays)
+        return;
+    const vint lanes = v_lt(V_LANE, (vint)((int)(num_rays - first)));
+    const vint at = v_select(lanes, V_LANE + (int)first, (vint)((int)first)) * (int)(sizeof(karst_ray) / sizeof(float));
+    const media_rays way = {{RAY_WORD(0), RAY_WORD(1), RAY_WORD(2)},
+                            {RAY_WORD(4), RAY_WORD(5), RAY_WORD(6)},
+                            (vfloat)(0.0f),
+                            RAY_WORD(7),
+                            RAY_WORD(8) * task.detail,
+                            RAY_WORD(9) * task.detail};
+    media_frame frame;
+    media_sums sums = EMPTY_SUMS;
+    media_lighting light;
+    light.most_depth = task.most_depth;
+    light.metres = task.metres;
+    light.used = 0;
+    media_frame_of_view(&frame, view);
+    walk_depth(&pool, &frame, &way, lanes, &light, &sums);
+    float left[LANES];
+    v_store_float(tone_exp2_minus(sums.tau * LOG2_E), left);
+    for (uint lane = 0; lane < LANES && first + lane < num_rays; lane++)
+        for (int c = 0; c < 3 && left[lane] < 1.0f; c++)
+            rays[first + lane].throughput[c] *= left[lane];
+    const uint num_missing = (uint)count_lanes(sums.missing & lanes);
+    if (num_missing)
+        atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
+}
+
 /* How voxels grow towards the sun, per unit of t: as wide as the sun and its glare are, and no finer than what a place
  * of the grid stands for. */
 #define SUN_DEPTH_CONE 0.06f

@@ -12,6 +12,7 @@
 #include "karst/engine.h"
 #include "raycast/cast/cast.h"
 #include "raycast/light/shade.h"
+#include "raycast/light/path_media.h"
 #include "raycast/light/paths_shared.h"
 #include "raycast/media/media_shared.h"
 
@@ -29,6 +30,8 @@ typedef struct {
     bool glows;       /* the look has emission */
     bool has_lamps;   /* karst_media_add_lamps is wanted */
     bool has_streams; /* karst_media_stream_rays is wanted, and hits of clear matter */
+    bool passes;      /* of pictures whose land lets light pass: parts have a plane of shares for that */
+    bool has_paths;   /* karst_media_meet_paths and karst_media_turn_paths are wanted, and nothing else that shades */
     bool is_alone; /* pictures show media alone, lit by the sun alone, before a wall that glows as the sky's zenith */
     karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
                               * is shaded, and only depths are asked for */
@@ -89,6 +92,17 @@ typedef struct {
 } karst_media_stream;
 bool karst_media_stream_rays(karst_media *media, const karst_media_picture *picture, const karst_media_stream *stream,
                              karst_error *error);
+/* Rays to lamps (as many as the word says, max_rays at most) lose what media take of their throughput. Asynchronous.
+ * Errors: KARST_FAILED. */
+bool karst_media_dim(karst_media *media, const karst_media_picture *picture, karst_buffer *rays,
+                     const karst_buffer *count, uint32_t max_rays, karst_error *error);
+/* For paths, with has_paths, as raycast/light/path_media.h has it: in bricks collisions are found by delta tracking
+ * (raycast/media/track.clh). Rays that lacked something are counted unless the stream is for wishes alone.
+ * Asynchronous. Errors: KARST_FAILED. */
+bool karst_media_meet_paths(karst_media *media, const karst_media_picture *picture,
+                            const karst_path_media_stream *stream, karst_error *error);
+bool karst_media_turn_paths(karst_media *media, const karst_media_picture *picture,
+                            const karst_path_media_stream *stream, karst_error *error);
 /* The pixels' rays ask for what the same would, with nothing drawn: light and parts may be missing. What they look at
  * counts as used, for karst_media_survey_sun. */
 bool karst_media_look(karst_media *media, const karst_media_picture *picture, karst_error *error);

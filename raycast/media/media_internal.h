@@ -9,7 +9,7 @@ struct karst_media {
     karst_media_config config;
     karst_cache_buffers air, land;
     karst_program *marching, *lighting;
-    cl_kernel rays, look, sun, pixels, stream, add_lamps;
+    cl_kernel rays, look, sun, pixels, stream, add_lamps, meet, turn, dim;
     cl_mem data;
     karst_buffer *view, *asked, *counters, *grids, *states, *used;
     karst_buffer *lamps; /* NULL without */
@@ -31,6 +31,8 @@ struct karst_media {
 
 /* media_light.c: the kernel of karst_media_pixels. Does nothing where nothing is shaded. */
 bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error *error);
+/* media_paths.c: the kernels for paths. */
+bool karst_media_build_paths(karst_media *media, uint32_t segments, karst_error *error);
 /* media_groups.c. Which of the bricks that were looked at with `serial` have their grids made: as media->chosen. Waits.
  * Errors: KARST_FAILED. */
 bool karst_media_choose(karst_media *media, uint32_t serial, karst_error *error);

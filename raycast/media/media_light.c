@@ -15,12 +15,13 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
     if (!look->source)
         return true;
     const karst_virtual_file world = {"world.clh", look->source};
-    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s%s%s%s%s%s%s %s", segments,
+    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s -DMEDIA_MODE=%u %s%s%s%s%s%s%s%s %s", segments,
              karst_cache_brick_option(&media->air), media->config.mode,
              media->config.has_atmosphere ? "-DSHADE_ATMOSPHERE" : "", media->config.is_alone ? " -DMEDIA_ALONE" : "",
              media->config.has_streams ? " -DMEDIA_STREAMS" : "", media->config.glows ? " -DMEDIA_GLOWS" : "",
              media->config.has_lamps ? " -DMEDIA_LAMPS" : "",
-             media->config.groups > 1 ? " -DMEDIA_GROUPS" : "", scattering, look->options);
+             media->config.groups > 1 ? " -DMEDIA_GROUPS" : "", media->config.passes ? " -DMEDIA_PASSES" : "",
+             scattering, look->options);
     media->lighting = karst_program_build(media->context, "raycast/media/media_light.cl", options, &world, 1, error);
     return media->lighting && (media->pixels = karst_program_kernel(media->lighting, "media_pixels", error)) &&
            (!media->config.has_lamps ||

@@ -15,72 +15,7 @@
 #endif
 #include "world.clh"
 #include "raycast/cast/exact.clh"
-
-/* Orders of scattering after the first: each is seen through half the depth, is half as strong, and goes half as much
- * forwards. */
-RAY_INLINE void phases(vfloat g, vfloat cosine, vfloat albedo, vfloat phase[4])
-{
-    vfloat share = (vfloat)(0.25f);
-    K_UNROLL
-    for (int i = 0; i < 4; i++) {
-        const vfloat g2 = g * g, d = lane_max(1.0f + g2 - 2.0f * g * cosine, (vfloat)(1.0e-4f));
-        phase[i] = share * (1.0f - g2) / (d * k_sqrt(d));
-        g *= 0.5f;
-#if defined MEDIA_ONCE || defined MEDIA_PATHS
-        share = (vfloat)(0.0f);
-#else
-        share *= 0.5f * albedo;
-#endif
-    }
-}
-
-#define MOST_G 0.95f
-
-RAY_INLINE media_look look_at_medium(const media_lighting *light, vfloat t, int level, vint lanes)
-{
-    world_point_at place;
-    world_near_at near;
-    media_look look;
-    const vfloat none = (vfloat)(0.0f);
-    vector3 way = *light->direction;
-    vfloat g = none, at = v_select(lanes, t, none);
-#ifdef MEDIA_STREAMS
-    if (light->origin) { /* as seen from the anchor */
-        const vector3 to = {k_fma(way.x, at, light->origin->x), k_fma(way.y, at, light->origin->y),
-                            k_fma(way.z, at, light->origin->z)};
-        const vfloat far = lane_max(k_sqrt(k_fma(to.x, to.x, k_fma(to.y, to.y, to.z * to.z))), (vfloat)(1.0e-6f));
-        const vfloat per = 1.0f / far;
-        way.x = to.x * per, way.y = to.y * per, way.z = to.z * per;
-        at = v_select(lanes, far, none);
-    }
-#endif
-    exact_steps(&near, light->anchor, &way, at, v_max_across(at));
-    if (WORLD_COLOUR_TAKES_PLACES || near.is_far)
-        exact_places(&place, light->anchor, &way, at);
-    __local const near_octave *octaves = (__local const near_octave *)light->octaves;
-    look.emission.r = look.emission.g = look.emission.b = none;
-#ifdef WORLD_NUM_OUTPUTS
-    vfloat values[WORLD_NUM_OUTPUTS];
-    world_outputs(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
-#ifdef WORLD_OUTPUT_MIRROR
-    g = lane_min(lane_max(values[WORLD_OUTPUT_MIRROR], (vfloat)(-MOST_G)), (vfloat)(MOST_G));
-#endif
-#ifdef WORLD_OUTPUT_EMISSION
-    look.emission.r = own_light(values[WORLD_OUTPUT_EMISSION]);
-    look.emission.g = own_light(values[WORLD_OUTPUT_EMISSION + 1]);
-    look.emission.b = own_light(values[WORLD_OUTPUT_EMISSION + 2]);
-#endif
-#else
-    vfloat values[3];
-    world_colour(light->data, &near, octaves, &place, level, none, (vfloat)(1.0f), none, values);
-#endif
-    look.albedo.r = lane_unit(values[0]);
-    look.albedo.g = lane_unit(values[1]);
-    look.albedo.b = lane_unit(values[2]);
-    look.g = g;
-    phases(g, light->to_sun, look.albedo.g, look.phase);
-    return look;
-}
+#include "raycast/media/look.clh"
 
 MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
                                const media_lighting *light, media_sums *sums)
@@ -88,7 +23,7 @@ MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, cons
     walk_rays(WALK_LIGHT, pool, frame, rays, lanes, light, sums);
 }
 
-#ifdef MEDIA_PATHS
+#ifdef MEDIA_FREE
 #include "raycast/media/scatter.clh"
 #endif
 
@@ -200,9 +135,14 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 #endif
     walk_light(&pool, &frame, &way, valid, &lighting, &sums);
 
+#ifdef MEDIA_FREE
+    const scatter_pixel pixel = {x + pinhole.x0_px, y + pinhole.y0_px, pinhole.sample};
+#endif
+#ifdef MEDIA_ONCE
+    mend_once(&pool, &frame, &way, valid, &lighting, &light, &pixel, &sums);
+#endif
     vint missing = sums.missing;
 #ifdef MEDIA_PATHS
-    const scatter_pixel pixel = {x + pinhole.x0_px, y + pinhole.y0_px, pinhole.sample};
     const colour scattered = scattered_light(&pool, &frame, &way, valid, &lighting, &light, sums.tau, &pixel, &missing);
     sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
 #endif
@@ -263,6 +203,10 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         if (has_mirror) {
             K_GLOBAL float *part = parts + KARST_RADIANCE_MIRROR_PLANE * plane;
             store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
+#ifdef MEDIA_PASSES
+            part = parts + KARST_RADIANCE_PASS_PLANE * plane;
+            store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
+#endif
         }
     }
     const uint num_missing = (uint)count_lanes(missing & valid);
@@ -340,8 +284,13 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     media_frame_of_view(&frame, view);
     const media_rays way = {*origin, *direction, (vfloat)(0.0f), end, r.width * task.detail, r.cone * task.detail};
     walk_light(&pool, &frame, &way, r.valid, &lighting, &sums);
-#ifdef MEDIA_PATHS
+#ifdef MEDIA_FREE
     const scatter_pixel pixel = {(r.pixel & 0xffff) + pinhole.x0_px, (r.pixel >> 16) + pinhole.y0_px, pinhole.sample};
+#endif
+#ifdef MEDIA_ONCE
+    mend_once(&pool, &frame, &way, r.valid, &lighting, &light, &pixel, &sums);
+#endif
+#ifdef MEDIA_PATHS
     const colour scattered =
         scattered_light(&pool, &frame, &way, r.valid, &lighting, &light, sums.tau, &pixel, &sums.missing);
     sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));

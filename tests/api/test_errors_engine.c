@@ -108,6 +108,30 @@ static void test_making_one(void **state)
     karst_world_close(world);
 }
 
+static void test_points_of_a_program(void **state)
+{
+    (void)state;
+    const karst_world_config of_ball = {.world = ball}, of_wrong = {.world = wrong};
+    const karst_position at = {.voxel = {0, 0, 0}};
+    float density;
+    write_text(wrong, "steps.karst",
+               "/*{ \"voxel\": 0.25, \"view\": 100 }*/\n"
+               "float density(vec3 p) { return length(p) < 5.0 ? 1.0 : 0.0; }\n");
+    karst_world *world = karst_world_open(&of_ball, NULL), *steps = karst_world_open(&of_wrong, NULL);
+    assert_true(world && steps);
+    PROVOKE(KARST_USAGE, karst_device_points_create, (steps, NULL, NULL, &error));
+    PROVOKE(KARST_NO_DEVICE, karst_device_points_create, (world, "no such device", NULL, &error));
+    PROVOKE_DEVICE(karst_device_points_create, (world, NULL, NULL, &error));
+    karst_device_points *points = karst_device_points_create(world, NULL, NULL, NULL);
+    assert_non_null(points);
+    PROVOKE(KARST_USAGE, karst_device_points_find, (points, &at, 1, -1, &density, NULL, &error));
+    PROVOKE_DEVICE(karst_device_points_find, (points, &at, 1, 0, &density, NULL, &error));
+    karst_device_points_destroy(points);
+    karst_world_close(world);
+    karst_world_close(steps);
+    write_text(wrong, "wrong.karst", "float density(vec3 p) { return; }\n");
+}
+
 static void test_a_ray_in_fog(void **state)
 {
     (void)state;
@@ -147,6 +171,10 @@ static void test_wrong_usage(void **state)
     const karst_engine_window window = {WIDTH, HEIGHT, 1, 0};
     const karst_edit edit = {.shape = KARST_EDIT_SPHERE};
     const karst_world_config nothing = {0}, bad = {.world = wrong}, good = {.world = other};
+    const karst_engine_ray ray = {.direction = {0, 0, 1}, .length_m = 10};
+    karst_engine_ray rays[NUM];
+    karst_engine_hit hit;
+    uint32_t pixels[NUM];
     karst_probe probe;
     double value;
     bool shown;
@@ -158,6 +186,8 @@ static void test_wrong_usage(void **state)
     PROVOKE(KARST_USAGE, karst_engine_read_normals, (engine, values, NUM * 3, &error));
     PROVOKE(KARST_USAGE, karst_engine_show, (engine, &error));
     PROVOKE(KARST_USAGE, karst_engine_probe, (engine, 0, 0, &probe, &error));
+    PROVOKE(KARST_USAGE, karst_engine_cast_rays, (engine, &ray, 1, 0, &hit, NULL, &error));
+    PROVOKE(KARST_USAGE, karst_engine_picture_rays, (engine, rays, pixels, NUM, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_parameters, (engine, &unknown, 1, &error));
     PROVOKE(KARST_BAD_WORLD, karst_engine_set_parameters, (engine, &endless, 1, &error));
     PROVOKE(KARST_USAGE, karst_engine_parameter, (engine, "colour", &value, &error));
@@ -186,6 +216,7 @@ static void test_wrong_usage(void **state)
     settle(engine);
     PROVOKE(KARST_USAGE, karst_engine_read_pixels, (engine, rgba, sizeof rgba - 1, &error));
     PROVOKE(KARST_USAGE, karst_engine_probe, (engine, WIDTH, 0, &probe, &error));
+    PROVOKE_DEVICE(karst_engine_cast_rays, (engine, &ray, 1, 0, &hit, NULL, &error));
 
     /* The configuration's view distance is less than a few voxels of this one. */
     write_text(wrong, "coarse.karst",
@@ -273,8 +304,9 @@ static void test_changes_that_fail(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_making_one), cmocka_unit_test(test_a_ray_in_fog),
-                                       cmocka_unit_test(test_wrong_usage), cmocka_unit_test(test_a_device_that_fails),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_making_one), cmocka_unit_test(test_points_of_a_program),
+                                       cmocka_unit_test(test_a_ray_in_fog), cmocka_unit_test(test_wrong_usage),
+                                       cmocka_unit_test(test_a_device_that_fails),
                                        cmocka_unit_test(test_changes_that_fail)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -126,9 +126,11 @@ static void test_paths_and_edits(void **state)
     assert_true(karst_edit_parse("sphere,0,0,0,1", -2, &edit, NULL));
     karst_sampler *sampler = karst_sampler_create(world, NULL);
     assert_non_null(sampler);
+    PROVOKE_MEMORY(karst_sampler_append_edits, (sampler, &edit, 1, &error), provoke_keep);
     PROVOKE_MEMORY(karst_sampler_set_edits, (sampler, &edit, 1, &error), provoke_keep);
     edit.radius_m = 0;
     PROVOKE(KARST_USAGE, karst_sampler_set_edits, (sampler, &edit, 1, &error));
+    PROVOKE(KARST_USAGE, karst_sampler_append_edits, (sampler, &edit, 1, &error));
     karst_sampler_destroy(sampler);
 }
 
@@ -294,6 +296,9 @@ static void test_queries(void **state)
     PROVOKE_MEMORY(karst_query_heights, (world, &config, at, 1, 40, 1, down_m, &count, &inside, &error), provoke_keep);
     PROVOKE(KARST_USAGE, karst_query_height_map, (world, &wrong, &map, down_m, &error));
     PROVOKE_MEMORY(karst_query_height_map, (world, &config, &map, down_m, &error), provoke_keep);
+    karst_query_near near[1];
+    PROVOKE(KARST_USAGE, karst_query_nearest, (world, &config, at, 1, 0, near, &error));
+    PROVOKE_MEMORY(karst_query_nearest, (world, &config, at, 1, 40, near, &error), provoke_keep);
 }
 
 static bool take_vertices(void *user, const karst_mesh_vertex *vertices, size_t num, karst_error *error)
@@ -305,6 +310,12 @@ static bool take_vertices(void *user, const karst_mesh_vertex *vertices, size_t 
 static bool take_triangles(void *user, const uint32_t (*indices)[3], size_t num, karst_error *error)
 {
     (void)user, (void)indices, (void)num, (void)error;
+    return true;
+}
+
+static bool take_chunk(void *user, const karst_mesh_chunk *chunk, karst_error *error)
+{
+    (void)user, (void)chunk, (void)error;
     return true;
 }
 
@@ -323,6 +334,16 @@ static void test_meshes_and_reference(void **state)
             (world, &wrong, in_folder("a.ply"), KARST_MESH_OF_SUFFIX, NULL, NULL, NULL, &error));
     PROVOKE(KARST_FAILED, karst_mesh_write,
             (world, &config, in_folder("none/a.ply"), KARST_MESH_OF_SUFFIX, NULL, NULL, NULL, &error));
+    const karst_mesh_chunk_sink chunks = {.chunk = take_chunk};
+    PROVOKE(KARST_USAGE, karst_mesh_find_levels, (world, &config, 9, &chunks, NULL, NULL, &error));
+    PROVOKE_MEMORY(karst_mesh_find_levels, (world, &config, 2, &chunks, NULL, NULL, &error), provoke_keep);
+    PROVOKE(KARST_USAGE, karst_mesh_write_levels,
+            (world, &config, 2, in_folder("a.ply"), NULL, NULL, NULL, NULL, &error));
+    PROVOKE(KARST_FAILED, karst_mesh_write_levels,
+            (world, &config, 2, in_folder("none/a.glb"), NULL, NULL, NULL, NULL, &error));
+    PROVOKE(KARST_USAGE, karst_mesh_write_points, (world, &config, in_folder("a.glb"), NULL, NULL, NULL, &error));
+    PROVOKE(KARST_FAILED, karst_mesh_write_points,
+            (world, &config, in_folder("none/a.ply"), NULL, NULL, NULL, &error));
     const karst_voxels_grid grid = {.world = world, .name = "a"};
     const karst_voxels_config voxels = {.num_voxels = {4, 4, 4}, .voxel_m = 1, .num_threads = 1};
     PROVOKE(KARST_USAGE, karst_voxels_write, (in_folder("a.vdb"), &voxels, &grid, 1, NULL, NULL, NULL, &error));

@@ -20,7 +20,7 @@ float density(vec3 p)
     return 300.0 * fbm(q / 1024.0, 8) - p.y;
 }
 END
-parts=${PARTS:-settled light flight size pool distance lanes production bounds start collect}
+parts=${PARTS:-settled light media flight size pool distance lanes production bounds start collect}
 wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
 
 # bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
@@ -100,6 +100,33 @@ END
         line "lake" "$(calc "$lake / $hills")" "x hills" 3 at-most
     [ -n "$hills" ] && lanterns=$(floors lanterns lanterns) &&
         line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
+fi
+
+# Media, settled, and smoke whose particles all move. Without particles the air is empty.
+if wants media; then
+    echo; echo "Media: 800x600, sun shadows"
+    # of frame WORLD [OPTION...], in floors of its own run
+    media_floors()
+    {
+        media_name=$1
+        shift
+        bench "media-$media_name" "$@" --size 800x600 $one && get "media-$media_name" ratios.settled_frame_per_floor.median
+    }
+    clear=$(media_floors clear smoke --param particles=0) && smoke=$(media_floors smoke smoke) &&
+        line "smoke over a third of the picture" "$(calc "$smoke / $clear")" "x the frame without" 2.5 at-most
+    hills=$(media_floors hills hills) && clouds=$(media_floors clouds clouds) &&
+        line "clouds" "$(calc "$clouds / $hills")" "x hills" 4 at-most
+    for number in 250 1500; do
+        bench smoke-$number smoke --size 800x600 --particles $number --frames 10 || break
+    done
+    if [ -e "$out/smoke-1500.json" ]; then
+        # of NUMBER FIGURE
+        moving() { sed -n "s/^ *\"$2\": \([0-9.eE+-]*\),*\$/\1/p" "$out/smoke-$1.json" | sed -n 1p; }
+        line "1,500 particles move: depth to the sun" \
+            "$(calc "$(moving 1500 sun_depth_ms) / $(moving 1500 frame_ms)")" "x the frame" 0.5 at-most
+        line "  against that of 250" "$(calc "$(moving 1500 sun_depth_ms) / $(moving 250 sun_depth_ms)")" \
+            "x, of 6" 6 at-most
+    fi
 fi
 
 if wants flight; then

@@ -110,4 +110,15 @@ run render hills $full -o full2.exr --samples 2
 run render hills $full -o full2.exr --samples 5 --resume
 [ $status -eq 0 ] && [ -s full1.exr ] && cmp full1.exr full2.exr
 result "full light goes on with what it wrote"
+# Many samples ask for finer voxels by themselves, unless a picture that is gone on with has others.
+coarse="--size 32x24 --pool 64 --view-distance 1000 --display none -q"
+asked() { sed -n 's/.*"asked_px": *\([0-9.]*\).*/\1/p' "$1"; }
+run render hills $coarse --samples 15 -o 15.png --stats 15.json
+run render hills $coarse --samples 16 -o 16.png --stats 16.json
+run render hills $coarse --samples 16 --detail 2 -o 16.png --stats said.json
+run render hills $coarse --samples 2 -o more.exr --resume
+run render hills $coarse --samples 16 -o more.exr --resume --stats more.json
+detail="exit $status: $(asked 15.json) $(asked 16.json) $(asked said.json) $(asked more.json); $(cat stderr)"
+[ $status -eq 0 ] && [ "$(asked 15.json)" = 1.0 ] && [ "$(asked 16.json)" = 0.5 ] && [ "$(asked said.json)" = 2.0 ] && [ "$(asked more.json)" = 1.0 ]
+result "voxels are half a pixel wide where there are many samples"
 finish

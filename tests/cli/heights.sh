@@ -2,30 +2,8 @@
 # karst heights from outside: files, what they say, columns without land, what is refused, and that a map that is stopped
 # leaves nothing behind. $KARST is the program.
 set -u
-. tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
-
-run()
-{
-    "$karst" heights "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst heights $*: exit $status; stdout: $(head -c 300 stdout); stderr: $(head -c 600 stderr)"
-}
-# refused STATUS PATTERN NAME ARGUMENTS: exits so, says why, writes nothing.
-refused()
-{
-    wanted=$1 pattern=$2 name=$3
-    shift 3
-    rm -f out.*
-    run "$@"
-    [ $status -eq "$wanted" ] && grep -qE -e "$pattern" stderr && [ -z "$(ls -A | grep -E '^(out|\.karst)')" ]
-    result "$name"
-}
+subcommand=heights
+. tests/cli/export.sh
 # A plane of slope 1 along x over x above 0; nothing elsewhere.
 cat > ramp.karst << 'END'
 /*{ "voxel": 0.125, "params": { "up": { "value": 0, "min": -9, "max": 9 } } }*/
@@ -66,14 +44,7 @@ refused 4 'nowhere' "a world that is none" nowhere --box 0,0,1,1 --size 4x4 -o o
 refused 5 'none.json' "edits that are none" $ramp --edits none.json -o out.png
 
 # A map of minutes, stopped after it has begun.
-"$karst" heights hills --box 0,0,4000,4000 --size 2000x2000 -o out.tif > stdout 2> stderr &
-pid=$!
-sleep 0.7
-kill -TERM $pid
-wait $pid
-status=$?
-[ $status -ne 0 ] && [ -z "$(ls -A | grep -E '^(out\.tif|\.karst)')" ] && grep -q interrupted stderr
-detail="exit $status; $(cat stderr); $(ls -A | tr '\n' ' ')" result "stopped, it leaves nothing behind"
+stopped "stopped, it leaves nothing behind" hills --box 0,0,4000,4000 --size 2000x2000 -o out.tif
 
 run --help
 [ $status -eq 0 ] && grep -q 'karst heights hills --box' stdout && grep -q 'Exit code' stdout

@@ -2,30 +2,9 @@
 # karst mesh from outside: files, what they say of themselves, what is refused, and that a mesh that is stopped leaves
 # nothing behind. $KARST is the program.
 set -u
-. tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
-
-run()
-{
-    "$karst" mesh "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst mesh $*: exit $status; stdout: $(head -c 300 stdout); stderr: $(head -c 600 stderr)"
-}
-# refused STATUS PATTERN NAME ARGUMENTS: exits so, says why, writes nothing.
-refused()
-{
-    wanted=$1 pattern=$2 name=$3
-    shift 3
-    rm -f out.*
-    run "$@"
-    [ $status -eq "$wanted" ] && grep -qE -e "$pattern" stderr && [ -z "$(ls -A | grep -E '^(out|\.karst)')" ]
-    result "$name"
-}
+source_folder=$PWD/tests/export
+subcommand=mesh
+. tests/cli/export.sh
 cat > ball.karst << 'END'
 /*{ "voxel": 0.125, "params": { "r": { "value": 4, "min": 1, "max": 9 } } }*/
 float density(vec3 p) { return r - length(mod(p + 16.0, 32.0) - 16.0); }
@@ -55,6 +34,47 @@ length=$(od -An -tu4 -j12 -N4 out.GLB | tr -d ' ')
 tail -c +21 out.GLB | head -c "$length" > out.json
 grep -q '"origin_x_m":"-10","origin_y_m":"-10"' out.json && grep -q "\"count\":$((3 * triangles)),\"type\":\"SCALAR\"" out.json
 detail=$(cat out.json) result "with its facts as JSON"
+
+
+# ---- levels ----
+check="python3 $source_folder/gltf_check.py"
+command -v python3 > /dev/null || check=true
+run $ball -o out.glb -q
+[ $status -eq 0 ] && $check out.glb > facts
+detail=$(cat facts) result "the glTF keeps the specification's rules"
+run ball.karst --box -10,-10,-100,10,10,100 --voxel 0.5 --param r=9 --lods 3 -o out.glb --json
+[ $status -eq 0 ] && grep -q '"level_triangles": \[[0-9]*, [0-9]*, [0-9]*\]' stdout && [ ! -s stderr ] && $check out.glb > facts
+detail="$detail; $(cat facts)" result "so does one with levels, whose triangles are told"
+all=$(sed 's/.*"level_triangles": \[\([0-9]*\), \([0-9]*\), \([0-9]*\)\].*/\1 + \2 + \3/' stdout)
+chunks=$(sed 's/.*"chunks": \([0-9]*\),.*/\1/' stdout)
+[ "$check" = true ] || grep -q "\"meshes\": $((3 * chunks)), \"triangles\": $(($all))}" facts
+detail="$all, $chunks chunks; $(cat facts)" result "and are in it, a node for each chunk and level"
+cp out.glb levels.glb
+run ball.karst --box -10,-10,-100,10,10,100 --voxel 0.5 --param r=9 --lods 3 -o out.glb --threads 3
+[ $status -eq 0 ] && cmp -s out.glb levels.glb && grep -q 'level 2: [0-9]* triangles' stderr
+result "however many threads work"
+cp levels.glb broken.glb && printf '\377' | dd of=broken.glb bs=1 seek=$(($(wc -c < levels.glb) - 2)) conv=notrunc 2> dd.log
+[ "$check" = true ] || ! $check broken.glb > facts
+detail=$(cat facts) result "a byte of its triangles is missed if it is another"
+refused 2 'a \.glb' "levels in a kind of file that has none" $ball --lods 2 -o out.ply
+refused 2 'lods' "no level at all" $ball --lods 0 -o out.glb
+refused 2 'lods' "more levels than there are" $ball --lods 9 -o out.glb
+
+# ---- clear matter ----
+cat > clear.karst << 'END'
+/*{ "voxel": 0.125 }*/
+float density(vec3 p) { return 3.0 - length(p); }
+float clear(vec3 p) { return 2.0 - length(p - vec3(0.0, 6.0, 0.0)); }
+END
+run clear.karst --clear --box -5,-5,-5,5,9,5 --voxel 0.25 -o clear.obj -q
+[ $status -eq 0 ] && sed -n 's/^v //p' clear.obj | awk '{ x = $1 - 5; y = $2 - 11; z = $3 - 5; r = sqrt(x * x + y * y + z * z)
+    if (r < 1.999 || r > 2.001) off++; n++ } END { exit !(n > 500 && off == 0) }'
+result "--clear: clear matter's surface, and no other"
+run clear.karst --box -5,-5,-5,5,9,5 --voxel 0.25 -o land.obj -q
+[ $status -eq 0 ] && sed -n 's/^v //p' land.obj | awk '{ x = $1 - 5; y = $2 - 5; z = $3 - 5; r = sqrt(x * x + y * y + z * z)
+    if (r < 2.999 || r > 3.001) off++; n++ } END { exit !(n > 500 && off == 0) }'
+result "without it the land's alone"
+refused 2 'clear' "of a world without clear matter" $ball --clear -o out.ply
 
 run $ball -o near.ply -q
 run ball.karst --box 1125899906842614,-10,-10,1125899906842634,10,10 --voxel 0.5 -o far.ply -q
@@ -86,14 +106,7 @@ refused 5 'dig2' "edits that are none" $ball --edits dig2.json -o out.ply
 refused 1 'folder is not there' "a folder that is none" $ball -o nowhere/out.ply
 
 # A mesh of minutes, stopped after it has begun.
-"$karst" mesh hills --box 0,-200,0,3000,300,3000 --voxel 0.5 -o out.ply > stdout 2> stderr &
-pid=$!
-sleep 0.7
-kill -TERM $pid
-wait $pid
-status=$?
-[ $status -ne 0 ] && [ -z "$(ls -A | grep -E '^(out\.ply|\.karst)')" ] && grep -q interrupted stderr
-detail="exit $status; $(cat stderr); $(ls -A | tr '\n' ' ')" result "stopped, it leaves nothing behind"
+stopped "stopped, it leaves nothing behind" hills --box 0,-200,0,3000,300,3000 --voxel 0.5 -o out.ply
 
 run --help
 [ $status -eq 0 ] && grep -q 'karst mesh hills --box' stdout && grep -q 'Exit code' stdout

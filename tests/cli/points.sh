@@ -5,6 +5,7 @@ set -u
 karst=${KARST:-build/karst}
 case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
 data="$PWD/../shared/data"
+flatten="$PWD/tests/cli/flatten.awk"
 export KARST_DATA_DIR="$PWD/demos"
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
@@ -75,8 +76,24 @@ head -c 3000 sub/ball.karstpoints > sub/gone.karstpoints
 refused 5 "gone.karstpoints: its head and its length" "render: a model that was cut" render sub/gone.karst -q --size 64x48 --pool 64 --display none -o x.png
 sed 's/\[{ "points": "ball.karstpoints"/[{ "at_": 3/' sub/air.karst > bad.karst
 refused 4 'a model has "points"' "render: a model without a file" render bad.karst -q --size 64x48 --display none -o x.png
-sed 's/"at": .0, 0, 0./"as": "splats"/' sub/air.karst > bad.karst
-refused 4 'not shown as "splats"' "render: splats" render bad.karst -q --size 64x48 --display none -o x.png
+refused 2 "models of points" "accuracy: what the reference does not know" accuracy sub/air.karst --size 32x24
+sed 's/"at": .0, 0, 0./"as": "discs"/' sub/air.karst > bad.karst
+refused 4 '"as" cannot be "discs"' "render: models as what there is not" render bad.karst -q --size 64x48 --display none -o x.png
+sed 's/"at": .0, 0, 0./"as": "splats", "blend": 3/' sub/air.karst > bad.karst
+refused 4 '"blend" is a text' "render: splats blended by a number" render bad.karst -q --size 64x48 --display none -o x.png
+sed 's/"at": .0, 0, 0./"as": "splats", "copies": "none"/' sub/air.karst > bad.karst
+refused 4 '"copies" cannot be "none"' "render: splats without a way to copy" render bad.karst -q --size 64x48 --display none -o x.png
+sed 's/"points": "ball/"as": "splats", "points": "gone/' sub/air.karst > sub/lost.karst
+refused 5 "gone.karstpoints: its head and its length" "render: splats of a model that was cut" render sub/lost.karst -q --size 64x48 --pool 64 --display none -o x.png
+sed 's/"at": .0, 0, 0./"as": "splats"/' sub/air.karst > sub/splats.karst
+render sub/splats.karst splats.png && ! cmp -s splats.png ball.png && ! cmp -s splats.png none.png
+detail=$(cat stderr) result "render: splats are another picture of the model"
+refused 2 "shows no model of points" "bench: a table of points without any" bench sub/none.karst -q --points --size 48x36 --pool 64 --rounds 1
+refused 2 "makes a table of its own" "bench: a table of points along a path" bench sub/air.karst --points --path orbit
+"$karst" bench sub/air.karst -q --points --size 48x36 --pool 64 --rounds 1 --json - > report 2> stderr &&
+    awk -f "$flatten" report > flat && [ "$(grep -c '^rows..models_as = ' flat)" -eq 5 ] && grep -q '^points = 5000$' flat &&
+    awk '/^rows..rms_px/ { n += $3 < 1 } /^rows..holes/ { n += $3 < 0.01 } END { exit n != 10 }' flat
+detail=$(cat stderr flat) result "bench: surfaces and splats, time, memory and error"
 
 # ---- real data ----
 if [ -r "$data/stanford-bunny.obj" ]; then

@@ -2,31 +2,9 @@
 # karst voxels from outside: files that NanoVDB's own headers accept, their values, what is refused, and that what is
 # stopped leaves nothing behind. $KARST is the program.
 set -u
-. tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
 source=$PWD/tests/export/nanovdb_check.cc
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
-
-run()
-{
-    "$karst" voxels "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst voxels $*: exit $status; stdout: $(head -c 300 stdout); stderr: $(head -c 600 stderr)"
-}
-# refused STATUS PATTERN NAME ARGUMENTS: exits so, says why, writes nothing.
-refused()
-{
-    wanted=$1 pattern=$2 name=$3
-    shift 3
-    rm -f out.*
-    run "$@"
-    [ $status -eq "$wanted" ] && grep -qE -e "$pattern" stderr && [ -z "$(ls -A | grep -E '^(out|\.karst)')" ]
-    result "$name"
-}
+subcommand=voxels
+. tests/cli/export.sh
 # Its density is no distance. Its ball is centred on a box of 40 m whose lower corner is at 0, and lies in cubes of 128 voxels on both sides of one.
 cat > ball.karst << 'END'
 /*{ "voxel": 0.125, "params": { "r": { "value": 15, "min": 1, "max": 19 } } }*/
@@ -97,14 +75,7 @@ refused 5 'dig2' "edits that are none" $ball --edits dig2.json -o out.nvdb
 refused 1 'folder is not there' "a folder that is none" $ball -o nowhere/out.nvdb
 
 # Minutes of work, stopped after it has begun.
-"$karst" voxels hills --box 0,-200,0,3000,300,3000 --voxel 1 -o out.nvdb > stdout 2> stderr &
-pid=$!
-until_caught $pid
-kill -TERM $pid
-wait $pid
-status=$?
-[ $status -ne 0 ] && [ -z "$(ls -A | grep -E '^(out\.nvdb|\.karst)')" ] && grep -q interrupted stderr
-detail="exit $status; $(cat stderr); $(ls -A | tr '\n' ' ')" result "stopped, it leaves nothing behind"
+stopped "stopped, it leaves nothing behind" hills --box 0,-200,0,3000,300,3000 --voxel 1 -o out.nvdb
 
 run --help
 [ $status -eq 0 ] && grep -q 'karst voxels hills --box' stdout && grep -q 'Exit code' stdout

@@ -60,7 +60,7 @@ static karst_stats take(karst_engine *engine, uint8_t *rgba)
 /* In front of the camera of `hills`, all shapes and modes. */
 static karst_edit random_edit(const karst_engine *engine, double smallest_m, double largest_m)
 {
-    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(4)};
+    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(5)};
     double ahead_m = random_magnitude(40, 1500), aside_m = ahead_m * (random_unit() - 0.5);
     const double from_camera_m[3] = {0.5 * ahead_m + 0.87 * aside_m, -0.2 * ahead_m - 100 * random_unit(),
                                      0.87 * ahead_m - 0.5 * aside_m};
@@ -72,7 +72,9 @@ static karst_edit random_edit(const karst_engine *engine, double smallest_m, dou
         e.to_m[a] = (random_unit() - 0.5) * largest_m;
     }
     e.radius_m = random_magnitude(smallest_m, largest_m);
-    e.blend_m = random_below(2) ? 0 : 2;
+    if (e.mode == KARST_EDIT_SMOOTH)
+        e.shape = KARST_EDIT_SPHERE;
+    e.blend_m = random_below(2) || e.mode == KARST_EDIT_SMOOTH ? 0 : 2;
     e.amplitude_m = e.radius_m / 4;
     e.scale_m = 4;
     e.seed = (uint32_t)random_bits();
@@ -385,8 +387,10 @@ static size_t slope_edits(karst_edit edits[8])
         {.shape = KARST_EDIT_SPHERE, .mode = KARST_EDIT_FLATTEN, .radius_m = 6, .normal = {0.3, 1, 0}, .blend_m = 1},
         {.shape = KARST_EDIT_NOISE, .mode = KARST_EDIT_ADD, .radius_m = 4, .amplitude_m = 1, .scale_m = 5, .seed = 7},
         {.shape = KARST_EDIT_SPHERE, .mode = KARST_EDIT_REMOVE, .radius_m = 2, .blend_m = 1},
+        {.mode = KARST_EDIT_SMOOTH, .radius_m = 7, .normal = {-0.3, 1, 0.2}, .strength = 0.8},
     };
-    static const double at_m[][3] = {{0, 0, 0}, {-14, 1, 4}, {12, 2, -6}, {16, 4, 14}, {-4, 1, 18}, {-4, 4, 15}};
+    static const double at_m[][3] = {{0, 0, 0},  {-14, 1, 4}, {12, 2, -6},  {16, 4, 14},
+                                     {-4, 1, 18}, {-4, 4, 15}, {-10, 0, -8}};
     const size_t num = sizeof list / sizeof *list;
     for (size_t i = 0; i < num; i++) {
         edits[i] = list[i];

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 /* One rule of the proofs broken at a time. */
-enum { NONE, OUTSIDE, INSIDE, REACH, ROUGH, NUM_MUTANTS };
+enum { NONE, OUTSIDE, INSIDE, REACH, ROUGH, SMOOTH, NUM_MUTANTS };
 static int mutant = NONE;
 #define EDITS_MUTANT(rule) (mutant == rule)
 
@@ -41,9 +41,11 @@ static int64_t far_out(void)
 /* Around a place: all shapes and modes, from far below a voxel to many bricks. */
 static karst_edit random_edit(const int64_t around[3], double spread_voxels)
 {
-    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(4)};
+    karst_edit e = {.shape = (karst_edit_shape)random_below(5), .mode = (karst_edit_mode)random_below(5)};
     if (e.mode == KARST_EDIT_FLATTEN)
         e.shape = (karst_edit_shape)random_below(2);
+    if (e.mode == KARST_EDIT_SMOOTH)
+        e.shape = KARST_EDIT_SPHERE;
     for (int a = 0; a < 3; a++) {
         e.at.voxel[a] = around[a] + (int64_t)((random_unit() - 0.5) * spread_voxels);
         e.at.fraction[a] = (uint32_t)random_bits();
@@ -52,7 +54,7 @@ static karst_edit random_edit(const int64_t around[3], double spread_voxels)
         e.normal[a] = random_unit() - 0.5;
     }
     e.radius_m = VOXEL_M * random_magnitude(0.05, 200);
-    e.blend_m = random_below(2) ? 0 : VOXEL_M * random_magnitude(0.1, 30);
+    e.blend_m = random_below(2) || e.mode == KARST_EDIT_SMOOTH ? 0 : VOXEL_M * random_magnitude(0.1, 30);
     e.amplitude_m = e.radius_m * random_unit();
     e.amplitude_m = e.amplitude_m < VOXEL_M / 1024 ? 0 : e.amplitude_m;
     e.scale_m = VOXEL_M * random_magnitude(1, 100);
@@ -201,7 +203,7 @@ static void ranges_hold(void **state)
     assert_int_equal(count_wrong_ranges(getenv("KARST_TEST_FULL") ? 100000 : 10000, &share), 0);
     print_message("# of boxes that edits change %.2f have one sign\n", share);
     assert_true(share > 0.3);
-    static const int rules[] = {OUTSIDE, REACH, ROUGH};
+    static const int rules[] = {OUTSIDE, REACH, ROUGH, SMOOTH};
     for (size_t i = 0; i < sizeof rules / sizeof *rules; i++) {
         mutant = rules[i];
         random_state = 3;
@@ -228,6 +230,8 @@ static void values_are_those_of_the_second_implementation(void **state)
             double in_double[4], precise = karst_edit_list_precise(&list, &at, level, (double)world, in_double);
             float device = karst_edit_list_density(&list, &at, level, world);
             /* Rounded-off maxima of many hand errors on; each is 2^-20 of what it is made of. */
+            const double by_index = karst_edit_list_precise_density(&list, &at, level, (double)world);
+            assert_memory_equal(&by_index, &precise, sizeof precise);
             if (fabs((double)device - precise) > 1e-4 + 4e-6 * fabs(precise))
                 fail_msg("list %d: %.9g, and %.9g in double, at level %d", i, (double)device, precise, level);
             float colour[4];
@@ -494,6 +498,13 @@ static void bad_edits_change_nothing(void **state)
         {"scale", {.shape = KARST_EDIT_NOISE, .radius_m = 1, .amplitude_m = 1, .scale_m = 0}},
         {"shape or mode", {.shape = (karst_edit_shape)77, .radius_m = 1}},
         {"flatten", {.shape = KARST_EDIT_PLANE, .mode = KARST_EDIT_FLATTEN}},
+        {"smooth takes", {.shape = KARST_EDIT_BOX, .mode = KARST_EDIT_SMOOTH, .half_m = {1, 1, 1}, .strength = 1}},
+        {"no blend", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1, .strength = 1, .blend_m = 1}},
+        {"strength", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1}},
+        {"strength", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1, .strength = 1.5}},
+        {"strength", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1, .strength = NAN}},
+        {"normal", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1, .strength = 1, .normal = {0, INFINITY, 0}}},
+        {"only what", {.mode = KARST_EDIT_SMOOTH, .radius_m = 1, .strength = 1, .has_colour = true}},
         {"paint takes a colour", {.radius_m = 1, .mode = KARST_EDIT_PAINT, .strength = 1}},
         {"the colour", {.radius_m = 1, .has_colour = true, .colour = {0, 1.5, 0}, .strength = 1}},
         {"the colour", {.radius_m = 1, .has_colour = true, .colour = {0, 0, NAN}, .strength = 1}},

@@ -68,7 +68,8 @@ static karst_engine *create(const karst_engine_config *like, int width, int heig
     config.width_px = width;
     config.height_px = height;
     config.exposure = KARST_EXPOSURE_GIVEN;
-    config.pool_bytes = (uint64_t)96 << 20;
+    if (!config.num_bricks)
+        config.pool_bytes = (uint64_t)96 << 20;
     karst_engine *engine = karst_engine_create(&config, &error);
     unlink(path);
     if (!engine)
@@ -175,6 +176,23 @@ static void luneburgs_lens_shows_what_it_should(void **state)
 
 /* ---- jumps ---- */
 
+/* With one lane both are the same bytes. */
+static void assert_lanes_do_not_matter(int width, int height)
+{
+    picture narrow_one = {0}, narrow_other = {0};
+    const karst_engine_config config = {.bounces = 64, .lanes = 1};
+    karst_engine *narrow = create(&config, width, height);
+    show(narrow, &(scene){.kind = GLASS, .hollow = 1});
+    settle(narrow, &narrow_one, width, height);
+    show(narrow, &(scene){.kind = CORE});
+    settle(narrow, &narrow_other, width, height);
+    karst_engine_destroy(narrow);
+    assert_same(&one, &narrow_one);
+    assert_same(&other, &narrow_other);
+    free(narrow_one.light);
+    free(narrow_other.light);
+}
+
 /* A ball of glass with a hollow core, and one whose core has the index 1. */
 static void a_core_of_one_is_a_hollow(void **state)
 {
@@ -197,6 +215,8 @@ static void a_core_of_one_is_a_hollow(void **state)
     print_message("%dx%d: %d pixels differ, cut off %d and %d\n", width, height, num_off, (int)one.stats.num_rays_cut,
                   (int)other.stats.num_rays_cut);
     assert_true(num_off * 1000 <= width * height);
+    if (full)
+        assert_lanes_do_not_matter(width, height);
 }
 
 /* ---- energy ---- */
@@ -216,6 +236,29 @@ static void nothing_is_lost_or_added(void **state)
         print_message("furnace %zu: %d values are off, %d rays, %d cut off\n", i, num_off,
                       (int)one.stats.num_rays[KARST_STREAM_CLEAR], (int)one.stats.num_rays_cut);
         assert_true(one.stats.num_rays[KARST_STREAM_CLEAR] > 200);
+        assert_int_equal(num_off, 0);
+    }
+}
+
+/* An eye in a field of index, at pools of any size: a shell that is as bright everywhere shows every hole. */
+static void an_eye_in_a_field_sees_no_holes_in_pools_of_any_size(void **state)
+{
+    const scene inside = {.kind = TILTED, .shell = 1, .radius = 6};
+    take(*state, inside, &one);
+    const uint32_t land = (uint32_t)one.stats.bricks.num_used, clear = (uint32_t)one.stats.stores[0].bricks.num_used,
+                   all = land > 2 * clear ? land : 2 * clear;
+    static const uint32_t percents[] = {100, 50, 25, 10};
+    for (int i = 0; i < 4; i++) {
+        const karst_engine_config small = {.bounces = 64,
+                                           .num_bricks = 34 + all * percents[i] / 100,
+                                           .num_tiles = 48 + (uint32_t)one.stats.tiles.num_used * percents[i] / 100};
+        karst_engine *engine = create(&small, WIDTH, HEIGHT);
+        take(engine, inside, &other);
+        karst_engine_destroy(engine);
+        int num_off = 0;
+        for (int k = 0; k < 3 * NUM; k++)
+            num_off += fabsf(other.light[k] / 0.5f - 1) > 1.0f / 255;
+        print_message("%u %%: %d values are off, %.2f px\n", percents[i], num_off, other.stats.detail_given_px);
         assert_int_equal(num_off, 0);
     }
 }
@@ -323,6 +366,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(luneburgs_lens_shows_what_it_should), cmocka_unit_test(a_core_of_one_is_a_hollow),
         cmocka_unit_test(nothing_is_lost_or_added),            cmocka_unit_test(pictures_depend_on_the_view_alone),
+        cmocka_unit_test(an_eye_in_a_field_sees_no_holes_in_pools_of_any_size),
         cmocka_unit_test(parameters_reach_the_index),          cmocka_unit_test(what_is_no_index_is_taken_as_one),
     };
     return cmocka_run_group_tests_name("an index that varies", tests, open_engine, close_engine);

@@ -1,10 +1,14 @@
-/* Fuzzes the readers of points: any bytes, taken for each format, must give points or a message that names the bytes,
- * soon. The first byte says which format. `make fuzz` builds and runs it, from files in tests/fuzz/points. */
+/* Fuzzes the readers of points, and of light maps: any bytes, taken for each format, must give points or a message
+ * that names the bytes, soon. The first byte says which format. `make fuzz` builds and runs it, from files in
+ * tests/fuzz/points. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
+#include "core/files/light_points.h"
 #include "core/files/point_source.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -17,6 +21,22 @@ static void require(bool holds, const char *what)
     abort();
 }
 
+static void read_light_map(const uint8_t *data, size_t size)
+{
+    static int file = -1;
+    char path[64];
+    karst_error error = {0};
+    size_t num;
+    if (file < 0)
+        file = memfd_create("light", 0);
+    require(file >= 0 && ftruncate(file, 0) == 0 && pwrite(file, data, size, 0) == (ssize_t)size, "no file");
+    snprintf(path, sizeof path, "/proc/self/fd/%d", file);
+    karst_light_point *points = karst_light_points_load(path, 1, 100, &num, &error);
+    require(points ? num >= 1 && num <= 100 : error.status == KARST_BAD_DATA && strstr(error.message, path),
+            "a failure without its file");
+    free(points);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     karst_file_point points[64];
@@ -24,6 +44,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     size_t num = 1;
     if (size < 2)
         return 0;
+    if (data[0] == 'l') {
+        read_light_map(data + 1, size - 1);
+        return 0;
+    }
     FILE *file = fmemopen((void *)(uintptr_t)(data + 1), size - 1, "rb");
     if (!file)
         return 0; /* memory */

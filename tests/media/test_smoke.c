@@ -375,7 +375,7 @@ static void bad_worlds_are_refused(void **state)
         {HEAD("[{ \"emitter\": \"ball\", \"count\": \"lots\" }]") AIR, "parameter \"lots\", which there is not", false},
         {HEAD("[{ \"emitter\": \"ball\", \"radius\": [1, 2, 3] }]") AIR, "\"radius\" is a number, or two", false},
         {HEAD("[{ \"emitter\": \"ball\", \"file\": \"a.csv\" }]") AIR, "either a \"file\" or an \"emitter\"", false},
-        {HEAD("[{ \"emitter\": \"ball\", \"combine\": \"max\" }]") AIR, "do not combine as \"max\"", false},
+        {HEAD("[{ \"emitter\": \"ball\", \"combine\": \"max\" }]") AIR, "\"combine\" cannot be \"max\"", false},
         {HEAD("{}") AIR, "\"particles\" is a list", false},
         {HEAD("[{ \"file\": \"no-such-file.csv\" }]") AIR, "no-such-file.csv", true},
         {HEAD("[{ \"emitter\": \"ball\", \"count\": 1e7 }]") AIR, "10000000 particles: 1000000 are the most", true},

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Meshes against other programs' view of them: trimesh (is it watertight, turned the right way, of the right volume?) and
-# PyMCubes (how many densities do the same grid and marching cubes take, and how long?). PYTHON names an interpreter that has numpy,
-# trimesh and PyMCubes; what is missing is skipped. $KARST is the program. Not part of `make check`.
+# PyMCubes (how many densities do the same grid and marching cubes take, and how long?), Khronos' validator of glTF, and Blender.
+# PYTHON names an interpreter that has numpy, trimesh, PyMCubes and bpy, NODE_PATH a folder with node's gltf-validator; what is missing is
+# skipped. $KARST is the program. Not part of `make check`.
 set -u
 . tests/tap.sh
 karst=${KARST:-build/karst}
@@ -35,6 +36,48 @@ END
     )
     result "trimesh: a .$suffix is one closed surface, where it should be"
 done
+
+# ---- glTF: with levels and without ----
+"$karst" mesh "$scratch/bumps.karst" --box -100,-100,-100,100,100,100 --voxel 1 --lods 4 -o "$scratch/levels.glb" -q
+"$karst" mesh "$scratch/bumps.karst" --box 90,90,90,100,100,100 --voxel 1 --lods 2 -o "$scratch/nothing.glb" -q
+cat > "$scratch/validate.js" << 'END'
+const fs = require("fs"), validator = require("gltf-validator");
+Promise.all(process.argv.slice(2).map(file => validator.validateBytes(new Uint8Array(fs.readFileSync(file))).then(report => {
+    const i = report.issues;
+    console.log(`${file}: ${i.numErrors} errors, ${i.numWarnings} warnings, ${i.numInfos} infos; ${report.info.totalVertexCount} vertices`);
+    i.messages.slice(0, 5).forEach(m => console.log(`  ${m.code} ${m.pointer}: ${m.message}`));
+    return i.numErrors + i.numWarnings;
+}))).then(all => process.exit(all.some(n => n > 0) ? 1 : 0));
+END
+if node -e 'require("gltf-validator")' 2> /dev/null; then
+    detail=$(node "$scratch/validate.js" "$scratch"/bumps.glb "$scratch"/levels.glb "$scratch"/nothing.glb 2>&1)
+    told=$?
+    echo "$detail" | sed 's/^/# /'
+    [ $told -eq 0 ]
+    result "Khronos' validator has neither errors nor warnings"
+else
+    skip "Khronos' validator" "node has none: npm install --prefix DIR gltf-validator; NODE_PATH=DIR/node_modules"
+fi
+if "$python" -c 'import bpy' 2> /dev/null; then
+    detail=$("$python" - "$scratch/levels.glb" "$scratch/json" 2>&1 << 'END'
+import json, sys, bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath=sys.argv[1])
+meshes = [o for o in bpy.context.view_layer.objects if o.type == "MESH"]  # what is in no scene is in a collection of its own
+triangles = sum(len(o.data.polygons) for o in meshes)
+high = max((o.matrix_world @ v.co).z for o in meshes for v in o.data.vertices)
+print(len(meshes), "meshes,", triangles, "triangles, highest at", high, "colours:", [a.name for a in meshes[0].data.color_attributes])
+ok = triangles == json.load(open(sys.argv[2]))["triangles"] and all(o.name.endswith("_lod0") for o in meshes)
+sys.exit(not (ok and 175 < high < 185))
+END
+    )
+    told=$?
+    echo "# $(echo "$detail" | tail -n 1)"
+    [ $told -eq 0 ]
+    result "Blender opens the finest level of each chunk"
+else
+    skip "Blender" "$python has no bpy"
+fi
 
 if ! "$python" -c 'import mcubes' 2> /dev/null; then
     skip "PyMCubes" "$python has none"

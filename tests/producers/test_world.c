@@ -322,6 +322,50 @@ static void test_threads(void **state)
     karst_world_close(world);
 }
 
+/* Edits that come one after another, undone and redone, are those of one call. */
+static void test_edits_one_after_another(void **state)
+{
+    (void)state;
+    enum { NUM = 150 };
+    static karst_edit edits[NUM];
+    karst_world *world = open_world("hills");
+    karst_sampler *sampler = sampler_of(world), *at_once = sampler_of(world), *plain = sampler_of(world);
+    const int voxel_log2_m = karst_world_get_metadata(world)->voxel_log2_m;
+    const karst_position centre = at_metres(world, "0", "100", "0");
+    assert_int_equal(karst_sampler_keep_edits(sampler, 7), 0);
+    for (int i = 0; i < NUM; i++) {
+        edits[i] = (karst_edit){.mode = i % 3 ? KARST_EDIT_ADD : KARST_EDIT_SMOOTH, .strength = 0.5};
+        edits[i].radius_m = 5 + 20 * random_unit();
+        edits[i].at = karst_position_add_m(
+            centre, (double[3]){200 * random_unit(), 100 * random_unit(), 100 * random_unit()}, voxel_log2_m);
+        assert_true(karst_sampler_append_edits(sampler, &edits[i], 1, NULL));
+    }
+    static const size_t kept[] = {NUM, 90, 120, 1, 0, 1000};
+    for (size_t i = 0; i < sizeof kept / sizeof *kept; i++) {
+        const size_t num = kept[i] < NUM ? kept[i] : NUM;
+        int num_changed = 0;
+        assert_int_equal(karst_sampler_keep_edits(sampler, kept[i]), num);
+        assert_true(karst_sampler_set_edits(at_once, edits, num, NULL));
+        for (int k = 0; k < 200; k++) {
+            const karst_position at = karst_position_add_m(
+                centre, (double[3]){200 * random_unit(), 100 * random_unit(), 100 * random_unit()}, voxel_log2_m);
+            const karst_sample a = karst_sampler_density(sampler, &at, 0), b = karst_sampler_density(at_once, &at, 0);
+            assert_memory_equal(&a.device, &b.device, sizeof a.device);
+            assert_memory_equal(&a.precise, &b.precise, sizeof a.precise);
+            num_changed += a.device != karst_sampler_density(plain, &at, 0).device;
+        }
+        assert_true(num < 90 ? num_changed < 100 : num_changed > 100);
+    }
+    /* What was undone is gone with the next one. */
+    assert_int_equal(karst_sampler_keep_edits(sampler, 10), 10);
+    assert_true(karst_sampler_append_edits(sampler, &edits[0], 1, NULL));
+    assert_int_equal(karst_sampler_keep_edits(sampler, 1000), 11);
+    karst_sampler_destroy(sampler);
+    karst_sampler_destroy(at_once);
+    karst_sampler_destroy(plain);
+    karst_world_close(world);
+}
+
 /* Many points at once: the bits of one by one, near and far, at any footprint, with edits and without. */
 static void test_many_points(void **state)
 {
@@ -372,9 +416,16 @@ static void test_many_points(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_metadata),        cmocka_unit_test(test_check),   cmocka_unit_test(test_bad_worlds),
-        cmocka_unit_test(test_levels),          cmocka_unit_test(test_colour),  cmocka_unit_test(test_bounds),
-        cmocka_unit_test(test_exact_positions), cmocka_unit_test(test_threads), cmocka_unit_test(test_many_points),
+        cmocka_unit_test(test_metadata),
+        cmocka_unit_test(test_check),
+        cmocka_unit_test(test_bad_worlds),
+        cmocka_unit_test(test_levels),
+        cmocka_unit_test(test_colour),
+        cmocka_unit_test(test_bounds),
+        cmocka_unit_test(test_exact_positions),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_edits_one_after_another),
+        cmocka_unit_test(test_many_points),
     };
     return cmocka_run_group_tests_name("world", tests, NULL, NULL);
 }

@@ -114,6 +114,13 @@ static inline karst_edit rig_edit(uint64_t n, uint64_t v)
             e.colour[c] = (double)(bits / 512 % 97 + (uint64_t)c) / 100;
         e.strength = bits / 1024 % 2 ? 1 : 0.375;
     }
+    if (v > 1 && e.shape == KARST_EDIT_SPHERE && !e.has_colour && bits / 2048 % 2) { /* nor did it know these */
+        e.mode = KARST_EDIT_SMOOTH;
+        e.blend_m = 0;
+        e.strength = bits / 4096 % 2 ? 1 : 0.0625;
+        e.normal[0] = e.normal[2] = bits / 8192 % 2 ? 0 : 0.5;
+        e.normal[1] = bits / 8192 % 2 ? 0 : -1;
+    }
     return e;
 }
 

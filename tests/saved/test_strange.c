@@ -190,7 +190,7 @@ static void other_files_are_refused(void **state)
     } cases[] = {
         {"PRAGMA application_id=1", "no saved world"},
         {"PRAGMA application_id=0", "no saved world"},
-        {"PRAGMA user_version=2", "newer Karst"},
+        {"PRAGMA user_version=3", "newer Karst"},
         {"PRAGMA user_version=2000000000", "newer Karst"},
         {"PRAGMA user_version=0", "no saved world"},
         {"PRAGMA user_version=-1", "no saved world"},

@@ -26,7 +26,8 @@ typedef enum {
     KARST_EDIT_ADD,     /* land in the shape */
     KARST_EDIT_REMOVE,  /* air in the shape */
     KARST_EDIT_FLATTEN, /* in a sphere or a box: land below a plane through `at`, air above */
-    KARST_EDIT_PAINT    /* a colour on what lies in the shape; the land stays as it is */
+    KARST_EDIT_PAINT,   /* a colour on what lies in the shape; the land stays as it is */
+    KARST_EDIT_SMOOTH   /* in a sphere: land is drawn towards the plane through `at`, most in the middle */
 } karst_edit_mode;
 
 /* One edit. It is exact wherever it lies; lengths are metres, 2^-20 voxel to 2^60 voxels. */
@@ -37,14 +38,15 @@ typedef struct {
     double radius_m;   /* sphere, capsule, noise; above 0 */
     double half_m[3];  /* box: half its sides; each above 0 */
     double to_m[3];    /* capsule */
-    double normal[3];  /* plane, flatten: any length above 0; all 0: up */
+    double normal[3];  /* plane, flatten, smooth: any length above 0; all 0: up */
     double blend_m;    /* edges where the edit meets the land are rounded off over so much of the density, which is
-                        * metres in most worlds; 0: sharp. paint: metres over which it fades at its edge */
+                        * metres in most worlds; 0: sharp. paint: metres over which it fades at its edge. smooth: 0 */
     double amplitude_m, scale_m; /* noise: how rough (0 to the radius), and how wide its largest bumps are */
     uint32_t seed;               /* noise */
     bool has_colour;  /* paint: always; add: what is added has a colour of its own, not the world's */
     double colour[3]; /* with it: albedo, linear red, green and blue, 0 to 1 each */
-    double strength;  /* with it: how much of the colour below it covers, above 0, at most 1 */
+    double strength;  /* with it: how much of the colour below it covers, above 0, at most 1. smooth: the plane's share
+                       * of the density in the middle, as much; at r of the radius it is (1 - r^2)^2 of that */
 } karst_edit;
 
 /* What an edit or an undo made the engine forget. */
@@ -77,8 +79,8 @@ karst_edit_report karst_engine_edit_report(const karst_engine *engine);
  *         { "shape": "box", "mode": "add", "at": [0, 20, 0], "half": [1, 1, 1], "blend": 0.5 } ] }
  *
  * "at" and "to" are metres, as numbers or as decimal texts, which are exact; "to" is the other end of a capsule;
- * "normal" belongs to planes and to "flatten"; "amplitude", "scale" and "seed" to "noise"; "colour" ([r, g, b]) and
- * "strength" (1 if left out) to "paint" and "add". Errors: KARST_BAD_DATA
+ * "normal" belongs to planes, "flatten" and "smooth"; "amplitude", "scale" and "seed" to "noise"; "colour" ([r, g, b])
+ * to "paint" and "add", "strength" (1 if left out) to these and "smooth". Errors: KARST_BAD_DATA
  * (cannot be read, no JSON, an unknown shape, mode or field, values out of range: the message names the file, the edit
  * or line and the field), KARST_FAILED. Thread-safe. */
 karst_edit *karst_edits_load(const char *path, int voxel_log2_m, size_t *num, karst_error *error);
@@ -87,7 +89,7 @@ karst_edit *karst_edits_load(const char *path, int voxel_log2_m, size_t *num, ka
  * that is left out), and what else there is to say:
  *
  *     sphere,X,Y,Z,RADIUS   box,X,Y,Z,HALF_X,HALF_Y,HALF_Z   capsule,X,Y,Z,TO_X,TO_Y,TO_Z,RADIUS   plane,X,Y,Z
- *     noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE      then ,add ,remove ,flatten or ,paint      then ,blend=M ,seed=N
+ *     noise,X,Y,Z,RADIUS,AMPLITUDE,SCALE      then ,add ,remove ,flatten ,paint or ,smooth  then ,blend=M ,seed=N
  *     ,normal=X:Y:Z ,colour=R:G:B ,strength=S
  *
  * All are metres, and as karst_edits_load takes them; places are exact decimals. *edit changes only on success. Errors:
@@ -102,6 +104,13 @@ int karst_edit_format(const karst_edit *edit, int voxel_log2_m, char *text, size
  * bounds are not known where edits are near. The positions are in the world's voxels. All are taken or none. Errors:
  * KARST_USAGE, KARST_FAILED. */
 bool karst_sampler_set_edits(karst_sampler *sampler, const karst_edit *edits, size_t num_edits, karst_error *error);
+/* The same, one after another: appends edits to the sampler's, as karst_engine_edit does to an engine's; those that
+ * karst_sampler_keep_edits took out of force are gone. All are taken or none. Errors: KARST_USAGE, KARST_FAILED. Like
+ * all functions on a sampler: by one thread at a time. */
+bool karst_sampler_append_edits(karst_sampler *sampler, const karst_edit *edits, size_t num_edits, karst_error *error);
+/* From now on the first `num` of a sampler's edits are in force, at most as many as it was given: an undo or a redo.
+ * Returns how many that are. */
+size_t karst_sampler_keep_edits(karst_sampler *sampler, size_t num);
 
 #ifdef __cplusplus
 }

@@ -80,6 +80,18 @@ typedef enum {
     KARST_NUM_OCCLUSIONS
 } karst_occlusion_mode;
 
+/* How models made of points are shown (docs/POINTS.md). */
+typedef enum {
+    KARST_MODELS_OF_WORLD,       /* each as the world says */
+    KARST_MODELS_SURFACE,        /* all as surfaces of the land */
+    KARST_MODELS_SPLATS,         /* all as discs, in leaves whose copies are culled, blended across leaves */
+    KARST_MODELS_SPLATS_ALL,     /* the same with all copies */
+    KARST_MODELS_SPLATS_LEAF,    /* as KARST_MODELS_SPLATS, each leaf blended for itself */
+    KARST_MODELS_SPLATS_LEAF_ALL, /* the same with all copies */
+    KARST_MODELS_NONE,            /* none is shown: the world without them */
+    KARST_NUM_MODELS_AS
+} karst_models_as;
+
 /* Where the sun stands: a compass bearing, and how high, in degrees. */
 typedef struct {
     double azimuth_deg, elevation_deg;
@@ -151,8 +163,9 @@ typedef struct {
      * KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
-    /* Of KARST_INTEGRATOR_FULL: surfaces that a path leaves at most; 0: KARST_ENGINE_DEFAULT_BOUNCES, beyond which
-     * hardly any light is left. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
+    /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
+     * KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly any light is left, and KARST_ENGINE_MAX_BOUNCES where the world
+     * has a medium. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
      * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
@@ -162,6 +175,11 @@ typedef struct {
      * picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
      * KARST_INTEGRATOR_DIRECT, and with shadows. */
     uint32_t caustics;
+    /* Pictures are of the light that falls on land, not of what it looks like: radiance is how bright a white surface
+     * would be there, by light from all around, the sky's and what surfaces throw back and glow; without that of lamps
+     * and suns on the surface itself. Only with KARST_INTEGRATOR_FULL. All samples go through the pixels' centres.
+     * Where no land is seen, or clear matter before it, radiance is -1. `karst bake` makes light maps of this. */
+    bool irradiance;
     bool has_sun;
     karst_sun sun;     /* instead of the world's own */
     const char *edits; /* path of a file of edits (karst/edit.h), or of a saved world (karst/saved.h) whose edits the
@@ -169,6 +187,7 @@ typedef struct {
     karst_helper *helper; /* a second process that shares the compiling (karst/helper.h); borrowed, outlives the engine;
                            * NULL: none */
     int lanes;                 /* 0: what suits the device; 1 or 16 */
+    karst_models_as models;    /* KARST_MODELS_OF_WORLD; also of worlds that are shown later */
     const karst_log *log;      /* borrowed, outlives the engine; NULL: silent */
 } karst_engine_config;
 

@@ -22,6 +22,7 @@
 #include "karst/points.h"
 #include "karst/position.h"
 #include "karst/query.h"
+#include "karst/rays.h"
 #include "karst/reference.h"
 #include "karst/saved.h"
 #include "karst/stats.h"

@@ -91,6 +91,70 @@ bool karst_mesh_write(const karst_world *world, const karst_mesh_config *config,
                       karst_mesh_format format, bool (*progress)(void *user, double share), void *user,
                       karst_mesh_stats *stats, karst_error *error);
 
+/* ---- levels ---- */
+
+#define KARST_MESH_MAX_LEVELS 8
+#define KARST_MESH_CHUNK_CELLS 128
+
+/* A part of a mesh, of the surface in some KARST_MESH_CHUNK_CELLS along each axis, at several levels. Level 0 is the
+ * mesh as karst_mesh_find has it. Level l has about a quarter of the triangles of the level before, as cells twice as
+ * wide would have: vertices go where that moves the surface least (Garland and Heckbert 1997), at most by half a cell
+ * of that level by their measure; those that stay keep place, normal and colour. Vertices at edges with one triangle
+ * stay in all levels, so chunks meet without a crack whatever level each is shown at, and every level is watertight
+ * and manifold where level 0 is. Vertices that a level uses are the first ones: so one array serves all levels. */
+typedef struct {
+    int64_t at[3]; /* counted in chunks from the box's lower corner */
+    int num_levels;
+    const karst_mesh_vertex *vertices;
+    size_t num_vertices[KARST_MESH_MAX_LEVELS];            /* how many of them a level uses */
+    const uint32_t (*triangles[KARST_MESH_MAX_LEVELS])[3]; /* indices into vertices */
+    size_t num_triangles[KARST_MESH_MAX_LEVELS];
+    double moved_m[KARST_MESH_MAX_LEVELS]; /* the farthest that a vertex had to the planes that it stands for, as a root
+                                            * of a mean of squares; 0 of level 0 */
+} karst_mesh_chunk;
+
+typedef struct {
+    uint64_t num_chunks;
+    uint64_t num_vertices; /* of all chunks: those where two meet are of both */
+    uint64_t num_triangles[KARST_MESH_MAX_LEVELS];
+} karst_mesh_level_stats;
+
+/* What chunks are given to, one by one, from the calling thread, each valid during the call. Both return false to stop,
+ * the first with an error set; `progress` as of karst_mesh_sink. */
+typedef struct {
+    bool (*chunk)(void *user, const karst_mesh_chunk *chunk, karst_error *error);
+    bool (*progress)(void *user, double share);
+    void *user;
+} karst_mesh_chunk_sink;
+
+/* As karst_mesh_find, with num_levels levels (1 to KARST_MESH_MAX_LEVELS), level 0 among them. Memory grows with the
+ * surface in a slab of KARST_MESH_CHUNK_CELLS cells across z. `stats` (of level 0) and `levels` may be NULL. What is
+ * found does not depend on the number of threads. Thread-safe. Errors: as karst_mesh_find; KARST_USAGE also for
+ * num_levels out of range. */
+bool karst_mesh_find_levels(const karst_world *world, const karst_mesh_config *config, int num_levels,
+                            const karst_mesh_chunk_sink *sink, karst_mesh_stats *stats, karst_mesh_level_stats *levels,
+                            karst_error *error);
+
+/* The same into a .glb, whole or not at all: a node for each chunk with its level 0, whose extension MSFT_lod names the
+ * nodes of the coarser levels; these are in no scene, so that programs that know no levels show level 0 alone. Nodes
+ * are called NAME_x0_y0_z0_lod0, and have how far the surface moved as extras.moved_m. All levels of a chunk share
+ * their vertices. Otherwise as karst_mesh_write. Errors: as karst_mesh_write; KARST_USAGE also for num_levels out of
+ * range and a name that does not end in .glb. */
+bool karst_mesh_write_levels(const karst_world *world, const karst_mesh_config *config, int num_levels,
+                             const char *path, bool (*progress)(void *user, double share), void *user,
+                             karst_mesh_stats *stats, karst_mesh_level_stats *levels, karst_error *error);
+
+/* ---- points ---- */
+
+/* Writes points on the surface in place of triangles, as a binary .ply, whole or not at all: the vertices of the mesh
+ * of the same box, so one for each piece of surface in a cell (config->cell_m is how far apart points are, more or
+ * less), within 0.001 cells of the true surface, with the density's exact gradient as normal, and colours as bytes of
+ * sRGB. Nothing is kept in memory but what the mesh of a slab takes. Otherwise as karst_mesh_write, whose comments the
+ * file has, too. Errors: as karst_mesh_write; KARST_USAGE also for a name that does not end in .ply. */
+bool karst_mesh_write_points(const karst_world *world, const karst_mesh_config *config, const char *path,
+                             bool (*progress)(void *user, double share), void *user, karst_mesh_stats *stats,
+                             karst_error *error);
+
 #ifdef __cplusplus
 }
 #endif

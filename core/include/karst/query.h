@@ -87,6 +87,25 @@ bool karst_query_heights(const karst_world *world, const karst_query_config *con
                          size_t num, double depth_m, uint32_t max_surfaces, double *down_m, uint32_t *counts,
                          bool *starts_inside, karst_error *error);
 
+/* The surface that is nearest to a point. */
+typedef struct {
+    karst_position at; /* next to it, on the other side from the point */
+    double distance_m; /* from the point to there; INFINITY: none was found within reach */
+    double at_least_m; /* by proof: nothing of the other side is nearer. Less than it need be where nothing could be
+                        * proved */
+    double normal[3];  /* as of karst_query_hit */
+    bool is_inside;    /* the point is solid */
+} karst_query_near;
+
+/* Finds them for `num` points, none farther than reach_m (above 0, to 2^60 voxels). Cubes around the point are looked
+ * at, the nearest first; one whose bounds prove no side is cut into eight until its diagonal is within what the
+ * configuration asks for, or a 16th of how far it is. From what is found there the surface is followed down its slope
+ * to where it is nearest. So distance_m is that of a true surface, and the nearest one lies between at_least_m and it:
+ * they differ by a 16th at most, and what was asked for, where the density can be bounded. A point takes milliseconds.
+ * Errors: as above. */
+bool karst_query_nearest(const karst_world *world, const karst_query_config *config, const karst_position *at,
+                         size_t num, double reach_m, karst_query_near *found, karst_error *error);
+
 /* A map of heights: the topmost surface along the vertical through the middle of each pixel, seen from above. */
 typedef struct {
     /* The lowest x and z of the map, and the y where the search begins; what is solid there counts as a surface. */

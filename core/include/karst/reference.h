@@ -68,7 +68,8 @@ typedef struct {
 
 /* Traces width_px * height_px rays into `hits`, top row first. `progress` (may be NULL) is called now and then, from
  * this thread, with the share done; returning false ends the work with KARST_FAILED. Errors: KARST_USAGE (a field out
- * of range), KARST_BAD_WORLD, KARST_FAILED. Any thread. `stats` may be NULL. */
+ * of range, a world with models of points, which are not known here), KARST_BAD_WORLD, KARST_FAILED. Any thread.
+ * `stats` may be NULL. */
 bool karst_reference_trace(const karst_reference_config *config, karst_reference_hit *hits,
                            bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
                            karst_error *error);

@@ -24,7 +24,9 @@ extern "C" {
  * A handle may be used by one thread at a time, different handles by different threads, also of one file. */
 typedef struct karst_saved karst_saved;
 
-#define KARST_SAVED_VERSION 1 /* of the format that is written; all up to it are read */
+/* The newest version of the format; all up to it are read and written. A file is of version 1 until it holds what that
+ * does not know: edits that smooth make it one of version 2, so that an older Karst says that it is too old for it. */
+#define KARST_SAVED_VERSION 2
 #define KARST_SAVED_NUM_BOOKMARKS 9
 #define KARST_SAVED_MAX_PARAMETERS 64
 

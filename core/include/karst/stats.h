@@ -70,6 +70,16 @@ typedef struct {
     double cut_off;   /* met more surfaces than photons may */
 } karst_stats_caustics;
 
+/* Models that the world shows as discs (docs/POINTS.md), all levels of them; zeros: none. */
+typedef struct {
+    uint64_t num_points; /* of the finest levels */
+    uint64_t num_discs;  /* in leaves, copies included */
+    uint64_t num_copies; /* in leaves that they touch beside the one that their centre lies in */
+    uint64_t num_culled; /* copies that were left out, as no probe ray needed them */
+    uint64_t num_leaves; /* that have discs */
+    uint64_t size_bytes; /* of all that devices read of them */
+} karst_stats_splats;
+
 /* One frame, or the state after it. */
 typedef struct {
     char device[128];
@@ -108,6 +118,7 @@ typedef struct {
     karst_stats_caustics caustics;
     size_t num_stores; /* beside the land's, of which `bricks` tells; 0 of most worlds */
     karst_stats_store stores[KARST_STATS_MAX_STORES];
+    karst_stats_splats splats;
     size_t num_memory;
     karst_stats_memory memory[64]; /* by buffer name */
 } karst_stats;

@@ -66,6 +66,17 @@ static json_t *object_of(reader *r, json_t *value, const char *key)
     return value;
 }
 
+/* Whether a key has the second of two words; the first is what it has where it is left out. */
+static bool is_second(reader *r, json_t *object, const char *key, const char *first, const char *second)
+{
+    json_t *v = json_object_get(object, key);
+    const char *word = v ? text_of(r, v, key) : first;
+    if (strcmp(word, first) != 0 && strcmp(word, second) != 0)
+        fail(r, key, karst_format(r->source->arena, "write \"%s\" or \"%s\"", first, second),
+             karst_format(r->source->arena, "\"%s\" cannot be \"%.60s\"", key, word));
+    return strcmp(word, second) == 0;
+}
+
 /* Warns of keys that are not among `known` (space-separated). */
 static void warn_unknown(reader *r, json_t *object, const char *of, const char *known)
 {
@@ -144,13 +155,9 @@ static void read_model(reader *r, json_t *sky)
 {
     static const char *const colours[] = {"zenith", "horizon", "haze", "haze_height"};
     karst_world_header *h = r->header;
-    json_t *model = json_object_get(sky, "model"), *dust = json_object_get(sky, "dust");
-    const char *name = model ? text_of(r, model, "model") : "plain";
-    h->has_atmosphere = strcmp(name, "atmosphere") == 0;
+    json_t *dust = json_object_get(sky, "dust");
+    h->has_atmosphere = is_second(r, sky, "model", "plain", "atmosphere");
     h->dust = dust ? number_of(r, dust, "dust", 0, 100) : 1;
-    if (!h->has_atmosphere && strcmp(name, "plain") != 0)
-        fail(r, "model", "write \"atmosphere\" or \"plain\"",
-             karst_format(r->source->arena, "no model of the sky is called \"%s\"", name));
     if (!h->has_atmosphere && dust)
         karst_source_warn(r->source, place_of(r, "dust", r->begin), "write \"model\": \"atmosphere\" beside it",
                           "\"dust\" has no effect without an atmosphere");
@@ -408,7 +415,7 @@ static karst_header_model read_point_model(reader *r, json_t *object)
 {
     karst_header_model model = {.at = {"0", "0", "0"}, .scale = 1};
     json_t *v = json_object_get(object_of(r, object, "models"), "points");
-    warn_unknown(r, object, "a model", "points at turn scale as");
+    warn_unknown(r, object, "a model", "points at turn scale as blend copies sides");
     if (!v)
         fail(r, "models", "write { \"points\": \"rabbit.karstpoints\", \"at\": [\"0\", \"1\", \"0\"] }",
              "a model has \"points\": the name of an imported file");
@@ -423,9 +430,10 @@ static karst_header_model read_point_model(reader *r, json_t *object)
         model.turn_deg[i] = number_of(r, json_array_get(v, i), "turn", -36000, 36000);
     if ((v = json_object_get(object, "scale")))
         model.scale = number_of(r, v, "scale", 1e-30, 1e30);
-    if ((v = json_object_get(object, "as")) && strcmp(text_of(r, v, "as"), "surface") != 0)
-        fail(r, "as", "write \"surface\", or leave it out",
-             karst_format(r->source->arena, "models are not shown as \"%.60s\"", json_string_value(v)));
+    model.is_splats = is_second(r, object, "as", "surface", "splats");
+    model.is_shallow = is_second(r, object, "blend", "deep", "leaf");
+    model.has_backs = is_second(r, object, "sides", "front", "both");
+    model.keeps_copies = is_second(r, object, "copies", "culled", "all");
     return model;
 }
 
@@ -521,13 +529,7 @@ static karst_header_particles read_group(reader *r, json_t *object)
     warn_unknown(r, object, "a group of particles",
                  has_file ? "file at combine"
                           : "emitter at combine size velocity spread stray life fade count radius extinction seed");
-    if ((v = json_object_get(object, "combine"))) {
-        const char *how = text_of(r, v, "combine");
-        if (strcmp(how, "sum") != 0 && strcmp(how, "union") != 0)
-            fail(r, "combine", "write \"union\" or \"sum\"",
-                 karst_format(r->source->arena, "particles do not combine as \"%.60s\"", how));
-        p.is_sum = strcmp(how, "sum") == 0;
-    }
+    p.is_sum = is_second(r, object, "combine", "union", "sum");
     if ((v = json_object_get(object, "at")) && (!json_is_array(v) || json_array_size(v) != 3))
         fail(r, "at", "write [\"0\", \"320\", \"0\"]", "\"at\" is three decimals, in metres");
     for (size_t i = 0; v && i < 3; i++)
@@ -585,7 +587,8 @@ static void leave_voxel_open(reader *r)
 static void read_root(reader *r)
 {
     karst_world_header *h = r->header;
-    json_t *v;
+    const char *name;
+    json_t *v, *value;
     warn_unknown(r, r->root, "the header",
                  KARST_HEADER_KEYS);
     if ((v = json_object_get(r->root, "name")))
@@ -623,6 +626,11 @@ static void read_root(reader *r)
                  "\"occlusion\" is true or false: whether what stands around hides light from all around");
         h->has_occlusion = json_is_true(v);
     }
+    if ((v = json_object_get(r->root, "light_map"))) {
+        if ((value = json_object_get(v, "reach")))
+            h->light_reach_m = number_of(r, value, "reach", 1e-12, 1e18);
+        h->light_map = text_of(r, json_is_object(v) ? json_object_get(v, "file") : v, "light_map");
+    }
     if ((v = json_object_get(r->root, "view")))
         h->view_distance_m = number_of(r, v, "view", ldexp(16, h->voxel_log2_m), ldexp(0x1p56, h->voxel_log2_m));
     if ((v = json_object_get(r->root, "camera")))
@@ -632,16 +640,10 @@ static void read_root(reader *r)
         read_lights(r, v);
     if ((v = json_object_get(r->root, "models")))
         read_point_models(r, v);
-    if ((v = json_object_get(r->root, "params"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "params")))
         json_object_foreach(object_of(r, v, "params"), name, value) read_parameter(r, name, value);
-    }
-    if ((v = json_object_get(r->root, "data"))) {
-        const char *name;
-        json_t *value;
+    if ((v = json_object_get(r->root, "data")))
         json_object_foreach(object_of(r, v, "data"), name, value) read_data(r, name, value);
-    }
     if ((v = json_object_get(r->root, "particles")))
         read_particles(r, v);
 }

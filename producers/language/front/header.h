@@ -37,6 +37,10 @@ typedef struct {
     const char *at[3];  /* of its centre: decimal text, metres; "0" */
     double turn_deg[3]; /* about x, then y, then z; 0 */
     double scale;       /* 1 */
+    bool is_splats;     /* shown as discs, not as a surface */
+    bool is_shallow;    /* of discs: those of one leaf are blended, not of all that a ray meets there */
+    bool has_backs;     /* of discs: backs are seen, too */
+    bool keeps_copies;  /* of discs: also those that no probe ray needs */
 } karst_header_model;
 
 /* A number, or the name of a parameter that has it. */
@@ -106,10 +110,12 @@ typedef struct {
     bool has_exposure;
     double exposure_stops; /* of pictures */
     bool has_occlusion;    /* what stands around surfaces hides light from all around */
+    const char *light_map; /* a PLY of what light falls on surfaces (raycast/light/light_map.h); NULL: none */
+    double light_reach_m;  /* how far its points count, if it does not say; 0: not said */
     double mirror;         /* the share of light that land mirrors, 0 to 1 */
     double view_distance_m;                                /* 0: not said */
     uint32_t num_models;
-    const karst_header_model *models; /* in the source's arena */
+    karst_header_model *models; /* in the source's arena */
     uint32_t num_particles;
     const karst_header_particles *particles; /* in the source's arena */
     uint32_t num_parameters;

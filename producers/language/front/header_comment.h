@@ -9,7 +9,7 @@
 /* The keys that a header may have. */
 #define KARST_HEADER_KEYS                                                                                   \
     "name author description seed voxel extent params camera sun sky lipschitz view exposure mirror data " \
-    "lights models particles occlusion"
+    "lights models particles occlusion light_map"
 
 typedef struct {
     uint32_t begin, end; /* the object's text in the source */

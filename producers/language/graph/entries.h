@@ -21,7 +21,7 @@
     X(EMISSION, "emission", 3, 0.0, true)            \
     X(IOR, "ior", 1, 1.33, false)                    \
     X(ABSORPTION, "absorption", 3, 0.0, false)       \
-    X(TRANSPARENCY, "transparency", 1, 0.0, false)   \
+    X(TRANSPARENCY, "transparency", 1, 0.0, true)    \
     X(CLEAR, "clear", 1, 0.0, true)                  \
     X(CLEAR_COLOUR, "colour", 3, 0.5, false)         \
     X(CLEAR_MIRROR, "mirror", 1, 0.0, false)         \

@@ -11,7 +11,8 @@ typedef struct {
     bool has_noise;
     bool has_thin_apart; /* of what its minima and maxima join, something has no noise in it and may be thin: a house on
                           * hills */
-    bool may_jump; /* it asks on which side of something a place is, or for a whole number */
+    bool may_jump; /* it asks on which side of something a place is, or for a whole number; or what fract, mod or an
+                    * angle is made into jumps where they do */
 } karst_thin_facts;
 
 karst_thin_facts karst_graph_thin_facts(const karst_graph *resolved, karst_expr density);

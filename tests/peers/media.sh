@@ -1,0 +1,150 @@
+#!/bin/sh
+# Light in media against others' programs: slabs against adding and doubling (iadpython, after S. Prahl), full light and
+# single scattering in a cloud against Mitsuba 3's volpath. PYTHON names an interpreter that has mitsuba and numpy, and
+# iadpython for the slabs; what is missing is skipped. $KARST is the program. Not part of `make check`.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst}
+python=${PYTHON:-python3}
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+
+if ! "$python" -c 'import numpy, mitsuba' 2> /dev/null; then
+    skip "media" "$python has no mitsuba: python3 -m venv ENV; ENV/bin/pip install mitsuba numpy iadpython; PYTHON=ENV/bin/python"
+    finish
+fi
+render() { "$karst" render "$@" -q --aov radiance --pool 256 > "$scratch/log" 2>&1 || sed 's/^/# /' "$scratch/log"; }
+
+# ---- slabs ----
+
+# In a shell that shines in its upper half: what comes from a slab straight up is what it reflects of light that falls
+# on it straight, and what comes straight down, what it lets through.
+cat > "$scratch/slab.karst" << 'END'
+/*{ "voxel": 0.03125, "view": 200, "sun": { "colour": [0, 0, 0] },
+"params": { "depth": { "value": 1, "min": 0, "max": 100 }, "forward": { "value": 0, "min": -1, "max": 1 } },
+"sky": { "zenith": [0, 0, 0], "horizon": [0, 0, 0], "haze": 1e12 },
+"camera": { "position": ["0", "3", "0"], "pitch": -90, "fov": 1 } }*/
+float density(vec3 p) { return length(p) - 60.0; }
+material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(p.y > 0.0 ? 1.0 : 0.0); return m; }
+medium air(vec3 p) { medium m; m.extinction = abs(p.y) < 0.5 && length(p.xz) < 59.0 ? depth : 0.0; m.albedo = vec3(0.9); m.g = forward; return m; }
+END
+cat > "$scratch/slab.py" << 'END'
+import sys
+import numpy as np, mitsuba as mi, iadpython
+mi.set_variant("scalar_rgb")
+scratch, depth, g = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
+def mean(side):
+    bitmap = mi.Bitmap(f"{scratch}/{side}.exr")
+    names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
+    return np.array(bitmap)[..., names.index("R")].astype(float)
+up, down = mean("up"), mean("down")
+UR1, UT1, URU, UTU = iadpython.Sample(a=0.9, b=depth, g=g, n=1, quad_pts=16).rt()
+def noise(x):
+    return x.std() / np.sqrt(x.size)
+print("depth %g, g %g: reflected %.5f of %.5f +- %.5f, let through %.5f of %.5f +- %.5f" %
+      (depth, g, up.mean(), UR1, noise(up), down.mean(), UT1, noise(down)))
+def close(x, truth):
+    return abs(x.mean() - truth) < max(0.01 * truth, 4 * noise(x))
+sys.exit(not (close(up, UR1) and close(down, UT1)))
+END
+if "$python" -c 'import iadpython' 2> /dev/null; then
+    for g in 0 0.85; do
+        for depth in 0.1 1 3 10 30; do
+            set -- "$scratch/slab.karst" --light full --samples 64 --size 64x48 --param depth=$depth --param forward=$g
+            render "$@" --camera 0,3,0,0,-90 -o "$scratch/up.exr"
+            render "$@" --camera 0,-3,0,0,90 -o "$scratch/down.exr"
+            "$python" "$scratch/slab.py" "$scratch" $depth $g > "$scratch/out" 2>&1
+            result "a slab of depth $depth, g $g: within 1 % of adding and doubling"
+            sed 's/^/# /' "$scratch/out"
+        done
+    done
+else
+    skip "slabs" "$python has no iadpython: ENV/bin/pip install iadpython"
+fi
+
+# ---- a cloud ----
+
+cat > "$scratch/cloud.karst" << 'END'
+/*{ "voxel": 0.015625, "view": 200, "params": { "shines": { "value": 1, "min": 0, "max": 1 } },
+"sun": { "azimuth": 90, "elevation": 30, "colour": [SUN, SUN, SUN] },
+"sky": { "zenith": [SKY, SKY, SKY], "horizon": [SKY, SKY, SKY], "haze": 1e12 },
+"camera": { "position": ["0", "0", "-6"], "fov": 40 } }*/
+float density(vec3 p) { return -1.0; }
+medium air(vec3 p) { medium m;
+    m.extinction = 8.0 * clamp(1.4 - length(p) + 0.2 * sin(4.0 * p.x) * sin(4.0 * p.y) * sin(4.0 * p.z), 0.0, 1.0);
+    m.albedo = vec3(0.9); m.g = 0.3; return m; }
+END
+sed 's/SUN/0/g; s/SKY/1/g' "$scratch/cloud.karst" > "$scratch/sky.karst"
+sed 's/SUN/1/g; s/SKY/0/g' "$scratch/cloud.karst" > "$scratch/sun.karst"
+cat > "$scratch/cloud.py" << 'END'
+import json, math, sys, time
+import numpy as np, mitsuba as mi
+for variant in ("llvm_ad_rgb", "scalar_rgb"):
+    try:
+        mi.set_variant(variant)
+        mi.load_dict({"type": "sphere"})
+        break
+    except Exception:
+        pass
+scratch, name, once_ms = sys.argv[1], sys.argv[2], float(sys.argv[3])
+# The same grid as a place every 1/32 m has it; both interpolate it trilinearly.
+side = 129
+x = np.linspace(-2, 2, side)
+X, Y, Z = np.meshgrid(x, x, x, indexing="ij")
+grid = 8 * np.clip(1.4 - np.sqrt(X * X + Y * Y + Z * Z) + 0.2 * np.sin(4 * X) * np.sin(4 * Y) * np.sin(4 * Z), 0, 1)
+grid = np.ascontiguousarray(grid.transpose(2, 1, 0)[..., None].astype(np.float32))
+T = mi.ScalarTransform4f
+# Their grid's samples lie in the middles of cells.
+half = 2 * side / (side - 1)
+box = T().translate([-half, -half, -half]) @ T().scale(2 * half)
+elevation = math.radians(30)
+light = ({"type": "constant", "radiance": {"type": "rgb", "value": 1.0}} if name == "sky" else
+         {"type": "directional", "direction": [-math.cos(elevation), -math.sin(elevation), 0],
+          "irradiance": {"type": "rgb", "value": math.pi}})
+scene = mi.load_dict({
+    "type": "scene", "light": light,
+    "integrator": {"type": "volpath", "max_depth": 2 if name == "sun" else -1, "rr_depth": 1000},
+    "sensor": {"type": "perspective", "fov": 40, "fov_axis": "y",
+               "to_world": T().look_at(origin=[0, 0, -6], target=[0, 0, 0], up=[0, 1, 0]),
+               "film": {"type": "hdrfilm", "width": 64, "height": 48, "rfilter": {"type": "box"}, "component_format": "float32"}},
+    "cloud": {"type": "cube", "to_world": T().scale(half), "bsdf": {"type": "null"},
+              "interior": {"type": "heterogeneous", "albedo": 0.9, "phase": {"type": "hg", "g": 0.3},
+                           "sigma_t": {"type": "gridvolume", "grid": mi.VolumeGrid(grid), "to_world": box}}}})
+def theirs(spp, seed):
+    return np.array(mi.render(scene, spp=spp, seed=seed))[..., 0].astype(float)
+bitmap = mi.Bitmap(f"{scratch}/{name}.exr")
+names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
+ours = np.array(bitmap)[..., names.index("R")].astype(float)
+few, many = 16, 4096 if name == "sun" else 1024
+theirs(1, 99) # what is compiled once
+truth = np.mean([theirs(256, 1 + i) for i in range(many // 256)], axis=0)
+start = time.perf_counter()
+noisy = theirs(few, 7)
+took_ms = 1000 * (time.perf_counter() - start)
+mean, rms = truth.mean(), lambda x: np.sqrt(np.mean((x - truth) ** 2)) / truth.mean()
+error = rms(noisy)
+noise = error * math.sqrt(few / many) # of the truth itself
+own = math.sqrt(max(rms(ours) ** 2 - noise ** 2, 0))
+print("%s, %s: mean %.5f, theirs %.5f (%.2f %%); rms %.2f %%, of theirs with %d paths a pixel %.2f %%" %
+      (name, mi.variant(), ours.mean(), mean, 100 * (ours.mean() / mean - 1), 100 * own, few, 100 * error))
+good = abs(ours.mean() / mean - 1) < 0.01
+if name == "sun":
+    needed_ms = took_ms * (error / max(own, noise)) ** 2
+    print("at that rms theirs would take %.0f ms, ours takes %.2f ms: %.0f times as long" %
+          (needed_ms, once_ms, needed_ms / once_ms))
+    good = good and needed_ms >= 50 * once_ms
+sys.exit(not good)
+END
+render "$scratch/sky.karst" --light full --samples 256 --size 64x48 --detail 0.5 -o "$scratch/sky.exr"
+"$python" "$scratch/cloud.py" "$scratch" sky 0 > "$scratch/out" 2>&1
+result "full light in a cloud is within 1 % of volpath's"
+sed 's/^/# /' "$scratch/out"
+# A settled frame: cast, shade, media.
+render "$scratch/sun.karst" --scattering once --size 64x48 --detail 0.5 -o "$scratch/sun.exr"
+"$karst" bench "$scratch/sun.karst" --scattering once --size 64x48 --detail 0.5 --rounds 15 --runs 1 -q --json "$scratch/sun.json" \
+    > "$scratch/log" 2>&1 || sed 's/^/# /' "$scratch/log"
+frame=$(awk -f tests/cli/flatten.awk "$scratch/sun.json" | sed 's/ = / /' | awk '$1 == "settled.time_ms.frame.median" { print $2; exit }')
+"$python" "$scratch/cloud.py" "$scratch" sun "${frame:-1e9}" > "$scratch/out" 2>&1
+result "light scattered once is within 1 % of volpath's, 50 times as fast at the same rms"
+sed 's/^/# /' "$scratch/out"
+finish
