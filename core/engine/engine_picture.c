@@ -51,7 +51,8 @@ static bool check_room(const karst_engine *engine, karst_error *error)
                                              karst_engine_world_bends(&engine->shown))
                          : 0) +
         (engine->paths ? karst_paths_bytes((size_t)num_pixels, engine->shade & KARST_SHADE_THROUGH_CLEAR,
-                                           karst_engine_has_path_media(engine)) : 0) +
+                                           karst_engine_has_path_media(engine))
+                       : 0) +
         karst_engine_occlusion_bytes(engine) + karst_engine_pass_bytes(engine);
     double largest = fmax(engine->bounce || engine->clear || engine->paths || engine->occlusion
                                    ? num_pixels * sizeof(karst_ray)

@@ -33,8 +33,8 @@ static bool need_streams(karst_engine *engine, karst_error *error)
     karst_engine_streams *s = engine->streams = calloc(1, sizeof *s);
     if (!s)
         return karst_fail(error, KARST_FAILED, "out of memory");
-    s->caster =
-        karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache), KARST_CAST_NO_SHADOWS, error);
+    s->caster = karst_caster_create_with(engine->context, karst_cache_get_buffers(engine->cache),
+                                         KARST_CAST_NO_SHADOWS " " KARST_CAST_FROM_ANCHOR, error);
     s->rays = s->caster
                   ? karst_buffer_create(engine->context, "asked rays", BATCH_RAYS * sizeof(karst_ray), NULL, error)
                   : NULL;
@@ -116,9 +116,26 @@ static bool take_cast_ns(karst_engine *engine, uint64_t *cast_ns, karst_error *e
     return true;
 }
 
+/* Whether all start at the camera, with one footprint. */
+static bool are_from_camera(const karst_ray *rays, uint32_t num)
+{
+    for (uint32_t i = 0; i < num; i++)
+        for (int axis = 0; axis < 3; axis++)
+            if (rays[i].origin[axis] != 0 || rays[i].width != rays[0].width || rays[i].cone != rays[0].cone)
+                return false;
+    return true;
+}
+
+static bool cast(karst_engine *engine, const karst_cast_view *view, uint32_t num, bool from_camera, karst_error *error)
+{
+    karst_engine_streams *s = engine->streams;
+    return from_camera ? karst_cast_rays_from_anchor(s->caster, view, s->rays, num, s->hits, error)
+                       : karst_cast_rays(s->caster, view, s->rays, num, false, s->hits, error);
+}
+
 /* Rounds until nothing is asked for, or nothing more can be made. */
-static bool settle_batch(karst_engine *engine, uint32_t num, uint32_t max_rounds, karst_engine_rays_report *report,
-                         karst_error *error)
+static bool settle_batch(karst_engine *engine, uint32_t num, bool from_camera, uint32_t max_rounds,
+                         karst_engine_rays_report *report, karst_error *error)
 {
     const karst_camera camera = engine->camera;
     karst_cast_view view;
@@ -132,9 +149,7 @@ static bool settle_batch(karst_engine *engine, uint32_t num, uint32_t max_rounds
         karst_allowance left = {.bricks = UINT32_MAX, .tiles = UINT32_MAX, .ns = 1e18};
         karst_engine_next_serial(engine);
         view.serial = engine->serial;
-        if (!karst_cast_rays(engine->streams->caster, &view, engine->streams->rays, num, false, engine->streams->hits,
-                             error) ||
-            !take_cast_ns(engine, &cast_ns, error) ||
+        if (!cast(engine, &view, num, from_camera, error) || !take_cast_ns(engine, &cast_ns, error) ||
             !karst_engine_answer_round(engine, &engine->drawn.position, &left, &work, error))
             return false;
         report->num_rounds++;
@@ -158,7 +173,7 @@ static bool cast_batch(karst_engine *engine, const karst_engine_ray *rays, uint3
     for (uint32_t i = 0; done && i < num; i++)
         sent[i] = device_ray(engine, &rays[i]);
     done = done && karst_buffer_write(s->rays, 0, sent, num * sizeof *sent, error) &&
-           settle_batch(engine, num, max_rounds, report, error) &&
+           settle_batch(engine, num, are_from_camera(sent, num), max_rounds, report, error) &&
            karst_buffer_read(s->hits, 0, found, num * sizeof *found, error);
     for (uint32_t i = 0; done && i < num; i++) {
         hits[i] = engine_hit(engine, &found[i]);

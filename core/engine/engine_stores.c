@@ -50,10 +50,6 @@ bool karst_engine_create_stores(karst_engine *engine, const karst_engine_config 
         if (i == KARST_CONTENT_AIR) { /* rays march through it in their own way: engine_media.c */
             if (!of->store)
                 return false;
-            if (config->integrator == KARST_INTEGRATOR_FULL)
-                karst_log_print(engine->log, KARST_LOG_WARNING,
-                                "%s: full light does not show fog, clouds and smoke yet: see them by direct light",
-                                engine->world->name);
             continue;
         }
         of->caster = of->store ? karst_caster_create_with(engine->context, karst_store_get_buffers(of->store),

@@ -182,6 +182,8 @@ static bool give_layer(gatherer *g, karst_error *error)
 static void drop_vertices(gatherer *g, uint64_t before)
 {
     const size_t num = (size_t)(before - g->first_vertex);
+    if (num == 0)
+        return;
     memmove(g->vertices, g->vertices + num, (g->num_vertices - num) * sizeof *g->vertices);
     g->num_vertices -= num;
     g->first_vertex = before;

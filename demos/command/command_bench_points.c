@@ -18,10 +18,10 @@ static const struct {
     karst_models_as as;
     double fps_of_thesis, copies_of_thesis;
 } ways[NUM_WAYS] = {{"surface", KARST_MODELS_SURFACE, 0, 0},
-                    {"splats, deep, all copies", KARST_MODELS_SPLATS_ALL, 2, 11},
-                    {"splats, deep, culled", KARST_MODELS_SPLATS, 6.5, 2},
-                    {"splats, by leaf, all copies", KARST_MODELS_SPLATS_LEAF_ALL, 0, 11},
-                    {"splats, by leaf, culled", KARST_MODELS_SPLATS_LEAF, 0, 2}};
+                    {"splats, deep, all copies", KARST_MODELS_SPLATS, 2, 11},
+                    {"splats, deep, culled", KARST_MODELS_SPLATS_CULLED, 6.5, 2},
+                    {"splats, by leaf, all copies", KARST_MODELS_SPLATS_LEAF, 0, 11},
+                    {"splats, by leaf, culled", KARST_MODELS_SPLATS_LEAF_CULLED, 0, 2}};
 
 /* Pictures that errors are told by. */
 typedef struct {

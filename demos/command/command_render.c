@@ -123,8 +123,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"live", 0, COMMAND_FLAG, NULL, "draw each picture once, as it then is, for measuring", &o->flight.live, 0, 0,
          NULL},
         {"detail", 0, COMMAND_NUMBER, "PX",
-         "pixels that a voxel may be wide (default: 1; of pictures of 16 samples and more 0.5)", &o->detail_px, 0.25, 64,
-         NULL},
+         "pixels that a voxel may be wide (default: 1; of pictures of 16 samples and more 0.5)", &o->detail_px, 0.25,
+         64, NULL},
         {"view-distance", 0, COMMAND_NUMBER, "M", "metres at which rays end (default: the world's)",
          &o->view_distance_m, 1e-9, 1e18, NULL},
         {"seed", 0, COMMAND_INTEGER, "N", "instead of the world's own", &o->seed, 0, 4294967295.0, &o->has_seed},
@@ -325,7 +325,7 @@ static void choose_sums(render_options *o)
                   1u << KARST_AOV_SUMS;
 }
 
-/* Where nobody says how fine: many samples are worth finer voxels; and a picture that is gone on with stays as it is. */
+/* Where nobody says how fine: many samples are worth finer voxels. A picture that is gone on with stays as it is. */
 static bool choose_detail(render_options *o, karst_error *error)
 {
     if (o->detail_px > 0)

@@ -6,47 +6,9 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #define KEYFRAME_EVERY_S 0.2
 #define VIDEO_FPS 30.0
-#define MAX_NUMBERED 100000
-
-/* The world's name as part of a file's: without folders and suffix. */
-static void short_name(const viewer *v, char *name, size_t size_bytes)
-{
-    const char *slash = strrchr(v->world, '/');
-    snprintf(name, size_bytes, "%s", slash ? slash + 1 : v->world);
-    char *point = strrchr(name, '.');
-    if (point && point != name)
-        *point = 0;
-}
-
-/* The first of FOLDER/karst-WORLD-001.SUFFIX, -002, ... that is not there yet; instead of the world's another name. */
-static bool number_named(const viewer *v, const char *name, const char *suffix, char path[PATH_MAX],
-                         karst_error *error)
-{
-    for (int i = 1; i < MAX_NUMBERED; i++) {
-        int length = snprintf(path, PATH_MAX, "%s/karst-%s-%03d.%s", v->settings.folder, name, i, suffix);
-        if (length < 0 || length >= PATH_MAX)
-            return karst_fail(error, KARST_FAILED, "the name of the folder %.60s... is too long", v->settings.folder);
-        if (access(path, F_OK) != 0)
-            return true;
-    }
-    return karst_fail(error, KARST_FAILED, "%s is full of pictures", v->settings.folder);
-}
-
-static bool number_file(const viewer *v, const char *suffix, char path[PATH_MAX], karst_error *error)
-{
-    char name[128];
-    short_name(v, name, sizeof name);
-    return number_named(v, name, suffix, path, error);
-}
-
-bool view_statistics_number(viewer *v, char path[PATH_MAX], karst_error *error)
-{
-    return number_named(v, "statistics", "json", path, error);
-}
 
 /* ---- pictures ---- */
 
@@ -79,7 +41,7 @@ bool view_capture_pictures(viewer *v, karst_error *error)
         if (!*want)
             continue;
         *want = false;
-        if (number_file(v, exr ? "exr" : "png", path, &reason) &&
+        if (view_number_file(v, exr ? "exr" : "png", path, &reason) &&
             command_write_picture(path, v->engine, rgba, v->width_px, v->height_px, &plain, &reason)) {
             c->num_pictures++;
             snprintf(c->last_file, sizeof c->last_file, "%s", path);
@@ -208,7 +170,7 @@ bool view_record_save(viewer *v)
     json_t *root = json_pack("{s:s, s:s, s:s, s:o}", "description", "recorded in the viewer", "world", v->world,
                              "interpolation", "smooth", "keyframes", frames);
     char *text = root ? json_dumps(root, JSON_INDENT(1) | JSON_REAL_PRECISION(12)) : NULL;
-    bool saved = text ? number_file(v, "json", path, &error) && command_write_text(path, text, &error)
+    bool saved = text ? view_number_file(v, "json", path, &error) && command_write_text(path, text, &error)
                       : karst_fail(&error, KARST_FAILED, "out of memory for the path");
     if (saved)
         snprintf(c->path_file, sizeof c->path_file, "%s", path);
@@ -304,7 +266,7 @@ void view_video_toggle(viewer *v)
         view_video_stop(v);
         return;
     }
-    if (number_file(v, "mp4", c->video_file, &error) &&
+    if (view_number_file(v, "mp4", c->video_file, &error) &&
         command_pictures_check(c->video_file, false, v->width_px, v->height_px, &error))
         c->video = command_pictures_open(c->video_file, v->width_px, v->height_px, VIDEO_FPS, &error);
     if (!c->video) {
@@ -353,9 +315,8 @@ bool view_video_step(viewer *v, karst_error *error)
 /* Where they are, in pixels of the window: left, top, width, height. */
 static json_t *describe_panels(const viewer *v)
 {
-    static const char *const names[VIEW_NUM_PANELS] = {"status", "page",  "sliders", "error",
-                                                       "prompt", "toast", "cross",   "help",
-                                                       "compass", "depth"};
+    static const char *const names[VIEW_NUM_PANELS] = {"outline", "status", "page", "sliders", "error",  "prompt",
+                                                       "toast",   "cross",  "help", "compass", "depth"};
     json_t *panels = json_object();
     for (int i = 0; i < VIEW_NUM_PANELS; i++) {
         const view_panel *p = &v->overlay.panels[i];
@@ -365,7 +326,21 @@ static json_t *describe_panels(const viewer *v)
     return panels;
 }
 
-static json_t *describe_viewer(const viewer *v)
+static void describe_edits(viewer *v, json_t *o)
+{
+    const view_edits *e = &v->edits;
+    size_t redoable, num = karst_engine_num_edits(v->engine, &redoable), unsaved = view_edits_num_unsaved(v);
+    json_object_set_new(o, "tool", json_string(view_tool_names[e->brush.tool]));
+    json_object_set_new(o, "brush_size_m", json_real(e->brush.size_m));
+    json_object_set_new(o, "brush_strength", json_real(e->brush.strength));
+    json_object_set_new(o, "edits", json_integer((json_int_t)num));
+    json_object_set_new(o, "redoable_edits", json_integer((json_int_t)redoable));
+    json_object_set_new(o, "unsaved_edits", json_integer((json_int_t)unsaved));
+    json_object_set_new(o, "edits_saved", json_boolean(e->journal && view_journal_look(e->journal).is_saved));
+    json_object_set_new(o, "world", json_string(v->world));
+}
+
+static json_t *describe_viewer(viewer *v)
 {
     char camera[512];
     karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
@@ -414,6 +389,7 @@ static json_t *describe_viewer(const viewer *v)
     for (int i = 0; i < v->sliders.num_sliders; i++)
         json_object_set_new(parameters, v->sliders.sliders[i].name, json_real(v->sliders.sliders[i].value));
     json_object_set_new(o, "parameters", parameters);
+    describe_edits(v, o);
     return o;
 }
 

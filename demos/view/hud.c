@@ -104,7 +104,7 @@ static double largest(const double *values, size_t num)
 
 static void draw_status(viewer *v)
 {
-    char lines[2][640], a[192], b[192], c[192], speed[48], depth[48];
+    char lines[3][640], a[192], b[192], c[192], speed[48], depth[48];
     const karst_camera *camera = &v->motion.camera;
     snprintf(lines[0], sizeof lines[0], "%s, %s, %s m    yaw %.1f\u00b0  pitch %.1f\u00b0  fov %.3g\u00b0",
              format_coordinate(v, 0, a), format_coordinate(v, 1, b), format_coordinate(v, 2, c), camera->yaw_deg,
@@ -131,21 +131,23 @@ static void draw_status(viewer *v)
              v->reload.running ? "    compiling\u2026"
              : v->settled      ? "    settled"
                                : "");
-    /* As wide as the longer line, which only a drawn panel can tell. */
+    const int num_lines = view_edits_describe(v, lines[2], sizeof lines[2]) ? 3 : 2;
+    /* As wide as the longest line, which only a drawn panel can tell. */
     sheet p = begin_sheet(v, VIEW_PANEL_STATUS, 1, 1);
     if (!p.cairo)
         return;
     double width = 0;
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < num_lines; i++)
         width = fmax(width, view_text_width(p.cairo, TEXT * p.s, VIEW_TEXT, lines[i]) / p.s);
     cairo_destroy(p.cairo);
     width = fmin(ceil((width + 2 * PAD) / 40) * 40, v->width_px / v->scale - 2 * MARGIN);
-    double height = 2 * LINE + 2 * PAD - 4;
+    double height = num_lines * LINE + 2 * PAD - 4;
     p = begin_sheet(v, VIEW_PANEL_STATUS, width, height);
     if (!p.cairo)
         return;
-    for (int i = 0; i < 2; i++) {
-        say(&p, p.x, TEXT, 0, i ? VIEW_TEXT_DIM : VIEW_TEXT, lines[i]);
+    for (int i = 0; i < num_lines; i++) {
+        const bool is_bad = i == 2 && strstr(lines[i], "NOT saved");
+        say(&p, p.x, TEXT, 0, is_bad ? VIEW_TEXT_BAD : i == 1 ? VIEW_TEXT_DIM : VIEW_TEXT, lines[i]);
         p.y += LINE;
     }
     view_panel_end(v, VIEW_PANEL_STATUS, p.cairo, (int)(MARGIN * p.s), v->height_px - (int)((MARGIN + height) * p.s));
@@ -340,7 +342,7 @@ static void draw_toast(viewer *v)
     say(&p, p.x + 2, TEXT, 0, v->toast_bad ? VIEW_TEXT_BAD : VIEW_TEXT, v->toast);
     /* Above the status. */
     view_panel_end(v, VIEW_PANEL_TOAST, p.cairo, (int)((v->width_px - width * p.s) / 2),
-                   v->height_px - (int)((2 * MARGIN + 2 * LINE + 2 * PAD + height) * p.s));
+                   v->height_px - (int)((2 * MARGIN + 3 * LINE + 2 * PAD + height) * p.s));
 }
 
 /* The compiler's words as they are: its caret stands under the right letter only in type of one width. */

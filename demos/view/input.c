@@ -91,11 +91,14 @@ static void escape(viewer *v)
         v->help_shown = false;
     } else if (v->sliders.shown) {
         v->sliders.shown = false;
+    } else if (v->edits.brush.tool != VIEW_NO_TOOL) {
+        view_brush_put_away(v);
     } else if (v->now_s < v->asked_to_leave_s + LEAVE_WITHIN_S) {
         v->leaving = true;
     } else {
         v->asked_to_leave_s = v->now_s;
-        view_toast(v, "Esc once more leaves");
+        if (!view_edits_warn(v))
+            view_toast(v, "Esc once more leaves");
     }
 }
 
@@ -131,6 +134,58 @@ static void open_prompt(viewer *v, bool is_world, int mods)
     v->prompt_skips = is_world && !(mods & (CTRL | GLFW_MOD_ALT | GLFW_MOD_SUPER));
     v->prompt[0] = v->prompt_error[0] = 0;
     view_release_all(v);
+}
+
+static void do_sliders(viewer *v, view_action action, int number)
+{
+    switch (action) {
+    case VIEW_DO_SLIDER_UP:
+    case VIEW_DO_SLIDER_DOWN:
+        if (v->sliders.shown && v->sliders.num_sliders) {
+            int by = action == VIEW_DO_SLIDER_UP ? v->sliders.num_sliders - 1 : 1;
+            v->sliders.chosen = (v->sliders.chosen + by) % v->sliders.num_sliders;
+        }
+        break;
+    case VIEW_DO_SLIDER_LESS:
+    case VIEW_DO_SLIDER_MORE:
+        if (v->sliders.shown)
+            view_sliders_step(v, action == VIEW_DO_SLIDER_MORE ? 1 : -1, number);
+        break;
+    case VIEW_DO_SLIDER_RESET:
+        if (v->sliders.shown && v->sliders.num_sliders)
+            view_sliders_set(v, v->sliders.chosen, v->sliders.sliders[v->sliders.chosen].original);
+        break;
+    case VIEW_DO_SLIDER_RESET_ALL:
+        for (int i = 0; v->sliders.shown && i < v->sliders.num_sliders; i++)
+            view_sliders_set(v, i, v->sliders.sliders[i].original);
+        break;
+    default:
+        break;
+    }
+}
+
+static void do_edits(viewer *v, view_action action)
+{
+    switch (action) {
+    case VIEW_DO_NEXT_TOOL:
+    case VIEW_DO_PREVIOUS_TOOL:
+        view_brush_choose(v, action == VIEW_DO_NEXT_TOOL ? 1 : -1);
+        break;
+    case VIEW_DO_NEXT_KIND:
+    case VIEW_DO_PREVIOUS_KIND:
+        view_brush_vary(v, action == VIEW_DO_NEXT_KIND ? 1 : -1);
+        break;
+    case VIEW_DO_UNDO:
+    case VIEW_DO_REDO:
+        view_edits_undo(v, action == VIEW_DO_UNDO);
+        break;
+    case VIEW_DO_KEEP_EDITS:
+        view_brush_lift(v);
+        view_edits_keep(v);
+        break;
+    default:
+        break;
+    }
 }
 
 void view_do(viewer *v, view_action action, int number)
@@ -259,23 +314,20 @@ void view_do(viewer *v, view_action action, int number)
         break;
     case VIEW_DO_SLIDER_UP:
     case VIEW_DO_SLIDER_DOWN:
-        if (v->sliders.shown && v->sliders.num_sliders) {
-            int by = action == VIEW_DO_SLIDER_UP ? v->sliders.num_sliders - 1 : 1;
-            v->sliders.chosen = (v->sliders.chosen + by) % v->sliders.num_sliders;
-        }
-        break;
     case VIEW_DO_SLIDER_LESS:
     case VIEW_DO_SLIDER_MORE:
-        if (v->sliders.shown)
-            view_sliders_step(v, action == VIEW_DO_SLIDER_MORE ? 1 : -1, number);
-        break;
     case VIEW_DO_SLIDER_RESET:
-        if (v->sliders.shown && v->sliders.num_sliders)
-            view_sliders_set(v, v->sliders.chosen, v->sliders.sliders[v->sliders.chosen].original);
-        break;
     case VIEW_DO_SLIDER_RESET_ALL:
-        for (int i = 0; v->sliders.shown && i < v->sliders.num_sliders; i++)
-            view_sliders_set(v, i, v->sliders.sliders[i].original);
+        do_sliders(v, action, number);
+        break;
+    case VIEW_DO_NEXT_TOOL:
+    case VIEW_DO_PREVIOUS_TOOL:
+    case VIEW_DO_NEXT_KIND:
+    case VIEW_DO_PREVIOUS_KIND:
+    case VIEW_DO_UNDO:
+    case VIEW_DO_REDO:
+    case VIEW_DO_KEEP_EDITS:
+        do_edits(v, action);
         break;
     }
 }
@@ -371,7 +423,8 @@ static bool is_arrow(int key)
 static bool repeats(view_action action)
 {
     return action == VIEW_DO_FASTER || action == VIEW_DO_SLOWER || action == VIEW_DO_WIDER ||
-           action == VIEW_DO_NARROWER || (action >= VIEW_DO_SUN_HIGHER && action <= VIEW_DO_SUN_WEST) ||
+           action == VIEW_DO_NARROWER || action == VIEW_DO_UNDO || action == VIEW_DO_REDO ||
+           (action >= VIEW_DO_SUN_HIGHER && action <= VIEW_DO_SUN_WEST) ||
            (action >= VIEW_DO_SLIDER_UP && action <= VIEW_DO_SLIDER_MORE);
 }
 
@@ -415,6 +468,7 @@ void view_release_all(viewer *v)
     }
     v->dragging = false;
     v->sliders.dragged = -1;
+    view_brush_lift(v);
 }
 
 void view_button_event(viewer *v, int button, bool pressed, int mods)
@@ -429,12 +483,15 @@ void view_button_event(viewer *v, int button, bool pressed, int mods)
     if (!pressed) {
         v->dragging = false;
         v->sliders.dragged = -1;
+        view_brush_release(v);
     } else if (v->help_shown) {
         v->help_shown = false;
         v->hud_dirty = true;
     } else if (!view_sliders_press(v, v->cursor_x_px, v->cursor_y_px)) {
         v->dragging = true;
         v->has_cursor = false;
+        if (v->edits.brush.tool != VIEW_NO_TOOL)
+            view_brush_press(v);
     }
 }
 
@@ -449,4 +506,17 @@ void view_cursor_event(viewer *v, double x_px, double y_px)
     v->has_cursor = true;
 }
 
-void view_scroll_event(viewer *v, double steps) { change_speed(v, steps); }
+static bool is_held(const viewer *v, int left, int right)
+{
+    return v->key_down_s[left] >= 0 || v->key_down_s[right] >= 0;
+}
+
+void view_scroll_event(viewer *v, double steps)
+{
+    if (v->edits.brush.tool == VIEW_NO_TOOL || is_held(v, GLFW_KEY_LEFT_CONTROL, GLFW_KEY_RIGHT_CONTROL))
+        change_speed(v, steps);
+    else if (is_held(v, GLFW_KEY_LEFT_SHIFT, GLFW_KEY_RIGHT_SHIFT))
+        view_brush_strengthen(v, steps);
+    else
+        view_brush_resize(v, steps);
+}

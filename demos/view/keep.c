@@ -39,8 +39,11 @@ void view_saved_write(viewer *v)
     karst_error error = {0};
     if (!karst_saved_is_name(v->world))
         return;
-    karst_saved *saved = karst_saved_open(v->world, true, NULL, &error);
+    /* A file that is written as one goes is open already. */
+    view_journal *journal = v->edits.journal;
+    karst_saved *saved = journal ? view_journal_finish(journal) : karst_saved_open(v->world, true, NULL, &error);
     if (!saved || !write_changes(v, saved, &error))
         command_say(v->talk, "note: camera and bookmarks are not kept: %s", error.message);
-    karst_saved_close(saved);
+    if (!journal)
+        karst_saved_close(saved);
 }

@@ -21,7 +21,8 @@ static bool find_file(viewer *v, const char *name, char *world_file, size_t size
 {
     karst_error error = {0};
     /* Edits are of one world, and what is kept in a saved world goes with its edits. */
-    if (karst_saved_is_name(name) || karst_saved_is_name(v->world) || v->settings.edits) {
+    if (karst_saved_is_name(name) || karst_saved_is_name(v->world) || v->settings.edits ||
+        karst_engine_num_edits(v->engine, NULL) || v->edits.num_edits) {
         view_complain(v, "edits belong to their world: karst view %s opens this one in a window of its own", name);
         return false;
     }

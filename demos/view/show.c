@@ -7,6 +7,7 @@ bool view_show(viewer *v, karst_error *error)
 {
     view_hud_update(v, v->damaged);
     v->damaged = false;
+    view_outline_update(v);
     view_overlay_draw(v);
     glfwSwapBuffers(v->window);
     v->is_shown = true;

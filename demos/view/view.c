@@ -152,8 +152,10 @@ static bool draw_frame(viewer *v, bool moving, karst_error *error)
         width = (int)((double)width * v->resolution.share / VIEW_FULL_SHARE);
         height = (int)((double)height * v->resolution.share / VIEW_FULL_SHARE);
     }
-    if (v->page != VIEW_PAGE_NONE || v->motion.mode == VIEW_FLY)
-        karst_engine_probe(v->engine, width / 2, height / 2, &v->probe, NULL);
+    if (v->page != VIEW_PAGE_NONE || v->motion.mode == VIEW_FLY || v->edits.brush.tool != VIEW_NO_TOOL) {
+        v->edits.is_seen = karst_engine_probe(v->engine, width / 2, height / 2, &v->probe, NULL);
+        v->edits.seen = v->motion.camera;
+    }
     v->num_frames++;
     return command_record_add(&v->capture.record, &v->stats, error) && view_capture_pictures(v, error) &&
            view_video_step(v, error) && (v->is_shown || view_show(v, error));
@@ -207,7 +209,8 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     v->now_s = glfwGetTime();
     /* After a pause one does not leap. */
     double dt_s = was_busy ? fmin(v->now_s - before_s, LONGEST_STEP_S) : 1.0 / 60;
-    command_have_much_to_lose(v->capture.recording || v->capture.video);
+    command_have_much_to_lose(v->capture.recording || v->capture.video ||
+                              (v->edits.is_ready && view_edits_num_unsaved(v) > 0));
     v->leaving = v->leaving || command_interrupted();
     if (v->leaving)
         return true;
@@ -218,6 +221,8 @@ static bool turn(viewer *v, bool *busy, karst_error *error)
     bool replayed = view_replay_step(v), aged = view_time_turn(v, dt_s);
     bool moving = view_move(v, fmax(dt_s, 1e-4)) || replayed || aged;
     view_record_step(v);
+    view_brush_step(v);
+    view_edits_notice(v);
     if (moving) {
         v->moved_at_s = v->now_s;
         v->settled = false;
@@ -275,6 +280,7 @@ static void save_at_exit(void)
     command_say_error(v->talk, "the display is gone; start karst view again");
     if (v->capture.recording || v->capture.num_keyframes)
         view_record_save(v);
+    view_edits_finish(v);
     char camera[512];
     karst_camera_format(&v->motion.camera, karst_engine_voxel_log2_m(v->engine), camera, sizeof camera);
     command_say(v->talk, "you were at: karst view %s --camera %s", v->world, camera);
@@ -290,10 +296,12 @@ static void close_viewer(viewer *v)
         view_record_save(v);
     }
     v->capture.num_keyframes = 0;
+    view_edits_finish(v);
     if (v->engine && v->window && !v->lost) {
         view_memory_write(v);
         view_saved_write(v);
     }
+    view_edits_close(v);
     command_hold_interrupts(false);
     command_have_all_saved();
     view_reload_end(v);

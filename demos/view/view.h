@@ -17,6 +17,13 @@
  *   reload.c      the world file changes: compiling beside the picture, and the change-over
  *   resolution.c  fewer pixels while things move
  *   capture.c     what one leaves with: pictures, paths, videos, statistics
+ *   brush.c       tools that change the land under the cross-hair: choosing, the button, undo
+ *   stroke.c      what tools lay, and how densely (no window, no engine: stroke.h)
+ *   spot.c        the land under the cross-hair
+ *   outline.c     where the chosen tool would touch
+ *   edits.c       where edits go: into the saved world on show, or a new one
+ *   journal.c     a thread that writes them into the file (no window, no engine: journal.h)
+ *   number.c      names of files that are not there yet
  *   keep.c        what a saved world keeps of a visit
  *   messages.c    short messages
  *   settings.c    flags, environment, configuration; what is remembered
@@ -32,6 +39,8 @@
 #include <pthread.h>
 
 #include "demos/command/command.h"
+#include "demos/view/journal.h"
+#include "demos/view/stroke.h"
 
 typedef struct viewer viewer;
 
@@ -77,6 +86,7 @@ void view_saved_write(viewer *v);
 /* ---- overlay.c ---- */
 
 typedef enum {
+    VIEW_PANEL_OUTLINE,
     VIEW_PANEL_STATUS,
     VIEW_PANEL_PAGE,
     VIEW_PANEL_SLIDERS,
@@ -173,6 +183,13 @@ typedef enum {
     VIEW_DO_RESOLUTION,
     VIEW_DO_FULLSCREEN,
     VIEW_DO_SAVE_WORLD,
+    VIEW_DO_NEXT_TOOL,
+    VIEW_DO_PREVIOUS_TOOL,
+    VIEW_DO_NEXT_KIND,
+    VIEW_DO_PREVIOUS_KIND,
+    VIEW_DO_UNDO,
+    VIEW_DO_REDO,
+    VIEW_DO_KEEP_EDITS,
     VIEW_DO_STATISTICS,
     VIEW_DO_RELOAD,
     VIEW_DO_RECORD,
@@ -267,6 +284,75 @@ karst_sampler *view_sampler_create(const viewer *v, karst_world *compiled, karst
 bool view_walk_begin(viewer *v);
 /* Walks for dt seconds; true if the camera moved. */
 bool view_walk(viewer *v, const double wish_m_s[3], bool jump, double dt_s);
+
+/* ---- edits.c ---- */
+
+typedef struct {
+    view_brush brush;
+    bool is_ready; /* the session has begun: what is below counts */
+    /* the button */
+    bool is_down, is_ending, is_open; /* is_ending: up again, but a click touches once; is_open: a stroke goes on */
+    bool has_painted;
+    view_stroke stroke_now;
+    size_t num_frozen; /* edits of the land that it is on */
+    karst_camera seen; /* where v->probe was looked from */
+    bool is_seen;
+    /* what was laid in this session, undone edits included; and how many edits each stroke has */
+    karst_edit *edits;
+    size_t num_edits, max_edits;
+    size_t *strokes, stroke, num_strokes, max_strokes; /* `stroke` of them are in force */
+    size_t num_before; /* edits in force before those */
+    size_t num_begun;  /* and when the session began */
+    int told;          /* of the file, last: 1 saved, 0 not yet, -1 not */
+    view_journal *journal; /* NULL: edits stay in memory */
+    char kept_in[PATH_MAX];
+    bool is_warned;
+} view_edits;
+
+/* A session of edits begins, unless it has: a saved world on show is opened to be written. */
+void view_edits_begin(viewer *v);
+/* All edits on show, malloc'ed; and those that were undone, *num_undone of them, unless that is NULL. Errors:
+ * KARST_FAILED. */
+karst_edit *view_edits_all(const viewer *v, size_t *num, size_t *num_undone, karst_error *error);
+/* In each turn of the loop: what is said of saving changes when that is done. */
+void view_edits_notice(viewer *v);
+size_t view_edits_num_unsaved(viewer *v); /* how many are on no disk */
+/* A new saved world of what is on show, which is on show from then on. */
+void view_edits_keep(viewer *v);
+/* Before one leaves: says that edits would be lost, and true, if they would be. */
+bool view_edits_warn(viewer *v);
+/* When one leaves: all is written; what no file keeps goes into a new one, unless one was warned. */
+void view_edits_finish(viewer *v);
+void view_edits_close(viewer *v);
+/* A line about the tool and what is saved; false: there is nothing to say. */
+bool view_edits_describe(viewer *v, char *text, size_t size_bytes);
+
+/* ---- spot.c ---- */
+
+view_ground view_edits_ground(viewer *v);
+/* While a button is down, spots are of the land that stroke began on: the sampler has it between these two. */
+void view_edits_freeze(viewer *v);
+void view_edits_thaw(viewer *v);
+/* What is under the cross-hair of the last picture; false: sky, or nothing is known of the land. */
+bool view_edits_find_spot(viewer *v, view_spot *spot);
+
+/* ---- brush.c ---- */
+
+void view_brush_choose(viewer *v, int by); /* the next tool, or the one before */
+void view_brush_put_away(viewer *v);
+void view_brush_resize(viewer *v, double steps);
+void view_brush_strengthen(viewer *v, double steps);
+void view_brush_vary(viewer *v, int by); /* another colour, another stamp */
+void view_brush_press(viewer *v);
+void view_brush_release(viewer *v);
+void view_brush_lift(viewer *v); /* at once */
+void view_brush_step(viewer *v); /* of a turn of the loop: lays what is due */
+void view_edits_undo(viewer *v, bool back);
+
+/* ---- outline.c ---- */
+
+/* Draws where the tool in hand would touch, if there is one, over the picture of this camera. */
+void view_outline_update(viewer *v);
 
 /* ---- resolution.c ---- */
 
@@ -412,9 +498,14 @@ void view_video_toggle(viewer *v);
 bool view_video_step(viewer *v, karst_error *error);
 void view_video_stop(viewer *v);
 bool view_statistics_write(viewer *v, const char *file, karst_error *error);
-/* Names a file for them that is not there yet. Errors: KARST_FAILED. */
-bool view_statistics_number(viewer *v, char path[PATH_MAX], karst_error *error);
 void view_copy_command(viewer *v);
+
+/* ---- number.c ---- */
+
+/* The first of FOLDER/karst-WORLD-001.SUFFIX, -002, ... that is not there yet; of statistics, likewise. Errors:
+ * KARST_FAILED. */
+bool view_number_file(const viewer *v, const char *suffix, char path[PATH_MAX], karst_error *error);
+bool view_statistics_number(viewer *v, char path[PATH_MAX], karst_error *error);
 
 /* ---- hud.c ---- */
 
@@ -518,6 +609,7 @@ struct viewer {
     view_reload reload;
     view_opening opening;
     view_capture capture;
+    view_edits edits;
     view_history history;
 };
 

@@ -109,10 +109,9 @@ karst_sampler *view_sampler_create(const viewer *v, karst_world *compiled, karst
 {
     karst_sampler *sampler = karst_sampler_create(compiled, error);
     size_t num;
-    if (!sampler || !v->settings.edits)
+    if (!sampler || karst_engine_num_edits(v->engine, NULL) == 0)
         return sampler;
-    karst_edit *edits =
-        command_load_edits(v->settings.edits, karst_world_get_metadata(compiled)->voxel_log2_m, &num, NULL, error);
+    karst_edit *edits = view_edits_all(v, &num, NULL, error);
     if (!edits || !karst_sampler_set_edits(sampler, edits, num, error)) {
         karst_sampler_destroy(sampler);
         sampler = NULL;

@@ -52,7 +52,7 @@ karst_splat_source *karst_named_splats(const karst_program_graph *program, int v
         if (!from->is_splats)
             continue;
         karst_splat_source *source = &sources[(*num)++];
-        source->culls = !from->keeps_copies;
+        source->culls = from->culls;
         source->is_deep = !from->is_shallow;
         source->has_backs = from->has_backs;
         done = make_model(program, from, voxel_log2_m, &source->model, error);

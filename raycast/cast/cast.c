@@ -18,11 +18,12 @@ struct karst_caster {
     karst_cache_buffers cache;
     karst_program *program;
     cl_kernel pinhole, survey;
-    cl_kernel rays, shadows; /* NULL: left out */
-    const karst_sunward *sunward; /* borrowed; NULL: none */
-    karst_splats *splats;         /* borrowed; NULL: none */
-    bool sun_disc; /* KARST_CAST_SUN_DISC */
-    bool beams; /* a work-item casts a beam, not `lanes` rays */
+    cl_kernel rays, shadows;          /* NULL: left out */
+    cl_kernel anchored;               /* NULL: not asked for */
+    const karst_sunward *sunward;     /* borrowed; NULL: none */
+    karst_splats *splats;             /* borrowed; NULL: none */
+    bool sun_disc;                    /* KARST_CAST_SUN_DISC */
+    bool beams;                       /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
     karst_buffer *view;               /* on the device; written in queue order */
     karst_cast_view views[NUM_VIEWS]; /* what the queued writes read */
@@ -49,6 +50,7 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
     caster->context = context;
     caster->cache = *cache;
     bool has_rays = !strstr(options, KARST_CAST_NO_STREAMS), has_shadows = !strstr(options, KARST_CAST_NO_SHADOWS);
+    bool has_anchored = strstr(options, KARST_CAST_FROM_ANCHOR) != NULL;
     bool beams = context->lanes > 1 && !strstr(options, KARST_CAST_NO_BEAM);
     caster->beams = beams;
     caster->sun_disc = strstr(options, KARST_CAST_SUN_DISC) != NULL;
@@ -62,9 +64,11 @@ karst_caster *karst_caster_create_with(karst_context *context, const karst_cache
             caster->rays = karst_program_kernel(caster->program, "cast_rays", error);
         if (has_shadows)
             caster->shadows = karst_program_kernel(caster->program, "cast_shadows", error);
+        if (has_anchored)
+            caster->anchored = karst_program_kernel(caster->program, "cast_rays_from_anchor", error);
     }
     if (!caster->view || !caster->asked || !caster->pinhole || !caster->survey || (has_rays && !caster->rays) ||
-        (has_shadows && !caster->shadows)) {
+        (has_shadows && !caster->shadows) || (has_anchored && !caster->anchored)) {
         karst_caster_destroy(caster);
         return NULL;
     }
@@ -88,6 +92,8 @@ void karst_caster_destroy(karst_caster *caster)
         clReleaseKernel(caster->rays);
     if (caster->shadows)
         clReleaseKernel(caster->shadows);
+    if (caster->anchored)
+        clReleaseKernel(caster->anchored);
     karst_program_destroy(caster->program);
     karst_buffer_destroy(caster->view);
     karst_buffer_destroy(caster->asked);
@@ -207,8 +213,8 @@ static bool cast_pinhole(karst_caster *caster, const karst_cast_view *view, cons
     const cl_mem written = hits ? hits->mem : NULL, hinted = hints ? hints->mem : NULL;
     const cl_uint num_slots = caster->cache.num_segments * caster->cache.bricks_per_segment;
     if (!check_hints(caster, hints, pinhole, error) || !check_asked(caster, asked, pinhole, notes, error) ||
-        !(!hits || check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, sizeof(karst_hit),
-                                error)) ||
+        !(!hits ||
+          check_hits(hits, (uint64_t)pinhole->width_px * (uint64_t)pinhole->height_px, sizeof(karst_hit), error)) ||
         !KARST_ARGUMENTS(caster->pinhole, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(asked),
                          KARST_BUFFER_ARG(caster->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(written),
                          KARST_VALUE_ARG(notes), KARST_VALUE_ARG(hinted), KARST_VALUE_ARG(num_slots)) ||
@@ -252,31 +258,49 @@ size_t karst_cast_asked_bytes(const karst_context *context, int width_px, int he
     return (1 + num_groups(width_px, height_px, 1, 1) * (RAYS_PER_GROUP / (size_t)context->lanes)) * sizeof(uint32_t);
 }
 
-static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
-                      cl_mem count, cl_uint wanted, const karst_buffer *hits, karst_error *error)
+static bool check_rays(const karst_caster *caster, const karst_buffer *rays, uint32_t num_rays, karst_error *error)
 {
     if (!caster->rays)
         return karst_fail(error, KARST_FAILED, "the caster was made without streams");
-    const size_t each_bytes = wanted == KARST_CAST_WHETHER ? sizeof(uint32_t) : sizeof(karst_hit);
-    if (hits && !check_hits(hits, num_rays, each_bytes, error))
-        return false;
-    if (rays->size_bytes / sizeof(karst_ray) < num_rays)
-        return karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes,
-                          num_rays);
-    if (!upload_view(caster, view, error))
-        return false;
-    const cl_mem written = hits ? hits->mem : NULL;
-    if (!KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
-                         KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
-                         KARST_VALUE_ARG(wanted), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)))
-        return false;
+    return rays->size_bytes / sizeof(karst_ray) >= num_rays ||
+           karst_fail(error, KARST_FAILED, "a buffer of %zu bytes does not hold %u rays", rays->size_bytes, num_rays);
+}
+
+static bool launch_rays(karst_caster *caster, cl_kernel kernel, uint32_t num_rays, karst_error *error)
+{
     const size_t rays_per_item =
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
-    return karst_launch(caster->context, caster->rays, KARST_STAGE_CAST,
-                        (num_rays + rays_per_item - 1) / rays_per_item,
-                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error) &&
+    return karst_launch(caster->context, kernel, KARST_STAGE_CAST, (num_rays + rays_per_item - 1) / rays_per_item,
+                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
+}
+
+static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
+                      cl_mem count, cl_uint wanted, const karst_buffer *hits, karst_error *error)
+{
+    const size_t each_bytes = wanted == KARST_CAST_WHETHER ? sizeof(uint32_t) : sizeof(karst_hit);
+    if (!check_rays(caster, rays, num_rays, error) || (hits && !check_hits(hits, num_rays, each_bytes, error)) ||
+        !upload_view(caster, view, error))
+        return false;
+    const cl_mem written = hits ? hits->mem : NULL;
+    return KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+                           KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
+                           KARST_VALUE_ARG(wanted), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)) &&
+           launch_rays(caster, caster->rays, num_rays, error) &&
            (!hits || !caster->splats || !num_rays ||
             karst_splats_rays(caster->splats, view, rays, num_rays, count, wanted, hits, error));
+}
+
+bool karst_cast_rays_from_anchor(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
+                                 uint32_t num_rays, karst_buffer *hits, karst_error *error)
+{
+    if (!caster->anchored)
+        return karst_fail(error, KARST_FAILED, "the caster was made without rays from the anchor");
+    return check_rays(caster, rays, num_rays, error) && check_hits(hits, num_rays, sizeof(karst_hit), error) &&
+           upload_view(caster, view, error) &&
+           KARST_ARGUMENTS(caster->anchored, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
+                           KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
+                           KARST_BUFFER_ARG(hits)) &&
+           launch_rays(caster, caster->anchored, num_rays, error);
 }
 
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
@@ -353,7 +377,7 @@ karst_shadow_sun karst_cast_shadow_sun(const karst_caster *caster, const karst_p
 /* What a cast of shadow rays takes, and where it notes what. */
 typedef struct {
     const karst_buffer *rays;
-    cl_mem pixels; /* NULL: they are left alone */
+    cl_mem pixels;                     /* NULL: they are left alone */
     const karst_buffer *asked, *hints; /* hints NULL: none */
     cl_uint notes;
     bool of_stream;
@@ -397,8 +421,8 @@ bool karst_cast_stream_shadows(karst_caster *caster, const karst_cast_view *view
 }
 
 bool karst_cast_picture_shadows(karst_caster *caster, const karst_cast_view *view, const karst_pinhole *pinhole,
-                                const karst_light *light, const karst_buffer *rays, cl_mem pixels,
-                                karst_buffer *asked, karst_buffer *hints, karst_error *error)
+                                const karst_light *light, const karst_buffer *rays, cl_mem pixels, karst_buffer *asked,
+                                karst_buffer *hints, karst_error *error)
 {
     const shadow_cast cast = {rays, pixels, asked, hints, KARST_CAST_NOTES_ASKED, false};
     return cast_shadows(caster, view, pinhole, light, &cast, error);

@@ -430,10 +430,11 @@ RAY_INLINE void mark_ended(K_GLOBAL int *marks, const beam *b, const int index[B
         }
 }
 
-/* wanted: KARST_CAST_HITS and its like. */
-BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
-                                  K_GLOBAL const karst_ray *rays, uint num_rays, uint wanted, uint beam_number,
-                                  K_GLOBAL karst_hit *hits)
+/* wanted: KARST_CAST_HITS and its like. Constant: from_anchor, where all start there with one footprint, and none has a
+ * side. */
+RAY_INLINE void cast_rays_of(const pools *pool, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
+                             uint num_rays, uint wanted, uint beam_number, const int from_anchor,
+                             K_GLOBAL karst_hit *hits)
 {
     const pools own = *pool;
     beam b;
@@ -455,7 +456,9 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
                               RAY_WORD(7),
                               RAY_WORD(8),
                               RAY_WORD(9)};
-        start_packet(&b, &start[p], p, view, 0, 0, &of, m);
+        start_packet(&b, &start[p], p, view, from_anchor, 0, &of, m);
+        if (from_anchor)
+            continue;
         const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
         b.states.pending[p] = b.states.fresh[p] = mask_bits(m & v_ne(side, (vint)((int)KARST_SIDE_ANY)));
         b.states.back[p] = mask_bits(m & v_eq(side, (vint)((int)KARST_SIDE_BACK)));
@@ -464,11 +467,18 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
     begin_without_hints(&b.hints);
     b.blend_below = view->blend_below > 0.0f ? view->blend_below : 3.0e38f;
     b.found.only_whether = !hits || wanted == KARST_CAST_WHETHER;
-    cast_beam(&own, view, 0, 0, &b, start);
+    cast_beam(&own, view, from_anchor, 0, &b, start);
     if (hits && wanted == KARST_CAST_WHETHER)
         mark_ended((K_GLOBAL int *)hits, &b, index, valid);
     else if (hits)
-        store_beam(&own, view, hits, &b, start, index, valid, 0, wanted == KARST_CAST_ANY_HIT);
+        store_beam(&own, view, hits, &b, start, index, valid, from_anchor, wanted == KARST_CAST_ANY_HIT);
+}
+
+BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                  K_GLOBAL const karst_ray *rays, uint num_rays, uint wanted, uint beam_number,
+                                  K_GLOBAL karst_hit *hits)
+{
+    cast_rays_of(pool, view, rays, num_rays, wanted, beam_number, 0, hits);
 }
 
 /* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. */
@@ -482,6 +492,24 @@ __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
     if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
         cast_rays_beam(&pool, view, rays, num_rays, wanted, beam_number, hits);
 }
+
+#ifdef CAST_FROM_ANCHOR
+BEAM_FUNCTION void cast_anchored_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
+                                      K_GLOBAL const karst_ray *rays, uint num_rays, uint beam_number,
+                                      K_GLOBAL karst_hit *hits)
+{
+    cast_rays_of(pool, view, rays, num_rays, KARST_CAST_HITS, beam_number, 1, hits);
+}
+
+__kernel K_WIDE void cast_rays_from_anchor(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view,
+                                           K_GLOBAL const karst_ray *rays, uint num_rays, K_GLOBAL karst_hit *hits)
+{
+    const pools pool = POOL_FIELDS;
+    const uint beam_number = (uint)get_global_id(0);
+    if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
+        cast_anchored_beam(&pool, view, rays, num_rays, beam_number, hits);
+}
+#endif
 
 #endif
 

@@ -29,6 +29,8 @@ karst_caster *karst_caster_create(karst_context *context, const karst_cache_buff
 /* Leave out what karst_cast_rays or karst_cast_shadows take, which then fail: there is less to compile. */
 #define KARST_CAST_NO_STREAMS "-DCAST_NO_STREAMS"
 #define KARST_CAST_NO_SHADOWS "-DCAST_NO_SHADOWS"
+/* An option for karst_cast_rays_from_anchor, which fails without it. */
+#define KARST_CAST_FROM_ANCHOR "-DCAST_FROM_ANCHOR"
 /* Shadow rays of a picture's samples (karst_pinhole.sample) go to different places on the sun, not to its centre: what
  * is known of bricks towards the sun does not help then. */
 #define KARST_CAST_SUN_DISC "-DCAST_SUN_DISC"
@@ -72,8 +74,12 @@ size_t karst_cast_hint_bytes(const karst_context *context, const karst_cache_buf
  * surface's cell. Neighbours in the buffer travel together. */
 bool karst_cast_rays(karst_caster *caster, const karst_cast_view *view, karst_buffer *rays, uint32_t num_rays,
                      bool any_hit, karst_buffer *hits, karst_error *error);
-/* The same of as many rays as the device knows: the word `count` holds, num_rays at most. hits NULL: the stamps alone.
- */
+/* The same of rays that all start at the anchor, with one footprint and t_min, and without a side: as fast as a
+ * picture's. */
+bool karst_cast_rays_from_anchor(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays,
+                                 uint32_t num_rays, karst_buffer *hits, karst_error *error);
+/* The same as karst_cast_rays of as many rays as the device knows: the word `count` holds, num_rays at most. hits NULL:
+ * the stamps alone. */
 bool karst_cast_stream(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
                        const karst_buffer *count, karst_buffer *hits, karst_error *error);
 /* The same, if all that is wanted is whether rays end: a word for each, not 0 where it does. marks NULL: as above. */

@@ -49,9 +49,9 @@ __kernel K_WIDE void splats_pinhole(K_GLOBAL const ulong *data, K_GLOBAL const l
 }
 
 /* Of a stream, as cast_rays has it; `wanted` KARST_CAST_WHETHER: marks, where a ray ends. */
-__kernel K_WIDE void splats_rays(K_GLOBAL const ulong *data, K_GLOBAL const long *anchors, K_GLOBAL const karst_ray *rays,
-                          uint num_rays, K_GLOBAL const uint *count, uint wanted, float detail,
-                          K_GLOBAL karst_hit *hits)
+__kernel K_WIDE void splats_rays(K_GLOBAL const ulong *data, K_GLOBAL const long *anchors,
+                                 K_GLOBAL const karst_ray *rays, uint num_rays, K_GLOBAL const uint *count, uint wanted,
+                                 float detail, K_GLOBAL karst_hit *hits)
 {
     const uint i = (uint)get_global_id(0);
     if (count && *count < num_rays)

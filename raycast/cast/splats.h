@@ -4,8 +4,8 @@
  * A ray takes the discs of each node that are no farther apart than what it asks for there, so models cost the same
  * from near and from afar. KARST_SIDE_FRONT and KARST_SIDE_BACK meet that side of a disc alone; KARST_SIDE_ANY meets
  * fronts, and backs where a model says so, whose normal is then turned towards it. Rays that have to leave a surface
- * (karst_ray.rise) are stopped by both, but not before they have risen by a disc's radius. So nothing meets what it
- * starts on, and no distance is chosen for that.
+ * (karst_ray.rise) are stopped by both; by a disc that is no wall to them not before they have risen by its radius. So
+ * nothing meets what it starts on, and no distance is chosen for that.
  *
  * Whatever is cast has the same bits with 1 lane and 16, and at any distance from the origin. Nothing is asked for:
  * all discs are there from the start. */

@@ -236,7 +236,8 @@ __kernel void clear_paths_go_on(karst_clear_path_task task, K_GLOBAL const karst
     } else if (out.t_max > 0.0f) {
         way.side = inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
         if (out.side != KARST_SIDE_BACK) /* one that passes land knows what it knew */
-            trail = task.from_starts || (out.pixel & KARST_PATH_SEES_SUN) ? KARST_PATH_LOOKED_FOR_NONE : KARST_PATH_LOOKED;
+            trail = task.from_starts || (out.pixel & KARST_PATH_SEES_SUN) ? KARST_PATH_LOOKED_FOR_NONE
+                                                                          : KARST_PATH_LOOKED;
     }
     next_ways[i] = way;
     next_trails[i] = trail | (clear ? KARST_PATH_FROM_CLEAR : 0u);

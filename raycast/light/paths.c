@@ -308,7 +308,6 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
                                         .to_lamps = paths->to_lamps,
                                         .lamps = paths->lamps,
                                         .parts = picture->parts};
-    clear.media = media;
     clear.to_media = &to_media;
     uint32_t left = num_pixels;
     if (num_pixels > paths->room)
@@ -339,12 +338,13 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
         to_media.max_rays = left;
         to_media.hits = streams.hits;
         to_media.task = task;
-        if (!cast(paths, picture, through, media, &to_media, bounce == 0, error) ||
+        clear.media = starts ? NULL : media; /* nor is what lies before surfaces in the way */
+        if (!cast(paths, picture, through, clear.media, &to_media, bounce == 0, error) ||
             !karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
             (starts && !karst_path_starts_leave(picture->starts, picture->pinhole, picture->view->detail, streams.hits,
                                                 paths->next, picture->again ? NULL : picture->parts, error)) ||
-            (media && !media->turn(media->user, &to_media, error)) ||
+            (clear.media && !media->turn(media->user, &to_media, error)) ||
             (through && !karst_clear_paths_go_on(paths->clear, through, paths->next, paths->to_lamps, error)) ||
             (task.num_lamps && !add_lamps(paths, picture, count, left, error)) ||
             (bounce < max_bounces && !pack(paths, picture, through, count, next_count, left, error)) ||

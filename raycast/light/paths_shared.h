@@ -57,9 +57,10 @@ typedef struct {
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
+    uint turn; /* of photons, how often they were turned: chance of one turn must know nothing of the one before */
     uint passes;      /* 0: surfaces let nothing pass, whatever they say */
 } karst_path_task;
-K_ASSERT_SIZE(karst_path_task, 48);
+K_ASSERT_SIZE(karst_path_task, 52);
 /* Where a path's ray collides with a medium, before any surface. */
 typedef struct {
     float t; /* along the ray; KARST_PATH_GOES_BY: it does not */

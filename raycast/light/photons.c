@@ -224,7 +224,8 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
     /* Chance is the photon's, whatever part of a picture is drawn. */
     karst_pinhole pinhole = *scene->pinhole;
     pinhole.x0_px = pinhole.y0_px = 0;
-    const karst_path_task of_land = {.sample = task->generation + 1,
+    const karst_path_task of_land = {.sample = 1,
+                                     .turn = task->generation,
                                      .mirrors = scene->mirrors,
                                      .again = 1,
                                      .mirrors_all = task->is_probe};

@@ -293,8 +293,9 @@ __kernel void photons_meet(karst_photon_task task, K_GLOBAL const karst_ray *ray
             n.x = -n.x, n.y = -n.y, n.z = -n.z;
         const float ior = matter[i];
         const dielectric turn = dielectric_of(&d, &n, inside ? ior : 1.0f / ior);
-        const float u = jitter_of((int)(ray.pixel & 0xffffu), (int)(ray.pixel >> 16), task.generation + 1,
-                                  PHOTON_CHOICE)
+        /* Samples of one purpose are spread evenly, so the turns of a photon must not be such. */
+        const float u = jitter_of((int)(ray.pixel & 0xffffu), (int)(ray.pixel >> 16), 1,
+                                  PHOTON_CHOICE + task.generation * 0x9e3779b1u)
                             .u;
         const int reflects = u < turn.reflected, stays = reflects ? inside : !inside;
         way_on = reflects ? dielectric_reflected(&turn, &d, &n) : dielectric_refracted(&turn, &d, &n);

@@ -30,8 +30,8 @@ typedef struct {
     bool glows;       /* the look has emission */
     bool has_lamps;   /* karst_media_add_lamps is wanted */
     bool has_streams; /* karst_media_stream_rays is wanted, and hits of clear matter */
-    bool passes;      /* of pictures whose land lets light pass: parts have a plane of shares for that */
     bool has_paths;   /* karst_media_meet_paths and karst_media_turn_paths are wanted, and nothing else that shades */
+    bool passes;      /* of pictures whose land lets light pass: parts have a plane of shares for that */
     bool is_alone; /* pictures show media alone, lit by the sun alone, before a wall that glows as the sky's zenith */
     karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
                               * is shaded, and only depths are asked for */

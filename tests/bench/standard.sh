@@ -20,7 +20,7 @@ float density(vec3 p)
     return 300.0 * fbm(q / 1024.0, 8) - p.y;
 }
 END
-parts=${PARTS:-settled light media flight size pool distance lanes production bounds start collect}
+parts=${PARTS:-settled light media points flight size pool distance lanes production bounds start collect}
 wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
 
 # bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
@@ -100,6 +100,29 @@ END
         line "lake" "$(calc "$lake / $hills")" "x hills" 3 at-most
     [ -n "$hills" ] && lanterns=$(floors lanterns lanterns) &&
         line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
+fi
+
+# A scanned rabbit that fills the picture, as a surface and as discs, against a body of noise.
+if wants points; then
+    echo; echo "Models of points: 800x600, no shadows"
+    scan=../shared/data/stanford-bunny.obj
+    if [ -r "$scan" ] && "$karst" import "$scan" -q -o "$out/rabbit.karstpoints"; then
+        for as in surface splats; do
+            cat > "$out/rabbit-$as.karst" << END
+/*{ "voxel": 0.0009765625, "view": 40, "camera": { "position": ["-0.12", "-0.3", "-1.2"], "fov": 22 },
+    "sun": { "azimuth": 200, "elevation": 40 },
+    "models": [{ "points": "rabbit.karstpoints", "turn": [0, 180, 0], "scale": 10, "as": "$as" }] }*/
+float density(vec3 p) { return -p.y - 3.0; }
+END
+        done
+        points_floors() { bench "points-$1" "$2" --size 800x600 --no-shadows $one && get "points-$1" ratios.settled_frame_per_floor.median; }
+        asteroid=$(points_floors asteroid asteroid) && surface=$(points_floors surface "$out/rabbit-surface.karst") &&
+            line "rabbit over all of the picture, as a surface" "$(calc "$surface / $asteroid")" "x asteroid" 1.3 at-most
+        [ -n "$asteroid" ] && splats=$(points_floors splats "$out/rabbit-splats.karst") &&
+            line "the same as splats" "$(calc "$splats / $asteroid")" "x asteroid"
+    else
+        echo "    no $scan"
+    fi
 fi
 
 # Media, settled, and smoke whose particles all move. Without particles the air is empty.

@@ -49,7 +49,21 @@ for edit in sphere,0,0,0,1 sphere,0,0,0,1,remove sphere,0,0,0,1,colour=1:2:3 sph
     "$karst" edit painted.karstdb --paint "$edit" 2> stderr
     exits 2 "edit --paint '$edit': refused"
 done
-rm painted.karstdb
+# ---- smoothed ----
+cp world.karstdb smoothed.karstdb
+"$karst" edit smoothed.karstdb --add sphere,0,0,8,3,smooth,strength=0.4,normal=0:1:0.25 2> stderr
+exits 0 "edit: smooth"
+"$karst" edit smoothed.karstdb --export text -o smoothed.json 2> stderr &&
+    grep -q '"mode": "smooth".*"radius": 3, "normal": \[0, 1, 0.25\], "strength": 0.4' smoothed.json &&
+    "$karst" new again.karstdb --from flat.karst --edits smoothed.json 2>> stderr &&
+    "$karst" edit smoothed.karstdb --log > log 2>> stderr && "$karst" edit again.karstdb --log > other.log 2>> stderr &&
+    cmp log other.log > /dev/null
+detail=$(cat stderr smoothed.json) result "which an export has, and the way back"
+for edit in box,0,0,0,1,1,1,smooth sphere,0,0,0,1,smooth,blend=1 sphere,0,0,0,1,smooth,strength=0 sphere,0,0,0,1,add,normal=0:1:0; do
+    "$karst" edit smoothed.karstdb --add "$edit" 2> stderr
+    exits 2 "edit --add '$edit': refused"
+done
+rm painted.karstdb smoothed.karstdb again.karstdb smoothed.json
 [ "$(find . -name 'world*' -o -name '.karst*')" = ./world.karstdb ]
 result "nothing lies beside the file afterwards"
 "$karst" new other.karstdb --from flat.karst --param height=0.5 --seed 7 --camera 0,6,-11,0,-20,60 --edits edits.json 2> stderr &&

@@ -351,28 +351,93 @@ static void test_land_ends_at_a_depth(void **state)
     karst_engine_destroy(engine);
 }
 
-/* A ball of triangles, as a rasteriser has it: rays against all of them. */
-enum { STACKS = 8, SLICES = 12 };
-static double ball_point(int stack, int slice, const double centre[3], double radius, int axis)
+/* A mesh around the origin, as a rasteriser has it: rays are tried against all of it. */
+typedef struct {
+    double (*corners)[3][3];
+    size_t num;
+    double reach; /* of its farthest corner */
+} triangles;
+
+static void add_triangle(triangles *m, double corner[3][3])
 {
-    const double high = M_PI * stack / STACKS, round = 2 * M_PI * slice / SLICES;
-    const double p[3] = {sin(high) * cos(round), cos(high), sin(high) * sin(round)};
-    return centre[axis] + radius * p[axis];
+    if ((m->num & (m->num - 1)) == 0)
+        m->corners = realloc(m->corners, (m->num ? 2 * m->num : 1) * sizeof *m->corners);
+    assert_non_null(m->corners);
+    memcpy(m->corners[m->num++], corner, sizeof *m->corners);
+    for (int i = 0; i < 3; i++)
+        m->reach = fmax(m->reach,
+                        sqrt(corner[i][0] * corner[i][0] + corner[i][1] * corner[i][1] + corner[i][2] * corner[i][2]));
 }
 
-static double hit_triangle(const double d[3], double corner[3][3])
+enum { STACKS = 8, SLICES = 12 };
+static triangles make_ball(double radius)
 {
-    double e[2][3], p[3], q[3], det = 0, u = 0, v = 0, t = 0;
-    for (int i = 0; i < 3; i++)
+    static const int corners[2][3][2] = {{{0, 0}, {1, 0}, {1, 1}}, {{0, 0}, {1, 1}, {0, 1}}};
+    triangles m = {0};
+    for (int i = 0; i < STACKS * SLICES * 2; i++) {
+        double corner[3][3];
+        for (int c = 0; c < 3; c++) {
+            const double high = M_PI * (i / 2 / SLICES + corners[i % 2][c][0]) / STACKS;
+            const double round = 2 * M_PI * (i / 2 % SLICES + corners[i % 2][c][1]) / SLICES;
+            corner[c][0] = radius * sin(high) * cos(round);
+            corner[c][1] = radius * cos(high);
+            corner[c][2] = radius * sin(high) * sin(round);
+        }
+        add_triangle(&m, corner);
+    }
+    return m;
+}
+
+/* v and f lines of an OBJ, so high, its middle at the origin; empty if there is no such file. */
+static triangles read_obj(const char *path, double high_m)
+{
+    triangles m = {0};
+    double(*points)[3] = NULL, low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    size_t num = 0;
+    char line[1024];
+    FILE *file = fopen(path, "r");
+    while (file && fgets(line, sizeof line, file)) {
+        double p[3], corner[3][3];
+        long face[3];
+        if (sscanf(line, "v %lf %lf %lf", &p[0], &p[1], &p[2]) == 3) {
+            points = realloc(points, (num + 1) * sizeof *points);
+            assert_non_null(points);
+            memcpy(points[num++], p, sizeof p);
+            for (int i = 0; i < 3; i++) {
+                low[i] = fmin(low[i], p[i]);
+                high[i] = fmax(high[i], p[i]);
+            }
+        } else if (sscanf(line, "f %ld%*[^ ] %ld%*[^ ] %ld", &face[0], &face[1], &face[2]) == 3 ||
+                   sscanf(line, "f %ld %ld %ld", &face[0], &face[1], &face[2]) == 3) {
+            const double scale = high_m / (high[1] - low[1]);
+            for (int i = 0; i < 9; i++) {
+                assert_true(face[i / 3] > 0 && (size_t)face[i / 3] <= num);
+                corner[i / 3][i % 3] = scale * (points[face[i / 3] - 1][i % 3] - 0.5 * (low[i % 3] + high[i % 3]));
+            }
+            add_triangle(&m, corner);
+        }
+    }
+    if (file)
+        fclose(file);
+    free(points);
+    return m;
+}
+
+static double hit_triangle(const double from[3], const double d[3], const double corner[3][3])
+{
+    double e[2][3], p[3], q[3], to[3], det = 0, u = 0, v = 0, t = 0;
+    for (int i = 0; i < 3; i++) {
         e[0][i] = corner[1][i] - corner[0][i], e[1][i] = corner[2][i] - corner[0][i];
+        to[i] = from[i] - corner[0][i];
+    }
     for (int i = 0; i < 3; i++) {
         const int j = (i + 1) % 3, k = (i + 2) % 3;
         p[i] = d[j] * e[1][k] - d[k] * e[1][j];
-        q[i] = -corner[0][j] * e[0][k] + corner[0][k] * e[0][j];
+        q[i] = to[j] * e[0][k] - to[k] * e[0][j];
     }
     for (int i = 0; i < 3; i++) {
         det += e[0][i] * p[i];
-        u -= corner[0][i] * p[i];
+        u += to[i] * p[i];
         v += d[i] * q[i];
         t += e[1][i] * q[i];
     }
@@ -382,86 +447,133 @@ static double hit_triangle(const double d[3], double corner[3][3])
     return u >= 0 && v >= 0 && u + v <= 1 && t > 0 ? t : INFINITY;
 }
 
-static double hit_ball(const double d[3], const double centre[3], double radius)
+/* Of a ray from the camera to a mesh that is moved to `centre`. */
+static double hit_mesh(const triangles *m, const double d[3], const double centre[3])
 {
-    double nearest = INFINITY;
-    for (int stack = 0; stack < STACKS; stack++)
-        for (int slice = 0; slice < SLICES; slice++)
-            for (int half = 0; half < 2; half++) {
-                const int corners[2][3][2] = {{{0, 0}, {1, 0}, {1, 1}}, {{0, 0}, {1, 1}, {0, 1}}};
-                double corner[3][3];
-                for (int c = 0; c < 3; c++)
-                    for (int axis = 0; axis < 3; axis++)
-                        corner[c][axis] =
-                            ball_point(stack + corners[half][c][0], slice + corners[half][c][1], centre, radius, axis);
-                nearest = fmin(nearest, hit_triangle(d, corner));
-            }
+    const double from[3] = {-centre[0], -centre[1], -centre[2]};
+    const double along = d[0] * centre[0] + d[1] * centre[1] + d[2] * centre[2];
+    double nearest = INFINITY, square = -along * along;
+    for (int i = 0; i < 3; i++)
+        square += centre[i] * centre[i];
+    for (size_t i = 0; square <= m->reach * m->reach && i < m->num; i++)
+        nearest = fmin(nearest, hit_triangle(from, d, (const double(*)[3])m->corners[i]));
     return nearest;
 }
 
-/* From ten cameras, which of land and ball is seen: by depths, and by true rays. Where they differ there is an edge. */
-static void test_a_mesh_and_land_hide_one_another(void **state)
+typedef struct {
+    int num_seen, num_hidden, num_wrong,
+        num_off_edges; /* pixels: of the mesh; wrong ones; of these, not beside an edge */
+} hiding;
+
+/* From one camera, which of land and mesh is seen: by depths, and by true rays. Where they differ there is an edge. */
+static void look(karst_engine *engine, const karst_world *world, const karst_camera *camera, const triangles *mesh,
+                 const double centre[3], hiding *found)
 {
-    (void)state;
     enum { SMALL = SMALL_WIDTH * SMALL_HEIGHT };
-    karst_error refused = {0};
-    karst_world *world = karst_world_open(&(karst_world_config){.world = land_path}, &refused);
-    if (!world)
-        fail_msg("%s", refused.message);
-    karst_engine *engine = open_engine(land_path, SMALL_WIDTH, SMALL_HEIGHT, true);
     static float land_m[SMALL], mesh_m[SMALL], mesh_window[SMALL], land_window[SMALL];
     static karst_query_ray rays[SMALL];
     static karst_query_hit hits[SMALL];
     static bool truth[SMALL];
-    int num_wrong = 0, num_off_edges = 0, num_mesh = 0, num_hidden = 0;
+    assert_ok(karst_engine_set_camera(engine, camera, &error));
+    settle(engine);
+    assert_ok(karst_engine_read_depth(engine, land_m, SMALL, &error));
+    for (int i = 0; i < SMALL; i++) {
+        double d[3];
+        pixel_ray(camera, SMALL_WIDTH, SMALL_HEIGHT, i % SMALL_WIDTH + 0.5, i / SMALL_WIDTH + 0.5, d);
+        const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        for (int k = 0; k < 3; k++)
+            d[k] /= length;
+        mesh_m[i] = (float)hit_mesh(mesh, d, centre);
+        rays[i] = (karst_query_ray){camera->position, {d[0], d[1], d[2]}, 600};
+    }
+    assert_ok(karst_query_rays(world, &(karst_query_config){.within_m = 1e-3}, rays, SMALL, hits, &error));
+    assert_ok(karst_depth_to_window(camera, SMALL_WIDTH, SMALL_HEIGHT, &ranges[3], land_m, land_window, &error));
+    assert_ok(karst_depth_to_window(camera, SMALL_WIDTH, SMALL_HEIGHT, &ranges[3], mesh_m, mesh_window, &error));
+    for (int i = 0; i < SMALL; i++) {
+        truth[i] = (double)mesh_m[i] < hits[i].t_m;
+        found->num_seen += !isinf(mesh_m[i]) && truth[i];
+        found->num_hidden += !isinf(mesh_m[i]) && !truth[i];
+    }
+    for (int i = 0; i < SMALL; i++) {
+        if ((mesh_window[i] > land_window[i]) == truth[i])
+            continue;
+        found->num_wrong++;
+        const int x = i % SMALL_WIDTH, y = i / SMALL_WIDTH;
+        bool edge = false;
+        for (int j = -1; j <= 1; j++)
+            for (int k = -1; k <= 1; k++)
+                if (x + k >= 0 && x + k < SMALL_WIDTH && y + j >= 0 && y + j < SMALL_HEIGHT)
+                    edge |= truth[i + j * SMALL_WIDTH + k] != truth[i];
+        found->num_off_edges += !edge;
+    }
+}
+
+/* So far above the land below it. */
+static void lower_camera(const karst_world *world, karst_camera *camera, double above_m)
+{
+    double down_m;
+    uint32_t count;
+    bool inside;
+    assert_ok(karst_query_heights(world, &(karst_query_config){0}, &camera->position, 1, 2000, 1, &down_m, &count,
+                                  &inside, &error));
+    assert_true(count == 1 && !inside);
+    camera->position = karst_position_add_m(camera->position, (const double[3]){0, above_m - down_m, 0},
+                                            karst_world_get_metadata(world)->voxel_log2_m);
+}
+
+/* From ten cameras that turn, with the mesh before each, so far below the middle of its picture. */
+static void check_hiding(const char *path, const triangles *mesh, double above_m, double ahead_m, double below_m)
+{
+    karst_error refused = {0};
+    karst_world *world = karst_world_open(&(karst_world_config){.world = path}, &refused);
+    if (!world)
+        fail_msg("%s", refused.message);
+    karst_engine *engine = open_engine(path, SMALL_WIDTH, SMALL_HEIGHT, true);
+    hiding found = {0};
     for (int turn = 0; turn < 10; turn++) {
         karst_camera camera = karst_engine_default_camera(engine);
+        lower_camera(world, &camera, above_m);
         camera.yaw_deg = 36 * turn;
         camera.pitch_deg = -15 - turn;
-        assert_ok(karst_engine_set_camera(engine, &camera, &error));
-        settle(engine);
-        assert_ok(karst_engine_read_depth(engine, land_m, SMALL, &error));
         double axes[3][3], centre[3];
         karst_camera_axes(&camera, axes[0], axes[1], axes[2]);
-        for (int i = 0; i < 3; i++) /* deep in land by half */
-            centre[i] = 34 * axes[2][i] + (i == 1 ? -14 : 0);
-        for (int i = 0; i < SMALL; i++) {
-            double d[3];
-            pixel_ray(&camera, SMALL_WIDTH, SMALL_HEIGHT, i % SMALL_WIDTH + 0.5, i / SMALL_WIDTH + 0.5, d);
-            const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            for (int k = 0; k < 3; k++)
-                d[k] /= length;
-            mesh_m[i] = (float)hit_ball(d, centre, 12);
-            rays[i] = (karst_query_ray){camera.position, {d[0], d[1], d[2]}, 600};
-        }
-        assert_ok(karst_query_rays(world, &(karst_query_config){.within_m = 1e-3}, rays, SMALL, hits, &error));
-        assert_ok(karst_depth_to_window(&camera, SMALL_WIDTH, SMALL_HEIGHT, &ranges[3], land_m, land_window, &error));
-        assert_ok(karst_depth_to_window(&camera, SMALL_WIDTH, SMALL_HEIGHT, &ranges[3], mesh_m, mesh_window, &error));
-        for (int i = 0; i < SMALL; i++) {
-            truth[i] = (double)mesh_m[i] < hits[i].t_m;
-            num_mesh += !isinf(mesh_m[i]) && truth[i];
-            num_hidden += !isinf(mesh_m[i]) && !truth[i];
-        }
-        for (int i = 0; i < SMALL; i++) {
-            if ((mesh_window[i] > land_window[i]) == truth[i])
-                continue;
-            num_wrong++;
-            const int x = i % SMALL_WIDTH, y = i / SMALL_WIDTH;
-            bool edge = false;
-            for (int j = -1; j <= 1; j++)
-                for (int k = -1; k <= 1; k++)
-                    if (x + k >= 0 && x + k < SMALL_WIDTH && y + j >= 0 && y + j < SMALL_HEIGHT)
-                        edge |= truth[i + j * SMALL_WIDTH + k] != truth[i];
-            num_off_edges += !edge;
-        }
+        for (int i = 0; i < 3; i++)
+            centre[i] = ahead_m * axes[2][i] - (i == 1 ? below_m : 0);
+        look(engine, world, &camera, mesh, centre, &found);
     }
-    print_message("%d pixels of the mesh seen, %d hidden by land; %d of %d wrong\n", num_mesh, num_hidden, num_wrong,
-                  10 * SMALL);
-    assert_true(num_mesh > 1000 && num_hidden > 500);
-    assert_true(num_wrong <= 10 * SMALL / 1000);
-    assert_int_equal(num_off_edges, 0);
+    print_message("%d pixels of the mesh seen, %d hidden by land; %d of %d wrong\n", found.num_seen, found.num_hidden,
+                  found.num_wrong, 10 * SMALL_WIDTH * SMALL_HEIGHT);
+    assert_true(found.num_seen > 1000 && found.num_hidden > 500);
+    assert_true(found.num_wrong <= 10 * SMALL_WIDTH * SMALL_HEIGHT / 1000);
+    assert_int_equal(found.num_off_edges, 0);
     karst_engine_destroy(engine);
     karst_world_close(world);
+}
+
+static void test_a_mesh_and_land_hide_one_another(void **state)
+{
+    (void)state;
+    triangles ball = make_ball(12);
+    check_hiding(land_path, &ball, 26, 34, 14); /* deep in land by half */
+    free(ball.corners);
+}
+
+/* The teapot of ../shared/data, or of TEAPOT, in `hills`. */
+static void test_a_teapot_in_hills(void **state)
+{
+    (void)state;
+    const char *path = getenv("TEAPOT") ? getenv("TEAPOT") : "../shared/data/teapot.obj";
+    char hills[4096];
+    if (!getenv("KARST_TEST_FULL"))
+        skip();
+    triangles teapot = read_obj(path, 24);
+    if (!teapot.num) {
+        print_message("there is no %s\n", path);
+        skip();
+    }
+    assert_ok(karst_data_find("worlds", "hills", ".karst", hills, sizeof hills, &error));
+    check_hiding(hills, &teapot, 20, 45, 8);
+    free(teapot.corners);
 }
 
 static void test_bad_input(void **state)
@@ -540,6 +652,7 @@ int main(void)
         cmocka_unit_test(test_a_rasteriser_has_the_same_depth),
         cmocka_unit_test(test_land_ends_at_a_depth),
         cmocka_unit_test(test_a_mesh_and_land_hide_one_another),
+        cmocka_unit_test(test_a_teapot_in_hills),
         cmocka_unit_test(test_bad_input),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

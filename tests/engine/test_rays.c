@@ -264,7 +264,7 @@ static void test_speed(void **state)
     (void)state;
     if (!getenv("KARST_TEST_FULL"))
         skip();
-    enum { SIDE = 1000, TURNS = 7 };
+    enum { SIDE = 1000, TURNS = 20 };
     karst_engine *engine = open_engine(SIDE, SIDE);
     karst_engine_ray *rays = malloc((size_t)SIDE * SIDE * sizeof *rays);
     karst_engine_hit *hits = malloc((size_t)SIDE * SIDE * sizeof *hits);

@@ -1,7 +1,7 @@
 /* Matter far thinner than a voxel in pictures: fences of boards, lattices and meshes of wires, from half to 32 times as
  * far as where they are one voxel thick. Of the pixels in which the reference meets wires 95 in a hundred show them,
- * and of boards, whose edges are lost now and then, 80. Where the pools hold a half, a quarter or a tenth of the view it
- * is calm all the same. KARST_TEST_FULL=1 looks at all of them from everywhere, KARST_TEST_THING=boards at one, and
+ * and of boards, whose edges are lost now and then, 80. Where the pools hold a half, a quarter or a tenth of the view,
+ * it is calm all the same. KARST_TEST_FULL=1 looks at all of them from everywhere, KARST_TEST_THING=boards at one, and
  * KARST_TEST_LOOK=1 judges nothing. */
 #include <math.h>
 #include <setjmp.h>

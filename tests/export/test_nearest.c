@@ -3,7 +3,7 @@
 
 #include "karst/query.h"
 
-enum { NUM = 24 };
+enum { NUM = 16 };
 
 static karst_position at[NUM];
 static double at_m[NUM][3];

@@ -10,7 +10,7 @@ scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 
 if ! "$python" -c 'import numpy, mitsuba' 2> /dev/null; then
-    skip "media" "$python has no mitsuba: python3 -m venv ENV; ENV/bin/pip install mitsuba numpy iadpython; PYTHON=ENV/bin/python"
+    skip "media" "$python has no mitsuba: python3 -m venv ENV; ENV/bin/pip install mitsuba numpy scipy iadpython; PYTHON=ENV/bin/python"
     finish
 fi
 render() { "$karst" render "$@" -q --aov radiance --pool 256 > "$scratch/log" 2>&1 || sed 's/^/# /' "$scratch/log"; }
@@ -26,7 +26,7 @@ cat > "$scratch/slab.karst" << 'END'
 "camera": { "position": ["0", "3", "0"], "pitch": -90, "fov": 1 } }*/
 float density(vec3 p) { return length(p) - 60.0; }
 material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = vec3(p.y > 0.0 ? 1.0 : 0.0); return m; }
-medium air(vec3 p) { medium m; m.extinction = abs(p.y) < 0.5 && length(p.xz) < 59.0 ? depth : 0.0; m.albedo = vec3(0.9); m.g = forward; return m; }
+medium air(vec3 p) { medium m; m.extinction = depth * clamp(32.0 * (0.5 - abs(p.y)) + 0.5, 0.0, 1.0) * (length(p.xz) < 59.0 ? 1.0 : 0.0); m.albedo = vec3(0.9); m.g = forward; return m; }
 END
 cat > "$scratch/slab.py" << 'END'
 import sys
@@ -59,7 +59,7 @@ if "$python" -c 'import iadpython' 2> /dev/null; then
         done
     done
 else
-    skip "slabs" "$python has no iadpython: ENV/bin/pip install iadpython"
+    skip "slabs" "$python has no iadpython: ENV/bin/pip install scipy iadpython"
 fi
 
 # ---- a cloud ----

@@ -23,7 +23,8 @@
 
 typedef struct {
     const char *name;
-    karst_world_file *file;
+    karst_world_file *whole;
+    karst_world_file *file; /* of what is looked at: the whole, or its clear matter */
     karst_oracle *oracle;
     karst_camera camera;
     int64_t surface[3]; /* a voxel at the surface that the camera looks at */
@@ -70,14 +71,17 @@ static void shipped_find_surface(shipped_world *world)
     fail_msg("%s: the camera sees nothing", world->name);
 }
 
-static void shipped_open(shipped_world *world, const char *name)
+/* The land of a world, or its clear matter. */
+static void shipped_open_part(shipped_world *world, const char *name, bool clear)
 {
     karst_error error = {0};
     char path[4096];
     *world = (shipped_world){.name = name, .random = pool_hash(POOL_HASH_START, name, strlen(name))};
     pool_expect(karst_data_find("worlds", name, ".karst", path, sizeof path, &error), name, &error);
-    world->file = karst_world_file_open(path, NULL, 0, NULL, &error);
-    pool_expect(world->file, name, &error);
+    world->whole = karst_world_file_open(path, NULL, 0, NULL, &error);
+    pool_expect(world->whole, name, &error);
+    world->file = clear ? world->whole->content[KARST_CONTENT_CLEAR] : world->whole;
+    assert_non_null(world->file);
     const karst_program_graph *program = world->file->program;
     karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
     assert_non_null(values);
@@ -93,10 +97,12 @@ static void shipped_open(shipped_world *world, const char *name)
     shipped_find_surface(world);
 }
 
+static inline void shipped_open(shipped_world *world, const char *name) { shipped_open_part(world, name, false); }
+
 static void shipped_close(shipped_world *world)
 {
     karst_oracle_destroy(world->oracle);
-    karst_world_file_destroy(world->file);
+    karst_world_file_destroy(world->whole);
 }
 
 static inline karst_context *shipped_context(int lanes)

@@ -369,12 +369,12 @@ static void build_trees(shipped_world *world, bool samples_alone, int count, con
     builder_close(&b);
 }
 
-static void test_nothing_lost(void **state)
+static void look_for_what_is_lost(const char *name, bool clear)
 {
     shipped_world world;
     constant_list list = {0};
     const constant_node *first = NULL;
-    shipped_open(&world, *state);
+    shipped_open_part(&world, name, clear);
     build_trees(&world, false, is_full() ? 10 * NUM_TREES : NUM_TREES, &list);
     uint32_t num_lost = count_lost(&world, &list, true, is_full() ? UINT32_MAX : NUM_SEARCHED, &first);
     print_message("%s: %u constant nodes, %u of them by samples\n", world.name, list.count, list.num_by_samples);
@@ -386,6 +386,11 @@ static void test_nothing_lost(void **state)
     free(list.nodes);
     shipped_close(&world);
 }
+
+static void test_nothing_lost(void **state) { look_for_what_is_lost(*state, false); }
+
+/* The same of clear matter, in its own store. */
+static void test_nothing_lost_of_clear_matter(void **state) { look_for_what_is_lost(*state, true); }
 
 /* Were all constant that has samples of one sign (tests/producers/test_thin.c builds kernels that say so), surface
  * would be lost, and the search finds it. The lattice has none to lose: what is clear there only touches its planes.
@@ -411,6 +416,16 @@ static void test_sampling_alone_is_caught(void **state)
 
 int main(void)
 {
+    static char names[][16] = {"lake", "ice", "glass", "lens", "caustics"};
+    enum { ALL = sizeof names / sizeof *names };
+    struct CMUnitTest of_clear[ALL];
+    const char *only = getenv("KARST_TEST_WORLD");
+    size_t num = 0;
+    for (int i = 0; i < (is_full() || only ? ALL : getenv("KARST_TEST_QUICK") ? 0 : 2); i++)
+        if (!only || strcmp(only, names[i]) == 0)
+            of_clear[num++] =
+                (struct CMUnitTest){names[i], test_nothing_lost_of_clear_matter, NULL, NULL, names[i]};
     int failed = shipped_run("surface lost by samples alone is found", test_sampling_alone_is_caught);
-    return failed + shipped_run("nothing is lost", test_nothing_lost);
+    failed += shipped_run("nothing is lost", test_nothing_lost);
+    return failed + (num ? _cmocka_run_group_tests("nothing is lost of clear matter", of_clear, num, NULL, NULL) : 0);
 }

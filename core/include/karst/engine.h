@@ -84,10 +84,10 @@ typedef enum {
 typedef enum {
     KARST_MODELS_OF_WORLD,       /* each as the world says */
     KARST_MODELS_SURFACE,        /* all as surfaces of the land */
-    KARST_MODELS_SPLATS,         /* all as discs, in leaves whose copies are culled, blended across leaves */
-    KARST_MODELS_SPLATS_ALL,     /* the same with all copies */
-    KARST_MODELS_SPLATS_LEAF,    /* as KARST_MODELS_SPLATS, each leaf blended for itself */
-    KARST_MODELS_SPLATS_LEAF_ALL, /* the same with all copies */
+    KARST_MODELS_SPLATS,          /* all as discs, blended across leaves */
+    KARST_MODELS_SPLATS_CULLED,   /* the same without copies in leaves that no probe ray needs */
+    KARST_MODELS_SPLATS_LEAF,     /* as discs, each leaf blended for itself */
+    KARST_MODELS_SPLATS_LEAF_CULLED,
     KARST_MODELS_NONE,            /* none is shown: the world without them */
     KARST_NUM_MODELS_AS
 } karst_models_as;

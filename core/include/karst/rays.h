@@ -53,9 +53,10 @@ typedef struct {
 /* Casts rays through the engine's bricks, and has made what they lack, until they lack nothing or max_rounds rounds
  * are over (0: 1000 for each batch of 2^18 rays). Land alone is hit, with the engine's edits and models; hits are as
  * bricks have them, also of an engine that refines (karst_engine_config.refine). Rays that are neighbours in the array
- * travel together: give those that go together after one another. The engine's pictures do not change; bricks that
- * only they need may be gone, and are made again by the next frame. The first call compiles kernels. `report` may be
- * NULL. Errors: KARST_USAGE (no frame has been drawn yet, a field out of range), KARST_FAILED (device, memory). From
+ * travel together: give those that go together after one another. Rays that all start at the camera, with one
+ * footprint, are as fast as a picture's; others take half as long again. The engine's pictures do not change; bricks
+ * that only they need may be gone, and are made again by the next frame. The first call compiles kernels. `report` may
+ * be NULL. Errors: KARST_USAGE (no frame has been drawn yet, a field out of range), KARST_FAILED (device, memory). From
  * the engine's thread. Method: as pictures, docs/ARCHITECTURE.md. */
 bool karst_engine_cast_rays(karst_engine *engine, const karst_engine_ray *rays, size_t num, uint32_t max_rounds,
                             karst_engine_hit *hits, karst_engine_rays_report *report, karst_error *error);

@@ -433,7 +433,7 @@ static karst_header_model read_point_model(reader *r, json_t *object)
     model.is_splats = is_second(r, object, "as", "surface", "splats");
     model.is_shallow = is_second(r, object, "blend", "deep", "leaf");
     model.has_backs = is_second(r, object, "sides", "front", "both");
-    model.keeps_copies = is_second(r, object, "copies", "culled", "all");
+    model.culls = is_second(r, object, "copies", "all", "culled");
     return model;
 }
 

@@ -40,7 +40,7 @@ typedef struct {
     bool is_splats;     /* shown as discs, not as a surface */
     bool is_shallow;    /* of discs: those of one leaf are blended, not of all that a ray meets there */
     bool has_backs;     /* of discs: backs are seen, too */
-    bool keeps_copies;  /* of discs: also those that no probe ray needs */
+    bool culls;         /* of discs: copies that no probe ray needs are left out */
 } karst_header_model;
 
 /* A number, or the name of a parameter that has it. */

@@ -126,30 +126,34 @@ static bool parts_at(trial *t, karst_expr jumps)
     return false;
 }
 
-/* Whether the density may jump where fract, mod or an angle does. `is_used`: of its nodes. */
-static bool folds_apart(const karst_graph *graph, karst_expr density, bool *is_used)
+/* Whether the density may jump where fract, mod or an angle does. */
+static bool folds_apart(const karst_graph *graph, karst_expr density)
 {
-    trial t = {.graph = graph, .density = density, .is_used = is_used, .state = 1};
+    trial t = {.graph = graph, .density = density, .state = 1};
     int num_folds = 0;
-    for (karst_expr e = 1; e <= density; e++)
-        num_folds += is_used[e] && is_fold(&graph->nodes[e]) && !is_uniform(graph, e);
-    if (!num_folds)
-        return false;
     t.values = calloc(density + 1, sizeof *t.values);
     t.hangs = calloc(density + 1, sizeof *t.hangs);
-    bool apart = !t.values || !t.hangs || num_folds > MOST_FOLDS || density > MOST_NODES;
-    for (karst_expr e = 1; e <= density && !apart; e++)
-        apart = is_used[e] && is_fold(&graph->nodes[e]) && !is_uniform(graph, e) && parts_at(&t, e);
+    t.is_used = calloc(density + 1, sizeof *t.is_used);
+    bool apart = !t.values || !t.hangs || !t.is_used;
+    if (!apart)
+        t.is_used[density] = true;
+    for (karst_expr e = density; e > 0 && !apart; e--) {
+        for (int k = 0; k < 4 && t.is_used[e]; k++)
+            t.is_used[graph->nodes[e].arg[k]] |= graph->nodes[e].arg[k] != KARST_NO_EXPR;
+        num_folds += t.is_used[e] && is_fold(&graph->nodes[e]) && !is_uniform(graph, e);
+    }
+    apart = apart || (num_folds && (num_folds > MOST_FOLDS || density > MOST_NODES));
+    for (karst_expr e = 1; e <= density && num_folds && !apart; e++)
+        apart = t.is_used[e] && is_fold(&graph->nodes[e]) && !is_uniform(graph, e) && parts_at(&t, e);
     free(t.values);
     free(t.hangs);
+    free(t.is_used);
     return apart;
 }
 
-/* ---- what is thin beside noise ---- */
-
 /* Of a node and all that it is made of. */
 typedef struct {
-    bool has_noise, may_be_thin;
+    bool is_used, has_noise, may_be_thin;
     bool is_joined; /* into the density by sums, minima and choices alone */
 } node_facts;
 
@@ -178,51 +182,34 @@ static void look_up(const karst_graph *graph, karst_expr density, node_facts *fa
     }
 }
 
-/* A house on hills. */
-static bool has_thin_apart(const karst_graph *graph, karst_expr density)
-{
-    node_facts *of = calloc(graph->num_nodes, sizeof *of);
-    bool found = false;
-    if (!of)
-        return false;
-    look_up(graph, density, of);
-    of[density].is_joined = true;
-    for (karst_expr e = density; e > 0; e--) {
-        const karst_expr_node *n = &graph->nodes[e];
-        if (!of[e].is_joined || is_uniform(graph, e) || !passes_on(n->op))
-            continue;
-        for (int k = n->op == KARST_OP_SELECT ? 1 : 0; k < 4; k++)
-            if (n->arg[k] != KARST_NO_EXPR) {
-                node_facts *part = of + n->arg[k];
-                part->is_joined = true;
-                found = found || (joins(n->op) && part->may_be_thin && !part->has_noise);
-            }
-    }
-    free(of);
-    return found;
-}
-
 karst_thin_facts karst_graph_thin_facts(const karst_graph *graph, karst_expr density)
 {
-    bool *is_used = calloc(graph->num_nodes, sizeof *is_used);
-    karst_thin_facts facts = {.may_be_thin = !is_used};
-    if (is_used)
-        is_used[density] = true;
-    for (karst_expr e = density; is_used && e > 0; e--) {
+    node_facts *of = calloc(graph->num_nodes, sizeof *of);
+    karst_thin_facts facts = {.may_be_thin = !of};
+    if (!of)
+        return facts;
+    look_up(graph, density, of);
+    of[density].is_used = of[density].is_joined = true;
+    for (karst_expr e = density; e > 0; e--) {
         const karst_expr_node *n = &graph->nodes[e];
-        if (!is_used[e])
-            continue;
-        for (int k = 0; k < 4; k++)
-            is_used[n->arg[k]] |= n->arg[k] != KARST_NO_EXPR;
-        if (is_uniform(graph, e))
+        if (!of[e].is_used || is_uniform(graph, e))
             continue;
         facts.may_be_thin = facts.may_be_thin || !is_plain(graph, n);
         facts.has_noise = facts.has_noise || n->op == KARST_OP_NOISE;
         facts.may_jump = facts.may_jump || n->op == KARST_OP_FLOOR || n->op == KARST_OP_CEIL ||
                          n->op == KARST_OP_RINT || n->op == KARST_OP_SELECT || n->op == KARST_OP_CONVERT;
+        for (int k = 0; k < 4; k++) {
+            if (n->arg[k] == KARST_NO_EXPR)
+                continue;
+            node_facts *part = of + n->arg[k];
+            const bool is_condition = n->op == KARST_OP_SELECT && k == 0;
+            part->is_used = true;
+            part->is_joined |= of[e].is_joined && passes_on(n->op) && !is_condition;
+            facts.has_thin_apart |=
+                of[e].is_joined && joins(n->op) && !is_condition && part->may_be_thin && !part->has_noise;
+        }
     }
-    facts.may_jump = facts.may_jump || !is_used || folds_apart(graph, density, is_used);
-    facts.has_thin_apart = has_thin_apart(graph, density);
-    free(is_used);
+    facts.may_jump = facts.may_jump || folds_apart(graph, density);
+    free(of);
     return facts;
 }
