@@ -6,7 +6,7 @@
 /* Keys that no other comment is likely to have in front of a colon. */
 static const char *const own_keys[] = {"seed",      "voxel",    "extent", "params", "camera", "sun",       "sky",
                                        "lipschitz", "exposure", "mirror", "lights", "models", "particles", "view",
-                                       "occlusion"};
+                                       "occlusion", "light_map"};
 
 static bool is_blank(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 
