@@ -8,20 +8,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 32, HEIGHT = 32, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* One world for all, since compiling is what takes time here; its parameters say which. As in test_clear.c: a wall
  * whose light says where it was seen; or a shell of land all around that gives off as much light everywhere. */
@@ -57,38 +50,15 @@ typedef struct {
 
 static karst_engine *create(const karst_engine_config *like, int width, int height)
 {
-    char path[64] = "/tmp/karst-bend-XXXXXX.karst";
-    karst_error error = {0};
-    karst_engine_config config = *like;
-    const int fd = mkstemps(path, 6);
-    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
-    close(fd);
-    config.world = path;
-    config.display = KARST_DISPLAY_NONE;
-    config.width_px = width;
-    config.height_px = height;
-    config.exposure = KARST_EXPOSURE_GIVEN;
-    if (!config.num_bricks)
-        config.pool_bytes = (uint64_t)96 << 20;
-    karst_engine *engine = karst_engine_create(&config, &error);
-    unlink(path);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
+    return scene_create(text, like, width, height, NULL);
 }
 
 static void settle(karst_engine *engine, picture *p, int width, int height)
 {
-    bool settled = false;
     const size_t num = 3 * (size_t)width * (size_t)height;
-    assert_ok(karst_engine_settle(engine, 600, NULL, NULL, &settled, &error));
-    karst_engine_stats(engine, &p->stats);
-    assert_true(settled && p->stats.settled);
-    assert_int_equal(p->stats.num_provisional, 0);
-    assert_int_equal(p->stats.num_incomplete, 0);
     p->light = realloc(p->light, num * sizeof *p->light);
     p->width = width, p->height = height;
-    assert_ok(karst_engine_read_radiance(engine, p->light, num, &error));
+    scene_settle(engine, 600, p->light, num, &p->stats);
 }
 
 typedef struct {

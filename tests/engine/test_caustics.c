@@ -8,20 +8,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { SIDE = 96, NUM = SIDE * SIDE };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* A ring of inner radius 1 that mirrors 0.8, around (-4, 0); a ball of glass around (4, 0). The sun stands over -x. */
 #define ELEVATION_DEG 40.0
@@ -70,29 +63,15 @@ static picture one, other;
 
 static karst_engine *open_engine(const char *text, const karst_engine_config *like, karst_error *error)
 {
-    char path[64] = "/tmp/karst-caustics-XXXXXX.karst";
     karst_engine_config config = *like;
-    int fd = mkstemps(path, 6);
-    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
-    close(fd);
-    config.world = path;
-    config.display = KARST_DISPLAY_NONE;
-    if (!config.width_px)
-        config.width_px = config.height_px = SIDE;
-    config.exposure = KARST_EXPOSURE_GIVEN;
     config.pool_bytes = (uint64_t)128 << 20;
-    karst_engine *engine = karst_engine_create(&config, error);
-    unlink(path);
-    return engine;
+    return scene_create(text, &config, config.width_px ? config.width_px : SIDE,
+                        config.width_px ? config.height_px : SIDE, error);
 }
 
 static karst_engine *create(const char *text, const karst_engine_config *like)
 {
-    karst_error error = {0};
-    karst_engine *engine = open_engine(text, like, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
+    return open_engine(text, like, NULL);
 }
 
 static void settle(karst_engine *engine, picture *p, size_t num_pixels)

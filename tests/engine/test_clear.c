@@ -7,20 +7,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* A wall behind what there is of clear matter gives off light that says where it was seen. The sun's glow in the sky
  * is nothing beside it. */
@@ -45,35 +38,12 @@ typedef struct {
 
 static karst_engine *create(const char *text, const karst_engine_config *like)
 {
-    char path[64] = "/tmp/karst-clear-XXXXXX.karst";
-    karst_error error = {0};
-    karst_engine_config config = *like;
-    int fd = mkstemps(path, 6);
-    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
-    close(fd);
-    config.world = path;
-    config.display = KARST_DISPLAY_NONE;
-    config.width_px = WIDTH;
-    config.height_px = HEIGHT;
-    config.exposure = KARST_EXPOSURE_GIVEN;
-    if (!config.num_bricks)
-        config.pool_bytes = (uint64_t)96 << 20;
-    karst_engine *engine = karst_engine_create(&config, &error);
-    unlink(path);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
+    return scene_create(text, like, WIDTH, HEIGHT, NULL);
 }
 
 static void settle(karst_engine *engine, picture *p)
 {
-    bool settled = false;
-    assert_ok(karst_engine_settle(engine, 600, NULL, NULL, &settled, &error));
-    karst_engine_stats(engine, &p->stats);
-    assert_true(settled && p->stats.settled);
-    assert_int_equal(p->stats.num_provisional, 0);
-    assert_int_equal(p->stats.num_incomplete, 0);
-    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * NUM, &error));
+    scene_settle(engine, 600, p->light, 3 * NUM, &p->stats);
     assert_ok(karst_engine_read_pixels(engine, p->bytes, sizeof p->bytes, &error));
 }
 

@@ -8,20 +8,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 32, HEIGHT = 32, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* One text for all, since compiling is what takes time here; its parameters say which. The eye looks along z.
  * WALL: it gives off light that says where it was seen, behind sheets. FURNACE: a shell of land all around, as bright
@@ -75,35 +68,12 @@ static picture one, other, dark;
 
 static karst_engine *create(const char *text, const karst_engine_config *like)
 {
-    char path[64] = "/tmp/karst-pass-XXXXXX.karst";
-    karst_error error = {0};
-    karst_engine_config config = *like;
-    const int fd = mkstemps(path, 6);
-    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
-    close(fd);
-    config.world = path;
-    config.display = KARST_DISPLAY_NONE;
-    config.width_px = WIDTH;
-    config.height_px = HEIGHT;
-    config.exposure = KARST_EXPOSURE_GIVEN;
-    if (!config.num_bricks)
-        config.pool_bytes = (uint64_t)64 << 20;
-    karst_engine *engine = karst_engine_create(&config, &error);
-    unlink(path);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
+    return scene_create(text, like, WIDTH, HEIGHT, NULL);
 }
 
 static void settle(karst_engine *engine, picture *p)
 {
-    bool settled = false;
-    assert_ok(karst_engine_settle(engine, 600, NULL, NULL, &settled, &error));
-    karst_engine_stats(engine, &p->stats);
-    assert_true(settled && p->stats.settled);
-    assert_int_equal(p->stats.num_provisional, 0);
-    assert_int_equal(p->stats.num_incomplete, 0);
-    assert_ok(karst_engine_read_radiance(engine, p->light, 3 * NUM, &error));
+    scene_settle(engine, 600, p->light, 3 * NUM, &p->stats);
 }
 
 static void take(karst_engine *engine, double kind, double sheets, double share, double matter, picture *p)
@@ -115,13 +85,7 @@ static void take(karst_engine *engine, double kind, double sheets, double share,
     settle(engine, p);
 }
 
-static double mean(const picture *p)
-{
-    double sum = 0;
-    for (int k = 0; k < 3 * NUM; k++)
-        sum += p->light[k];
-    return sum / (3 * NUM);
-}
+static double mean(const picture *p) { return scene_mean(p->light, 3 * NUM); }
 
 /* The light of `b` is so many times that of `a`, where there is some; both without what is there behind matter that
  * lets nothing pass. */

@@ -8,21 +8,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "karst/karst.h"
 #include "karst/reference.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 24, HEIGHT = 16, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static float one[3 * NUM], other[3 * NUM];
 
@@ -30,41 +23,17 @@ static bool is_full(void) { return getenv("KARST_TEST_FULL") != NULL; }
 
 static karst_engine *create(const char *text, const karst_engine_config *like)
 {
-    char path[64] = "/tmp/karst-full-XXXXXX.karst";
-    karst_error error = {0};
     karst_engine_config config = *like;
-    const int fd = mkstemps(path, 6);
-    assert_true(fd >= 0 && write(fd, text, strlen(text)) == (ssize_t)strlen(text));
-    close(fd);
-    config.world = path;
-    config.display = KARST_DISPLAY_NONE;
-    config.width_px = WIDTH;
-    config.height_px = HEIGHT;
-    config.exposure = KARST_EXPOSURE_GIVEN;
     config.tone = KARST_TONE_OF_FILM;
-    config.pool_bytes = (uint64_t)64 << 20;
-    karst_engine *engine = karst_engine_create(&config, &error);
-    unlink(path);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
+    return scene_create(text, &config, WIDTH, HEIGHT, NULL);
 }
 
 static void settle(karst_engine *engine, float light[3 * NUM])
 {
-    bool settled = false;
-    assert_ok(karst_engine_settle(engine, 4000, NULL, NULL, &settled, &error));
-    assert_true(settled);
-    assert_ok(karst_engine_read_radiance(engine, light, 3 * NUM, &error));
+    scene_settle(engine, 4000, light, 3 * NUM, NULL);
 }
 
-static double mean_of(const float light[3 * NUM])
-{
-    double sum = 0;
-    for (int i = 0; i < 3 * NUM; i++)
-        sum += (double)light[i];
-    return sum / (3 * NUM);
-}
+static double mean_of(const float light[3 * NUM]) { return scene_mean(light, 3 * NUM); }
 
 /* ---- energy ---- */
 
