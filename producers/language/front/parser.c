@@ -312,8 +312,8 @@ static void parse_item(karst_parser *p)
 static void push_token(karst_parser *p, karst_token token)
 {
     karst_tokens *made = &p->tokens;
-    const karst_token *last = made->items + made->count - 1;
     const size_t here = made->count - p->at;
+    const karst_token *last = here ? made->items + made->count - 1 : NULL;
     if (here >= 3 && token.kind == KARST_TOKEN_NAME && karst_token_is(last, ':') && karst_token_is(last - 1, ':') &&
         last->text == last[-1].text + 1 && last[-2].kind == KARST_TOKEN_NAME) {
         token.line_start = last[-2].line_start;
