@@ -110,6 +110,12 @@ karst_engine *bench_open_engine(bench *b, bool is_beside, const karst_log *log, 
 /* To where the run looks at first: --camera, the path's start, or the world's own view. */
 bool bench_set_first_camera(bench *b, karst_engine *engine, const karst_path *path, karst_error *error);
 
+/* One frame, its statistics and its ms: CPU time over the cores where that is known, as what else runs on the machine
+ * does not count then. Errors: as the library's, and KARST_FAILED where one is interrupted. */
+bool bench_time_frame(karst_engine *engine, karst_stats *stats, double *ms, karst_error *error);
+double bench_median(double *values, size_t num); /* which are sorted */
+bool bench_interrupted(karst_error *error);      /* false, and says so */
+
 /* command_bench_smoke.c. The tables of --particles and --groups, lists of numbers or NULL, on stdout and as JSON (NULL:
  * none; -: stdout). Errors: KARST_USAGE, and as the library's. */
 bool bench_smoke(bench *b, const char *particles, const char *groups, const char *json, command_talk *talk,

@@ -57,11 +57,6 @@ static bool note_frame(void *user, const karst_stats *stats)
     return !command_interrupted();
 }
 
-static bool interrupted(karst_error *error)
-{
-    return karst_fail(error, KARST_FAILED, "interrupted; nothing was written");
-}
-
 static karst_engine *open_engine(table *t, karst_models_as as, bool refine, karst_error *error)
 {
     const bench *b = t->b;
@@ -83,7 +78,7 @@ static karst_engine *open_engine(table *t, karst_models_as as, bool refine, kars
     bool settled = false, done = engine && (!b->camera || bench_set_first_camera(t->b, engine, NULL, error)) &&
                                  karst_engine_settle(engine, (uint32_t)b->max_frames, note_frame, t, &settled, error);
     if (done && command_interrupted())
-        done = interrupted(error);
+        done = bench_interrupted(error);
     else if (done && !settled)
         done = karst_fail(error, KARST_FAILED, "a view did not settle within %u frames; raise --frames-max",
                           (unsigned)b->max_frames);
@@ -178,28 +173,6 @@ static bool look_at_truth(table *t, karst_error *error)
 
 /* ---- times ---- */
 
-/* CPU time over the cores where that is known: what else runs on the machine does not count then. */
-static bool time_frame(table *t, karst_engine *engine, double *ms, karst_error *error)
-{
-    if (!karst_engine_frame(engine, error))
-        return false;
-    karst_engine_stats(engine, &t->stats);
-    *ms = (double)(t->stats.time_ns_cpu ? t->stats.time_ns_cpu : t->stats.time_ns_frame) * 1e-6;
-    return !command_interrupted() || interrupted(error);
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, size_t num)
-{
-    qsort(values, num, sizeof *values, compare_doubles);
-    return num % 2 ? values[num / 2] : 0.5 * (values[num / 2 - 1] + values[num / 2]);
-}
-
 static double used_mb(const karst_stats_pool *pool)
 {
     return (double)pool->size_bytes * (double)pool->num_used / (double)pool->num_total * 1e-6;
@@ -221,15 +194,17 @@ static bool measure(table *t, karst_engine *surface, way what, karst_error *erro
     for (size_t i = 0; done && i < rounds; i++) {
         double plain = 1;
         /* Of each the second of two frames counts: as those of a view that stands follow one another. */
-        done = what == SURFACE || (time_frame(t, surface, &unused, error) && time_frame(t, surface, &plain, error));
-        done = done && time_frame(t, engine, &unused, error) && time_frame(t, engine, &ms[i], error);
+        done = what == SURFACE || (bench_time_frame(surface, &t->stats, &unused, error) &&
+                                   bench_time_frame(surface, &t->stats, &plain, error));
+        done = done && bench_time_frame(engine, &t->stats, &unused, error) &&
+               bench_time_frame(engine, &t->stats, &ms[i], error);
         ratios[i] = what == SURFACE ? 1 : ms[i] / plain;
     }
     done = done && look(t, engine, &own, error);
     if (done) {
         const karst_stats_splats *splats = &t->stats.splats;
-        r->frame_ms = median(ms, rounds);
-        r->ratio = median(ratios, rounds);
+        r->frame_ms = bench_median(ms, rounds);
+        r->ratio = bench_median(ratios, rounds);
         r->memory_mb = used_mb(&t->stats.tiles) + used_mb(&t->stats.bricks) + (double)splats->size_bytes * 1e-6;
         r->discs_a_point = splats->num_points ? (double)splats->num_discs / (double)splats->num_points : 0;
         t->num_points = splats->num_points ? splats->num_points : t->num_points;

@@ -93,7 +93,7 @@ static bool note_frame(void *user, const karst_stats *stats)
     return (!state->counted || add_frame(state, stats, state->error)) && !command_interrupted();
 }
 
-static bool interrupted(karst_error *error)
+bool bench_interrupted(karst_error *error)
 {
     return karst_fail(error, KARST_FAILED, "interrupted; nothing was written");
 }
@@ -108,7 +108,7 @@ static bool settle(run_state *state, karst_engine *engine, karst_error *error)
     if (noted.status != KARST_OK)
         return karst_fail(error, noted.status, "%s", noted.message);
     if (command_interrupted())
-        return interrupted(error);
+        return bench_interrupted(error);
     return settled || karst_fail(error, KARST_FAILED, "the view did not settle within %u frames; raise --frames-max",
                                  (unsigned)state->b->max_frames);
 }
@@ -122,7 +122,8 @@ static bool draw(run_state *state, karst_engine *engine, karst_error *error)
         return false;
     karst_engine_stats(engine, &stats);
     if (!note_frame(state, &stats))
-        return noted.status != KARST_OK ? karst_fail(error, noted.status, "%s", noted.message) : interrupted(error);
+        return noted.status != KARST_OK ? karst_fail(error, noted.status, "%s", noted.message)
+                                        : bench_interrupted(error);
     return true;
 }
 
@@ -312,4 +313,27 @@ out:
     karst_engine_destroy(state.beside);
     karst_engine_destroy(state.engine);
     return done;
+}
+
+/* ---- of tables ---- */
+
+bool bench_time_frame(karst_engine *engine, karst_stats *stats, double *ms, karst_error *error)
+{
+    if (!karst_engine_frame(engine, error))
+        return false;
+    karst_engine_stats(engine, stats);
+    *ms = (double)(stats->time_ns_cpu ? stats->time_ns_cpu : stats->time_ns_frame) * 1e-6;
+    return !command_interrupted() || bench_interrupted(error);
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double bench_median(double *values, size_t num)
+{
+    qsort(values, num, sizeof *values, compare_doubles);
+    return num % 2 ? values[num / 2] : 0.5 * (values[num / 2 - 1] + values[num / 2]);
 }

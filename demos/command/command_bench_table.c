@@ -122,11 +122,6 @@ static bool note_frame(void *user, const karst_stats *stats)
     return !command_interrupted();
 }
 
-static bool interrupted(karst_error *error)
-{
-    return karst_fail(error, KARST_FAILED, "interrupted; nothing was written");
-}
-
 static karst_engine *open_engine(const table *t, effect what, size_t detail, size_t size, karst_error *error)
 {
     const bench *b = t->b;
@@ -153,31 +148,9 @@ static bool settle(table *t, karst_engine *engine, karst_error *error)
     if (!karst_engine_settle(engine, (uint32_t)t->b->max_frames, note_frame, t, &settled, error))
         return false;
     if (command_interrupted())
-        return interrupted(error);
+        return bench_interrupted(error);
     return settled || karst_fail(error, KARST_FAILED, "a view did not settle within %u frames; raise --frames-max",
                                  (unsigned)t->b->max_frames);
-}
-
-/* CPU time over the cores where that is known: what else runs on the machine does not count then. */
-static bool time_frame(table *t, karst_engine *engine, double *ms, karst_error *error)
-{
-    if (!karst_engine_frame(engine, error))
-        return false;
-    karst_engine_stats(engine, &t->stats);
-    *ms = (double)(t->stats.time_ns_cpu ? t->stats.time_ns_cpu : t->stats.time_ns_frame) * 1e-6;
-    return !command_interrupted() || interrupted(error);
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, size_t num)
-{
-    qsort(values, num, sizeof *values, compare_doubles);
-    return num % 2 ? values[num / 2] : 0.5 * (values[num / 2 - 1] + values[num / 2]);
 }
 
 static cell make_cell(const karst_stats *stats, double *ms, double *ratios, size_t num)
@@ -192,8 +165,8 @@ static cell make_cell(const karst_stats *stats, double *ms, double *ratios, size
                        1e-6 +
                    (double)stats->bricks.size_bytes * (double)stats->bricks.num_used /
                        (double)stats->bricks.num_total * 1e-6;
-    c.frame_ms = median(ms, num);
-    c.ratio = median(ratios, num);
+    c.frame_ms = bench_median(ms, num);
+    c.ratio = bench_median(ratios, num);
     return c;
 }
 
@@ -208,8 +181,10 @@ static bool measure(table *t, karst_engine *without, effect what, size_t detail,
     for (size_t i = 0; done && i < rounds; i++) {
         double plain = 1;
         /* Of each the second of two frames counts: as those of a view that stands follow one another. */
-        done = what == NONE || (time_frame(t, without, &unused, error) && time_frame(t, without, &plain, error));
-        done = done && time_frame(t, engine, &unused, error) && time_frame(t, engine, &ms[i], error);
+        done = what == NONE || (bench_time_frame(without, &t->stats, &unused, error) &&
+                                bench_time_frame(without, &t->stats, &plain, error));
+        done = done && bench_time_frame(engine, &t->stats, &unused, error) &&
+               bench_time_frame(engine, &t->stats, &ms[i], error);
         ratios[i] = what == NONE ? 1 : ms[i] / plain;
     }
     if (done)

@@ -2,30 +2,9 @@
 # karst bake from outside: a map, what it says, a picture that has its light, what is refused, and that a map that is
 # stopped leaves nothing behind. $KARST is the program.
 set -u
-. tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+subcommand=bake
+. tests/cli/export.sh
 
-run()
-{
-    "$karst" bake "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst bake $*: exit $status; stdout: $(head -c 300 stdout); stderr: $(head -c 600 stderr)"
-}
-# refused STATUS PATTERN NAME ARGUMENTS: exits so, says why, writes nothing.
-refused()
-{
-    wanted=$1 pattern=$2 name=$3
-    shift 3
-    rm -f out.*
-    run "$@"
-    [ $status -eq "$wanted" ] && grep -qE -e "$pattern" stderr && [ -z "$(ls -A | grep -E '^(out|\.karst)')" ]
-    result "$name"
-}
 # A cave whose walls are white and do not glow, with a small bright stone in it.
 cat > cave.karst << 'END'
 /*{ "voxel": 0.0625, "view": 60, "light_map": { "file": "light.ply" },
