@@ -12,6 +12,7 @@
 #   KARST_DEVICE=NAME  as --device of the command (default: the first GPU, else the first CPU)
 #   KARST_GPU_LIMIT_S  seconds for all of it (default: 450)
 #   KARST_GPU_BUILD=DIR  a build folder, which may hold a build already (default: FOLDER/build)
+#   KARST_GPU_PREBUILT=yes  takes what that folder holds: no headers and no make are needed
 #   KARST_GPU_SIZES    (default: "1280x720 1920x1080 3840x2160")
 #   KARST_GPU_TESTS=no or KARST_GPU_BENCH=no leave a half out
 set -u
@@ -22,6 +23,7 @@ out=${1:-build/gpu}
 mkdir -p "$out" || exit 1
 out=$(cd "$out" && pwd)
 build=${KARST_GPU_BUILD:-$out/build}
+prebuilt=${KARST_GPU_PREBUILT:-no}
 lacks=$out/lacks
 : > "$lacks"
 lack() { echo "$*" | tee -a "$lacks"; }
@@ -135,14 +137,16 @@ END
     chmod +x "$tools/pkg-config"
     export PATH="$tools:$PATH"
 fi
-for tool in make "${CC:-cc}" "${AR:-ar}" awk timeout; do
-    command -v "$tool" > /dev/null || { lack "no $tool: cannot build"; exit 1; }
-done
 has_header() { echo "#include <$1>" | "${CC:-cc}" -E -x c - > /dev/null 2>&1; }
-for header in CL/cl.h EGL/egl.h GL/glcorearb.h GL/osmesa.h png.h jansson.h cairo.h OpenEXR/openexr.h GLFW/glfw3.h; do
-    has_header $header || has_header "cairo/$header" || lack "no header $header: a package is missing (README.md names them)"
-done
-has_header cmocka.h || { lack "no header cmocka.h: no tests"; KARST_GPU_TESTS=no; }
+if [ "$prebuilt" = no ]; then
+    for tool in make "${CC:-cc}" "${AR:-ar}" awk timeout; do
+        command -v "$tool" > /dev/null || { lack "no $tool: cannot build"; exit 1; }
+    done
+    for header in CL/cl.h EGL/egl.h GL/glcorearb.h GL/osmesa.h png.h jansson.h cairo.h OpenEXR/openexr.h GLFW/glfw3.h; do
+        has_header $header || has_header "cairo/$header" || lack "no header $header: a package is missing (README.md names them)"
+    done
+    has_header cmocka.h || { lack "no header cmocka.h: no tests"; KARST_GPU_TESTS=no; }
+fi
 
 # Finds a library by name where the loader and drivers in containers have it.
 find_library()
@@ -181,6 +185,7 @@ mkdir -p "$build"
 # The check for packages wants package names; what counts here is whether it compiles.
 touch "$build/dependencies-tests.mk" "$build/dependencies-build.mk"
 make="make BUILD=$build -j$cores"
+[ "$prebuilt" = no ] || make=:
 say "building with $cores jobs"
 if ! within "$(share 1)" $make "$build/karst" > "$out/build.log" 2>&1; then
     tail -n 20 "$out/build.log"

@@ -146,7 +146,9 @@ static const char *vectors_option(void)
 static bool write_options(const karst_context *context, const char *entry, const char *options, char all[MAX_OPTIONS],
                           karst_error *error)
 {
-    int length = snprintf(all, MAX_OPTIONS, "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
+    /* NVIDIA's compiler counts its warnings on stderr, past Karst's log: -w. */
+    int length = snprintf(all, MAX_OPTIONS, "-cl-std=CL1.2 %s%s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
+                          context->is_cpu ? "" : "-w ",
                           context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
                           context->is_cpu ? 1 : 0, vectors_option(), options ? options : "");
     return (length >= 0 && length < MAX_OPTIONS) ||
