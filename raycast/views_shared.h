@@ -13,6 +13,10 @@
 #define KARST_PAINT_PROVISIONAL 6
 #define KARST_PAINT_DEPTH 7
 #define KARST_PAINT_NORMAL 8
+/* Painted of values that the engine knows (karst_views_paint_values). */
+#define KARST_PAINT_ALBEDO 9
+#define KARST_PAINT_OCCLUSION 10
+#define KARST_PAINT_BOUNCES 11
 
 /* A counting cast (-DCAST_COUNT_STEPS) leaves in the upper bits of a hit's `kind` how many nodes and cells its packet
  * looked at for the ray. */

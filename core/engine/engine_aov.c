@@ -56,7 +56,7 @@ bool karst_engine_centre_hits(karst_engine *engine, karst_error *error)
 }
 
 /* Shaded in light that shows the albedo alone: as bright from everywhere, without sun and haze. */
-static bool read_albedo(karst_engine *engine, float *rgb, karst_error *error)
+bool karst_engine_read_albedo(karst_engine *engine, float *rgb, karst_error *error)
 {
     karst_light light = {.sun_direction = {0, 1, 0, 1},
                          .sky_zenith = {1, 1, 1},
@@ -190,7 +190,7 @@ bool karst_engine_read_aov(karst_engine *engine, karst_aov aov, float *values, s
     }
     if (!karst_engine_centre_hits(engine, error))
         return false;
-    return aov == KARST_AOV_ALBEDO   ? read_albedo(engine, values, error)
+    return aov == KARST_AOV_ALBEDO   ? karst_engine_read_albedo(engine, values, error)
            : aov == KARST_AOV_DEPTH  ? karst_engine_read_depth(engine, values, num_values, error)
            : aov == KARST_AOV_NORMAL ? karst_engine_read_normals(engine, values, num_values, error)
            : aov == KARST_AOV_LEVEL  ? read_level(engine, values, error)

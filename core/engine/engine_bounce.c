@@ -19,7 +19,8 @@ static bool veil(karst_engine *engine, const karst_cast_view *view, const karst_
                                        .hits = rays.hits,
                                        .max_rays = karst_bounce_room(pinhole->width_px, pinhole->height_px),
                                        .adds = adds};
-    return karst_engine_veil_stream(engine, view, pinhole, light, &stream, error);
+    return (!adds || karst_engine_count_bounces(engine, pinhole, &rays, error)) &&
+           karst_engine_veil_stream(engine, view, pinhole, light, &stream, error);
 }
 
 bool karst_engine_draw_mirrored(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

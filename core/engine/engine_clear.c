@@ -110,7 +110,8 @@ static bool veil(void *user, const karst_clear_stream *of, bool again, karst_err
                                        .ways = of->ways,
                                        .max_rays = of->stream->room,
                                        .adds = !again};
-    return karst_engine_veil_stream(lit->engine, lit->view, lit->pinhole, lit->light, &stream, error);
+    return (again || karst_engine_count_bounces(lit->engine, lit->pinhole, of->stream, error)) &&
+           karst_engine_veil_stream(lit->engine, lit->view, lit->pinhole, lit->light, &stream, error);
 }
 
 bool karst_engine_trace_clear(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,

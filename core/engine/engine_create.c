@@ -125,11 +125,7 @@ static bool check_look(const karst_engine_config *config, karst_error *error)
         return karst_fail(error, KARST_USAGE, "there is no way number %d to show models", (int)config->models);
     if (config->has_sun && !karst_engine_check_sun(&config->sun, error))
         return false;
-    if ((unsigned)config->exposure >= KARST_NUM_EXPOSURES)
-        return karst_fail(error, KARST_USAGE, "there is no exposure number %d", (int)config->exposure);
-    return config->exposure != KARST_EXPOSURE_GIVEN || fabs(config->exposure_stops) <= KARST_ENGINE_MAX_EXPOSURE ||
-           karst_fail(error, KARST_USAGE, "an exposure of %g stops: it may be -%d to %d", config->exposure_stops,
-                      KARST_ENGINE_MAX_EXPOSURE, KARST_ENGINE_MAX_EXPOSURE);
+    return karst_engine_check_exposure(config->exposure, config->exposure_stops, error);
 }
 
 static bool take_display(karst_engine *engine, karst_opening *opening, karst_error *error)

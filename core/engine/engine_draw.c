@@ -59,12 +59,16 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
 {
     const karst_light light = karst_engine_light(engine);
     karst_shader_set_anchor(engine->shader, &engine->camera.position);
+    if (engine->view == KARST_PAINT_BOUNCES && !karst_views_forget_bounces(engine->views, pinhole, error))
+        return false;
     if (!(engine->integrator == KARST_INTEGRATOR_FULL
               ? karst_engine_draw_paths(engine, view, pinhole, &light, error)
               : shade(engine, view, pinhole, &light, pixels, error)))
         return false;
     if (engine->radiance && !karst_engine_show_radiance(engine, pixels, error))
         return false;
+    if (engine->view >= KARST_PAINT_ALBEDO)
+        return karst_engine_paint_values(engine, pinhole, pixels, error);
     return !engine->view ||
            karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);
 }
@@ -137,7 +141,7 @@ bool karst_engine_end_picture(karst_engine *engine, karst_error *error)
     stats->num_rays[KARST_STREAM_SHADOW] = engine->counted[4];
     stats->num_rays[KARST_STREAM_MIRROR] = engine->counted[5];
     stats->num_rays[KARST_STREAM_CLEAR] = engine->counted[KARST_CLEAR_COUNT_RAYS];
-    stats->num_rays[KARST_STREAM_OCCLUSION] = engine->occlusion ? engine->counted[0] : 0;
+    stats->num_rays[KARST_STREAM_OCCLUSION] = engine->occlusion ? engine->counted[0] / KARST_OCCLUSION_BLOCK : 0;
     stats->num_rays_cut = engine->counted[KARST_CLEAR_COUNT_CUT];
     return true;
 }

@@ -12,23 +12,31 @@ bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst
 
 static bool has_window(const karst_engine *engine) { return engine->window.whole_width_px != 0; }
 
-static int at_most(int value, int limit) { return value < limit ? value : limit; }
+/* What a window looks at on an axis: from the probe that lies as far before it as neighbours count, to the one that far
+ * behind, or the whole's last pixel. */
+static void look_around(int first_px, int num_px, int whole_px, int *begin_px, int *end_px)
+{
+    const int step = KARST_OCCLUSION_STEP, reach = KARST_OCCLUSION_REACH * step;
+    const int begin = first_px / step * step - reach, last = (first_px + num_px - 1 + step - 1) / step * step + reach;
+    *begin_px = begin > 0 ? begin : 0;
+    *end_px = (last < whole_px - 1 ? last : whole_px - 1) + 1;
+}
 
 /* What is looked at: the picture, or a window with what is around it; and where the picture begins in that. */
 static karst_pinhole what_is_seen(const karst_engine *engine, const karst_pinhole *picture, int *left_px, int *top_px)
 {
     const karst_engine_window *w = &engine->window;
     karst_pinhole seen = *picture;
+    int left, right, top, below;
     *left_px = *top_px = 0;
     if (!has_window(engine))
         return seen;
-    *left_px = at_most(w->x0_px, KARST_OCCLUSION_REACH);
-    *top_px = at_most(w->y0_px, KARST_OCCLUSION_REACH);
-    const int right = at_most(w->whole_width_px - w->x0_px - engine->width_px, KARST_OCCLUSION_REACH),
-              below = at_most(w->whole_height_px - w->y0_px - engine->height_px, KARST_OCCLUSION_REACH);
+    look_around(w->x0_px, engine->width_px, w->whole_width_px, &left, &right);
+    look_around(w->y0_px, engine->height_px, w->whole_height_px, &top, &below);
+    *left_px = w->x0_px - left;
+    *top_px = w->y0_px - top;
     karst_pinhole_init(&seen, &engine->drawn, w->whole_width_px, w->whole_height_px, engine->view_distance_voxels);
-    karst_pinhole_cut(&seen, w->x0_px - *left_px, w->y0_px - *top_px, engine->width_px + *left_px + right,
-                      engine->height_px + *top_px + below);
+    karst_pinhole_cut(&seen, left, top, right - left, below - top);
     seen.sample = picture->sample;
     return seen;
 }
@@ -61,7 +69,7 @@ bool karst_engine_draw_occlusion(karst_engine *engine, const karst_cast_view *vi
     karst_profile_set_stream(engine->context, KARST_STREAM_OCCLUSION);
     const bool cast = karst_occlusion_cast(occlusion, engine->caster, view, false, error);
     karst_profile_set_stream(engine->context, KARST_NUM_STREAMS);
-    return cast && karst_occlusion_gather(occlusion, pinhole, left_px, top_px, error);
+    return cast && karst_occlusion_gather(occlusion, pinhole, hits, left_px, top_px, error);
 }
 
 bool karst_engine_look_at_occlusion(karst_engine *engine, const karst_cast_view *view, karst_error *error)

@@ -512,6 +512,15 @@ bool karst_engine_look_at_mirrored(karst_engine *engine, const karst_cast_view *
 bool karst_engine_look_at_mirrored_shadows(karst_engine *engine, const karst_cast_view *view,
                                            const karst_pinhole *pinhole, karst_error *error);
 
+/* engine_looks.c. Paints albedos, openness or bounces over the picture. */
+bool karst_engine_paint_values(karst_engine *engine, const karst_pinhole *pinhole, cl_mem pixels, karst_error *error);
+/* engine_bounces.c. While bounces are shown, counts the rays of a stream. */
+bool karst_engine_count_bounces(karst_engine *engine, const karst_pinhole *pinhole, const karst_bounce_stream *stream,
+                                karst_error *error);
+/* engine_aov.c. Of what the hits are; three floats a pixel in rows. */
+bool karst_engine_read_albedo(karst_engine *engine, float *rgb, karst_error *error);
+/* engine_samples.c. Errors: KARST_USAGE. */
+bool karst_engine_check_exposure(karst_exposure exposure, double stops, karst_error *error);
 /* engine_occlusion.c. Whether a picture of that world has occlusion. */
 bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst_world_info *world);
 /* The rest does nothing where it has none. What follows the picture's size, and what that takes. */

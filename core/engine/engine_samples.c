@@ -40,6 +40,33 @@ static float exposure_factor(const karst_engine *engine)
     return engine->world->has_exposure ? (float)exp2(engine->world->exposure_stops) : 0;
 }
 
+bool karst_engine_check_exposure(karst_exposure exposure, double stops, karst_error *error)
+{
+    if ((unsigned)exposure >= KARST_NUM_EXPOSURES)
+        return karst_fail(error, KARST_USAGE, "there is no exposure number %d", (int)exposure);
+    return exposure != KARST_EXPOSURE_GIVEN || fabs(stops) <= KARST_ENGINE_MAX_EXPOSURE ||
+           karst_fail(error, KARST_USAGE, "an exposure of %g stops: it may be -%d to %d", stops,
+                      KARST_ENGINE_MAX_EXPOSURE, KARST_ENGINE_MAX_EXPOSURE);
+}
+
+karst_exposure karst_engine_get_exposure(const karst_engine *engine, double *stops)
+{
+    if (stops)
+        *stops = engine->exposure_stops;
+    return engine->exposure;
+}
+
+bool karst_engine_set_exposure(karst_engine *engine, karst_exposure exposure, double stops, karst_error *error)
+{
+    if (!engine->radiance)
+        return karst_fail(error, KARST_USAGE, "an engine of one sample and plain tone keeps bytes, not light");
+    if (!karst_engine_check_exposure(exposure, stops, error))
+        return false;
+    engine->exposure = exposure;
+    engine->exposure_stops = exposure == KARST_EXPOSURE_GIVEN ? stops : 0;
+    return true;
+}
+
 /* ---- rows of light, apart from frames ---- */
 
 static bool check_rows(const karst_engine *engine, int width_px, int height_px, karst_error *error)

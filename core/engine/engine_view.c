@@ -86,9 +86,10 @@ bool karst_engine_probe(karst_engine *engine, int x_px, int y_px, karst_probe *p
 
 static const char *const view_names[KARST_NUM_VIEWS] = {
     "picture", "level", "bricks", "steps", "age", "produced", "provisional", "depth", "normal",
+    "albedo",  "occlusion", "bounces",
 };
 _Static_assert((int)KARST_VIEW_LEVEL == KARST_PAINT_LEVEL && (int)KARST_VIEW_STEPS == KARST_PAINT_STEPS &&
-                   (int)KARST_VIEW_NORMAL == KARST_PAINT_NORMAL,
+                   (int)KARST_VIEW_NORMAL == KARST_PAINT_NORMAL && (int)KARST_VIEW_BOUNCES == KARST_PAINT_BOUNCES,
                "views are painted by their own numbers");
 
 const char *karst_view_name(karst_view view) { return (unsigned)view < KARST_NUM_VIEWS ? view_names[view] : "unknown"; }
@@ -119,6 +120,10 @@ bool karst_engine_set_view(karst_engine *engine, karst_view view, karst_error *e
 {
     if ((unsigned)view >= KARST_NUM_VIEWS)
         return karst_fail(error, KARST_USAGE, "there is no view number %d", (int)view);
+    if (view == KARST_VIEW_ALBEDO && !engine->radiance)
+        return karst_fail(error, KARST_USAGE, "an engine of one sample and plain tone keeps bytes, not colours");
+    if (view == KARST_VIEW_OCCLUSION && !engine->occlusion)
+        return karst_fail(error, KARST_USAGE, "there is no occlusion to show: ask for it with --occlusion");
     if (view != KARST_VIEW_PICTURE && !need_views(engine, error))
         return false;
     if (view == KARST_VIEW_STEPS && !engine->counting)

@@ -93,6 +93,11 @@ void view_copy_command(viewer *v)
         snprintf(word, sizeof word, " --sun %.15g,%.15g", sun.azimuth_deg, sun.elevation_deg);
         strncat(line, word, size_bytes - strlen(line) - 1);
     }
+    double stops;
+    if (karst_engine_get_exposure(v->engine, &stops) == KARST_EXPOSURE_GIVEN) {
+        snprintf(word, sizeof word, " --exposure %.15g", stops);
+        strncat(line, word, size_bytes - strlen(line) - 1);
+    }
     if (karst_engine_time(v->engine) != 0) {
         snprintf(word, sizeof word, " --time %.15g", karst_engine_time(v->engine));
         strncat(line, word, size_bytes - strlen(line) - 1);
@@ -350,6 +355,13 @@ static json_t *describe_viewer(viewer *v)
     json_object_set_new(o, "speed_m_s", json_real(v->motion.speed_m_s));
     json_object_set_new(o, "asked_speed_m_s", json_real(v->motion.asked_speed_m_s));
     json_object_set_new(o, "on_ground", json_boolean(v->motion.on_ground));
+    const karst_sun sun = karst_engine_get_sun(v->engine);
+    double stops;
+    const bool is_given = karst_engine_get_exposure(v->engine, &stops) == KARST_EXPOSURE_GIVEN;
+    json_object_set_new(o, "sun_azimuth_deg", json_real(sun.azimuth_deg));
+    json_object_set_new(o, "sun_elevation_deg", json_real(sun.elevation_deg));
+    json_object_set_new(o, "exposure_stops", is_given ? json_real(stops) : json_null());
+    json_object_set_new(o, "status", json_string(v->status));
     json_object_set_new(o, "view", json_string(karst_view_name(v->view)));
     json_object_set_new(o, "page", json_string(view_page_names[v->page]));
     json_object_set_new(o, "help", json_boolean(v->help_shown));

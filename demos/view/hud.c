@@ -131,6 +131,7 @@ static void draw_status(viewer *v)
              v->reload.running ? "    compiling\u2026"
              : v->settled      ? "    settled"
                                : "");
+    snprintf(v->status, sizeof v->status, "%s", lines[1]);
     const int num_lines = view_edits_describe(v, lines[2], sizeof lines[2]) ? 3 : 2;
     /* As wide as the longest line, which only a drawn panel can tell. */
     sheet p = begin_sheet(v, VIEW_PANEL_STATUS, 1, 1);

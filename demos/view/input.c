@@ -16,11 +16,17 @@
 /* A view that is compiled now takes a second: until it is there, the old one's name stands, and a word of it. */
 static void change_view(viewer *v, int by)
 {
-    karst_view view = (karst_view)(((int)v->view + by + KARST_NUM_VIEWS) % KARST_NUM_VIEWS);
-    karst_error error = {0};
-    if (view != KARST_VIEW_PICTURE && !v->has_shown_view[view])
-        view_show_message(v, "view: %s is being compiled\u2026", karst_view_name(view));
-    if (karst_engine_set_view(v->engine, view, &error)) {
+    karst_view view = v->view;
+    karst_error error;
+    bool shown;
+    do { /* past what a picture has none of, such as occlusion */
+        view = (karst_view)(((int)view + by + KARST_NUM_VIEWS) % KARST_NUM_VIEWS);
+        error = (karst_error){0};
+        if (view != KARST_VIEW_PICTURE && !v->has_shown_view[view])
+            view_show_message(v, "view: %s is being compiled\u2026", karst_view_name(view));
+        shown = karst_engine_set_view(v->engine, view, &error);
+    } while (!shown && error.status == KARST_USAGE);
+    if (shown) {
         v->view = view;
         v->has_shown_view[view] = true;
         view_toast(v, view == KARST_VIEW_DEPTH ? "view: %s; bright near, dark far, by the scale above the status"
@@ -60,6 +66,36 @@ static void move_sun(viewer *v, double round_deg, double up_deg)
     sun = karst_engine_get_sun(v->engine);
     v->settled = false;
     view_toast(v, "sun: azimuth %g, elevation %g degrees", sun.azimuth_deg, sun.elevation_deg);
+}
+
+#define EXPOSURE_STEPS_PER_STOP 3
+
+/* by: a third of a stop up or down from what was given, or from 0 stops; 0: as the world says. */
+static void change_exposure(viewer *v, int by)
+{
+    double stops;
+    karst_error error = {0};
+    const bool is_given = karst_engine_get_exposure(v->engine, &stops) == KARST_EXPOSURE_GIVEN;
+    stops = (round((is_given ? stops : 0) * EXPOSURE_STEPS_PER_STOP) + by) / EXPOSURE_STEPS_PER_STOP;
+    stops = fmin(KARST_ENGINE_MAX_EXPOSURE, fmax(-KARST_ENGINE_MAX_EXPOSURE, stops));
+    if (!karst_engine_set_exposure(v->engine, by ? KARST_EXPOSURE_GIVEN : KARST_EXPOSURE_OF_WORLD, by ? stops : 0,
+                                   &error)) {
+        view_complain(v, "%s", error.message);
+        return;
+    }
+    v->settled = false;
+    if (by)
+        view_toast(v, "exposure: %+.2f stops", stops);
+    else
+        view_toast(v, "exposure: as the world says");
+}
+
+/* By a way of the mouse: as far as the same way would turn the camera. */
+static void drag_sun(viewer *v, double x_px, double y_px)
+{
+    const double deg_per_px = v->motion.camera.fov_deg / v->height_px;
+    if (x_px != 0 || y_px != 0)
+        move_sun(v, x_px * deg_per_px, -y_px * deg_per_px);
 }
 
 static void go_to_bookmark(viewer *v, int number)
@@ -244,6 +280,13 @@ void view_do(viewer *v, view_action action, int number)
     case VIEW_DO_SUN_RESET:
         move_sun(v, 0, 0);
         break;
+    case VIEW_DO_BRIGHTER:
+    case VIEW_DO_DARKER:
+        change_exposure(v, action == VIEW_DO_BRIGHTER ? 1 : -1);
+        break;
+    case VIEW_DO_EXPOSURE_RESET:
+        change_exposure(v, 0);
+        break;
     case VIEW_DO_TIME:
         view_time_toggle(v);
         break;
@@ -425,6 +468,7 @@ static bool repeats(view_action action)
     return action == VIEW_DO_FASTER || action == VIEW_DO_SLOWER || action == VIEW_DO_WIDER ||
            action == VIEW_DO_NARROWER || action == VIEW_DO_UNDO || action == VIEW_DO_REDO ||
            (action >= VIEW_DO_SUN_HIGHER && action <= VIEW_DO_SUN_WEST) ||
+           action == VIEW_DO_BRIGHTER || action == VIEW_DO_DARKER ||
            (action >= VIEW_DO_SLIDER_UP && action <= VIEW_DO_SLIDER_MORE);
 }
 
@@ -466,7 +510,7 @@ void view_release_all(viewer *v)
         v->key_down_s[key] = -1;
         v->key_held_s[key] = 0;
     }
-    v->dragging = false;
+    v->dragging = v->is_dragging_sun = false;
     v->sliders.dragged = -1;
     view_brush_lift(v);
 }
@@ -478,6 +522,10 @@ void view_button_event(viewer *v, int button, bool pressed, int mods)
         return;
     if (button == GLFW_MOUSE_BUTTON_RIGHT && pressed)
         view_window_capture(v, !v->captured);
+    if (button == GLFW_MOUSE_BUTTON_MIDDLE) {
+        v->is_dragging_sun = pressed;
+        v->has_cursor = false;
+    }
     if (button != GLFW_MOUSE_BUTTON_LEFT)
         return;
     if (!pressed) {
@@ -499,6 +547,8 @@ void view_cursor_event(viewer *v, double x_px, double y_px)
 {
     if (v->sliders.dragged >= 0)
         view_sliders_drag(v, x_px);
+    else if (v->is_dragging_sun && v->has_cursor && v->engine)
+        drag_sun(v, x_px - v->cursor_x_px, y_px - v->cursor_y_px);
     else if ((v->dragging || v->captured) && v->has_cursor && v->engine)
         view_look(v, x_px - v->cursor_x_px, y_px - v->cursor_y_px);
     v->cursor_x_px = x_px;

@@ -170,6 +170,9 @@ typedef enum {
     VIEW_DO_SUN_EAST,
     VIEW_DO_SUN_WEST,
     VIEW_DO_SUN_RESET,
+    VIEW_DO_BRIGHTER,
+    VIEW_DO_DARKER,
+    VIEW_DO_EXPOSURE_RESET,
     VIEW_DO_TIME,
     VIEW_DO_TIME_EARLIER,
     VIEW_DO_TIME_LATER,
@@ -589,7 +592,8 @@ struct viewer {
     double key_down_s[GLFW_KEY_LAST + 1]; /* when it went down, below 0: it is up */
     double key_held_s[GLFW_KEY_LAST + 1]; /* how long since the last step, for what has come up */
     double cursor_x_px, cursor_y_px;
-    bool has_cursor, dragging;
+    char status[640]; /* the second line of the status panel, as it was drawn last */
+    bool has_cursor, dragging, is_dragging_sun;
     double asked_to_leave_s;
     bool help_shown, prompt_shown, leaving, lost;
     bool prompt_is_world; /* for the name of a world, not for a place */

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define GPU_LOCAL_SIZE 64
 #define GOLDEN_RAD 2.39996322972865332 /* the golden section of a turn */
@@ -10,7 +11,7 @@
 struct karst_occlusion {
     karst_context *context;
     karst_program *program;
-    cl_kernel rays_kernel, see, rows, gather;
+    cl_kernel rays_kernel, see, gather;
     int width_px, height_px; /* that there is room for */
     bool has_window;
     karst_buffer *rays, *ray_hits, *planes, *open, *hits; /* the last: of windows */
@@ -30,10 +31,9 @@ karst_occlusion *karst_occlusion_create(karst_context *context, karst_error *err
     if (occlusion->program) {
         occlusion->rays_kernel = karst_program_kernel(occlusion->program, "occlusion_rays", error);
         occlusion->see = karst_program_kernel(occlusion->program, "occlusion_see", error);
-        occlusion->rows = karst_program_kernel(occlusion->program, "occlusion_rows", error);
         occlusion->gather = karst_program_kernel(occlusion->program, "occlusion_gather", error);
     }
-    if (occlusion->rays_kernel && occlusion->see && occlusion->rows && occlusion->gather)
+    if (occlusion->rays_kernel && occlusion->see && occlusion->gather)
         return occlusion;
     karst_occlusion_destroy(occlusion);
     return NULL;
@@ -54,7 +54,7 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 {
     if (!occlusion)
         return;
-    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->see, occlusion->rows, occlusion->gather};
+    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->see, occlusion->gather};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -65,31 +65,32 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 
 /* ---- room ---- */
 
-/* Of what is looked at, for a picture of a size. */
+/* Of what is looked at, for a picture of a size: at most. */
 static size_t seen_px(int side_px, bool has_window)
 {
-    return (size_t)side_px + (has_window ? 2 * KARST_OCCLUSION_REACH : 0);
+    return (size_t)side_px +
+           (has_window ? 2 * (KARST_OCCLUSION_REACH * KARST_OCCLUSION_STEP + KARST_OCCLUSION_STEP - 1) : 0);
 }
+
+/* On a side: the last pixel's, too. */
+static size_t probes(size_t side_px) { return (side_px + KARST_OCCLUSION_STEP - 2) / KARST_OCCLUSION_STEP + 1; }
 
 static size_t squares(size_t width_px, size_t height_px)
 {
-    return (width_px + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE *
-           ((height_px + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE);
+    return (probes(width_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE *
+           ((probes(height_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE);
 }
 
-/* Rows end so that a vector's worth behind the last pixel can be read, wherever the picture begins in them. */
-static size_t pitch_of(size_t width_px) { return (width_px + 15) / 16 * 16 + 3 * KARST_OCCLUSION_AROUND; }
+/* Of what is known of probes. */
+#define PROBE_BYTES (2 * sizeof(float))
 
-static size_t plane_of(size_t width_px, size_t height_px)
-{
-    return pitch_of(width_px) * (height_px + 2 * KARST_OCCLUSION_REACH);
-}
+static size_t all_probes(size_t width_px, size_t height_px) { return probes(width_px) * probes(height_px); }
 
 double karst_occlusion_bytes(int width_px, int height_px, bool has_window)
 {
     const size_t width = seen_px(width_px, has_window), height = seen_px(height_px, has_window);
     return (double)squares(width, height) * KARST_OCCLUSION_SQUARE_RAYS * (sizeof(karst_ray) + sizeof(karst_hit)) +
-           (double)plane_of(width, height) * KARST_OCCLUSION_PLANES * sizeof(float) +
+           (double)all_probes(width, height) * PROBE_BYTES +
            (double)width_px * height_px * sizeof(float) +
            (has_window ? (double)width * (double)height : 0) * sizeof(karst_hit);
 }
@@ -109,11 +110,9 @@ bool karst_occlusion_set_room(karst_occlusion *occlusion, int width_px, int heig
     const size_t width = seen_px(width_px, has_window), height = seen_px(height_px, has_window);
     /* A smaller picture may be as wide as this is high. */
     const size_t room = squares(width, height), most = room > squares(height, width) ? room : squares(height, width);
-    const size_t plane = plane_of(width, height), turned = plane_of(height, width);
     if (!(occlusion->rays = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_ray), error)) ||
         !(occlusion->ray_hits = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_hit), error)) ||
-        !(occlusion->planes =
-              make(occlusion, plane > turned ? plane : turned, KARST_OCCLUSION_PLANES * sizeof(float), error)) ||
+        !(occlusion->planes = make(occlusion, all_probes(width, height), PROBE_BYTES, error)) ||
         !(occlusion->open = make(occlusion, (size_t)width_px * (size_t)height_px, sizeof(float), error)) ||
         (has_window && !(occlusion->hits = make(occlusion, width * height, sizeof(karst_hit), error))))
         return false;
@@ -130,6 +129,20 @@ karst_buffer *karst_occlusion_open(karst_occlusion *occlusion) { return occlusio
 
 static double part_of(double x) { return x - floor(x); }
 
+static int octant_of(const float d[4]) { return (d[0] < 0) | (d[1] < 0) << 1 | (d[2] < 0) << 2; }
+
+/* By octants: what goes the same way on all axes goes together. */
+static void order_cones(karst_occlusion_task *task)
+{
+    float ordered[KARST_OCCLUSION_CONES][4];
+    int num = 0;
+    for (int octant = 0; octant < 8; octant++)
+        for (int i = 0; i < KARST_OCCLUSION_CONES; i++)
+            if (octant_of(task->cones[i]) == octant)
+                memcpy(ordered[num++], task->cones[i], sizeof ordered[0]);
+    memcpy(task->cones, ordered, sizeof ordered);
+}
+
 /* Points of a spiral from pole to pole, of even density on the sphere; each sample turns it, about both axes, and moves
  * its points along. */
 static void spread_cones(karst_occlusion_task *task, uint32_t sample)
@@ -144,6 +157,7 @@ static void spread_cones(karst_occlusion_task *task, uint32_t sample)
         task->cones[i][1] = (float)(y * cos(over) - z * sin(over));
         task->cones[i][2] = (float)(y * sin(over) + z * cos(over));
     }
+    order_cones(task);
     task->turn = 27 * sample % KARST_OCCLUSION_CONES;
 }
 
@@ -169,14 +183,15 @@ bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view
     const size_t width = (size_t)seen->width_px, height = (size_t)seen->height_px;
     const float cone = KARST_OCCLUSION_CONE;
     occlusion->seen = *seen;
-    occlusion->task = (karst_occlusion_task){.pitch = (int)pitch_of(width),
-                                             .plane = (uint32_t)plane_of(width, height),
-                                             .detail = view->detail};
+    occlusion->task = (karst_occlusion_task){.plane = (uint32_t)all_probes(width, height),
+                                             .detail = view->detail,
+                                             .across = (int)probes(width),
+                                             .down = (int)probes(height)};
     spread_cones(&occlusion->task, seen->sample);
     const uint32_t items = num_items(occlusion);
     if (!occlusion->open || hits->size_bytes / sizeof(karst_hit) < width * height ||
         occlusion->rays->size_bytes / sizeof(karst_ray) < karst_occlusion_num_cones(occlusion) ||
-        occlusion->planes->size_bytes / (KARST_OCCLUSION_PLANES * sizeof(float)) < plane_of(width, height))
+        occlusion->planes->size_bytes / PROBE_BYTES < all_probes(width, height))
         return karst_fail(error, KARST_FAILED, "there is no room for the cones of a picture of %dx%d", seen->width_px,
                           seen->height_px);
     return KARST_ARGUMENTS(occlusion->rays_kernel, error, KARST_VALUE_ARG(*seen), KARST_VALUE_ARG(occlusion->task),
@@ -193,13 +208,20 @@ bool karst_occlusion_cast(karst_occlusion *occlusion, karst_caster *caster, cons
                            again ? NULL : occlusion->ray_hits, error);
 }
 
-bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *picture, int left_px, int top_px,
-                            karst_error *error)
+static bool launch(karst_occlusion *occlusion, cl_kernel kernel, size_t items, karst_error *error)
+{
+    return karst_launch(occlusion->context, kernel, KARST_STAGE_SHADE, items, local_size(occlusion), error);
+}
+
+bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *picture, const karst_buffer *hits,
+                            int left_px, int top_px, karst_error *error)
 {
     karst_occlusion_task *task = &occlusion->task;
     const uint32_t lanes = (uint32_t)occlusion->context->lanes, items = num_items(occlusion);
-    const uint32_t across = ((uint32_t)picture->width_px + lanes - 1) / lanes,
-                   seen = across * (uint32_t)occlusion->seen.height_px, shown = across * (uint32_t)picture->height_px;
+    const uint32_t right = (uint32_t)(left_px + picture->width_px - 1) / KARST_OCCLUSION_STEP,
+                   below = (uint32_t)(top_px + picture->height_px - 1) / KARST_OCCLUSION_STEP;
+    const uint32_t blocks = (right - (uint32_t)left_px / KARST_OCCLUSION_STEP + 1) *
+                            (below - (uint32_t)top_px / KARST_OCCLUSION_STEP + 1) * KARST_OCCLUSION_BLOCK / lanes;
     task->left_px = left_px;
     task->top_px = top_px;
     task->width_px = picture->width_px;
@@ -210,12 +232,9 @@ bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *pic
     return KARST_ARGUMENTS(occlusion->see, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
                            KARST_BUFFER_ARG(occlusion->ray_hits), KARST_BUFFER_ARG(occlusion->planes),
                            KARST_VALUE_ARG(items)) &&
-           karst_launch(occlusion->context, occlusion->see, KARST_STAGE_SHADE, items, local_size(occlusion), error) &&
-           KARST_ARGUMENTS(occlusion->rows, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
-                           KARST_BUFFER_ARG(occlusion->planes), KARST_VALUE_ARG(seen)) &&
-           karst_launch(occlusion->context, occlusion->rows, KARST_STAGE_SHADE, seen, local_size(occlusion), error) &&
+           launch(occlusion, occlusion->see, items, error) &&
            KARST_ARGUMENTS(occlusion->gather, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
-                           KARST_BUFFER_ARG(occlusion->planes), KARST_BUFFER_ARG(occlusion->open),
-                           KARST_VALUE_ARG(shown)) &&
-           karst_launch(occlusion->context, occlusion->gather, KARST_STAGE_SHADE, shown, local_size(occlusion), error);
+                           KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(occlusion->planes),
+                           KARST_BUFFER_ARG(occlusion->open), KARST_VALUE_ARG(blocks)) &&
+           launch(occlusion, occlusion->gather, blocks, error);
 }

@@ -4,61 +4,65 @@
 #include "raycast/light/path_rays.clh"
 #include "raycast/light/surface.clh"
 
-/* A pixel's neighbour counts while it lies within so many pixels' widths of the pixel's own plane, less and less. */
-#define PLANE_WIDTHS 3.0f
-/* And from this cosine between both normals on, wholly from where FACING_SCALE brings it to 1. */
-#define FACING_LEAST 0.4f
-#define FACING_SCALE 2.5f
-/* Of surfaces that are no kin: where none of a pixel's own has a cone, they say what is known. */
+/* A probe counts for a pixel as their distances from the eye are alike: not from this share of the pixel's on. */
+#define FAR_APART 0.25f
+/* Of surfaces that are farther apart: where none is near, they say what is known. */
 #define LEAST_KINSHIP 1.0e-4f
+/* What lies below a probe's surface may be open to a pixel that looks another way: it counts less as hidden. */
+#define BELOW_SHARE 0.5f
 /* Cones start so many voxels of its level above a surface, as rays to the sun do: its own roughness does not stop them
  * (raycast/cast/graze.clh). Rays that start exactly on it cost eight times as much. */
-#define OFFSET_VOXELS 1.5f
+#define OFFSET_VOXELS (1.5f * START_PIXELS)
+/* And are so many times as wide as what they start from: what is nearer than some pixels' widths, pixels' own normals
+ * say. It halves what cones cost, or better. */
+#define START_PIXELS 4.0f
 /* Cones that rise less over a surface carry a hundredth of the light in all, and take longest. */
 #define LEAST_COSINE 0.1f
 
-/* The pixels of an item: 4x4 of them, or one of those. */
+/* The probes of an item: 4x4 of them, or one of those. */
 typedef struct {
-    vint x, y, inside;
-    uint first_ray; /* of direction 0 */
-} cell_pixels;
+    vint x, y, inside; /* which probe it is */
+    uint first_ray;    /* of direction 0 */
+} cell_probes;
 
 #define QUARTERS (2 * KARST_OCCLUSION_CELLS) /* of cells, on a square's side */
-RAY_INLINE cell_pixels pixels_of_item(uint item, int width_px, int height_px)
+RAY_INLINE cell_probes probes_of_item(uint item, int across_probes, int down_probes)
 {
-    cell_pixels p;
+    cell_probes p;
     const uint quarter = item / (KARST_PACKET_RAYS / LANES);
     const vint lane = V_LANE + (int)(item % (KARST_PACKET_RAYS / LANES));
     const uint in_square = quarter % (QUARTERS * QUARTERS), square = quarter / (QUARTERS * QUARTERS);
-    const uint across = ((uint)width_px + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE;
+    const uint across = ((uint)across_probes + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE;
     const uint column = in_square % QUARTERS, row = in_square / QUARTERS;
     p.x = (lane & 3) + (int)(square % across * KARST_OCCLUSION_SQUARE + 4 * column);
     p.y = (lane >> 2) + (int)(square / across * KARST_OCCLUSION_SQUARE + 4 * row);
-    p.inside = v_mask(v_lt(p.x, (vint)(width_px))) & v_mask(v_lt(p.y, (vint)(height_px)));
-    /* Sixteen neighbouring cells, 4x4, are a packet of each direction. */
-    const uint cell_x = column / 2, cell_y = row / 2, packet = cell_y / 4 * (KARST_OCCLUSION_CELLS / 4) + cell_x / 4;
-    p.first_ray = square * KARST_OCCLUSION_SQUARE_RAYS + packet * KARST_PACKET_RAYS + cell_y % 4 * 4 + cell_x % 4;
+    p.inside = v_mask(v_lt(p.x, (vint)(across_probes))) & v_mask(v_lt(p.y, (vint)(down_probes)));
+    /* A beam has eight directions of eight neighbouring cells, 4x2. */
+    const uint cell_x = column / 2, cell_y = row / 2, group = cell_y / 2 * (KARST_OCCLUSION_CELLS / 4) + cell_x / 4;
+    p.first_ray = square * KARST_OCCLUSION_SQUARE_RAYS + group * (8 * KARST_OCCLUSION_CONES) +
+                  8 * (cell_y % 2 * 4 + cell_x % 4);
     return p;
 }
 
-/* Which direction is a pixel's, by its place in the whole: as Bayer's matrix orders them, so that those of pixels next
+/* The pixel of a probe, on an axis. */
+RAY_INLINE vint pixel_of(vint probe, int side_px)
+{
+    return lane_min_int(probe * KARST_OCCLUSION_STEP, (vint)(side_px - 1));
+}
+
+/* Which direction is a probe's, by its place in the whole: as Bayer's matrix orders them, so that those of probes next
  * to one another differ most. */
 RAY_INLINE vint direction_of(const karst_pinhole *seen, uint turn, vint x, vint y)
 {
-    const vint v = y + seen->y0_px, u = (x + seen->x0_px) ^ v;
+    const vint v = y + seen->y0_px / KARST_OCCLUSION_STEP, u = (x + seen->x0_px / KARST_OCCLUSION_STEP) ^ v;
     const vint number =
         (u & 1) << 5 | (v & 1) << 4 | (u & 2) << 2 | (v & 2) << 1 | (u & 4) >> 1 | (v & 4) >> 2;
     return (number + (int)turn) & (KARST_OCCLUSION_CONES - 1);
 }
 
-RAY_INLINE vint ray_of(const cell_pixels *p, vint number)
+RAY_INLINE vint ray_of(const cell_probes *p, vint number)
 {
-    return number * (KARST_OCCLUSION_SQUARE_RAYS / KARST_OCCLUSION_CONES) + (int)p->first_ray;
-}
-
-RAY_INLINE vint place_in_planes(const karst_occlusion_task *task, vint x, vint y)
-{
-    return (y + KARST_OCCLUSION_REACH) * task->pitch + x + KARST_OCCLUSION_AROUND;
+    return (number & ~7) * 8 + (number & 7) + (int)p->first_ray;
 }
 
 RAY_INLINE void scatter(K_GLOBAL float *plane, vint place, uint lanes, vfloat v)
@@ -70,19 +74,6 @@ RAY_INLINE void scatter(K_GLOBAL float *plane, vint place, uint lanes, vfloat v)
     for (int l = 0; l < LANES; l++)
         if (lanes >> l & 1u)
             plane[at[l]] = value[l];
-}
-
-RAY_INLINE vint tenth_bits(vfloat component) { return v_to_int(k_fma(component, (vfloat)(511.5f), (vfloat)(512.0f))); }
-RAY_INLINE vint pack_normal(const vector3 *n)
-{
-    return tenth_bits(n->x) | tenth_bits(n->y) << 10 | tenth_bits(n->z) << 20 | 1 << 30;
-}
-RAY_INLINE vector3 unpack_normal(vint bits)
-{
-    const vfloat scale = (vfloat)(1.0f / 511.5f), least = (vfloat)(-1.0f);
-    const vector3 n = {k_fma(v_to_float(bits & 1023), scale, least), k_fma(v_to_float(bits >> 10 & 1023), scale, least),
-                       k_fma(v_to_float(bits >> 20 & 1023), scale, least)};
-    return n;
 }
 
 RAY_INLINE vector3 cone_of(const karst_occlusion_task *task, vint number)
@@ -107,6 +98,25 @@ RAY_INLINE vfloat to_end(const vector3 *o, const vector3 *d, float t_max)
     return k_sqrt(k_fma(along, along, rest)) - along;
 }
 
+/* As load_surface, of rays that are no neighbours. */
+RAY_INLINE surface_hits load_spread_surface(K_GLOBAL const karst_hit *hits, vint index, const vector3 *direction)
+{
+    K_GLOBAL const int *words = (K_GLOBAL const int *)hits;
+    const vint record = index * (int)(sizeof(karst_hit) / sizeof(int));
+    const vint x = v_gather_int(words, record + 4), y = v_gather_int(words, record + 5),
+               z = v_gather_int(words, record + 6), known = v_ne((x | y | z) & 0x7fffffff, (vint)(0));
+    surface_hits s;
+    s.t = v_as_float(v_gather_int(words, record));
+    s.word = v_gather_int(words, record + 1);
+    s.kind = s.word & 0xff;
+    s.level = s.word >> 8 & 0xff;
+    s.weight = (vfloat)(0.0f);
+    s.normal.x = v_select(known, v_as_float(x), -direction->x);
+    s.normal.y = v_select(known, v_as_float(y), -direction->y);
+    s.normal.z = v_select(known, v_as_float(z), -direction->z);
+    return s;
+}
+
 RAY_INLINE void store_rise(K_GLOBAL karst_ray *rays, const path_rays *r, vfloat rise)
 {
     int index[LANES];
@@ -117,8 +127,8 @@ RAY_INLINE void store_rise(K_GLOBAL karst_ray *rays, const path_rays *r, vfloat 
         rays[index[l]].rise = value[l];
 }
 
-/* Makes the cones, which are idle where nothing is hit or they do not leave the surface; and the planes of what pixels
- * are. */
+/* Makes the cones, which are idle where nothing is hit or they do not leave the surface; and says what is known
+ * of probes. */
 __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task task, float cone,
                                     K_GLOBAL const karst_hit *hits, K_GLOBAL karst_ray *rays, K_GLOBAL float *planes,
                                     uint num_items)
@@ -127,13 +137,14 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
     if (item >= num_items)
         return;
     const vfloat zero = (vfloat)(0.0f);
-    const cell_pixels p = pixels_of_item(item, seen.width_px, seen.height_px);
+    const cell_probes p = probes_of_item(item, task.across, task.down);
     const vint number = direction_of(&seen, task.turn, p.x, p.y);
     path_rays r;
     r.valid = (vint)(-1);
     r.lanes = mask_bits(r.valid);
     r.index = ray_of(&p, number);
-    r.pixel = p.y << 16 | p.x;
+    const vint x = pixel_of(p.x, seen.width_px), y = pixel_of(p.y, seen.height_px);
+    r.pixel = y << 16 | x;
     r.flags = (vint)(0);
     r.throughput.r = r.throughput.g = r.throughput.b = zero;
     r.origin.x = r.origin.y = r.origin.z = zero;
@@ -143,20 +154,21 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
     r.cone = (vfloat)(cone);
     vfloat rise = zero;
     if (v_any(p.inside)) {
-        const vector3 direction = pinhole_direction(&seen, p.x, p.y);
-        const vint order = packet_order(p.x, p.y, seen.width_px, seen.height_px);
-        const surface_hits s = load_surface(hits, order, p.inside, &direction, 0.0f, 0.0f);
+        const vector3 direction = pinhole_direction(&seen, x, y);
+        const vint order = v_select(p.inside, packet_order(x, y, seen.width_px, seen.height_px), (vint)(0));
+        const surface_hits s = load_spread_surface(hits, order, &direction);
         const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & p.inside;
         const uint inside = mask_bits(p.inside);
         const vector3 to = {direction.x * s.t, direction.y * s.t, direction.z * s.t};
         const vfloat voxel = v_as_float((s.level + 127) << 23), width = s.t * seen.cone;
-        const vint place = place_in_planes(&task, p.x, p.y);
-        vfloat weight = zero;
+        vint word = number;
         if (v_any(hit)) {
             const vector3 way = cone_of(&task, number);
             const vfloat cosine = dot_of(&way, &s.normal);
             const vint leaves = hit & v_gt(cosine, (vfloat)(LEAST_COSINE));
-            weight = v_select(leaves, cosine, zero);
+            const vint below = hit & v_lt(cosine, (vfloat)(-LEAST_COSINE));
+            word |= (leaves & (int)KARST_OCCLUSION_KNOWN) |
+                    (below & (int)(KARST_OCCLUSION_KNOWN | KARST_OCCLUSION_BELOW));
             const vfloat up = voxel * (vfloat)(OFFSET_VOXELS);
             rise = lane_max(cosine, (vfloat)(LEAST_COSINE));
             r.origin.x = v_select(hit, k_fma(s.normal.x, up, to.x), zero);
@@ -165,133 +177,111 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
             r.direction.x = v_select(hit, way.x, zero);
             r.direction.y = v_select(hit, way.y, (vfloat)(1.0f));
             r.direction.z = v_select(hit, way.z, zero);
-            r.width = v_select(hit, lane_max(width, voxel * (vfloat)(1.0001f / task.detail)), r.width);
+            r.width = v_select(hit, lane_max(width, voxel * (vfloat)(1.0001f / task.detail)) * START_PIXELS, r.width);
             r.t_max = v_select(leaves, to_end(&to, &way, seen.t_max), zero);
         }
-        scatter(planes, place, inside, to.x);
-        scatter(planes + task.plane, place, inside, to.y);
-        scatter(planes + 2 * (size_t)task.plane, place, inside, to.z);
-        scatter(planes + KARST_OCCLUSION_NORMAL * (size_t)task.plane, place, inside,
-                v_as_float(v_select(hit, pack_normal(&s.normal), (vint)(0))));
-        scatter(planes + KARST_OCCLUSION_WIDTH * (size_t)task.plane, place, inside, lane_max(width, voxel));
-        scatter(planes + KARST_OCCLUSION_WEIGHT * (size_t)task.plane, place, inside, weight);
+        const vint place = p.y * task.across + p.x;
+        scatter(planes, place, inside, s.t);
+        scatter(planes + task.plane, place, inside, v_as_float(word));
     }
     store_paths(rays, &r, KARST_SIDE_ANY);
     store_rise(rays, &r, rise);
 }
 
-/* What cones met, to where their pixels are. */
+/* What cones met, to where their probes are. */
 __kernel K_WIDE void occlusion_see(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL const karst_hit *hits,
                                    K_GLOBAL float *planes, uint num_items)
 {
     const uint item = (uint)get_global_id(0);
     if (item >= num_items)
         return;
-    const cell_pixels p = pixels_of_item(item, seen.width_px, seen.height_px);
+    const cell_probes p = probes_of_item(item, task.across, task.down);
     if (!v_any(p.inside))
         return;
     const vint ray = ray_of(&p, direction_of(&seen, task.turn, p.x, p.y));
     const vint kind =
         v_gather_int((K_GLOBAL const int *)hits, ray * (int)(sizeof(karst_hit) / sizeof(int)) + 1) & 0xff;
-    const vint place = place_in_planes(&task, p.x, p.y);
-    const vfloat weight = v_gather_float(planes + KARST_OCCLUSION_WEIGHT * (size_t)task.plane,
-                                         v_select(p.inside, place, (vint)(0)));
-    scatter(planes + KARST_OCCLUSION_SEEN * (size_t)task.plane, place, mask_bits(p.inside),
-            v_select(v_eq(kind, (vint)((int)KARST_HIT_MISS)), weight, (vfloat)(0.0f)));
+    const vint place = v_select(p.inside, p.y * task.across + p.x, (vint)(0));
+    const vint word = v_gather_int((K_GLOBAL const int *)(planes + task.plane), place);
+    const vint open = v_eq(kind, (vint)((int)KARST_HIT_MISS)) & v_eq(word & (int)KARST_OCCLUSION_BELOW, (vint)(0));
+    scatter(planes + task.plane, place, mask_bits(p.inside),
+            v_as_float(word | (open & (int)KARST_OCCLUSION_OPEN)));
 }
 
-/* A pixel, and how much its neighbours count. */
-typedef struct {
-    vector3 at, normal;
-    vint is_hit;
-    vfloat per; /* width */
-} centre;
-
-RAY_INLINE centre load_centre(K_GLOBAL const float *own, size_t plane)
+/* A column or a row of probes about a pixel: those at both ends, which look the same way, share one probe's weight. */
+RAY_INLINE vfloat end_share(int step, vfloat part)
 {
-    const vint bits = v_as_int(v_load_float(own + KARST_OCCLUSION_NORMAL * plane));
-    const centre c = {{v_load_float(own), v_load_float(own + plane), v_load_float(own + 2 * plane)},
-                      unpack_normal(bits),
-                      v_mask(v_ne(bits, (vint)(0))),
-                      1.0f / lane_max(v_load_float(own + KARST_OCCLUSION_WIDTH * plane) * PLANE_WIDTHS,
-                                      (vfloat)(1.0e-30f))};
-    return c;
+    return step == -KARST_OCCLUSION_REACH  ? (vfloat)(1.0f) - part
+           : step == KARST_OCCLUSION_REACH ? part
+                                           : (vfloat)(1.0f);
 }
 
-RAY_INLINE vfloat kinship(const centre *c, K_GLOBAL const float *other, size_t plane)
+/* The pixels between four probes, or one of them: from the probes around, by the pixel's own normal. */
+__kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL const karst_hit *hits,
+                                      K_GLOBAL const float *planes, K_GLOBAL float *open, uint num_items)
 {
-    const vint bits = v_as_int(v_load_float(other + KARST_OCCLUSION_NORMAL * plane));
-    const vector3 n = unpack_normal(bits);
-    const vfloat off =
-        k_fma(c->normal.x, v_load_float(other) - c->at.x,
-              k_fma(c->normal.y, v_load_float(other + plane) - c->at.y,
-                    c->normal.z * (v_load_float(other + 2 * plane) - c->at.z)));
-    const vfloat flat = lane_max((vfloat)(1.0f) - k_fabs(off) * c->per, (vfloat)(0.0f));
-    const vfloat facing = lane_unit((dot_of(&c->normal, &n) - FACING_LEAST) * FACING_SCALE);
-    return v_select(v_ne(bits, (vint)(0)), k_fma(flat, facing, (vfloat)(LEAST_KINSHIP)), (vfloat)(0.0f));
-}
-
-/* Pixels at both ends of a neighbourhood count half: so each direction counts once. */
-RAY_INLINE float end_share(int step)
-{
-    return step == KARST_OCCLUSION_REACH || step == -KARST_OCCLUSION_REACH ? 0.5f : 1.0f;
-}
-
-/* LANES neighbours in a row of what is looked at: sums over neighbours in that row. */
-__kernel K_WIDE void occlusion_rows(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL float *planes,
-                                    uint num_items)
-{
-    const uint item = (uint)get_global_id(0), across = ((uint)task.width_px + LANES - 1) / LANES;
+    const uint item = (uint)get_global_id(0);
     if (item >= num_items)
         return;
-    const int first = (int)(item % across * LANES), y = (int)(item / across);
-    const vint x = V_LANE + first;
-    const size_t plane = task.plane;
-    K_GLOBAL float *own = planes + (size_t)(y + KARST_OCCLUSION_REACH) * (size_t)task.pitch + first + task.left_px +
-                          KARST_OCCLUSION_AROUND;
-    const vfloat zero = (vfloat)(0.0f);
-    const centre c = load_centre(own, plane);
-    vfloat sum = zero, total = zero;
-    for (int step = -KARST_OCCLUSION_REACH; step <= KARST_OCCLUSION_REACH; step++) {
-        const vint column = x + (task.left_px + step);
-        const vint there =
-            v_mask(v_ge(column, (vint)(0))) & v_mask(v_lt(column, (vint)(seen.width_px)));
-        const vfloat k = v_select(there, kinship(&c, own + step, plane) * end_share(step), zero);
-        sum = k_fma(k, v_select(there, v_load_float(own + step + KARST_OCCLUSION_SEEN * plane), zero), sum);
-        total = k_fma(k, v_select(there, v_load_float(own + step + KARST_OCCLUSION_WEIGHT * plane), zero), total);
-    }
-    const uint inside = mask_bits(v_mask(v_lt(x, (vint)(task.width_px))));
-    const vint place = x + ((y + KARST_OCCLUSION_REACH) * task.pitch + task.left_px + KARST_OCCLUSION_AROUND);
-    scatter(planes + KARST_OCCLUSION_ROW * plane, place, inside, sum);
-    scatter(planes + (KARST_OCCLUSION_ROW + 1) * plane, place, inside, total);
-}
-
-/* LANES neighbours in a row of the picture: from sums over rows. */
-__kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL const float *planes,
-                                      K_GLOBAL float *open, uint num_items)
-{
-    const uint item = (uint)get_global_id(0), across = ((uint)task.width_px + LANES - 1) / LANES;
-    if (item >= num_items)
+    const int first_x = task.left_px / KARST_OCCLUSION_STEP, first_y = task.top_px / KARST_OCCLUSION_STEP;
+    const uint across = (uint)((task.left_px + task.width_px - 1) / KARST_OCCLUSION_STEP - first_x + 1);
+    const uint block = item / (KARST_OCCLUSION_BLOCK / LANES);
+    const vint lane = V_LANE + (int)(item % (KARST_OCCLUSION_BLOCK / LANES) * LANES);
+    const int probe_x = first_x + (int)(block % across), probe_y = first_y + (int)(block / across);
+    const vint in_x = lane & (KARST_OCCLUSION_STEP - 1), in_y = lane / KARST_OCCLUSION_STEP;
+    const vint x = in_x + probe_x * KARST_OCCLUSION_STEP, y = in_y + probe_y * KARST_OCCLUSION_STEP;
+    const vint shown_x = x - task.left_px, shown_y = y - task.top_px;
+    const vint inside = v_mask(v_ge(shown_x, (vint)(0))) & v_mask(v_lt(shown_x, (vint)(task.width_px))) &
+                        v_mask(v_ge(shown_y, (vint)(0))) & v_mask(v_lt(shown_y, (vint)(task.height_px)));
+    if (!v_any(inside))
         return;
-    const int first = (int)(item % across * LANES), y = (int)(item / across);
-    const vint x = V_LANE + first, inside = v_mask(v_lt(x, (vint)(task.width_px)));
-    const size_t plane = task.plane;
-    K_GLOBAL const float *own = planes + (size_t)(y + task.top_px + KARST_OCCLUSION_REACH) * (size_t)task.pitch +
-                                first + task.left_px + KARST_OCCLUSION_AROUND;
-    const centre c = load_centre(own, plane);
+    const vector3 direction = pinhole_direction(&seen, x, y);
+    const vint order = v_select(inside, packet_order(x, y, seen.width_px, seen.height_px), (vint)(0));
+    const surface_hits s = load_surface(hits, order, inside, &direction, 0.0f, 0.0f); /* of one packet */
+    const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & inside;
+    const vfloat part_x = v_to_float(in_x) * (1.0f / KARST_OCCLUSION_STEP),
+                 part_y = v_to_float(in_y) * (1.0f / KARST_OCCLUSION_STEP);
+    const vfloat per_far = 1.0f / lane_max(s.t * FAR_APART, (vfloat)(1.0e-30f));
     vfloat sum = (vfloat)(0.0f), total = (vfloat)(0.0f);
-    for (int step = -KARST_OCCLUSION_REACH; step <= KARST_OCCLUSION_REACH; step++) {
-        K_GLOBAL const float *other = own + step * task.pitch;
-        if (y + task.top_px + step < 0 || y + task.top_px + step >= seen.height_px)
+    for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
+        const int row = probe_y + down;
+        if (row < 0 || row >= task.down)
             continue;
-        const vfloat k = v_select(inside, kinship(&c, other, plane) * end_share(step), (vfloat)(0.0f));
-        sum = k_fma(k, v_select(inside, v_load_float(other + KARST_OCCLUSION_ROW * plane), (vfloat)(0.0f)), sum);
-        total =
-            k_fma(k, v_select(inside, v_load_float(other + (KARST_OCCLUSION_ROW + 1) * plane), (vfloat)(0.0f)), total);
+        vfloat row_sum = (vfloat)(0.0f), row_total = (vfloat)(0.0f);
+        for (int right = -KARST_OCCLUSION_REACH; right <= KARST_OCCLUSION_REACH; right++) {
+            const int column = probe_x + right;
+            if (column < 0 || column >= task.across)
+                continue;
+            const size_t probe = (size_t)row * (size_t)task.across + (size_t)column;
+            const uint word = ((K_GLOBAL const uint *)planes)[task.plane + probe];
+            if (!(word & KARST_OCCLUSION_KNOWN))
+                continue;
+            const float *way = task.cones[word & KARST_OCCLUSION_DIRECTION];
+            const vfloat cosine = k_fma(s.normal.x, (vfloat)(way[0]),
+                                        k_fma(s.normal.y, (vfloat)(way[1]), s.normal.z * way[2]));
+            const vfloat alike =
+                lane_max(k_fma(k_fabs(s.t - planes[probe]), -per_far, (vfloat)(1.0f)), (vfloat)(LEAST_KINSHIP));
+            vfloat k = lane_max(cosine, (vfloat)(0.0f)) * alike;
+            if (right == -KARST_OCCLUSION_REACH || right == KARST_OCCLUSION_REACH)
+                k *= end_share(right, part_x);
+            if (word & KARST_OCCLUSION_OPEN) {
+                row_sum += k;
+                row_total += k;
+            } else {
+                row_total = k_fma(k, (vfloat)(word & KARST_OCCLUSION_BELOW ? BELOW_SHARE : 1.0f), row_total);
+            }
+        }
+        const vfloat share_y = end_share(down, part_y);
+        sum = k_fma(row_sum, share_y, sum);
+        total = k_fma(row_total, share_y, total);
     }
-    /* Where no cone is near nothing is known, and nothing is hidden. */
-    const vint known = c.is_hit & v_mask(v_gt(total, (vfloat)(0.0f)));
-    const vfloat share = sum / lane_max(total, (vfloat)(1.0e-30f));
-    scatter(open, packet_order(x, (vint)(y), task.width_px, task.height_px), mask_bits(inside),
-            v_select(known, lane_unit(share), (vfloat)(1.0f)));
+    /* Where no probe is near nothing is known, and nothing is hidden. */
+    const vint known = hit & v_mask(v_gt(total, (vfloat)(0.0f)));
+    const vfloat share =
+        v_select(known, lane_unit(sum / lane_max(total, (vfloat)(1.0e-30f))), (vfloat)(1.0f));
+    if (task.left_px == 0 && task.top_px == 0) /* the order is the same, of whole packets */
+        store_ordered(open, packet_order(shown_x, shown_y, task.width_px, task.height_px), inside, share);
+    else
+        scatter(open, v_select(inside, packet_order(shown_x, shown_y, task.width_px, task.height_px), (vint)(0)),
+                mask_bits(inside), share);
 }

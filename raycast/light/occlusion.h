@@ -1,16 +1,17 @@
 /* Occlusion: how much of all that a surface looks up to is open, weighted by the cosine to its normal.
  *
- * There are 64 directions, spread over the sphere. Each pixel casts one cone, in one of them, if that leaves its
- * surface: a ray whose footprint grows by KARST_OCCLUSION_CONE of its way, so that it goes through ever coarser
- * bricks. Which direction follows from the pixel's place: any 8x8 pixels have one each, and any 2x2 and 4x4 of
- * them some from all around (interleaved sampling: A. Keller and W. Heidrich, 2001). Then each pixel takes the mean
- * over its neighbours, weighted by the cosines, as far as they lie on its own surface. So some thirty cones cost half
- * a ray for each pixel; and those of a direction are parallel, wherever they start, and travel together. Samples of a
- * picture turn the sphere.
+ * There are 64 directions, spread over the sphere. Of every sixteen pixels one is a probe: it casts one cone, in one
+ * direction, if that leaves its surface: a ray whose footprint grows by KARST_OCCLUSION_CONE of its way, so that it
+ * goes through ever coarser bricks. Which direction follows from the probe's place: any 8x8 probes have one each
+ * (interleaved sampling: A. Keller and W. Heidrich, 2001). A pixel takes what the probes around it found, one of each
+ * direction, as far as they are about as far from the eye; what a direction counts follows from the pixel's own normal,
+ * so that rough land is as dark as it is turned away. What lies below a probe's own surface counts as hidden, at half
+ * the weight. So some thirty cones cost a thirtieth of a ray for each pixel; those of an octant from near one another
+ * travel together. Samples of a picture turn the sphere.
  *
  * Cones are rays as all others are: they start a little above the surface as those to the sun do, ask for what they
- * lack, and stamp what they use; a settled picture knows nothing of its history. Windows of a picture look at four
- * pixels more all around. */
+ * lack, and stamp what they use; a settled picture knows nothing of its history. Windows of a picture look at some
+ * pixels more all around, and their probes are the whole picture's. */
 #ifndef KARST_RAYCAST_OCCLUSION_H
 #define KARST_RAYCAST_OCCLUSION_H
 
@@ -38,16 +39,18 @@ karst_buffer *karst_occlusion_hits(karst_occlusion *occlusion);
 /* How open the picture's pixels are, 0 to 1, in packet order; 1 where nothing is hit. */
 karst_buffer *karst_occlusion_open(karst_occlusion *occlusion);
 
-/* Makes a cone for each pixel of `seen`: the picture, or the window with what is around it. hits: of its rays.
+/* Makes a cone for each probe of `seen`: the picture, or the window with what is around it, which begins at a probe.
+ * hits: of its rays.
  * Asynchronous, as those that follow. Errors: KARST_FAILED. */
 bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view, const karst_pinhole *seen,
                          const karst_buffer *hits, karst_error *error);
 /* Casts them. `again`: for what they ask for. */
 bool karst_occlusion_cast(karst_occlusion *occlusion, karst_caster *caster, const karst_cast_view *view, bool again,
                           karst_error *error);
-/* From cones to how open the picture's pixels are, which begin at (left_px, top_px) of what was looked at. */
-bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *picture, int left_px, int top_px,
-                            karst_error *error);
+/* From cones to how open the picture's pixels are, which begin at (left_px, top_px) of what was looked at. hits: as of
+ * karst_occlusion_aim. */
+bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *picture, const karst_buffer *hits,
+                            int left_px, int top_px, karst_error *error);
 /* Cones of what was aimed last. */
 uint32_t karst_occlusion_num_cones(const karst_occlusion *occlusion);
 

@@ -4,6 +4,7 @@
 
 #define LINE_CELLS 0.75f   /* half the width of a brick's border, where cells are about as wide as pixels */
 #define FADE_FRAMES 240.0f /* in which a brick's brightness falls to a third */
+#define MANY_BOUNCES 6.0f   /* that are bright */
 #define BUSY_STEPS 240.0f  /* that are bright */
 
 typedef struct {
@@ -173,4 +174,49 @@ __kernel void views_note(K_GLOBAL const uint *slots, uint num_slots, uint frame,
     uint i = (uint)get_global_id(0);
     if (i < num_slots)
         born[slots[i]] = frame;
+}
+
+/* What the engine knows as numbers in packet order: an albedo in three planes, openness in one, counts of bounces. */
+__kernel K_WIDE void views_paint_values(karst_pinhole pinhole, K_GLOBAL const karst_hit *hits,
+                                        K_GLOBAL const float *values, int what, K_GLOBAL uint *pixels)
+{
+    vint x, y;
+    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
+    if (!v_any(valid))
+        return;
+    const vector3 direction = pinhole_direction(&pinhole, x, y);
+    const vint place = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
+    const surface_hits s = load_surface(hits, place, valid, &direction, 0.0f, 0.0f);
+    const vint at = v_select(valid, y * pinhole.width_px + x, (vint)(0));
+    const vint hit = v_ne(s.kind, (vint)((int)KARST_HIT_MISS));
+    const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
+    const paint sky = plain(0.07f, 0.08f, 0.10f);
+    const vfloat first = v_gather_float(values, place);
+    paint colour;
+    if (what == KARST_PAINT_BOUNCES) {
+        colour = heat_paint(v_to_float(v_as_int(first)) * (1.0f / MANY_BOUNCES));
+    } else { /* square roots: about as bright as the light would be */
+        colour.r = colour.g = colour.b = k_sqrt(lane_unit(first));
+        if (what == KARST_PAINT_ALBEDO) {
+            colour.g = k_sqrt(lane_unit(v_gather_float(values + plane, place)));
+            colour.b = k_sqrt(lane_unit(v_gather_float(values + 2 * plane, place)));
+        }
+        colour.r = v_select(hit, colour.r, sky.r);
+        colour.g = v_select(hit, colour.g, sky.g);
+        colour.b = v_select(hit, colour.b, sky.b);
+    }
+    const vint bytes = to_byte(colour.r) | to_byte(colour.g) << 8 | to_byte(colour.b) << 16 | (int)0xff000000;
+    EACH_PAINTED_LANE(STORE_PIXEL)
+}
+
+/* Rays of a stream: their pixels are followed once more. */
+__kernel void views_count(K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count, uint max_rays, int width_px,
+                          int height_px, K_GLOBAL uint *bounces)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= max_rays || i >= count[0] || rays[i].t_max <= rays[i].t_min)
+        return;
+    const int x = (int)(rays[i].pixel & 0xffffu), y = (int)(rays[i].pixel >> 16 & 0x3fffu);
+    if (x < width_px && y < height_px)
+        atomic_add(&bounces[karst_packet_order((uint)x, (uint)y, (uint)width_px, (uint)height_px)], 1u);
 }

@@ -205,6 +205,7 @@ static void test_wrong_usage(void **state)
     PROVOKE(KARST_USAGE, karst_engine_edit, (engine, &edit, 1, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_camera, (engine, &camera, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_sun, (engine, &sun, &error));
+    PROVOKE(KARST_USAGE, karst_engine_set_exposure, (engine, KARST_EXPOSURE_GIVEN, 21, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_size, (engine, 0, HEIGHT, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_window, (engine, &window, WIDTH, HEIGHT, &error));
     PROVOKE(KARST_USAGE, karst_engine_set_drawn_size, (engine, WIDTH, HEIGHT + 1, &error));

@@ -131,6 +131,12 @@ static void test_every_view_is_another_picture(void **state)
     (void)state;
     static uint8_t before[sizeof painted];
     for (int view = KARST_VIEW_LEVEL; view < KARST_NUM_VIEWS; view++) {
+        if (view == KARST_VIEW_ALBEDO || view == KARST_VIEW_OCCLUSION) { /* see test_looks */
+            karst_error refused = {0};
+            assert_false(karst_engine_set_view(engine, (karst_view)view, &refused));
+            assert_int_equal(refused.status, KARST_USAGE);
+            continue;
+        }
         karst_view parsed;
         assert_ok(karst_view_parse(karst_view_name((karst_view)view), &parsed, &error));
         assert_int_equal(parsed, view);

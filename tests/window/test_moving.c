@@ -276,10 +276,11 @@ static void test_help_and_panels(void **state)
 static void test_views_show_something_each(void **state)
 {
     (void)state;
-    static const char *const views[] = {"level",    "bricks",      "steps", "age",
-                                        "produced", "provisional", "depth", "normal"};
+    /* There is no occlusion here: that is gone past. */
+    static const char *const views[] = {"level",       "bricks", "steps",  "age",    "produced",
+                                        "provisional", "depth",  "normal", "albedo", "bounces"};
     shot last = {0};
-    for (int i = 0; i < 8; i++) {
+    for (int i = 0; i < 10; i++) {
         key("v");
         UNTIL(strcmp(text("view"), views[i]) == 0 && yes("settled") && !*text("message"));
         shot taken = take_shot();
@@ -290,10 +291,71 @@ static void test_views_show_something_each(void **state)
     }
     free(last.rgba);
     key("shift+v");
-    UNTIL(strcmp(text("view"), "depth") == 0);
+    UNTIL(strcmp(text("view"), "albedo") == 0);
     key("v");
     key("v");
     UNTIL(strcmp(text("view"), "picture") == 0);
+}
+
+static void test_keys_and_drags_move_the_sun(void **state)
+{
+    (void)state;
+    assert_true(ask());
+    const double azimuth = number("sun_azimuth_deg"), elevation = number("sun_elevation_deg");
+    key("Prior");
+    UNTIL(fabs(number("sun_elevation_deg") - elevation - 1) < 1e-9);
+    key("Next");
+    key("Next");
+    UNTIL(fabs(number("sun_elevation_deg") - elevation + 1) < 1e-9);
+    key("shift+Prior");
+    UNTIL(fabs(number("sun_azimuth_deg") - azimuth - 3) < 1e-9);
+    key("shift+Next");
+    key("shift+Next");
+    UNTIL(fabs(number("sun_azimuth_deg") - azimuth + 3) < 1e-9);
+    key("c");
+    UNTIL(strstr(text("copied"), " --sun "));
+    key("ctrl+Prior");
+    UNTIL(number("sun_azimuth_deg") == azimuth && number("sun_elevation_deg") == elevation);
+    /* 60 degrees are 240 pixels, as for the camera, which stays. */
+    const place at = where();
+    assert_true(act("mousemove 160 120 mousedown 2 mousemove 170 120 mousemove 200 104 mouseup 2"));
+    UNTIL(number("sun_azimuth_deg") != azimuth && number("sun_elevation_deg") != elevation);
+    assert_true(fabs(number("sun_azimuth_deg") - azimuth - 7.5) < 2.6);
+    assert_true(fabs(number("sun_elevation_deg") - elevation - 4) < 0.1);
+    assert_true(where().yaw == at.yaw && where().pitch == at.pitch);
+    key("ctrl+Next");
+    UNTIL(number("sun_azimuth_deg") == azimuth && number("sun_elevation_deg") == elevation);
+}
+
+static void test_keys_change_the_exposure(void **state)
+{
+    (void)state;
+    until_at_rest();
+    const shot usual = take_shot();
+    assert_true(json_is_null(viewer_value("exposure_stops")));
+    for (int i = 0; i < 6; i++)
+        key("x");
+    UNTIL(fabs(number("exposure_stops") - 2) < 1e-9 && yes("settled"));
+    const shot bright = take_shot();
+    for (int i = 0; i < 12; i++)
+        key("shift+x");
+    UNTIL(fabs(number("exposure_stops") + 2) < 1e-9 && yes("settled"));
+    const shot dark = take_shot();
+    assert_true(mean_below(&bright, 1) > mean_below(&dark, 1) + 30);
+    key("c");
+    UNTIL(strstr(text("copied"), " --exposure -2"));
+    key("ctrl+x");
+    UNTIL(json_is_null(viewer_value("exposure_stops")) && yes("settled"));
+    free(usual.rgba);
+    free(bright.rgba);
+    free(dark.rgba);
+}
+
+static void test_the_status_line_counts_samples(void **state)
+{
+    (void)state;
+    until_at_rest();
+    UNTIL(strstr(text("status"), "2 of 2 samples"));
 }
 
 static void test_resolution_key(void **state)
@@ -324,6 +386,9 @@ int main(void)
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_help_and_panels),
         cmocka_unit_test(test_views_show_something_each),
+        cmocka_unit_test(test_keys_and_drags_move_the_sun),
+        cmocka_unit_test(test_keys_change_the_exposure),
+        cmocka_unit_test(test_the_status_line_counts_samples),
         cmocka_unit_test(test_resolution_key),
     };
     return cmocka_run_group_tests(tests, open_world, close_world);

@@ -159,8 +159,8 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
-    /* KARST_OCCLUSION_OF_WORLD. One more ray a pixel; what is seen in mirrors and through clear matter is as without.
-     * KARST_INTEGRATOR_FULL has no use for it. */
+    /* KARST_OCCLUSION_OF_WORLD. One more ray for sixteen pixels; what is seen in mirrors and through clear matter is
+     * as without. KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
     /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
@@ -217,6 +217,13 @@ bool karst_engine_has_own_sun(const karst_engine *engine);
 /* Takes effect with the next frame, and stays when another world is shown; NULL: as the world says. Errors: KARST_USAGE
  * (azimuth not within 36000 degrees of 0, or elevation not within 90). */
 bool karst_engine_set_sun(karst_engine *engine, const karst_sun *sun, karst_error *error);
+/* How bright pictures are made of their light: as configured, or as it was set last. *stops: what counts of
+ * KARST_EXPOSURE_GIVEN; NULL is fine. */
+karst_exposure karst_engine_get_exposure(const karst_engine *engine, double *stops);
+/* Takes effect with the next frame, stays when another world is shown, and begins no picture anew: samples are light.
+ * stops: of KARST_EXPOSURE_GIVEN, up and down to KARST_ENGINE_MAX_EXPOSURE. Errors: KARST_USAGE (no such exposure,
+ * stops out of range, or an engine of one sample and plain tone, which keeps bytes, not light). */
+bool karst_engine_set_exposure(karst_engine *engine, karst_exposure exposure, double stops, karst_error *error);
 /* Takes effect with the next frame. Errors: KARST_USAGE (a side out of range, or the engine draws a window),
  * KARST_FAILED (no memory for it). */
 bool karst_engine_set_size(karst_engine *engine, int width_px, int height_px, karst_error *error);

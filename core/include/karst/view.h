@@ -61,13 +61,18 @@ typedef enum {
     KARST_VIEW_PROVISIONAL, /* bricks that stand in for finer ones, which are missing */
     KARST_VIEW_DEPTH,       /* distance, logarithmically: bright near, dark far */
     KARST_VIEW_NORMAL,      /* x, y, z of the normal as red, green, blue */
+    KARST_VIEW_ALBEDO,      /* the colour of surfaces, without light */
+    KARST_VIEW_OCCLUSION,   /* how open surfaces are to the light from all around: white open, black not */
+    KARST_VIEW_BOUNCES,     /* how often light was followed on from a pixel: mirrored, refracted, straight through */
     KARST_NUM_VIEWS
 } karst_view;
-/* "picture", "level", "bricks", "steps", "age", "produced", "provisional", "depth", "normal". */
+/* "picture", "level", "bricks", "steps", "age", "produced", "provisional", "depth", "normal", "albedo",
+ * "occlusion", "bounces". */
 const char *karst_view_name(karst_view view);
 bool karst_view_parse(const char *name, karst_view *view, karst_error *error); /* KARST_USAGE lists the names */
 /* Takes effect with the next frame. "age" knows what was made since it was first asked for; older bricks count as old.
- * Errors: KARST_USAGE (no such view), KARST_FAILED. */
+ * Errors: KARST_USAGE (no such view; albedo of an engine of one sample and plain tone, which keeps bytes; occlusion of
+ * an engine without), KARST_FAILED. */
 bool karst_engine_set_view(karst_engine *engine, karst_view view, karst_error *error);
 
 /* Normals of the last frame, in world axes, three floats a pixel, top row first; zeros where nothing was hit. Builds
