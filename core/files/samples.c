@@ -71,9 +71,3 @@ void karst_samples_finish(karst_samples *samples)
         free(samples->values);
     *samples = (karst_samples){0};
 }
-
-void karst_samples_let_go(const karst_samples *samples)
-{
-    if (samples->mapped_bytes)
-        madvise(samples->values, samples->mapped_bytes, MADV_DONTNEED);
-}

@@ -37,6 +37,12 @@ static void map_values(karst_samples *samples, size_t num_bytes)
     samples->mapped_bytes = num_bytes;
 }
 
+void karst_samples_let_go(const karst_samples *samples)
+{
+    if (samples->mapped_bytes)
+        madvise(samples->values, samples->mapped_bytes, MADV_DONTNEED);
+}
+
 void karst_samples_row_done(const karst_samples_reader *r, uint32_t y)
 {
     const size_t in_row = (size_t)r->samples->width * r->samples->num_channels;

@@ -69,7 +69,7 @@ def rms(at, facing):
 def mib(who):
     return resource.getrusage(who).ru_maxrss / 1024
 
-# Karst: imported, and points on what a world shows of it, at voxels of half a spacing.
+# Karst: imported, and points on what a world shows of it, at voxels of a spacing.
 model = os.path.join(folder, "cloud.karstpoints")
 subprocess.run([karst, "import", path, "--axes", "karst", "-q", "-o", model], check=True)
 ours_mib = mib(resource.RUSAGE_CHILDREN)
@@ -80,7 +80,7 @@ with open(world, "w") as file:
     file.write('/*{ "voxel": 0.0009765625, "models": [{ "points": "cloud.karstpoints", "at": ["%.12f", "%.12f", "%.12f"] }] }*/\n'
                "float density(vec3 p) { return -1.0; }\n" % tuple(centre))
 found, box = os.path.join(folder, "found.ply"), half + 0.05
-subprocess.run([karst, "points", world, "--box", ",".join(["%g" % -box] * 3 + ["%g" % box] * 3), "--spacing", "%g" % (spacing / 2), "-q",
+subprocess.run([karst, "points", world, "--box", ",".join(["%g" % -box] * 3 + ["%g" % box] * 3), "--spacing", "%g" % spacing, "-q",
                 "-o", found], check=True)
 head, data = open(found, "rb").read().split(b"end_header\n", 1)
 properties = [line.split() for line in head.decode().splitlines() if line.startswith("property")]
