@@ -58,7 +58,7 @@ HEADERS := $(sort $(wildcard core/include/karst/*.h))
 COMMAND_OBJECTS := $(patsubst %.c,$(OBJ)/%.o,demos/command/karst.c demos/command/plot.c \
     $(sort $(wildcard demos/command/command_*.c demos/view/*.c)))
 WORLDS  := $(sort $(wildcard demos/worlds/*.karst))
-WORLD_DATA := $(sort $(wildcard demos/worlds/data/*.png))
+WORLD_DATA := $(sort $(wildcard demos/worlds/data/*.png demos/worlds/data/*.karstpoints))
 PATHS   := $(sort $(wildcard demos/paths/*.json))
 
 # A test or benchmark is one file with a main(); what several of them share stands in tests/support/.

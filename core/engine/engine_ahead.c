@@ -104,10 +104,12 @@ static bool compile_shading(ahead *a, karst_error *error)
     const bool shadows = !a->config->no_shadows;
     const unsigned ways = karst_engine_shade_ways(a->config, &a->world.file->info);
     const karst_position origin = {{0}, {0}};
+    if (a->world.file->layout.has_mapped) /* it would take a copy of files */
+        return true;
     void *data = karst_world_file_data(a->world.file, a->world.seed, error);
     size_t data_bytes = a->world.file->data_bytes;
     karst_buffer *buffer = data ? karst_buffer_create(a->context, "ahead", data_bytes, data, error) : NULL;
-    free(data);
+    karst_world_file_free_data(a->world.file, data);
     karst_shader *shader =
         buffer ? karst_engine_world_shader(&a->world, a->context, ways, buffer, error) : NULL;
     if (shader)

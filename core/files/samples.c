@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 
 #include "core/files/samples_internal.h"
@@ -13,11 +14,14 @@ static bool are_finite(const karst_samples_reader *r)
 {
     const karst_samples *s = r->samples;
     const size_t in_row = (size_t)s->width * s->num_channels;
-    for (size_t i = 0; i < in_row * s->height; i++)
+    for (size_t i = 0; i < in_row * s->height; i++) {
+        if (i % KARST_SAMPLES_BETWEEN == 0)
+            karst_samples_let_go(s);
         if (!(fabsf(s->values[i]) <= MOST_MAGNITUDE))
             return karst_samples_fail(
                 r, "the sample in row %zu, column %zu is %s: fill what is missing, and keep to 1e30", i / in_row + 1,
                 i % in_row / s->num_channels + 1, isnan(s->values[i]) ? "not a number" : "too large");
+    }
     return true;
 }
 
@@ -61,6 +65,9 @@ bool karst_samples_read(const char *path, const karst_samples_form *form, karst_
 
 void karst_samples_finish(karst_samples *samples)
 {
-    free(samples->values);
+    if (samples->mapped_bytes)
+        munmap(samples->values, samples->mapped_bytes);
+    else
+        free(samples->values);
     *samples = (karst_samples){0};
 }

@@ -10,7 +10,9 @@
 #include "karst/error.h"
 
 #define KARST_SAMPLES_MOST_SIDE 32768u
-#define KARST_SAMPLES_MOST ((size_t)1 << 26) /* width x height */
+#define KARST_SAMPLES_MOST ((size_t)1 << 28) /* width x height; of three channels together */
+/* Of more than so many numbers, values lie in a file that has no name, mapped, in $TMPDIR or /tmp. */
+#define KARST_SAMPLES_MOST_IN_MEMORY ((size_t)1 << 27)
 
 /* What the caller knows of a file. */
 typedef struct {
@@ -23,8 +25,9 @@ typedef struct {
 /* Row by row, the channels of a sample together: 1, or 3 (linear red, green, blue). */
 typedef struct {
     uint32_t width, height, num_channels;
-    float *values;    /* finite; malloc'ed */
-    const char *kind; /* "PNG, 16 bits" and so on, for people */
+    float *values;       /* finite; malloc'ed, or mapped */
+    size_t mapped_bytes; /* 0: they are malloc'ed */
+    const char *kind;    /* "PNG, 16 bits" and so on, for people */
     char kind_text[40];
 } karst_samples;
 
@@ -34,5 +37,8 @@ typedef struct {
  * and column), KARST_FAILED (memory). Nothing is allocated before the file's sizes are checked. Thread-safe. */
 bool karst_samples_read(const char *path, const karst_samples_form *form, karst_samples *samples, karst_error *error);
 void karst_samples_finish(karst_samples *samples); /* a zeroed one is fine */
+
+/* Pages of mapped values that are in memory are let go: they come again when they are touched. Others stay. */
+void karst_samples_let_go(const karst_samples *samples);
 
 #endif

@@ -73,6 +73,7 @@ static bool decode(png_structp png, png_infop info, png_state *state)
     for (; state->y < r->samples->height; state->y++) {
         png_read_row(png, state->row, NULL);
         take_row(state, bits, table);
+        karst_samples_row_done(r, state->y);
     }
     snprintf(r->samples->kind_text, sizeof r->samples->kind_text, "PNG, %d bits", bits);
     return true;

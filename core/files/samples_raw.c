@@ -49,6 +49,7 @@ bool karst_samples_read_raw(const karst_samples_reader *r)
                karst_samples_fail(r, "row %zu cannot be read", y + 1);
         for (size_t x = 0; done && x < form->shape[0]; x++)
             r->samples->values[y * form->shape[0] + x] = (float)raw_number(form, form->format, row + x * size_bytes);
+        karst_samples_row_done(r, (uint32_t)y);
     }
     free(row);
     snprintf(r->samples->kind_text, sizeof r->samples->kind_text, "raw %s", form->format);

@@ -98,6 +98,7 @@ static bool read_rows(tiff_state *s, unsigned char *row)
         if (TIFFReadScanline(s->tiff, row, y, 0) < 0)
             return damaged(s, y);
         take(s, row, 0, y, s->r->samples->width);
+        karst_samples_row_done(s->r, y);
     }
     return true;
 }
@@ -106,13 +107,16 @@ static bool read_tiles(tiff_state *s, unsigned char *tile, uint32_t width, uint3
 {
     const karst_samples *to = s->r->samples;
     const size_t row_bytes = (size_t)width * s->num_planes * (s->bits / 8);
-    for (uint32_t y = 0; y < to->height; y += height)
+    for (uint32_t y = 0; y < to->height; y += height) {
         for (uint32_t x = 0; x < to->width; x += width) {
             if (TIFFReadTile(s->tiff, tile, x, y, 0, 0) < 0)
                 return damaged(s, y);
             for (uint32_t j = 0; j < height && y + j < to->height; j++)
                 take(s, tile + j * row_bytes, x, y + j, width);
         }
+        for (uint32_t j = 0; j < height && y + j < to->height; j++)
+            karst_samples_row_done(s->r, y + j);
+    }
     return true;
 }
 

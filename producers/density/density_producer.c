@@ -16,6 +16,8 @@
 #define MAX_CHUNK 512
 /* Of the host's; those that it has not done when it makes way for kernels are evaluated in vain. */
 #define HOST_CHUNK 8
+/* So many bricks later a view may be elsewhere, and pages of mapped images go that nobody looks at any more. */
+#define LOADS_BETWEEN 1024u
 
 typedef struct {
     karst_producer base;
@@ -25,12 +27,14 @@ typedef struct {
     karst_kernels kernels; /* NULL: the host does that */
     bool is_in_one;        /* a loader makes loads */
     /* While some are: */
-    karst_density_program program; /* its own, without data */
+    karst_density_program program;  /* its own, without data */
     karst_compilation *compilation; /* NULL: not begun */
-    karst_buffer *data;        /* of the program; NULL: it has none */
-    karst_buffer *all_data[2]; /* what base.data points at */
-    karst_load_books books;  /* least: only if loads are made in one */
-    karst_buffer *staging;   /* of a chunk in two steps, or of the host's; NULL: there is neither */
+    karst_buffer *data;             /* of the program; NULL: it has none */
+    karst_words_copy mapped;        /* what data lies over, if images are mapped */
+    uint64_t num_loads;             /* since pages of those were let go */
+    karst_buffer *all_data[2];      /* what base.data points at */
+    karst_load_books books;         /* least: only if loads are made in one */
+    karst_buffer *staging;          /* of a chunk in two steps, or of the host's; NULL: there is neither */
     karst_layer *layers[KARST_MAX_LAYERS];
     size_t num_layers;
     const karst_colours *colours; /* of what layers have of them; NULL: none has any */
@@ -203,8 +207,8 @@ static bool load_in_two_steps(density_producer *producer, const karst_cache_buff
     bool done = karst_bound_loads(kernels->subdivider, cache, work, first, count, books->loads, error);
     for (size_t i = 0; done && i < producer->num_layers; i++)
         done = producer->layers[i]->ops->bound_loads(producer->layers[i], books->loads, count, error);
-    done = done &&
-           karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
+    done =
+        done && karst_evaluate_bricks(kernels->evaluator, books->loads, count, producer->staging, books->scrubs, error);
     if (done && producer->colour_step)
         done = (colours = karst_colour_step_begin(producer->colour_step, count, error)) != NULL;
     for (size_t i = 0; done && i < producer->num_layers; i++)
@@ -221,6 +225,11 @@ static bool load(karst_producer *self, const karst_cache_buffers *cache, const k
 {
     density_producer *producer = (density_producer *)self;
     producer->total_may_have_changed = true;
+    producer->num_loads += count;
+    if (producer->num_loads >= LOADS_BETWEEN) {
+        karst_words_copy_let_go(&producer->mapped);
+        producer->num_loads = 0;
+    }
     return look_for_kernels(producer, error) &&
            (producer->is_in_one ? load_in_one(producer, cache, work, first, count, error)
                                 : load_in_two_steps(producer, cache, work, first, count, error));
@@ -238,13 +247,12 @@ static void destroy(karst_producer *self)
                                books->least,   books->scrubs,     books->total};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
+    karst_words_copy_destroy(&producer->mapped);
     free(producer);
 }
 
-static const karst_producer_ops density_ops = {.kind = "density",
-                                               .subdivide = subdivide,
-                                               .load = load,
-                                               .destroy = destroy};
+static const karst_producer_ops density_ops = {
+    .kind = "density", .subdivide = subdivide, .load = load, .destroy = destroy};
 
 static bool lay_out(density_producer *producer, karst_error *error)
 {
@@ -259,9 +267,9 @@ static bool lay_out(density_producer *producer, karst_error *error)
 static bool may_start_on_host(const density_producer *producer, const karst_density_program *program)
 {
     const char *options = program->finalise_options;
-    return program->start_on_host && program->data && producer->is_in_one && producer->context->is_cpu &&
-           karst_context_is_pocl(producer->context) && producer->layout.staging_stride == KARST_BRICK_PADDED &&
-           (!options || !*options);
+    return program->start_on_host && program->data && !(program->layout && program->layout->has_mapped) &&
+           producer->is_in_one && producer->context->is_cpu && karst_context_is_pocl(producer->context) &&
+           producer->layout.staging_stride == KARST_BRICK_PADDED && (!options || !*options);
 }
 
 /* Kernels, or the host in their stead. Programs that are kept on disk take no time. */
@@ -277,12 +285,24 @@ static bool create_kernels(density_producer *producer, const karst_density_progr
     return karst_density_program_copy(&producer->program, false) || karst_fail(error, KARST_FAILED, "out of memory");
 }
 
-static bool make_data(density_producer *producer, const void *data, size_t data_bytes, karst_error *error)
+/* Where the device's memory is the host's, images that are mapped stay so. */
+static bool make_data(density_producer *producer, const void *data, size_t data_bytes, const karst_world_layout *layout,
+                      karst_error *error)
 {
-    karst_buffer *buffer = karst_buffer_create(producer->context, "world", data_bytes, data, error);
-    if (!buffer)
+    karst_context *context = producer->context;
+    karst_words_copy mapped = {.memory = NULL};
+    const bool is_mapped = layout && layout->has_mapped && context->is_cpu;
+    if (is_mapped && !karst_words_copy_create(&mapped, layout, data, data_bytes, error))
         return false;
+    karst_buffer *buffer = is_mapped ? karst_buffer_create_over(context, "world", mapped.memory, data_bytes, error)
+                                     : karst_buffer_create(context, "world", data_bytes, data, error);
+    if (!buffer) {
+        karst_words_copy_destroy(&mapped);
+        return false;
+    }
     karst_buffer_destroy(producer->data);
+    karst_words_copy_destroy(&producer->mapped);
+    producer->mapped = mapped;
     producer->data = producer->all_data[0] = buffer;
     producer->base.data = producer->all_data;
     karst_kernels_set_data(&producer->kernels, buffer);
@@ -291,13 +311,13 @@ static bool make_data(density_producer *producer, const void *data, size_t data_
 
 static bool create_data(density_producer *producer, const karst_density_program *program, karst_error *error)
 {
-    return !program->data || make_data(producer, program->data, program->data_bytes, error);
+    return !program->data || make_data(producer, program->data, program->data_bytes, program->layout, error);
 }
 
 bool karst_density_producer_replace(karst_producer *producer, const char *name, const void *data, size_t data_bytes,
-                                    karst_error *error)
+                                    const karst_world_layout *layout, karst_error *error)
 {
-    if (!make_data((density_producer *)producer, data, data_bytes, error))
+    if (!make_data((density_producer *)producer, data, data_bytes, layout, error))
         return false;
     producer->name = name;
     return true;
@@ -306,6 +326,10 @@ bool karst_density_producer_replace(karst_producer *producer, const char *name, 
 bool karst_density_producer_set_data(karst_producer *producer, const void *data, karst_error *error)
 {
     density_producer *density = (density_producer *)producer;
+    if (density->mapped.memory) { /* the buffer is that memory, and nothing runs */
+        karst_words_copy_update(&density->mapped, data);
+        return true;
+    }
     return karst_buffer_write(density->data, 0, data, density->data->size_bytes, error);
 }
 
@@ -336,18 +360,20 @@ karst_producer *karst_density_producer_create_program(karst_context *context, co
         return NULL;
     }
     producer->is_in_one = karst_density_program_is_in_one(program, context);
-    uint32_t most = producer->is_in_one ? MAX_CHUNK_IN_ONE : context->is_cpu ? MAX_CHUNK_CPU : MAX_CHUNK,
+    uint32_t most = producer->is_in_one ? MAX_CHUNK_IN_ONE
+                    : context->is_cpu   ? MAX_CHUNK_CPU
+                                        : MAX_CHUNK,
              max_chunk = program->max_loads < most ? program->max_loads : most;
-    producer->base = (karst_producer){
-        .ops = &density_ops, .name = program->name, .max_chunk = max_chunk ? max_chunk : 1};
+    producer->base =
+        (karst_producer){.ops = &density_ops, .name = program->name, .max_chunk = max_chunk ? max_chunk : 1};
     producer->context = context;
     max_chunk = producer->base.max_chunk;
     if (!lay_out(producer, error) || !create_kernels(producer, program, error) ||
         !create_data(producer, program, error) || !create_books(producer, max_chunk, error) ||
         !create_staging(producer,
-                        !producer->is_in_one            ? max_chunk
+                        !producer->is_in_one          ? max_chunk
                         : has_all(&producer->kernels) ? 0
-                                                        : HOST_CHUNK,
+                                                      : HOST_CHUNK,
                         error)) {
         destroy(&producer->base);
         return NULL;

@@ -3,6 +3,7 @@
 #define KARST_PRODUCERS_DENSITY_PRODUCER_H
 
 #include "cache/colours.h"
+#include "producers/language/graph/words.h"
 #include "producers/layer.h"
 #include "producers/producer.h"
 #include "producers/steps/shape.h"
@@ -16,9 +17,10 @@ typedef struct {
     const char *finalise_options; /* NULL, or more options for finalise */
     const void *data;  /* what a program built with -DWORLD_HAS_DATA reads; NULL for none; borrowed during creation */
     size_t data_bytes; /* a multiple of 8 */
+    const karst_world_layout *layout; /* NULL, or the data's, in which large images are mapped; likewise borrowed */
     karst_shape shape;
-    bool in_two_steps; /* evaluate and finalise in two kernels also where one work-item has all of a brick, as ever
-                          where it has not: for tests, which look into staging memory */
+    bool in_two_steps;  /* evaluate and finalise in two kernels also where one work-item has all of a brick, as ever
+                           where it has not: for tests, which look into staging memory */
     uint32_t max_loads; /* the most loads in one round's work */
     /* Its data hold a tape (language/bounds_shared.h) of the same density, and the producer may start on that: where
      * compiling takes seconds the host answers at first, with the same bits (host_steps.h), until
@@ -53,7 +55,7 @@ bool karst_density_producer_set_data(karst_producer *producer, const void *data,
 /* The same with data of any size, and another name. What was enqueued must be done. The old buffer is gone: who reads
  * it, too, must be given producer->data[0] anew. */
 bool karst_density_producer_replace(karst_producer *producer, const char *name, const void *data, size_t data_bytes,
-                                    karst_error *error);
+                                    const karst_world_layout *layout, karst_error *error);
 
 /* From now on these layers take part in what is produced, in this order; they are borrowed, until others are set. From
  * the first ones on, loads are made in two steps, by kernels that are built here from `program`, which is the one that

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "producers/language/check.h"
+#include "producers/language/graph/words.h"
 #include "producers/density/bounds_cost.h"
 #include "producers/density/try_code.h"
 #include "producers/density/world_find.h"
@@ -51,7 +52,7 @@ static bool make_oracles(karst_world *world, karst_error *error)
     int voxel_log2_m = program->header.voxel_log2_m;
     karst_error too_large = {0};
     karst_number *values = calloc(program->num_parameters + 1, sizeof *values);
-    world->data = calloc(world->file->layout.num_words, sizeof *world->data);
+    world->data = karst_world_words_create(&world->file->layout, world->file->layout.num_words * sizeof *world->data);
     world->derived = karst_derive(&program->world, &too_large);
     bool done = values && world->data;
     for (uint32_t i = 0; done && i < program->num_parameters; i++)
@@ -68,8 +69,8 @@ static bool open_models(karst_world *world, karst_error *error)
 {
     size_t num;
     karst_model *models = karst_named_models(world->file->program, world->metadata.voxel_log2_m, &num, error);
-    bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num,
-                                                             world->metadata.voxel_log2_m, UINT64_MAX, NULL, error));
+    bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num, world->metadata.voxel_log2_m,
+                                                             UINT64_MAX, NULL, error));
     karst_named_models_free(models, num);
     return done;
 }
@@ -154,9 +155,11 @@ void karst_world_close(karst_world *world)
     karst_oracle_destroy(world->oracle);
     karst_gradient_world_destroy(world->derived);
     karst_model_list_finish(&world->models);
+    if (world->data)
+        karst_world_words_destroy(&world->file->layout, world->data,
+                                  world->file->layout.num_words * sizeof *world->data);
     karst_world_file_destroy(world->whole);
     free(world->parameters);
-    free(world->data);
     free(world->path);
     free(world);
 }

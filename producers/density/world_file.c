@@ -122,10 +122,10 @@ static size_t num_more(const karst_tape *tape)
 
 static void *make_data(const karst_world_file *file, const karst_number *values, uint32_t seed, karst_error *error)
 {
-    char *data = calloc(1, file->data_bytes);
+    char *data = karst_world_words_create(&file->layout, file->data_bytes);
     if (!data || !karst_world_data_fill(&file->layout, values, seed, file->info.voxel_log2_m, data)) {
         karst_fail(error, KARST_FAILED, "out of memory");
-        free(data);
+        karst_world_file_free_data(file, data);
         return NULL;
     }
     const karst_tape *tape = &file->tape, *colour = &file->colour_tape;
@@ -530,6 +530,11 @@ void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_e
     return data;
 }
 
+void karst_world_file_free_data(const karst_world_file *file, void *data)
+{
+    karst_world_words_destroy(&file->layout, data, file->data_bytes);
+}
+
 void karst_world_file_program(const karst_world_file *file, const void *data,
                               char options[KARST_WORLD_FILE_OPTIONS_BYTES], karst_density_program *program)
 {
@@ -540,14 +545,14 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
         snprintf(jumps, sizeof jumps, " -DWORLD_MAY_JUMP -DWORLD_VOXEL_LOG2_M=%d", file->info.voxel_log2_m);
     snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s %s",
              file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", jumps, tape_options);
-    *program = (karst_density_program){.name = file->info.name,
-                                       .source = file->code.source,
-                                       .bounds_source = file->code.is_gradient_noise_alone
-                                                            ? bounds_source_of_gradient_noise
-                                                            : bounds_source,
-                                       .options = options,
-                                       .data = data,
-                                       .data_bytes = file->data_bytes};
+    *program = (karst_density_program){
+        .name = file->info.name,
+        .source = file->code.source,
+        .bounds_source = file->code.is_gradient_noise_alone ? bounds_source_of_gradient_noise : bounds_source,
+        .options = options,
+        .data = data,
+        .data_bytes = file->data_bytes,
+        .layout = &file->layout};
 }
 
 void karst_world_file_colour_options(const karst_world_file *file, char options[KARST_WORLD_FILE_OPTIONS_BYTES])
@@ -586,7 +591,7 @@ karst_producer *karst_world_file_producer_built(karst_context *context, const ka
     karst_density_program program = program_of(file, build, data, options);
     program.max_loads = max_loads;
     karst_producer *producer = data ? karst_density_producer_create_program(context, &program, error) : NULL;
-    free(data);
+    karst_world_file_free_data(file, data);
     return producer;
 }
 
@@ -610,10 +615,12 @@ bool karst_world_file_rehearse(karst_context *context, const karst_world_file *f
                                karst_error *error)
 {
     char options[512];
+    if (file->layout.has_mapped) /* it would take copies of files */
+        return true;
     void *data = karst_world_file_data(file, seed, error);
     karst_density_program program = program_of(file, build, data, options);
     bool done = data && karst_density_program_rehearse(context, &program, cache, work, error);
-    free(data);
+    karst_world_file_free_data(file, data);
     return done;
 }
 
@@ -634,8 +641,9 @@ bool karst_world_file_convert(karst_producer *producer, const karst_world_file *
     if (!*is_same)
         return true;
     void *data = karst_world_file_data(to, seed, error);
-    bool done = data && karst_density_producer_replace(producer, to->info.name, data, to->data_bytes, error);
-    free(data);
+    bool done =
+        data && karst_density_producer_replace(producer, to->info.name, data, to->data_bytes, &to->layout, error);
+    karst_world_file_free_data(to, data);
     return done;
 }
 
@@ -644,6 +652,6 @@ bool karst_world_file_set_parameters(karst_producer *producer, const karst_world
 {
     void *data = make_data(file, values, seed, error);
     bool done = data && karst_density_producer_set_data(producer, data, error);
-    free(data);
+    karst_world_file_free_data(file, data);
     return done;
 }

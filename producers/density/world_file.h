@@ -34,7 +34,7 @@ struct karst_world_file {
     char camera[640];
     bool raises_thin;   /* see karst_world_file_raise_thin */
     bool smooths_jumps; /* see karst_world_file_smooth_jumps */
-    bool is_indoors; /* of a text without a header: no sun reaches what is seen */
+    bool is_indoors;    /* of a text without a header: no sun reaches what is seen */
     /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
      * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
      * file holds for it, but that it is compiled, told to raise what is thin, and destroyed with its world. */
@@ -57,8 +57,10 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin);
 void karst_world_file_smooth_jumps(karst_world_file *file);
 void karst_world_file_destroy(karst_world_file *file); /* NULL is fine; producers of it must be gone */
 
-/* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed. Errors: KARST_FAILED. */
+/* What its kernels read, with its own parameters and a seed: data_bytes, malloc'ed unless it has images that are
+ * mapped. Errors: KARST_FAILED. */
 void *karst_world_file_data(const karst_world_file *file, uint32_t seed, karst_error *error);
+void karst_world_file_free_data(const karst_world_file *file, void *data); /* NULL is fine */
 /* Its density program, for producers of other shapes; max_loads is the caller's to fill. Borrows all three. */
 #define KARST_WORLD_FILE_OPTIONS_BYTES (KARST_TAPE_OPTIONS_BYTES + 128)
 void karst_world_file_program(const karst_world_file *file, const void *data,

@@ -43,6 +43,12 @@ detail=$(cat stderr) result "render: the model is in the picture"
 render sub/far.karst far.png && cmp ball.png far.png
 detail=$(cat stderr) result "render: the same at 10^12 m, byte for byte"
 
+# A hare's back and a tower's wall, as the worlds that their points were taken from have them, to a quarter of a spacing.
+is() { "$karst" sample "$1" --at "$2" 2>&1 | grep "^density .* $3\$"; }
+detail=$(for model in hare tower; do "$karst" info "$KARST_DATA_DIR/worlds/data/$model.karstpoints" > /dev/null || exit; done
+    is menagerie 0.9,2.43,1.6 solid && is menagerie 0.9,2.46,1.6 air && is scan 2.53,5,0 solid && is scan 2.66,5,0 air)
+result "the worlds menagerie and scan show their models where they are"
+
 # refused CODE PATTERN NAME COMMAND...: fails with this code and says this, soon.
 refused()
 {

@@ -1,6 +1,8 @@
 /* image(NAME, p), texture(NAME, p, n, size) and field(NAME, p): samples of a file of the header's, as functions. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "core/base/beside.h"
 #include "core/files/volume.h"
@@ -56,17 +58,64 @@ static _Noreturn void bad_file(karst_lower_state *s, const karst_header_data *da
 static void turn_rows(karst_samples *samples)
 {
     const size_t in_row = (size_t)samples->width * samples->num_channels;
-    for (size_t top = 0, bottom = samples->height; bottom-- > top; top++)
+    for (size_t top = 0, bottom = samples->height; bottom-- > top; top++) {
         for (size_t i = 0; i < in_row; i++) {
             float kept = samples->values[top * in_row + i];
             samples->values[top * in_row + i] = samples->values[bottom * in_row + i];
             samples->values[bottom * in_row + i] = kept;
         }
+        if (top % 512 == 0)
+            karst_samples_let_go(samples);
+    }
 }
+
+/* All that a channel of a file follows from, as text; false: the file is not there, or its name too long. */
+static bool key_of(const karst_header_data *data, const char *path, uint32_t channel, char key[KARST_IMAGE_KEY_BYTES])
+{
+    const karst_samples_form *form = &data->form;
+    struct stat about;
+    char *real = realpath(path, NULL);
+    int length = KARST_IMAGE_KEY_BYTES;
+    if (real && stat(real, &about) == 0)
+        length = snprintf(key, KARST_IMAGE_KEY_BYTES,
+                          "%s\n%llu bytes, %lld.%09ld s, %llu on %llu\n%s %u %u, range %d %.17g %.17g, wrap %d, "
+                          "channel %u",
+                          real, (unsigned long long)about.st_size, (long long)about.st_mtim.tv_sec,
+                          about.st_mtim.tv_nsec, (unsigned long long)about.st_ino, (unsigned long long)about.st_dev,
+                          form->format ? form->format : "", form->shape[0], form->shape[1], form->has_range, form->low,
+                          form->high, (int)data->wrap, channel);
+    free(real);
+    return length < (int)KARST_IMAGE_KEY_BYTES;
+}
+
+/* A large image that was made ready earlier. */
+static bool find_samples(karst_world_image *image, const char *path)
+{
+    char key[KARST_IMAGE_KEY_BYTES];
+    karst_image_facts facts = {.num_channels = 1};
+    for (uint32_t c = 0; c < facts.num_channels && c < 3; c++) {
+        if (!key_of(image->data, path, c, key) ||
+            !karst_samples_image_find(&image->channel[c], key, image->data->wrap, &facts)) {
+            for (uint32_t i = 0; i < c; i++)
+                karst_samples_image_finish(&image->channel[i]);
+            return false;
+        }
+    }
+    image->width = facts.width;
+    image->height = facts.height;
+    image->num_channels = facts.num_channels;
+    memcpy(image->kind, facts.kind, sizeof image->kind);
+    return true;
+}
+
+static void let_go_samples(const void *user) { karst_samples_let_go(user); }
 
 static bool read_samples(karst_world_image *image, const char *path, karst_error *why)
 {
+    char key[KARST_IMAGE_KEY_BYTES];
     karst_samples samples = {0};
+    if (find_samples(image, path))
+        return true;
     bool done = karst_samples_read(path, &image->data->form, &samples, why);
     image->width = samples.width;
     image->height = samples.height;
@@ -74,8 +123,16 @@ static bool read_samples(karst_world_image *image, const char *path, karst_error
     if (done)
         turn_rows(&samples);
     for (uint32_t c = 0; done && c < samples.num_channels; c++) {
-        done = karst_samples_image_build(&image->channel[c], samples.values + c, samples.width, samples.height,
-                                         samples.num_channels, image->data->wrap, why);
+        karst_image_room room = {
+            .most_in_memory_bytes = KARST_IMAGE_MOST_IN_MEMORY_BYTES,
+            .let_go = let_go_samples,
+            .user = &samples,
+            .facts = {.width = samples.width, .height = samples.height, .num_channels = samples.num_channels}};
+        memcpy(room.facts.kind, image->kind, sizeof room.facts.kind);
+        if (key_of(image->data, path, c, key))
+            room.key = key;
+        done = karst_samples_image_build_in(&image->channel[c], &room, samples.values + c, samples.width,
+                                            samples.height, samples.num_channels, image->data->wrap, why);
         image->num_channels = c + 1;
     }
     karst_samples_finish(&samples);

@@ -155,6 +155,9 @@ static void lay_out(karst_world_layout *layout, record_chains *chains, const uin
 /* Values are counted in steps of these. */
 #define VALUES_STEP 32u
 
+/* Of the largest pages that systems map files by. */
+#define WORDS_OF_A_PAGE (65536u / 8)
+
 /* Each image once, behind everything else. False: words cannot be counted any more. */
 static bool lay_out_images(karst_world_layout *layout)
 {
@@ -173,6 +176,10 @@ static bool lay_out_images(karst_world_layout *layout)
                 layout->image_word[n->extra] = layout->image_word[i];
         if (layout->image_word[n->extra])
             continue;
+        if (image->file.is_open) {
+            layout->has_mapped = true;
+            layout->num_words = (layout->num_words + WORDS_OF_A_PAGE - 1) / WORDS_OF_A_PAGE * WORDS_OF_A_PAGE;
+        }
         if (image->num_words > INT32_MAX - layout->num_words)
             return false;
         layout->image_word[n->extra] = take_words(layout, image->num_words);
@@ -256,8 +263,7 @@ static karst_affine_value affine_value(const karst_graph *graph, const karst_num
 }
 
 static void fill_octaves(const karst_graph *graph, const karst_expr_node *n, const karst_number *values,
-                         const uint8_t *known, uint32_t seed, int voxel_log2_m, uint32_t distance_words,
-                         void *record)
+                         const uint8_t *known, uint32_t seed, int voxel_log2_m, uint32_t distance_words, void *record)
 {
     const karst_noise *noise = &graph->noises[n->extra];
     karst_affine_value argument[3];
@@ -317,6 +323,13 @@ static uint32_t bits_of(karst_number number, uint8_t type)
 
 static void *word_at(void *words, uint32_t word) { return (char *)words + 8 * (size_t)word; }
 
+/* A large one may be mapped there already, and is written by nobody: its header tells. */
+static void bring_image(const karst_samples_image *image, void *to)
+{
+    if (!image->file.is_open || memcmp(to, image->words, sizeof(karst_image_header)) != 0)
+        memcpy(to, image->words, image->num_words * sizeof *image->words);
+}
+
 bool karst_world_data_fill(const karst_world_layout *layout, const karst_number *parameters, uint32_t seed,
                            int voxel_log2_m, void *words)
 {
@@ -339,8 +352,7 @@ bool karst_world_data_fill(const karst_world_layout *layout, const karst_number 
         }
         for (uint32_t i = 0; i < graph->num_noises; i++)
             if (layout->image_word[i])
-                memcpy(word_at(words, layout->image_word[i]), graph->noises[i].image->words,
-                       graph->noises[i].image->num_words * sizeof(uint64_t));
+                bring_image(graph->noises[i].image, word_at(words, layout->image_word[i]));
     }
     free(values);
     free(known);

@@ -48,6 +48,7 @@ typedef struct {
     uint32_t num_values;
     uint32_t num_record_words; /* of all but images, which stand behind them */
     uint32_t num_words;        /* of all; not 0 */
+    bool has_mapped;           /* some images lie in files: they begin at whole pages */
 } karst_world_layout;
 
 /* Words at the beginning that a layout leaves to others (bounds_shared.h). */
@@ -56,8 +57,9 @@ typedef struct {
 /* Lays out the data of what the world's roots reach. Lives in the graph's arena; false: that is full. */
 bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_world *world);
 
-/* Fills num_words words. `parameters`: the value of each PARAMETER. A voxel of level 0 is 2^voxel_log2_m metres wide.
- * `words` is aligned to 8 bytes. false: out of memory. Thread-safe. */
+/* Fills num_words words; images that are mapped there already (words.h) stay. `parameters`: the value of each
+ * PARAMETER. A voxel of level 0 is 2^voxel_log2_m metres wide. `words` is aligned to 8 bytes. false: out of memory.
+ * Thread-safe. */
 bool karst_world_data_fill(const karst_world_layout *layout, const karst_number *parameters, uint32_t seed,
                            int voxel_log2_m, void *words);
 

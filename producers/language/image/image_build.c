@@ -7,8 +7,25 @@
 
 typedef struct {
     karst_image_header *header;
-    float *floats; /* the header's beginning */
+    float *floats;                /* the header's beginning */
+    const karst_image_room *room; /* NULL: it lies in memory */
+    const karst_image_file *file;
+    size_t num_touched; /* floats since pages were let go */
 } builder;
+
+/* Floats after which pages go that are in memory: 64 MiB. */
+#define MOST_TOUCHED ((size_t)16 << 20)
+
+static void touch(builder *b, size_t num)
+{
+    b->num_touched += num;
+    if (b->room && b->num_touched >= MOST_TOUCHED) {
+        karst_image_file_let_go(b->file);
+        if (b->room->let_go)
+            b->room->let_go(b->room->user);
+        b->num_touched = 0;
+    }
+}
 
 /* ---- coefficients ---- */
 
@@ -93,73 +110,117 @@ static size_t length_of(size_t count, karst_wrap wrap)
     return wrap == KARST_WRAP_CLAMP ? count : power;
 }
 
+/* Lines side by side that are made together: columns one by one would touch all of the memory for each. */
+#define BESIDE 128
+/* Systems map so many floats around the one that is touched, if the file's are in memory. */
+#define TOUCHED_AROUND 16384
+
+/* Lines along an axis, in place; of the first one from the samples. The first of them begins at `first`, and as many
+ * lie beside it along the first axis, a float apart. */
+typedef struct {
+    size_t from, to, step;
+    size_t longest; /* of a line's room */
+    karst_wrap wrap;
+    double *lines, *work;
+} line_maker;
+
+static void make_lines(builder *b, const line_maker *m, float *first, size_t num)
+{
+    const size_t touched = m->step < TOUCHED_AROUND ? m->step : TOUCHED_AROUND;
+    for (size_t k = 0; k < m->from; k++) {
+        for (size_t i = 0; i < num; i++)
+            m->lines[i * m->longest + k] = (double)first[k * m->step + i];
+        touch(b, touched);
+    }
+    for (size_t i = 0; i < num; i++)
+        make_line(m->lines + i * m->longest, m->work, m->from, m->to, m->wrap);
+    for (size_t k = 0; k < m->to; k++) {
+        for (size_t i = 0; i < num; i++)
+            first[k * m->step + i] = (float)m->lines[i * m->longest + k];
+        touch(b, touched);
+    }
+}
+
 /* Lines along the first axis first, into the first level, then along the others, in place. */
-static bool make_coefficients(const builder *b, const float *samples, const uint32_t size[3], uint32_t stride,
+static bool make_coefficients(builder *b, const float *samples, const uint32_t size[3], uint32_t stride,
                               karst_wrap wrap)
 {
     const int *to_size = b->header->level[0].size;
-    size_t longest = 0;
-    for (int axis = 0; axis < 3; axis++)
-        longest = longest > 2 * (size_t)to_size[axis] + 2 * (size_t)size[axis]
-                      ? longest
-                      : 2 * (size_t)to_size[axis] + 2 * (size_t)size[axis];
-    double *line = malloc(2 * longest * sizeof *line), *work = line ? line + longest : NULL;
-    float *to = b->floats + b->header->level[0].values;
-    if (!line)
-        return false;
-    const size_t step[3] = {1, (size_t)to_size[0], (size_t)to_size[0] * (size_t)to_size[1]};
-    /* how far lines are made along each axis */
-    size_t made[3] = {size[0], size[1], size[2]};
-    for (uint32_t axis = 0; axis < b->header->num_axes; axis++) {
-        const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;
-        for (size_t j = 0; j < made[v]; j++)
-            for (size_t i = 0; i < made[u]; i++) {
-                float *first = to + i * step[u] + j * step[v];
-                for (size_t k = 0; k < size[axis]; k++)
-                    line[k] = axis == 0 ? (double)samples[((j * size[1] + i) * size[0] + k) * stride]
-                                        : (double)first[k * step[axis]];
-                make_line(line, work, size[axis], (size_t)to_size[axis], wrap);
-                for (size_t k = 0; k < (size_t)to_size[axis]; k++)
-                    first[k * step[axis]] = (float)line[k];
-            }
-        made[axis] = (size_t)to_size[axis];
+    line_maker m = {.wrap = wrap};
+    for (int axis = 0; axis < 3; axis++) {
+        const size_t room = 2 * (size_t)to_size[axis] + 2 * (size_t)size[axis];
+        m.longest = m.longest > room ? m.longest : room;
     }
-    free(line);
+    m.lines = malloc((BESIDE + 1) * m.longest * sizeof *m.lines);
+    float *to = b->floats + b->header->level[0].values;
+    if (!m.lines)
+        return false;
+    m.work = m.lines + BESIDE * m.longest;
+    const size_t step[3] = {1, (size_t)to_size[0], (size_t)to_size[0] * (size_t)to_size[1]};
+    const size_t width = (size_t)to_size[0];
+    for (size_t j = 0; j < size[2]; j++)
+        for (size_t i = 0; i < size[1]; i++) {
+            float *row = to + i * step[1] + j * step[2];
+            for (size_t k = 0; k < size[0]; k++)
+                m.lines[k] = (double)samples[((j * size[1] + i) * size[0] + k) * stride];
+            make_line(m.lines, m.work, size[0], width, wrap);
+            for (size_t k = 0; k < width; k++)
+                row[k] = (float)m.lines[k];
+            touch(b, width);
+        }
+    /* how far lines are made along each axis */
+    size_t made[3] = {width, size[1], size[2]};
+    for (uint32_t axis = 1; axis < b->header->num_axes; axis++) {
+        const int v = axis == 2 ? 1 : 2;
+        m.from = size[axis];
+        m.to = (size_t)to_size[axis];
+        m.step = step[axis];
+        for (size_t j = 0; j < made[v]; j++)
+            for (size_t i = 0; i < width; i += BESIDE)
+                make_lines(b, &m, to + i + j * step[v], width - i < BESIDE ? width - i : BESIDE);
+        made[axis] = m.to;
+    }
+    free(m.lines);
     return true;
 }
 
 /* ---- levels ---- */
 
-/* Coefficient (x, y, z) of a level, beyond its edges, too. */
-static double coefficient(const builder *b, uint32_t level, long x, long y, long z)
-{
-    const karst_image_level *l = &b->header->level[level];
-    const bool repeats = b->header->repeats;
-    return (double)b->floats[l->values +
-                             (inside(z, (size_t)l->size[2], repeats) * (size_t)l->size[1] +
-                              inside(y, (size_t)l->size[1], repeats)) *
-                                 (size_t)l->size[0] +
-                             inside(x, (size_t)l->size[0], repeats)];
-}
-
 static bool is_flat(const builder *b) { return b->header->num_axes < 3; }
 
-static void make_level(const builder *b, uint32_t level)
+/* Where places first and so on lie along an axis of a level. */
+static void place_along(const builder *b, uint32_t level, int axis, long first, int num, size_t *to)
 {
-    const karst_image_level *l = &b->header->level[level];
+    for (int i = 0; i < num; i++)
+        to[i] = inside(first + i, (size_t)b->header->level[level].size[axis], b->header->repeats);
+}
+
+static void make_level(builder *b, uint32_t level)
+{
+    const karst_image_level *l = &b->header->level[level], *fine = &b->header->level[level - 1];
     static const double weight[3] = {0.25, 0.5, 0.25}, middle[3] = {0, 1, 0};
     const double *across = is_flat(b) ? middle : weight;
+    const float *values = b->floats + fine->values;
+    size_t at[3][3];
     for (long z = 0; z < l->size[2]; z++)
-        for (long y = 0; y < l->size[1]; y++)
+        for (long y = 0; y < l->size[1]; y++) {
+            place_along(b, level - 1, 2, 2 * z - 1, 3, at[2]);
+            place_along(b, level - 1, 1, 2 * y - 1, 3, at[1]);
+            float *row = b->floats + l->values + (size_t)(z * l->size[1] + y) * (size_t)l->size[0];
             for (long x = 0; x < l->size[0]; x++) {
                 double sum = 0;
+                place_along(b, level - 1, 0, 2 * x - 1, 3, at[0]);
                 for (int k = 0; k < 3; k++)
-                    for (int j = 0; j < 3 && across[k] > 0; j++)
+                    for (int j = 0; j < 3 && across[k] > 0; j++) {
+                        const float *from =
+                            values + (at[2][k] * (size_t)fine->size[1] + at[1][j]) * (size_t)fine->size[0];
                         for (int i = 0; i < 3; i++)
-                            sum += weight[i] * weight[j] * across[k] *
-                                   coefficient(b, level - 1, 2 * x + i - 1, 2 * y + j - 1, 2 * z + k - 1);
-                b->floats[l->values + (size_t)((z * l->size[1] + y) * l->size[0] + x)] = (float)sum;
+                            sum += weight[i] * weight[j] * across[k] * (double)from[at[0][i]];
+                    }
+                row[x] = (float)sum;
             }
+            touch(b, 5 * (size_t)l->size[0]);
+        }
 }
 
 /* ---- tiles ---- */
@@ -193,10 +254,17 @@ static int along(const builder *b, int axis, int num) { return axis == 2 && is_f
 /* A block of coefficients of a level, from (x, y, z) on, `num` along each axis. */
 static void take_block(const builder *b, uint32_t level, const long first[3], int num, double *to)
 {
+    const karst_image_level *l = &b->header->level[level];
+    const float *values = b->floats + l->values;
+    size_t at[3][FINE];
+    for (int axis = 0; axis < 3; axis++)
+        place_along(b, level, axis, axis == 2 && is_flat(b) ? 0 : first[axis], along(b, axis, num), at[axis]);
     for (int k = 0; k < along(b, 2, num); k++)
-        for (int j = 0; j < num; j++)
+        for (int j = 0; j < num; j++) {
+            const float *row = values + (at[2][k] * (size_t)l->size[1] + at[1][j]) * (size_t)l->size[0];
             for (int i = 0; i < num; i++)
-                *to++ = coefficient(b, level, first[0] + i, first[1] + j, is_flat(b) ? 0 : first[2] + k);
+                *to++ = (double)row[at[0][i]];
+        }
 }
 
 /* Coefficients of a level's spline as those of the level before, whose cells are half as wide, along one axis: from
@@ -301,14 +369,17 @@ static void make_tile(const builder *b, uint32_t level, const long at[3])
     memcpy(tile_of(b, level, at), record, IMAGE_TILE_FLOATS(num_axes) * sizeof *record);
 }
 
-static void make_tiles(const builder *b, uint32_t level)
+static void make_tiles(builder *b, uint32_t level)
 {
     const karst_image_level *l = &b->header->level[level];
     const long margin = b->header->repeats ? 0 : 1, across = is_flat(b) ? 0 : margin;
     for (long z = -across; z < l->tiles[2] - across; z++)
-        for (long y = -margin; y < l->tiles[1] - margin; y++)
+        for (long y = -margin; y < l->tiles[1] - margin; y++) {
             for (long x = -margin; x < l->tiles[0] - margin; x++)
                 make_tile(b, level, (const long[3]){x, y, z});
+            /* rows of this level and of the one before, and records of both */
+            touch(b, (size_t)l->tiles[0] * (4 * 7 + 8 * 11 + 5 * IMAGE_TILE_MOST_FLOATS));
+        }
 }
 
 static size_t num_tiles(const karst_image_level *l)
@@ -360,9 +431,10 @@ static size_t lay_out(karst_image_header *header, const size_t first_size[3], ui
     return at;
 }
 
-static uint64_t digest_of(const uint64_t *words, size_t count)
+#define DIGEST_START 0x9e3779b97f4a7c15u
+
+static uint64_t digest_of(uint64_t digest, const uint64_t *words, size_t count)
 {
-    uint64_t digest = 0x9e3779b97f4a7c15u;
     for (size_t i = 0; i < count; i++) {
         digest = (digest ^ words[i]) * 0xff51afd7ed558ccdu;
         digest ^= digest >> 32;
@@ -370,21 +442,71 @@ static uint64_t digest_of(const uint64_t *words, size_t count)
     return digest;
 }
 
-static bool build(karst_samples_image *image, const float *samples, const uint32_t size[3], uint32_t num_axes,
-                  uint32_t stride, karst_wrap wrap, karst_error *error)
+/* What an image says of itself, once its words are there. */
+static void describe(karst_samples_image *image, karst_wrap wrap)
+{
+    const karst_image_header *header = (const karst_image_header *)image->words;
+    image->num_axes = header->num_axes;
+    image->low = header->low;
+    image->high = header->high;
+    for (uint32_t i = 0; i < image->num_axes; i++) {
+        image->size[i] = (uint32_t)header->level[0].size[i];
+        image->period[i] = wrap == KARST_WRAP_CLAMP ? 0 : image->size[i];
+    }
+}
+
+static bool make_words(karst_samples_image *image, const karst_image_room *room, size_t num_floats, karst_error *error)
+{
+    image->num_words = (uint32_t)((num_floats + 1) / 2);
+    if (room && num_floats * sizeof(float) > room->most_in_memory_bytes) {
+        if (!karst_image_file_begin(&image->file, room->key, image->num_words * sizeof *image->words, error))
+            return false;
+        image->words = image->file.memory;
+        image->num_words = (uint32_t)(image->file.memory_bytes / sizeof *image->words);
+        return true;
+    }
+    image->words = calloc(image->num_words, sizeof *image->words);
+    return image->words || karst_fail(error, KARST_FAILED, "out of memory");
+}
+
+static uint64_t digest_in_parts(const karst_samples_image *image)
+{
+    const size_t part = MOST_TOUCHED / 2;
+    uint64_t digest = DIGEST_START;
+    for (size_t at = 0; at < image->num_words; at += part) {
+        digest = digest_of(digest, image->words + at, image->num_words - at < part ? image->num_words - at : part);
+        karst_image_file_let_go(&image->file);
+    }
+    return digest;
+}
+
+static bool keep(karst_samples_image *image, const karst_image_room *room, karst_error *error)
+{
+    karst_image_facts facts = room->facts;
+    if (!image->file.is_open)
+        return true;
+    facts.words_bytes = image->file.memory_bytes;
+    facts.digest = image->digest;
+    facts.bound_bytes = image->bound_bytes;
+    return karst_image_file_keep(&image->file, room->key, &facts, error);
+}
+
+static bool build(karst_samples_image *image, const karst_image_room *room, const float *samples,
+                  const uint32_t size[3], uint32_t num_axes, uint32_t stride, karst_wrap wrap, karst_error *error)
 {
     karst_image_header header = {0};
     size_t lengths[3] = {1, 1, 1};
     for (uint32_t i = 0; i < num_axes; i++)
         lengths[i] = length_of(size[i], wrap);
     const size_t num_floats = lay_out(&header, lengths, num_axes, wrap != KARST_WRAP_CLAMP);
-    image->num_axes = num_axes;
-    image->num_words = (uint32_t)((num_floats + 1) / 2);
-    image->words = calloc(image->num_words, sizeof *image->words);
-    builder b = {.header = (karst_image_header *)image->words, .floats = (float *)image->words};
-    if (image->words)
-        memcpy(image->words, &header, sizeof header);
-    if (!image->words || !make_coefficients(&b, samples, size, stride, wrap)) {
+    if (!make_words(image, room, num_floats, error))
+        return false;
+    builder b = {.header = (karst_image_header *)image->words,
+                 .floats = (float *)image->words,
+                 .room = room,
+                 .file = &image->file};
+    memcpy(image->words, &header, sizeof header);
+    if (!make_coefficients(&b, samples, size, stride, wrap)) {
         karst_samples_image_finish(image);
         return karst_fail(error, KARST_FAILED, "out of memory");
     }
@@ -395,18 +517,47 @@ static bool build(karst_samples_image *image, const float *samples, const uint32
         image->bound_bytes += (uint32_t)(num_tiles(&header.level[level]) * IMAGE_TILE_FLOATS(num_axes) * sizeof(float));
     }
     sum_up(b.header, b.floats);
-    image->low = b.header->low;
-    image->high = b.header->high;
-    for (uint32_t i = 0; i < num_axes; i++) {
-        image->size[i] = (uint32_t)header.level[0].size[i];
-        image->period[i] = wrap == KARST_WRAP_CLAMP ? 0 : image->size[i];
+    describe(image, wrap);
+    image->digest = digest_in_parts(image);
+    if (!room || keep(image, room, error))
+        return true;
+    karst_samples_image_finish(image);
+    return false;
+}
+
+bool karst_samples_image_find(karst_samples_image *image, const char *key, karst_wrap wrap, karst_image_facts *facts)
+{
+    karst_image_header header = {0};
+    *image = (karst_samples_image){0};
+    if (!karst_image_file_find(&image->file, key, facts))
+        return false;
+    image->words = image->file.memory;
+    image->num_words = (uint32_t)(image->file.memory_bytes / sizeof *image->words);
+    /* Whatever the file says, nothing is looked for beyond its end. */
+    const size_t lengths[3] = {length_of(facts->width, wrap), length_of(facts->height, wrap), 1};
+    bool good = facts->width <= KARST_IMAGE_MOST_SIDE && facts->height <= KARST_IMAGE_MOST_SIDE && facts->width > 0 &&
+                facts->height > 0 && facts->num_channels >= 1 && facts->num_channels <= 3 &&
+                lengths[0] * lengths[1] <= KARST_IMAGE_MOST_SAMPLES && image->file.memory_bytes > sizeof header;
+    if (good) {
+        const karst_image_header *own = (const karst_image_header *)image->words;
+        good = lay_out(&header, lengths, 2, wrap != KARST_WRAP_CLAMP) * sizeof(float) <= image->file.memory_bytes;
+        header.low = own->low;
+        header.high = own->high;
+        memcpy(header.slope, own->slope, sizeof header.slope);
+        good = good && memcmp(&header, own, sizeof header) == 0;
     }
-    image->digest = digest_of(image->words, image->num_words);
+    if (!good) {
+        karst_samples_image_finish(image);
+        return false;
+    }
+    image->bound_bytes = facts->bound_bytes;
+    image->digest = facts->digest;
+    describe(image, wrap);
     return true;
 }
 
-bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
-                               uint32_t stride, karst_wrap wrap, karst_error *error)
+bool karst_samples_image_build_in(karst_samples_image *image, const karst_image_room *room, const float *samples,
+                                  uint32_t width, uint32_t height, uint32_t stride, karst_wrap wrap, karst_error *error)
 {
     const size_t columns = length_of(width, wrap), rows = length_of(height, wrap);
     *image = (karst_samples_image){0};
@@ -414,7 +565,13 @@ bool karst_samples_image_build(karst_samples_image *image, const float *samples,
         return karst_fail(error, KARST_BAD_DATA,
                           "%zu x %zu samples are too many: at most %u along a side, and %zu in all", columns, rows,
                           KARST_IMAGE_MOST_SIDE, KARST_IMAGE_MOST_SAMPLES);
-    return build(image, samples, (const uint32_t[3]){width, height, 1}, 2, stride, wrap, error);
+    return build(image, room, samples, (const uint32_t[3]){width, height, 1}, 2, stride, wrap, error);
+}
+
+bool karst_samples_image_build(karst_samples_image *image, const float *samples, uint32_t width, uint32_t height,
+                               uint32_t stride, karst_wrap wrap, karst_error *error)
+{
+    return karst_samples_image_build_in(image, NULL, samples, width, height, stride, wrap, error);
 }
 
 bool karst_samples_field_build(karst_samples_image *image, const float *samples, const uint32_t size[3],
@@ -427,12 +584,14 @@ bool karst_samples_field_build(karst_samples_image *image, const float *samples,
         return karst_fail(error, KARST_BAD_DATA,
                           "%zu x %zu x %zu samples are too many: at most %u along a side, and %zu in all", x, y, z,
                           KARST_FIELD_MOST_SIDE, KARST_FIELD_MOST_SAMPLES);
-    return build(image, samples, size, 3, 1, wrap, error);
+    return build(image, NULL, samples, size, 3, 1, wrap, error);
 }
 
 void karst_samples_image_finish(karst_samples_image *image)
 {
-    free(image->words);
+    if (!image->file.is_open)
+        free(image->words);
+    karst_image_file_close(&image->file);
     *image = (karst_samples_image){0};
 }
 

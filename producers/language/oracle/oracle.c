@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "producers/language/graph/uniform.h"
+#include "producers/language/graph/words.h"
 
 /* ---- plans ---- */
 
@@ -96,7 +97,7 @@ karst_oracle *karst_oracle_create(const karst_resolved_world *world, const karst
     uint32_t count = o->graph->num_nodes;
     o->values = calloc(count, sizeof *o->values);
     o->known = calloc(count, 1);
-    o->words = calloc(o->layout.num_words, sizeof *o->words);
+    o->words = karst_world_words_create(&o->layout, o->layout.num_words * sizeof *o->words);
     o->slots = calloc(count, sizeof *o->slots);
     if (!o->values || !o->known || !o->words || !o->slots ||
         !karst_world_data_fill(&o->layout, parameters, seed, voxel_log2_m, o->words))
@@ -136,7 +137,7 @@ void karst_oracle_destroy(karst_oracle *oracle)
     if (!oracle->original) {
         free(oracle->values);
         free(oracle->known);
-        free(oracle->words);
+        karst_world_words_destroy(&oracle->layout, oracle->words, oracle->layout.num_words * sizeof *oracle->words);
         drop_plan(&oracle->density);
         drop_plan(&oracle->precise_density);
         drop_plan(&oracle->shading);

@@ -1,0 +1,116 @@
+#!/bin/sh
+# Models of points against Open3D's Poisson reconstruction at depth 9, on the same points of a sphere, a torus and a gyroid: rms distance of the
+# surfaces to the truth, in spacings, and memory. Open3D gets the true normals, Karst finds its own. PYTHON names an interpreter that has numpy
+# and open3d; without it all is skipped. POINTS: how many (100000). $KARST is the program. Not part of `make check`.
+set -u
+. tests/tap.sh
+karst=${KARST:-build/karst} python=${PYTHON:-python3} points=${POINTS:-100000}
+scratch=$(mktemp -d) || exit 1
+trap 'rm -rf "$scratch"' EXIT
+if ! "$python" -c 'import numpy, open3d' 2> /dev/null; then
+    skip "Open3D" "$python has no numpy and open3d: python3 -m venv ENV; ENV/bin/pip install open3d; PYTHON=ENV/bin/python"
+    finish
+fi
+cat > "$scratch/compare.py" << 'END'
+"""compare.py KARST FOLDER SURFACE POINTS NOISE: rms of both in spacings, and the MiB that both took, on one line."""
+import json, os, resource, subprocess, sys
+import numpy
+
+karst, folder, surface, num, noise = sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]), float(sys.argv[5])
+
+def truth(p):
+    """Value, negative outside, and gradient."""
+    if surface == "sphere":
+        r = numpy.linalg.norm(p, axis=1)
+        return 1 - r, -p / r[:, None]
+    if surface == "torus":
+        ring = numpy.hypot(p[:, 0], p[:, 2])
+        x = ring - 1
+        r = numpy.hypot(x, p[:, 1])
+        return 0.4 - r, -numpy.stack([x / r * p[:, 0] / ring, p[:, 1] / r, x / r * p[:, 2] / ring], 1)
+    s, c = numpy.sin(3 * p), numpy.cos(3 * p)
+    value = s[:, 0] * c[:, 1] + s[:, 1] * c[:, 2] + s[:, 2] * c[:, 0]
+    return value, 3 * numpy.stack([c[:, i] * c[:, (i + 1) % 3] - s[:, (i + 2) % 3] * s[:, i] for i in range(3)], 1)
+
+half = {"sphere": 1.05, "torus": 1.45, "gyroid": numpy.pi / 3}[surface]
+area = {"sphere": 4 * numpy.pi, "torus": 1.6 * numpy.pi**2, "gyroid": 3.0915 * (2 * numpy.pi / 3) ** 2}[surface]
+spacing = (area / num) ** 0.5
+random, places = numpy.random.default_rng(1), []
+while sum(map(len, places)) < num: # from a layer of even thickness along the gradient, so that they are spread evenly
+    p = random.uniform(-half, half, (20 * num, 3))
+    for step in range(6):
+        value, gradient = truth(p)
+        square = (gradient**2).sum(1)
+        keep = abs(value) < (0.02 if step == 0 else 1) * square**0.5
+        p = (p - (value / square)[:, None] * gradient)[keep]
+    places.append(p)
+p = numpy.concatenate(places)[:num]
+gradient = truth(p)[1]
+normals = -gradient / numpy.linalg.norm(gradient, axis=1)[:, None]
+p = p + noise * spacing * random.normal(size=p.shape)
+path = os.path.join(folder, "cloud.ply")
+with open(path, "wb") as file:
+    file.write(b"ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % num)
+    file.write(b"property double x\nproperty double y\nproperty double z\nend_header\n")
+    file.write(p.astype("<f8").tobytes())
+
+def rms(at, facing):
+    """Of what faces outwards and is not at the edges of an open surface; away from it counts, up to where it is no part of it."""
+    value, gradient = truth(at)
+    length = numpy.linalg.norm(gradient, axis=1)
+    near = abs(value / length) < 10 * spacing
+    if surface == "gyroid":
+        near &= (abs(at) < half - 0.06).all(1)
+    if facing is not None:
+        near &= (facing * -gradient).sum(1) > 0
+    assert near.sum() > 1000
+    return float(numpy.sqrt(((value / length)[near] ** 2).mean()) / spacing)
+
+def mib(who):
+    return resource.getrusage(who).ru_maxrss / 1024
+
+# Karst: imported, and points on what a world shows of it, at voxels of a spacing.
+model = os.path.join(folder, "cloud.karstpoints")
+subprocess.run([karst, "import", path, "--axes", "karst", "-q", "-o", model], check=True)
+ours_mib = mib(resource.RUSAGE_CHILDREN)
+about = subprocess.run([karst, "info", model, "--json"], check=True, capture_output=True, text=True).stdout
+centre = json.loads(about)["centre"]
+world = os.path.join(folder, "world.karst")
+with open(world, "w") as file:
+    file.write('/*{ "voxel": 0.0009765625, "models": [{ "points": "cloud.karstpoints", "at": ["%.12f", "%.12f", "%.12f"] }] }*/\n'
+               "float density(vec3 p) { return -1.0; }\n" % tuple(centre))
+found, box = os.path.join(folder, "found.ply"), half + 0.05
+subprocess.run([karst, "points", world, "--box", ",".join(["%g" % -box] * 3 + ["%g" % box] * 3), "--spacing", "%g" % spacing, "-q",
+                "-o", found], check=True)
+head, data = open(found, "rb").read().split(b"end_header\n", 1)
+properties = [line.split() for line in head.decode().splitlines() if line.startswith("property")]
+layout = numpy.dtype([(name, {"float": "<f4", "double": "<f8", "uchar": "u1"}[kind]) for word, kind, name in properties])
+record = numpy.frombuffer(data, layout)
+at = numpy.stack([record[a].astype(float) for a in "xyz"], 1) - box
+facing = numpy.stack([record["n" + a].astype(float) for a in "xyz"], 1)
+if surface == "gyroid": # which side of an open surface is the outer one, points do not tell
+    ours = min(rms(at, facing), rms(at, -facing))
+else:
+    ours = rms(at, facing)
+
+# Open3D, whose own weight before it has any points is not counted.
+import open3d
+before_mib = mib(resource.RUSAGE_SELF)
+cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(p))
+cloud.normals = open3d.utility.Vector3dVector(normals)
+mesh, weights = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=9)
+theirs_mib = mib(resource.RUSAGE_SELF) - before_mib
+theirs = rms(numpy.asarray(mesh.vertices), None)
+print("%.4f %.4f %.1f %.1f" % (ours, theirs, ours_mib, theirs_mib))
+END
+for noise in 0 0.25; do
+    for surface in sphere torus gyroid; do
+        figures=$("$python" "$scratch/compare.py" "$karst" "$scratch" $surface "$points" $noise 2> "$scratch/talk")
+        detail=$(cat "$scratch/talk")
+        echo "$figures" | awk '{ exit !(NF == 4 && $1 <= $2 + 0.005) }'
+        result "$surface, noise $noise: rms $(echo "$figures" | cut -d' ' -f1) spacings, Open3D $(echo "$figures" | cut -d' ' -f2)"
+        echo "$figures" | awk '{ exit !(NF == 4 && $3 <= $4 / 4) }'
+        result "$surface, noise $noise: $(echo "$figures" | cut -d' ' -f3) MiB, Open3D $(echo "$figures" | cut -d' ' -f4)"
+    done
+done
+finish
