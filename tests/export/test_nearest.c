@@ -1,6 +1,9 @@
 /* The nearest surface: where it is known exactly, and by proof where it is not. */
 #include "tests/export/found_mesh.h"
 
+#include <sys/resource.h>
+#include <time.h>
+
 #include "karst/query.h"
 
 enum { NUM = 16 };
@@ -146,6 +149,62 @@ static void test_land(void **state)
     karst_world_close(world);
 }
 
+/* What many points ask of cubes makes no difference to any of them. A million with KARST_TEST_FULL=1, and how long it
+ * takes. */
+static void test_many(void **state)
+{
+    (void)state;
+    enum { NUM_ALONE = 10 };
+    const size_t num = getenv("KARST_TEST_FULL") ? 1000000 : 60;
+    karst_position *many = malloc(num * sizeof *many);
+    karst_query_near *answers = malloc(num * sizeof *answers);
+    assert_true(many && answers);
+    karst_world *world = shipped_world("hills");
+    const int voxel_log2_m = karst_world_get_metadata(world)->voxel_log2_m;
+    const karst_query_config config = {.num_threads = 2};
+    uint32_t random = 9;
+    for (size_t i = 0; i < num; i++) {
+        double place_m[3];
+        for (int axis = 0; axis < 3; axis++) {
+            random = random * 1664525u + 1013904223u;
+            place_m[axis] = ((random >> 8) / 16777216.0 - 0.5) * (axis == 1 ? 120 : num > 1000 ? 1000 : 30);
+        }
+        many[i] = karst_position_add_m((karst_position){{0, 0, 0}, {0, 0, 0}}, place_m, voxel_log2_m);
+    }
+    struct timespec start, end;
+    struct rusage before, after;
+    getrusage(RUSAGE_SELF, &before);
+    clock_gettime(CLOCK_MONOTONIC, &start);
+    assert_true(karst_query_nearest(world, &config, many, num, 100, answers, NULL));
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    getrusage(RUSAGE_SELF, &after);
+    size_t num_found = 0, num_proved = 0;
+    for (size_t i = 0; i < num; i++) {
+        num_found += isfinite(answers[i].distance_m);
+        num_proved += isfinite(answers[i].distance_m) &&
+                      answers[i].at_least_m > answers[i].distance_m * (1 - 1.0 / 16) - ldexp(1, voxel_log2_m - 7);
+        assert_true(answers[i].at_least_m <= answers[i].distance_m);
+    }
+    const double cpu_s = (double)(after.ru_utime.tv_sec - before.ru_utime.tv_sec) +
+                         1e-6 * (double)(after.ru_utime.tv_usec - before.ru_utime.tv_usec);
+    const double wall_s = (double)(end.tv_sec - start.tv_sec) + 1e-9 * (double)(end.tv_nsec - start.tv_nsec);
+    print_message("hills: %zu points in %.1f s, %.0f us of CPU each; %zu have a surface, %zu proved to a 16th\n", num,
+                  wall_s, 1e6 * cpu_s / (double)num, num_found, num_proved);
+    assert_true(num_found > num * 9 / 10 && num_proved > num_found * 3 / 4);
+    for (size_t k = 0; k < NUM_ALONE; k++) {
+        const size_t i = k * (num / NUM_ALONE);
+        karst_query_near alone;
+        assert_true(karst_query_nearest(world, &config, &many[i], 1, 100, &alone, NULL));
+        assert_memory_equal(&alone.at, &answers[i].at, sizeof alone.at);
+        assert_memory_equal(&alone.distance_m, &answers[i].distance_m, sizeof alone.distance_m);
+        assert_memory_equal(&alone.at_least_m, &answers[i].at_least_m, sizeof alone.at_least_m);
+        assert_memory_equal(alone.normal, answers[i].normal, sizeof alone.normal);
+    }
+    free(many);
+    free(answers);
+    karst_world_close(world);
+}
+
 static void test_refusals(void **state)
 {
     (void)state;
@@ -167,6 +226,7 @@ static void test_refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_balls), cmocka_unit_test(test_box),
-                                       cmocka_unit_test(test_land), cmocka_unit_test(test_refusals)};
+                                       cmocka_unit_test(test_land), cmocka_unit_test(test_many),
+                                       cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -97,12 +97,13 @@ typedef struct {
     bool is_inside;    /* the point is solid */
 } karst_query_near;
 
-/* Finds them for `num` points, none farther than reach_m (above 0, to 2^60 voxels). Cubes around the point are looked
- * at, the nearest first; one whose bounds prove no side is cut into eight until its diagonal is within what the
- * configuration asks for, or a 16th of how far it is. From what is found there the surface is followed down its slope
- * to where it is nearest. So distance_m is that of a true surface, and the nearest one lies between at_least_m and it:
- * they differ by a 16th at most, and what was asked for, where the density can be bounded. A point takes milliseconds.
- * Errors: as above. */
+/* Finds them for `num` points, none farther than reach_m (above 0, to 2^60 voxels). Some surface is found along
+ * straight ways, and followed down its slope to where it is nearest. Then cubes around the point are looked at, the
+ * nearest first; one whose side is not proved is cut into eight until its diagonal is within what the configuration
+ * asks for, or a 16th of how far it is. What is found there is followed, too. So distance_m is that of a true
+ * surface, and the nearest one lies between at_least_m and it: they differ by some 16th, and what was asked for,
+ * where the density can be bounded. Points that lie side by side share what is known of cubes: ask for many at
+ * once, at most 2^32. A point alone takes milliseconds. Errors: as above. */
 bool karst_query_nearest(const karst_world *world, const karst_query_config *config, const karst_position *at,
                          size_t num, double reach_m, karst_query_near *found, karst_error *error);
 
