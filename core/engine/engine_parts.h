@@ -55,6 +55,9 @@ typedef struct {
 typedef struct {
     karst_bender *bender;
     karst_engine_refining index; /* the index in the density's place; without a refiner */
+    /* The same with the slopes of all its sides, and clear matter beside it as `text`: what bounds are made of. Its
+     * data have a tape behind them. */
+    karst_engine_refining sides;
     bool reported;               /* that it is no index in places */
 } karst_engine_bending;
 
@@ -356,6 +359,9 @@ bool karst_engine_world_build_photon_refiner(karst_engine_world *world, karst_co
  * KARST_FAILED. */
 bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_world *world,
                          const karst_resolved_world *density, karst_context *context, karst_error *error);
+/* Its layout's words anew, for the values in force. Errors: KARST_FAILED. */
+bool karst_engine_update_refining(karst_engine_refining *refining, const karst_engine_world *world,
+                                  karst_error *error);
 
 /* engine_bend.c. Whether the index of a world's clear matter varies from place to place. */
 bool karst_engine_world_bends(const karst_engine_world *world);

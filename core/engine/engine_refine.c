@@ -9,16 +9,18 @@
 #include "producers/language/emit/emit.h"
 #include "producers/points/points_kind.h"
 
-static bool update(karst_engine_refining *refining, const karst_engine_world *world, karst_error *error)
+bool karst_engine_update_refining(karst_engine_refining *refining, const karst_engine_world *world,
+                                  karst_error *error)
 {
     if (!refining->data)
         return true;
     const karst_world_layout *layout = &refining->layout;
-    size_t size_bytes = layout->num_words * sizeof(uint64_t);
-    uint64_t *words = calloc(1, size_bytes);
+    const size_t size_bytes = layout->num_words * sizeof(uint64_t),
+                 header_bytes = KARST_DATA_HEADER_WORDS * sizeof(uint64_t);
+    char *words = calloc(1, size_bytes);
     bool done =
         words && karst_world_data_fill(layout, world->values, world->seed, world->file->info.voxel_log2_m, words)
-            ? karst_buffer_write(refining->data, 0, words, size_bytes, error)
+            ? karst_buffer_write(refining->data, header_bytes, words + header_bytes, size_bytes - header_bytes, error)
             : karst_fail(error, KARST_FAILED, "out of memory");
     free(words);
     return done;
@@ -27,10 +29,14 @@ static bool update(karst_engine_refining *refining, const karst_engine_world *wo
 bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *error)
 {
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
-        if (!update(&world->content[i].refining, world, error))
+        if (!karst_engine_update_refining(&world->content[i].refining, world, error))
             return false;
-    return update(&world->bending.index, world, error) && update(&world->refining, world, error) &&
-           update(&world->photon_refining, world, error);
+    karst_engine_refining *const others[] = {&world->bending.index, &world->bending.sides, &world->refining,
+                                             &world->photon_refining};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (!karst_engine_update_refining(others[i], world, error))
+            return false;
+    return true;
 }
 
 /* What a refiner is for: land with these layers, or rays. */
@@ -77,7 +83,7 @@ bool karst_engine_derive(karst_engine_refining *refining, const karst_engine_wor
     if (!karst_world_layout_init(&refining->layout, &refining->gradient->world))
         return karst_fail(error, KARST_BAD_WORLD, "%.300s: its gradient needs too much memory", world->file->info.name);
     refining->data = karst_buffer_create(context, "refine", refining->layout.num_words * sizeof(uint64_t), NULL, error);
-    return refining->data && update(refining, world, error);
+    return refining->data && karst_engine_update_refining(refining, world, error);
 }
 
 static bool build(karst_engine_refining *refining, const karst_engine_world *world, const karst_world_file *file,

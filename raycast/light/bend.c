@@ -16,7 +16,7 @@ struct karst_bender {
     karst_context *context;
     karst_program *program;
     cl_kernel kernels[NUM_KERNELS];
-    cl_mem data, index_data;
+    cl_mem data, index_data, bound_data;
     float voxel_m, tolerance;
     uint32_t room;
     karst_buffer *bends, *kept, *over_kept, *met, *next_met, *counts;
@@ -34,6 +34,7 @@ karst_bender *karst_bender_create(karst_context *context, const karst_bend_world
     bender->context = context;
     bender->data = world->data->mem;
     bender->index_data = world->index_data->mem;
+    bender->bound_data = world->bound_data->mem;
     bender->voxel_m = (float)world->voxel_m;
     bender->tolerance = tolerance;
     bender->program = karst_program_build(context, "raycast/light/bend.cl", world->options, &file, 1, error);
@@ -124,7 +125,8 @@ static bool follow(karst_bender *bender, const karst_bend_stream *stream, const 
                            KARST_BUFFER_ARG(rays->total), KARST_BUFFER_ARG(stream->ways),
                            KARST_BUFFER_ARG(bender->met), KARST_BUFFER_ARG(bender->bends),
                            KARST_VALUE_ARG(*stream->anchor), KARST_VALUE_ARG(bender->data),
-                           KARST_VALUE_ARG(bender->index_data), KARST_BUFFER_ARG(bender->counts)) &&
+                           KARST_VALUE_ARG(bender->index_data), KARST_VALUE_ARG(bender->bound_data),
+                           KARST_BUFFER_ARG(bender->counts)) &&
            karst_launch(bender->context, kernel, KARST_STAGE_REFINE, (rays->room + lanes - 1) / lanes,
                         lanes == 1 ? GPU_LOCAL_SIZE : 16, error);
 }

@@ -3,7 +3,8 @@
 #include "raycast/light/bend_shared.h"
 #include "raycast/light/clear_shared.h"
 #include "raycast/rays_shared.h"
-/* Clear matter's density and gradient, world_surface; and those of the index, other_surface. */
+/* Clear matter's density and gradient, world_surface; those of the index, other_surface; and world_ranges, bounds of
+ * the index, of its gradient and of clear matter, in this order. */
 #include "world.clh"
 
 #include "raycast/cast/exact.clh"
@@ -17,7 +18,7 @@
 
 /* The world's own text, around a chord's start. */
 typedef struct {
-    K_GLOBAL const ulong *data, *index_data;
+    K_GLOBAL const ulong *data, *index_data, *bound_data;
     const world_point_at *start;
     int level;
     float voxel_m;
@@ -95,6 +96,49 @@ RAY_INLINE vfloat bend_matter(const bend_field *field, const vector3 *at)
     return matter_at(field->data, &place, field->level);
 }
 
+/* The index, its gradient per metre, clear matter. */
+enum { RANGE_INDEX, RANGE_GRADIENT, RANGE_CLEAR = RANGE_GRADIENT + 3 };
+/* What rounding may make of values that do not jump. */
+#define LEAST_JUMP 1.0e-6f
+BEND_CALL bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfloat radius)
+{
+    const vfloat zero = (vfloat)(0.0f), steepest = (vfloat)(STEEPEST);
+    world_point_at place;
+    world_range of[WORLD_RANGES];
+    bend_place(&place, field, at);
+    const vint unknown = world_ranges(field->bound_data, &place, radius, field->level, of);
+    bend_bound b;
+    b.inside = ~unknown & v_mask(v_gt(of[RANGE_CLEAR].range.lo, zero));
+    /* Where n is taken as another it is constant, and where it goes over into that its gradient jumps. */
+    const iv n = of[RANGE_INDEX].range;
+    const vint low = v_mask(v_lt(n.hi, (vfloat)(LEAST_INDEX))),
+               high = v_mask(v_gt(n.lo, (vfloat)(DIELECTRIC_MOST_IOR)));
+    const vint whole = v_mask(v_ge(n.lo, (vfloat)(LEAST_INDEX))) & v_mask(v_le(n.hi, (vfloat)(DIELECTRIC_MOST_IOR)));
+    const vint is_constant = ~unknown & (low | high);
+    b.least = dielectric_ior(v_select(unknown, zero, n.lo));
+    b.most = dielectric_ior(v_select(unknown, (vfloat)(DIELECTRIC_MOST_IOR), n.hi));
+    vfloat square = zero, bends = zero, jumps = zero;
+    vint steep = (vint)(0);
+    for (int i = 0; i < 3; i++) {
+        const world_range *g = of + RANGE_GRADIENT + i;
+        const vfloat most = lane_max(k_fabs(g->range.lo), k_fabs(g->range.hi)) * field->voxel_m;
+        steep |= v_mask(v_ge(most, steepest));
+        square = k_fma(most, most, square);
+        jumps = k_fma(g->jump * field->voxel_m, g->jump * field->voxel_m, jumps);
+        for (int j = 0; j < 3; j++) {
+            const vfloat bend = g->slope[j] * field->voxel_m;
+            bends = k_fma(bend, bend, bends);
+        }
+    }
+    const vfloat steepness = k_fma(b.most, k_sqrt(bends), square), jump = b.most * k_sqrt(jumps);
+    b.parts = v_mask(v_gt(of[RANGE_INDEX].jump, (vfloat)(LEAST_JUMP))) | steep | ~whole;
+    b.parts &= ~is_constant;
+    b.steepness = v_select(is_constant, zero, steepness);
+    b.jump = v_select(is_constant, zero, jump);
+    b.known = ~unknown;
+    return b;
+}
+
 /* Out of clear matter; against the way where the density has no gradient. */
 RAY_INLINE vector3 normal_at(const bend_field *field, const vector3 *at, const vector3 *way)
 {
@@ -122,7 +166,7 @@ RAY_INLINE vint level_of(vfloat footprint)
 
 typedef struct {
     vector3 origin, way, velocity, end, normal;
-    vfloat speed, t_max, arc, length, sigma;
+    vfloat speed, t_max, arc, length, sigma, radius;
     vint state, met, steps;
 } chord_lanes;
 
@@ -135,7 +179,7 @@ RAY_INLINE void follow(const bend_field *field, const bend_settings *with, vint 
     bend_look(field, &p->s);
     const vfloat speed = v_select(v_mask(v_gt(c->speed, zero)), c->speed, p->s.index);
     p->s.velocity.x = c->way.x * speed, p->s.velocity.y = c->way.y * speed, p->s.velocity.z = c->way.z * speed;
-    p->met = c->met, p->steps = c->steps, p->sigma = c->sigma;
+    p->met = c->met, p->steps = c->steps, p->sigma = c->sigma, p->radius = c->radius;
     bend_chord(field, with, mine, p);
     const vector3 way = dielectric_unit(&p->s.velocity);
     const vfloat length = k_sqrt(bend_dot(&p->s.at, &p->s.at));
@@ -153,6 +197,7 @@ RAY_INLINE void follow(const bend_field *field, const bend_settings *with, vint 
     c->way = bend_select(mine, &chord, &c->way);
     c->speed = v_select(mine, now, c->speed);
     c->sigma = v_select(mine, p->sigma, c->sigma);
+    c->radius = v_select(mine, p->radius, c->radius);
     c->arc = v_select(mine, p->arc, c->arc);
     c->length = v_select(mine, length, c->length);
     c->met = v_select(mine, p->met, c->met);
@@ -179,13 +224,14 @@ RAY_INLINE void count_faults(K_GLOBAL uint *counts, const chord_lanes *c, const 
 __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count,
                                  K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *met,
                                  K_GLOBAL karst_bend *bends, karst_shade_anchor anchor, K_GLOBAL const ulong *data,
-                                 K_GLOBAL const ulong *index_data, K_GLOBAL uint *counts)
+                                 K_GLOBAL const ulong *index_data, K_GLOBAL const ulong *bound_data,
+                                 K_GLOBAL uint *counts)
 {
     const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
     if (lowest >= num_rays)
         return;
     int states[LANES], mets[LANES], steps[LANES];
-    float speeds[LANES], t_maxes[LANES], sigmas[LANES];
+    float speeds[LANES], t_maxes[LANES], sigmas[LANES], radii[LANES];
     uint inside_bits = 0;
     for (uint l = 0; l < LANES; l++) {
         const uint i = lowest + l < num_rays ? lowest + l : lowest;
@@ -195,10 +241,10 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
             b->t_max = rays[i].t_max;
             b->met = met[i];
             b->steps = 0;
-            b->speed = b->sigma = 0.0f;
+            b->speed = b->sigma = b->radius = 0.0f;
         }
         states[l] = (int)b->state, mets[l] = (int)b->met, steps[l] = (int)b->steps;
-        speeds[l] = b->speed, t_maxes[l] = b->t_max, sigmas[l] = b->sigma;
+        speeds[l] = b->speed, t_maxes[l] = b->t_max, sigmas[l] = b->sigma, radii[l] = b->radius;
         if (lowest + l < num_rays && b->state == KARST_BEND_ON)
             inside_bits |= 1u << l;
     }
@@ -214,6 +260,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     c.velocity = c.normal = c.way, c.end = c.origin;
     c.arc = c.length = (vfloat)(0.0f);
     c.speed = v_load_float(speeds), c.t_max = v_load_float(t_maxes), c.sigma = v_load_float(sigmas);
+    c.radius = v_load_float(radii);
     c.state = v_load_int(states), c.met = v_load_int(mets), c.steps = v_load_int(steps);
     const vint level = level_of(BEND_WORD_(8) * task.detail);
     world_point_at start;
@@ -224,7 +271,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     while (v_any(left)) {
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         const vint mine = left & v_mask(v_eq(level, (vint)(here)));
-        const bend_field field = {data, index_data, &start, here, task.voxel_m};
+        const bend_field field = {data, index_data, bound_data, &start, here, task.voxel_m};
         const bend_settings with = {k_as_float((uint)(here + 127) << 23), task.tolerance, c.t_max, pixel,
                                     task.sample, task.branch, task.most_met, task.x0_px, task.y0_px};
         bend_path p;
@@ -239,7 +286,7 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
     v_store_float(c.arc, out[3]), v_store_float(c.velocity.x, out[4]), v_store_float(c.velocity.y, out[5]);
     v_store_float(c.velocity.z, out[6]), v_store_float(c.speed, out[7]), v_store_float(c.normal.x, out[8]);
     v_store_float(c.normal.y, out[9]), v_store_float(c.normal.z, out[10]), v_store_float(c.length, out[11]);
-    v_store_float(c.sigma, sigmas);
+    v_store_float(c.sigma, sigmas), v_store_float(c.radius, radii);
     v_store_int(c.state, states), v_store_int(c.met, mets), v_store_int(c.steps, steps);
     float way[3][LANES];
     v_store_float(c.way.x, way[0]), v_store_float(c.way.y, way[1]), v_store_float(c.way.z, way[2]);
@@ -257,7 +304,8 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
                               (uint)states[l],
                               (uint)mets[l],
                               (uint)steps[l],
-                              {0, 0, 0}};
+                              radii[l],
+                              {0, 0}};
         bends[lowest + l] = b;
         for (int i = 0; i < 3; i++)
             rays[lowest + l].direction[i] = way[i][l];

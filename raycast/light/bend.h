@@ -6,10 +6,11 @@
  * stretches, with hits to which the stages that follow need not know that there was more. Where a path leaves clear
  * matter its steps have found the surface of the true density themselves, and its normal.
  *
- * What is approximate: steps are as short as their own measure of error asks for, which no bound proves. Where a chord
- * meets land, or clear matter ends on a chord and not where the path's own steps say, place and direction are right to
- * the quarter of a voxel that chords are. A body of another index inside clear matter may be lost where it is thinner
- * than four voxels along a path, a voxel being as wide as a pixel there. */
+ * Steps are as long as bounds of the cube around allow, so that each is off by a known share of its length at most.
+ * What is approximate: where a chord meets land, or clear matter ends on a chord and not where the path's own steps
+ * say, place and direction are right to the quarter of a voxel that chords are. A body of another index inside clear
+ * matter may be lost where it is thinner than an eighth of a voxel along a path, a voxel being as wide as a pixel
+ * there; or, where nothing bounds the index, than four. */
 #ifndef KARST_RAYCAST_BEND_H
 #define KARST_RAYCAST_BEND_H
 
@@ -24,9 +25,10 @@ typedef struct karst_bender karst_bender;
 /* Clear matter and its index. */
 typedef struct {
     /* Text as of karst_refine_world, of clear matter's density; and the same of the index as other_point and
-     * other_surface. Borrowed during creation. */
+     * other_surface; and world_ranges, bounds over any cube of the index, of its gradient per metre along each axis and
+     * of clear matter. Borrowed during creation. */
     const char *source, *options;
-    const karst_buffer *data, *index_data; /* borrowed for the bender's life */
+    const karst_buffer *data, *index_data, *bound_data; /* borrowed for the bender's life */
     double voxel_m;                        /* of level 0 */
 } karst_bend_world;
 

@@ -24,7 +24,8 @@ typedef struct {
     uint state;      /* KARST_BEND_* */
     uint met;        /* surfaces that the ray has met, jumps of the index included */
     uint steps;      /* since the ray last met a surface of clear matter */
-    uint pad[3];
+    float radius;    /* of the next box that is bounded, level-0 voxels; 0: none was yet */
+    uint pad[2];
 } karst_bend;
 K_ASSERT_SIZE(karst_bend, 80);
 
@@ -44,7 +45,7 @@ K_ASSERT_SIZE(karst_bend_task, 48);
 #define KARST_BEND_FINE_TOLERANCE 4.0e-6f
 
 /* Steps of a path between two surfaces of clear matter. */
-#define KARST_BEND_MOST_STEPS 8192u
+#define KARST_BEND_MOST_STEPS 16384u
 
 /* Words of what is counted: rays that go on; evaluations in which the index was taken as another; where the first of
  * those was, from the anchor: three floats. */

@@ -225,10 +225,10 @@ static void rays_leave_bodies_where_they_should(void **state)
         body body;
         int within;
         long double most, absorption;
-    } bodies[] = {{"slab", SLAB, 20, 2e-6L, 0},
-                  {"prism", PRISM, 20, 2e-6L, 0},
-                  {"ball", BALL, 14, 2e-6L, 0},
-                  {"hollow ball", HOLLOW, 6, 2e-6L, 0},
+    } bodies[] = {{"slab", SLAB, 20, 1e-6L, 0},
+                  {"prism", PRISM, 20, 1e-6L, 0},
+                  {"ball", BALL, 14, 1e-6L, 0},
+                  {"hollow ball", HOLLOW, 6, 1e-6L, 0},
                   {"green ball", BALL, 14, 1e-5L, 0.7L}};
     for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
         long double worst, median;

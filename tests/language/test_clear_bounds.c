@@ -242,6 +242,21 @@ static bool look_at_program(const char *name, const karst_program_graph *program
     /* Of what jumps there is no bound of a gradient. */
     assert_true(!is_smooth || broken != BREAK_NOTHING || f.num_known > num_boxes / 2);
     sum->num_lies += f.num_lies, sum->num_apart += f.num_apart;
+    /* But of each of its sides there is, wherever the jump lies. */
+    gradient = karst_derive_sides(&alone, world->root[KARST_ROOT_CLEAR], &error);
+    if (!gradient)
+        fail_msg("%s: %s", name, error.message);
+    const karst_expr sides[MOST_ROOTS] = {gradient->world.root[KARST_ROOT_DENSITY], gradient->world.gradient[0],
+                                          gradient->world.gradient[1], gradient->world.gradient[2]};
+    open_function(&w, program, &gradient->world, sides, MOST_ROOTS);
+    f = look_at(&w, is_smooth, num_boxes);
+    assert_true(gradient->world.text != KARST_NO_EXPR);
+    close_function(&w);
+    karst_gradient_world_destroy(gradient);
+    if (says)
+        say(name, "index and the gradient of its sides", &f);
+    assert_true(broken != BREAK_NOTHING || f.num_known > num_boxes / 2);
+    sum->num_lies += f.num_lies, sum->num_apart += f.num_apart;
     return true;
 }
 

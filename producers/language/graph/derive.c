@@ -579,15 +579,17 @@ static uint32_t num_ops(const karst_graph *graph)
     return count;
 }
 
-/* The slopes taken, or, with sides, settled. */
-static void derive(karst_gradient_world *to, const karst_resolved_world *world, bool with_sides, way_out *out)
+/* The slopes taken, or, with sides, settled; and what is kept beside them. */
+static void derive(karst_gradient_world *to, const karst_resolved_world *world, karst_expr beside, bool with_sides,
+                   way_out *out)
 {
     karst_arena_init(&to->arena, ARENA_BYTES, arena_full, out);
     karst_graph_init(&to->graph, &to->arena, MAX_NODES, graph_full, out);
     karst_graph built;
     karst_graph_init(&built, &to->arena, MAX_NODES, graph_full, out);
-    karst_expr roots[4] = {world->root[KARST_ROOT_DENSITY]};
-    karst_graph_extract(world->graph, &built, roots, 1);
+    karst_expr roots[5] = {world->root[KARST_ROOT_DENSITY]}, first[2] = {roots[0], beside};
+    karst_graph_extract(world->graph, &built, first, beside ? 2 : 1);
+    roots[0] = first[0], roots[4] = beside ? first[1] : KARST_NO_EXPR;
 
     derivation d = {.graph = &built};
     uint32_t count = built.num_nodes;
@@ -607,17 +609,19 @@ static void derive(karst_gradient_world *to, const karst_resolved_world *world, 
     }
     karst_kinds_set(&built, count);
 
-    karst_graph_extract(&built, &to->graph, roots, 4);
-    to->world = (karst_resolved_world){.graph = &to->graph, .root = {roots[0]}, .has_gradient = true};
+    karst_graph_extract(&built, &to->graph, roots, beside ? 5 : 4);
+    to->world =
+        (karst_resolved_world){.graph = &to->graph, .root = {roots[0]}, .text = roots[4], .has_gradient = true};
     for (int axis = 0; axis < 3; axis++)
         to->world.gradient[axis] = roots[axis + 1];
 }
 
-static bool derive_guarded(karst_gradient_world *to, const karst_resolved_world *world, bool with_sides, way_out *out)
+static bool derive_guarded(karst_gradient_world *to, const karst_resolved_world *world, karst_expr beside,
+                           bool with_sides, way_out *out)
 {
     if (setjmp(out->escape))
         return false;
-    derive(to, world, with_sides, out);
+    derive(to, world, beside, with_sides, out);
     to->arena.full = NULL; /* the way out ends here */
     to->graph.full = NULL;
     return true;
@@ -626,18 +630,20 @@ static bool derive_guarded(karst_gradient_world *to, const karst_resolved_world 
 /* With sides, unless that is more than can be compiled. */
 static bool derive_either(karst_gradient_world *to, const karst_resolved_world *world, way_out *out)
 {
-    if (derive_guarded(to, world, true, out) && num_ops(&to->graph) <= KARST_EMIT_MAX_OPS)
+    if (derive_guarded(to, world, KARST_NO_EXPR, true, out) && num_ops(&to->graph) <= KARST_EMIT_MAX_OPS)
         return true;
     karst_arena_finish(&to->arena);
     *to = (karst_gradient_world){0};
-    return derive_guarded(to, world, false, out);
+    return derive_guarded(to, world, KARST_NO_EXPR, false, out);
 }
 
-karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_error *error)
+static karst_gradient_world *derive_new(const karst_resolved_world *world, karst_expr beside, bool for_bounds,
+                                        karst_error *error)
 {
     karst_gradient_world *to = calloc(1, sizeof *to);
     way_out *out = malloc(sizeof *out);
-    bool ready = to && out, done = ready && derive_either(to, world, out);
+    bool ready = to && out,
+         done = ready && (for_bounds ? derive_guarded(to, world, beside, false, out) : derive_either(to, world, out));
     free(out);
     if (done)
         return to;
@@ -645,6 +651,16 @@ karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_erro
                ready ? "the density's gradient needs too much memory" : "out of memory");
     karst_gradient_world_destroy(to);
     return NULL;
+}
+
+karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_error *error)
+{
+    return derive_new(world, KARST_NO_EXPR, false, error);
+}
+
+karst_gradient_world *karst_derive_sides(const karst_resolved_world *world, karst_expr beside, karst_error *error)
+{
+    return derive_new(world, beside, true, error);
 }
 
 void karst_gradient_world_destroy(karst_gradient_world *world)

@@ -24,6 +24,10 @@ typedef struct {
 /* Of a resolved world without derivatives of noise, which need not outlive it. Destroy with
  * karst_gradient_world_destroy. Errors: KARST_BAD_WORLD (the gradient is too large), KARST_FAILED (memory). */
 karst_gradient_world *karst_derive(const karst_resolved_world *world, karst_error *error);
+/* The same for bounds: everywhere the slopes of the terms that `select` takes, and never what is no number. So bounds
+ * over a box are those of all smooth sides that meet there, whatever jumps between them. `beside` is a float of the
+ * same graph, or KARST_NO_EXPR, that the world keeps as `text`. */
+karst_gradient_world *karst_derive_sides(const karst_resolved_world *world, karst_expr beside, karst_error *error);
 void karst_gradient_world_destroy(karst_gradient_world *world); /* NULL is fine */
 
 #endif

@@ -24,4 +24,15 @@ typedef struct {
 } karst_data_header;
 K_ASSERT_SIZE(karst_data_header, 64);
 
+/* The same of a tape with several outputs, all of which are bounded (tape_ranges.clh). */
+#define KARST_MOST_RANGES 8
+typedef struct {
+    uint num_instructions;
+    uint code, constants, values;
+    uint num_values;
+    uint output[KARST_MOST_RANGES]; /* operands */
+    uint pad[3];
+} karst_ranges_header;
+K_ASSERT_SIZE(karst_ranges_header, 64);
+
 #endif
