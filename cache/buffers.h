@@ -37,7 +37,8 @@ typedef struct {
     /* Behind the num_bricks slots lie KARST_CACHE_ROOT_BRICKS more, for the root nodes' bricks alone. */
 } karst_cache_buffers;
 
-/* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools. */
+/* Bytes of device memory that a tile and a brick take in all (pool, info, stamps, lists), for sizing pools; on GPUs up
+ * to a byte a brick more. */
 #define KARST_CACHE_TILE_BYTES 248
 #define KARST_CACHE_BRICK_BYTES_OF(bits) ((uint32_t)(KARST_BRICK_BYTES(bits) + 64))
 #define KARST_CACHE_BRICK_BYTES KARST_CACHE_BRICK_BYTES_OF(16)

@@ -7,7 +7,8 @@
  * the surface, as karst_ray has it.
  *
  * Those of a stream are laid out as of a picture 32 pixels wide, so that as many neighbours of the stream are a beam's;
- * their marks are y << 16 | x | KARST_SHADOW_OF_PIXEL of their own pixel.
+ * their marks are y << 16 | x | KARST_SHADOW_OF_PIXEL of their own pixel. They stand where their rays do in the stream,
+ * until bounces have them close ranks.
  */
 #ifndef KARST_RAYCAST_SHADOW_SHARED_H
 #define KARST_RAYCAST_SHADOW_SHARED_H
@@ -20,6 +21,8 @@
 #define KARST_SHADOW_RISE 5
 #define KARST_SHADOW_FIELDS 6
 #define KARST_SHADOW_OF_PIXEL 0x80000000u
+/* So many beams of a stream's shadow rays close ranks (raycast/light/bounce.cl): any number gives the same light. */
+#define KARST_PACKED_BLOCKS 4
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
 #define KARST_SUN_CONE 0.0093f

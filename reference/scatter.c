@@ -172,13 +172,19 @@ static void set_scene(picture *p)
     p->scene = (karst_scatter_scene){.tree = &p->tree, .light = &p->light, .voxel_m = ldexp(1, info->voxel_log2_m)};
     for (int i = 0; i < 3; i++) {
         p->scene.to_sun[i] = (double)sun.sun_direction[i];
-        p->scene.sun_colour[i] = (double)sun.sun_colour[i];
+        p->scene.sun_colour[i] = (double)(info->has_sun_colour ? info->sun_colour[i] : sun.sun_colour[i]);
         length += p->scene.to_sun[i] * p->scene.to_sun[i];
         p->from[i] = (double)(p->camera.position.voxel[i] - p->tree.corner.voxel[i]) +
                      ldexp((double)p->camera.position.fraction[i], -32);
     }
     for (int i = 0; i < 3; i++)
         p->scene.to_sun[i] /= sqrt(length);
+    const double sun_share = p->light.no_sun ? 0 : 0.5 * fmax(p->scene.to_sun[1], 0);
+    for (int c = 0; c < 3; c++) {
+        p->scene.sky[c] = 0.5 * ((double)info->sky_zenith[c] + (double)info->sky_horizon[c]);
+        p->scene.ground[c] =
+            (double)info->ground_flat[c] * (p->scene.sky[c] + sun_share * p->scene.sun_colour[c]);
+    }
     p->scene.has_emission =
         karst_has_output(p->file->content[KARST_CONTENT_AIR]->program->world.root, KARST_OUTPUT_EMISSION);
 }

@@ -147,9 +147,17 @@ static void scatter(karst_scatter_walker *w, double g, double d[3])
         d[i] /= length;
 }
 
-static void add_around(const karst_scatter_scene *scene, const double d[3], const double throughput[3], double rgb[3])
+/* `scattered`: the path has met the medium. */
+static void add_around(const karst_scatter_scene *scene, bool scattered, const double d[3], const double throughput[3],
+                       double rgb[3])
 {
-    const double *around = d[1] > 0 ? scene->light->above : scene->light->below;
+    const double *around = d[1] > 0 ? scene->light->above : scene->light->below, up = 0.5 + 0.5 * d[1];
+    if (scene->light->around_of_world) {
+        /* As light_from_around (raycast/light/light.clh). */
+        for (int c = 0; scattered && c < 3; c++)
+            rgb[c] += throughput[c] * (scene->ground[c] + up * (scene->sky[c] - scene->ground[c]));
+        return;
+    }
     for (int c = 0; c < 3; c++)
         rgb[c] += throughput[c] * around[c];
 }
@@ -177,7 +185,7 @@ void karst_scatter_path(karst_scatter_walker *w, uint64_t pixel, uint64_t path, 
     w->random = next_random(&w->random) ^ path;
     for (uint32_t bounce = 1;; bounce++) {
         if (!fly(w, at, d, throughput, rgb)) {
-            add_around(scene, d, throughput, rgb);
+            add_around(scene, bounce > 1, d, throughput, rgb);
             return;
         }
         w->num_collisions++;
@@ -199,7 +207,7 @@ void karst_scatter_path(karst_scatter_walker *w, uint64_t pixel, uint64_t path, 
         if (bounce == scene->light->max_bounces) {
             /* Light from around may still come, that was scattered as often. */
             if (!fly(w, at, d, throughput, rgb))
-                add_around(scene, d, throughput, rgb);
+                add_around(scene, true, d, throughput, rgb);
             return;
         }
     }

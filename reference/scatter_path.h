@@ -12,6 +12,7 @@ typedef struct {
     const karst_reference_light *light;
     double voxel_m;
     double to_sun[3], sun_colour[3]; /* what a white surface across the sun's rays would show */
+    double sky[3], ground[3]; /* around_of_world: from straight above, and from straight below */
     bool has_emission;
 } karst_scatter_scene;
 

@@ -187,14 +187,35 @@ int karst_coordinate_format(int64_t voxel, uint32_t fraction, int voxel_log2_m, 
     return (int)length;
 }
 
+/* What most offsets are: no wider than the plain arithmetic of 64 bits, far from the edge. The same bits as below. */
+#define PLAIN_UNITS 0x1p61
+static const int64_t PLAIN_VOXEL = (int64_t)1 << 61;
+
+/* To the nearest whole number, ties to even, as rint does. */
+static double to_whole(double x)
+{
+    const double shift = 0x1.8p52;
+    return fabs(x) < 0x1p51 ? x + shift - shift : rint(x);
+}
+
 karst_position karst_position_add_m(karst_position position, const double offset_m[3], int voxel_log2_m)
 {
+    const double units_in_m = ldexp(1, FRACTION_BITS - voxel_log2_m);
     for (int axis = 0; axis < 3; axis++) {
         if (isnan(offset_m[axis]))
             continue;
-        double offset = rint(ldexp(offset_m[axis], FRACTION_BITS - voxel_log2_m));
+        const double offset = to_whole(offset_m[axis] * units_in_m);
+        const int64_t voxel = position.voxel[axis];
+        if (fabs(offset) < PLAIN_UNITS && voxel < PLAIN_VOXEL && voxel > -PLAIN_VOXEL) {
+            const int64_t units = (int64_t)offset;
+            const uint32_t low = (uint32_t)units;
+            const uint64_t fraction = (uint64_t)position.fraction[axis] + low;
+            position.fraction[axis] = (uint32_t)fraction;
+            position.voxel[axis] = voxel + (units - low) / ((int64_t)1 << FRACTION_BITS) + (int64_t)(fraction >> 32);
+            continue;
+        }
         double reach = ldexp(1.0, LIMIT_BITS + 1); /* from one edge to the other: more saturates wherever it starts */
-        int128 sum = join(position.voxel[axis], position.fraction[axis]) + (int128)fmin(fmax(offset, -reach), reach);
+        int128 sum = join(voxel, position.fraction[axis]) + (int128)fmin(fmax(offset, -reach), reach);
         if (sum > (int128)LIMIT)
             sum = (int128)LIMIT;
         if (sum < -(int128)LIMIT)

@@ -4,6 +4,7 @@
  * one and uses only its names. Rules for code in the dialect:
  *   - no contraction: a*b+c is two roundings, k_fma(a,b,c) is one; the choice is part of the result;
  *   - only + - * / k_fma k_sqrt k_floor k_rint k_fabs on floats, nothing from a maths library;
+ *   - no macros with any number of arguments, which OpenCL C does not have;
  *   - int is 32 bits, long is 64 bits, both two's complement; shifts of negative ints are arithmetic.
  *
  * Only OpenCL compilers define __OPENCL_C_VERSION__ (PoCL's host headers may define __OPENCL_VERSION__).

@@ -1,4 +1,5 @@
 /* Programs: building kernels from sources, and saying what is wrong with them. */
+#include "core/device/build_log.h"
 #include "core/device/driver_internal.h"
 #include "core/device/helper.h"
 #include "core/device/program_cache.h"
@@ -64,11 +65,13 @@ static void first_errors(const char *log, char *text, size_t size_bytes)
     }
 }
 
-static void build_failed(const karst_context *context, const char *entry, const char *options, cl_program program,
-                         cl_int code, karst_error *error)
+static void build_failed(const karst_context *context, const char *entry, const char *options, const char *source,
+                         cl_program program, cl_int code, karst_error *error)
 {
     char text[900];
-    char *log = build_log(context, program);
+    char *said = build_log(context, program);
+    char *log = said ? karst_build_log_with_places(said, source) : NULL;
+    free(said);
     if (log && log[strspn(log, " \t\r\n")]) {
         karst_log_print(context->log, KARST_LOG_ERROR, "building %s for %s with %s", entry, context->name, options);
         karst_log_print(context->log, KARST_LOG_ERROR, "%s", log);
@@ -99,7 +102,7 @@ static cl_program compile(karst_context *context, const char *entry, const char 
     code = is_linked ? clBuildProgram(program, 1, &context->device, options, NULL, NULL)
                      : clCompileProgram(program, 1, &context->device, options, 0, NULL, NULL, NULL, NULL);
     if (code != CL_SUCCESS) {
-        build_failed(context, entry, options, program, code, error);
+        build_failed(context, entry, options, source, program, code, error);
         clReleaseProgram(program);
         return NULL;
     }
@@ -146,7 +149,9 @@ static const char *vectors_option(void)
 static bool write_options(const karst_context *context, const char *entry, const char *options, char all[MAX_OPTIONS],
                           karst_error *error)
 {
-    int length = snprintf(all, MAX_OPTIONS, "-cl-std=CL1.2 %s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
+    /* NVIDIA's compiler counts its warnings on stderr, past Karst's log: -w. */
+    int length = snprintf(all, MAX_OPTIONS, "-cl-std=CL1.2 %s%s-DLANES=%d -DKARST_DEVICE_CPU=%d %s%s",
+                          context->is_cpu ? "" : "-w ",
                           context->rounded_divide ? "-cl-fp32-correctly-rounded-divide-sqrt " : "", context->lanes,
                           context->is_cpu ? 1 : 0, vectors_option(), options ? options : "");
     return (length >= 0 && length < MAX_OPTIONS) ||

@@ -137,6 +137,9 @@ typedef struct {
     karst_photons *photons;
     karst_position anchor; /* where they were aimed from */
     bool is_aimed;
+    bool is_aimed_now;     /* in this view, perhaps while something was missing */
+    bool is_aimed_anew;    /* in this frame */
+    bool must_aim;         /* all else is there */
     uint32_t bounces;
     uint32_t num_traced; /* batches that lacked nothing */
     uint32_t num_new;    /* and those after them that this frame traced */

@@ -75,6 +75,7 @@ bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config
 void karst_engine_forget_photons(karst_engine *engine)
 {
     engine->photons.num_traced = 0;
+    engine->photons.is_aimed_now = engine->photons.must_aim = false;
 }
 
 /* What is shaded there must know the anchor, before the picture says it once more. */
@@ -169,7 +170,7 @@ static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_err
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = lamps_of(engine, scene->light, lamps);
     engine->photons.anchor = engine->camera.position;
-    engine->photons.is_aimed = true;
+    engine->photons.is_aimed = engine->photons.is_aimed_now = true;
     return karst_photons_aim(engine->photons.photons, scene, lamps, num, error);
 }
 
@@ -178,6 +179,7 @@ bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *vie
 {
     karst_engine_photons *of = &engine->photons;
     of->num_new = 0;
+    of->is_aimed_anew = false;
     if (!of->photons)
         return true;
     const uint32_t all = karst_photons_num_batches(of->photons);
@@ -186,7 +188,9 @@ bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *vie
         return true;
     const karst_light light = karst_engine_light(engine);
     const karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
-    if (of->num_traced == 0 && !aim(engine, &scene, error))
+    /* Probes are dear: they look first, and once more when photons that were aimed then ask for nothing. */
+    of->is_aimed_anew = of->num_traced == 0 && (!of->is_aimed_now || of->must_aim);
+    if (of->is_aimed_anew && !aim(engine, &scene, error))
         return false;
     /* While something is missing a batch is for what it asks for, and to be seen. Without a budget frames trace twice
      * as many each: so what has to be traced anew is never most of them. */
@@ -206,8 +210,7 @@ bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *v
         return true;
     const karst_light light = karst_engine_light(engine);
     const karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
-    /* While nothing is kept, what the probes lack, too. */
-    return (of->num_traced > 0 || view->ends_at_missing || aim(engine, &scene, error)) &&
+    return (!of->must_aim || !of->is_aimed_anew || view->ends_at_missing || aim(engine, &scene, error)) &&
            karst_photons_trace(of->photons, &scene, of->num_traced, true, error);
 }
 
@@ -217,8 +220,11 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
     if (!of->photons)
         return lacks_nothing;
     const uint32_t shown = of->num_traced + of->num_new;
-    if (lacks_nothing)
+    /* The first are kept if nothing was missing where they were aimed, either. */
+    const bool kept = lacks_nothing && (of->num_traced > 0 || of->is_aimed_anew);
+    if (kept)
         of->num_traced = shown;
+    of->must_aim = of->num_traced == 0 && (of->must_aim || lacks_nothing);
     of->num_new = 0;
     karst_stats_caustics *stats = &engine->stats.caustics;
     uint64_t sums[KARST_PHOTON_SUMS];
@@ -233,7 +239,7 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
     stats->absorbed = (double)sums[KARST_PHOTON_SUM_LOST] * unit;
     stats->escaped = (double)sums[KARST_PHOTON_SUM_ESCAPED] * unit;
     stats->cut_off = (double)sums[KARST_PHOTON_SUM_CUT] * unit;
-    return lacks_nothing && of->num_traced == karst_photons_num_batches(of->photons);
+    return kept && of->num_traced == karst_photons_num_batches(of->photons);
 }
 
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,

@@ -1,26 +1,27 @@
 #include "core/export/cell.h"
 
+#include <stdint.h>
 #include <string.h>
 
 int karst_face_corner(int face, int i)
 {
-    const int axis = face >> 1, side = face & 1, b = i == 1 || i == 2, c = i >= 2;
-    return side << axis | b << (axis + 1) % 3 | c << (axis + 2) % 3;
+    static const int8_t corner[KARST_CELL_FACES][4] = {{0, 2, 6, 4}, {1, 3, 7, 5}, {0, 4, 5, 1},
+                                                       {2, 6, 7, 3}, {0, 1, 3, 2}, {4, 5, 7, 6}};
+    return corner[face][i];
 }
 
 int karst_face_edge(int face, int i)
 {
-    const int axis = face >> 1, side = face & 1;
-    if (i == 0 || i == 2) /* along axis + 1 */
-        return 4 * ((axis + 1) % 3) + ((i == 2) | side << 1);
-    return 4 * ((axis + 2) % 3) + (side | (i == 1) << 1);
+    static const int8_t edge[KARST_CELL_FACES][4] = {{4, 10, 5, 8},  {6, 11, 7, 9}, {8, 2, 9, 0},
+                                                     {10, 3, 11, 1}, {0, 6, 1, 4},  {2, 7, 3, 5}};
+    return edge[face][i];
 }
 
 void karst_edge_corners(int edge, int corners[2])
 {
-    const int axis = edge >> 2, u = edge & 1, v = edge >> 1 & 1;
-    corners[0] = u << (axis + 1) % 3 | v << (axis + 2) % 3;
-    corners[1] = corners[0] | 1 << axis;
+    static const int8_t lower[KARST_CELL_EDGES] = {0, 2, 4, 6, 0, 4, 1, 5, 0, 1, 2, 3};
+    corners[0] = lower[edge];
+    corners[1] = corners[0] | 1 << (edge >> 2);
 }
 
 static unsigned face_signs(unsigned solid, int face)
@@ -33,8 +34,11 @@ static unsigned face_signs(unsigned solid, int face)
 
 bool karst_face_is_crossed(unsigned solid, int face)
 {
-    const unsigned signs = face_signs(solid, face);
-    return signs == 5 || signs == 10;
+    /* Of each face corners 0 and 2, and 1 and 3. */
+    static const uint8_t across[KARST_CELL_FACES][2] = {{0x41, 0x14}, {0x82, 0x28}, {0x21, 0x12},
+                                                        {0x84, 0x48}, {0x09, 0x06}, {0x90, 0x60}};
+    const unsigned first = across[face][0], second = across[face][1], of_face = solid & (first | second);
+    return of_face == first || of_face == second;
 }
 
 /* The edge that the surface goes on to across a face. */

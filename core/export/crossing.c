@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-/* Even a jump is found by then: each third step halves what is left. */
-#define MAX_STEPS 40
+/* Even a jump is found by then: each fourth step halves what is left. */
+#define MAX_STEPS 56
 #define AT_ONCE 2048
 
 /* What is known of a segment, along which t goes from 0 (solid) to 1. */
@@ -32,9 +32,13 @@ static void choose_next(bracket *b, int step)
 {
     const double width = b->air_t - b->solid_t, least = 0.4 * KARST_CROSSING_WITHIN / b->length;
     double t = b->solid_t + width * between((double)b->solid_weight, (double)b->air_weight);
-    if (step % 3 == 2)
+    /* A little farther than the surface should be from the nearer end: so the other one comes near, too. */
+    t += t - b->solid_t < b->air_t - t ? least : -least;
+    if (step % 4 == 3)
         t = b->solid_t + width / 2;
-    b->next_t = fmin(fmax(t, b->solid_t + least), b->air_t - least);
+    const double most = b->air_t - least;
+    t = t > b->solid_t + least ? t : b->solid_t + least;
+    b->next_t = t < most ? t : most;
 }
 
 static void learn(bracket *b, float density)

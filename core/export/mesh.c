@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -75,66 +74,58 @@ static bool list_tiles(finder *f, int64_t x, int64_t y, int64_t size)
 
 /* ---- threads ---- */
 
+/* The tiles of a slab: each is filled by whoever comes to it, and joined by the calling thread, in their order. So many
+ * are filled ahead of what is joined, at most. */
 typedef struct {
     finder *f;
-    karst_mesh_worker *worker;
-    atomic_size_t *next;
-    size_t end;
+    pthread_mutex_t lock;
+    pthread_cond_t filled, joined;
+    size_t next, num_joined; /* tiles to fill, and to join */
+    bool *is_filled, is_stopped;
     karst_error error;
-    bool is_done;
+} work;
+
+typedef struct {
+    work *w;
+    karst_mesh_worker *worker;
 } task;
+
+static bool has_next(const work *w)
+{
+    const size_t ahead = (size_t)w->f->num_threads * TILES_OF_THREAD;
+    return w->next < w->f->num_tiles && w->next < w->num_joined + ahead;
+}
+
+/* With the lock held, which is given up meanwhile. */
+static void fill_next(work *w, karst_mesh_worker *worker)
+{
+    const size_t tile = w->next++;
+    karst_error error;
+    pthread_mutex_unlock(&w->lock);
+    const bool done = karst_mesh_fill_tile(worker, &w->f->tiles[tile], &error);
+    pthread_mutex_lock(&w->lock);
+    w->is_filled[tile] = done;
+    if (!done && !w->is_stopped) {
+        w->is_stopped = true;
+        w->error = error;
+    }
+}
 
 static void *run_task(void *argument)
 {
-    task *t = argument;
-    t->is_done = true;
-    for (size_t i; t->is_done && (i = atomic_fetch_add(t->next, 1)) < t->end;)
-        t->is_done = karst_mesh_fill_tile(t->worker, &t->f->tiles[i], &t->error);
+    const task *t = argument;
+    work *w = t->w;
+    pthread_mutex_lock(&w->lock);
+    while (!w->is_stopped && w->next < w->f->num_tiles) {
+        if (has_next(w)) {
+            fill_next(w, t->worker);
+            pthread_cond_signal(&w->filled);
+        } else {
+            pthread_cond_wait(&w->joined, &w->lock);
+        }
+    }
+    pthread_mutex_unlock(&w->lock);
     return NULL;
-}
-
-/* Fills tiles first to end - 1. Where a thread cannot be started, the others do its work. */
-static bool fill_tiles(finder *f, size_t first, size_t end, karst_error *error)
-{
-    pthread_t threads[MAX_THREADS];
-    bool is_running[MAX_THREADS] = {false}, done = true;
-    task *tasks = calloc((size_t)f->num_threads, sizeof *tasks);
-    atomic_size_t next = first;
-    pthread_attr_t attributes;
-    if (!tasks || pthread_attr_init(&attributes) != 0) {
-        free(tasks);
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    }
-    pthread_attr_setstacksize(&attributes, STACK_BYTES);
-    for (int i = 0; i < f->num_threads; i++) {
-        tasks[i] = (task){.f = f, .worker = f->workers[i], .next = &next, .end = end, .is_done = true};
-        is_running[i] = i > 0 && pthread_create(&threads[i], &attributes, run_task, &tasks[i]) == 0;
-    }
-    run_task(&tasks[0]);
-    for (int i = 0; i < f->num_threads; i++) {
-        if (is_running[i])
-            pthread_join(threads[i], NULL);
-        if (done && !tasks[i].is_done)
-            done = karst_fail(error, tasks[i].error.status, "%s", tasks[i].error.message);
-    }
-    pthread_attr_destroy(&attributes);
-    free(tasks);
-    return done;
-}
-
-static bool join_tiles(finder *f, size_t first, size_t end, karst_error *error)
-{
-    bool done = true;
-    for (size_t i = first; i < end; i++) {
-        karst_mesh_tile *tile = &f->tiles[i];
-        f->stats->num_open_cells += tile->num_open_cells;
-        f->stats->num_samples += tile->num_samples;
-        f->stats->num_sharp += tile->num_sharp;
-        done = done && (!f->begin_tile || f->begin_tile(f->sink->user, tile->first, error)) &&
-               karst_mesh_join_add(f->join, tile, error);
-        karst_mesh_tile_finish(tile);
-    }
-    return done;
 }
 
 static bool report(const finder *f, size_t num_done, karst_error *error)
@@ -142,6 +133,78 @@ static bool report(const finder *f, size_t num_done, karst_error *error)
     const double of_slab = f->num_tiles ? (double)num_done / (double)f->num_tiles : 1;
     return !f->sink->progress || f->sink->progress(f->sink->user, ((double)f->slab + of_slab) / (double)f->num_slabs) ||
            karst_fail(error, KARST_FAILED, "the mesh was stopped");
+}
+
+static bool join_tile(finder *f, size_t index, karst_error *error)
+{
+    karst_mesh_tile *tile = &f->tiles[index];
+    f->stats->num_open_cells += tile->num_open_cells;
+    f->stats->num_samples += tile->num_samples;
+    f->stats->num_sharp += tile->num_sharp;
+    const bool done = (!f->begin_tile || f->begin_tile(f->sink->user, tile->first, error)) &&
+                      karst_mesh_join_add(f->join, tile, error);
+    karst_mesh_tile_finish(tile);
+    return done && report(f, index + 1, error);
+}
+
+/* The calling thread's part: it joins what is filled, and fills as the others do while nothing is. */
+static bool lead(work *w, karst_error *error)
+{
+    bool done = true;
+    pthread_mutex_lock(&w->lock);
+    while (!w->is_stopped && w->num_joined < w->f->num_tiles) {
+        if (w->is_filled[w->num_joined]) {
+            pthread_mutex_unlock(&w->lock);
+            done = join_tile(w->f, w->num_joined, error);
+            pthread_mutex_lock(&w->lock);
+            w->is_stopped = w->is_stopped || !done;
+            w->num_joined++;
+            pthread_cond_broadcast(&w->joined);
+        } else if (has_next(w)) {
+            fill_next(w, w->f->workers[0]);
+        } else {
+            pthread_cond_wait(&w->filled, &w->lock);
+        }
+    }
+    if (done && w->is_stopped)
+        done = karst_fail(error, w->error.status, "%s", w->error.message);
+    pthread_cond_broadcast(&w->joined);
+    pthread_mutex_unlock(&w->lock);
+    return done;
+}
+
+/* Where a thread cannot be started, the others do its work. */
+static bool fill_and_join(finder *f, karst_error *error)
+{
+    pthread_t threads[MAX_THREADS];
+    bool is_running[MAX_THREADS] = {false};
+    task tasks[MAX_THREADS];
+    work w = {.f = f, .is_filled = calloc(f->num_tiles + 1, sizeof *w.is_filled)};
+    pthread_attr_t attributes;
+    if (!w.is_filled || pthread_attr_init(&attributes) != 0) {
+        free(w.is_filled);
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    }
+    pthread_mutex_init(&w.lock, NULL);
+    pthread_cond_init(&w.filled, NULL);
+    pthread_cond_init(&w.joined, NULL);
+    pthread_attr_setstacksize(&attributes, STACK_BYTES);
+    for (int i = 1; i < f->num_threads && (size_t)i < f->num_tiles; i++) {
+        tasks[i] = (task){&w, f->workers[i]};
+        is_running[i] = pthread_create(&threads[i], &attributes, run_task, &tasks[i]) == 0;
+    }
+    const bool done = lead(&w, error);
+    for (int i = 1; i < f->num_threads; i++)
+        if (is_running[i])
+            pthread_join(threads[i], NULL);
+    for (size_t i = 0; i < f->num_tiles; i++)
+        karst_mesh_tile_finish(&f->tiles[i]);
+    pthread_attr_destroy(&attributes);
+    pthread_cond_destroy(&w.joined);
+    pthread_cond_destroy(&w.filled);
+    pthread_mutex_destroy(&w.lock);
+    free(w.is_filled);
+    return done;
 }
 
 static bool find_slab(finder *f, karst_error *error)
@@ -153,19 +216,7 @@ static bool find_slab(finder *f, karst_error *error)
     karst_mesh_join_begin_slab(f->join);
     if (!list_tiles(f, 0, 0, widest))
         return karst_fail(error, KARST_FAILED, "out of memory");
-    const size_t at_once = (size_t)f->num_threads * TILES_OF_THREAD;
-    for (size_t i = 0; i < f->num_tiles; i += at_once) {
-        const size_t end = f->num_tiles - i < at_once ? f->num_tiles : i + at_once;
-        bool done = fill_tiles(f, i, end, error);
-        if (!done) {
-            for (size_t k = i; k < end; k++)
-                karst_mesh_tile_finish(&f->tiles[k]);
-            return false;
-        }
-        if (!join_tiles(f, i, end, error) || !report(f, end, error))
-            return false;
-    }
-    return report(f, f->num_tiles, error);
+    return fill_and_join(f, error) && report(f, f->num_tiles, error);
 }
 
 /* ---- all of it ---- */

@@ -50,35 +50,30 @@ void karst_mesh_worker_destroy(karst_mesh_worker *worker)
 
 static bool is_solid(const karst_mesh_worker *worker, int corner) { return worker->density[corner] > 0; }
 
-/* Calls for each edge of the tile's cells that crosses the surface; returns how many there are. */
-static size_t each_crossing(karst_mesh_worker *worker,
-                            void (*take)(karst_mesh_worker *worker, size_t index, const int at[3], int axis))
+static const int up[3] = {1, KARST_TILE_CORNERS, KARST_TILE_CORNERS *KARST_TILE_CORNERS};
+
+/* Lists the edges of the tile's cells that cross the surface. */
+static void list_crossings(karst_mesh_worker *worker)
 {
-    static const int up[3] = {1, KARST_TILE_CORNERS, KARST_TILE_CORNERS * KARST_TILE_CORNERS};
-    const int *num = worker->tile->num_cells;
-    size_t found = 0;
-    for (int z = 0; z <= num[2]; z++)
-        for (int y = 0; y <= num[1]; y++)
-            for (int x = 0; x <= num[0]; x++) {
-                const int at[3] = {x, y, z}, c = karst_tile_corner(x, y, z);
-                if (worker->state[c] != CORNER_WANTED)
-                    continue;
-                for (int axis = 0; axis < 3; axis++)
-                    if (at[axis] < num[axis] && is_solid(worker, c) != is_solid(worker, c + up[axis])) {
-                        if (take)
-                            take(worker, found, at, axis);
-                        found++;
-                    }
-            }
-    return found;
+    size_t num = 0;
+    for (size_t i = 0; i < worker->num_corners; i++) {
+        const int c = worker->corners[i];
+        int at[3];
+        karst_tile_corner_at(c, at);
+        for (int axis = 0; axis < 3; axis++)
+            if (at[axis] < worker->tile->num_cells[axis] && is_solid(worker, c) != is_solid(worker, c + up[axis]))
+                worker->crossed[num++] = 3 * (uint32_t)c + (uint32_t)axis;
+    }
+    worker->num_crossings = num;
 }
 
-static void take_segment(karst_mesh_worker *worker, size_t index, const int at[3], int axis)
+static void take_segment(karst_mesh_worker *worker, size_t index)
 {
-    static const int up[3] = {1, KARST_TILE_CORNERS, KARST_TILE_CORNERS * KARST_TILE_CORNERS};
-    const int c = karst_tile_corner(at[0], at[1], at[2]);
+    const int c = (int)(worker->crossed[index] / 3), axis = (int)(worker->crossed[index] % 3);
     const bool below = is_solid(worker, c);
     karst_segment *s = &worker->segments[index];
+    int at[3];
+    karst_tile_corner_at(c, at);
     for (int i = 0; i < 3; i++)
         s->from[i] = s->to[i] = (double)(worker->tile->first[i] + at[i]);
     (below ? s->to : s->from)[axis] += 1;
@@ -87,9 +82,12 @@ static void take_segment(karst_mesh_worker *worker, size_t index, const int at[3
     worker->crossing_of[axis][c] = (int32_t)index;
 }
 
-static void take_edge(karst_mesh_worker *worker, size_t index, const int at[3], int axis)
+static void take_edge(karst_mesh_worker *worker, size_t index)
 {
+    const int c = (int)(worker->crossed[index] / 3), axis = (int)(worker->crossed[index] % 3);
     karst_mesh_tile *tile = worker->tile;
+    int at[3];
+    karst_tile_corner_at(c, at);
     for (int i = 0; i < 3; i++)
         if (at[i] >= tile->num_cells[i] || tile->first[i] + at[i] == 0)
             return;
@@ -97,15 +95,22 @@ static void take_edge(karst_mesh_worker *worker, size_t index, const int at[3], 
     for (int i = 0; i < 3; i++)
         edge->at[i] = tile->first[i] + at[i];
     edge->axis = axis;
-    edge->is_solid_below = is_solid(worker, karst_tile_corner(at[0], at[1], at[2]));
+    edge->is_solid_below = is_solid(worker, c);
     edge->found = worker->crossings[index].at[axis] - (double)edge->at[axis];
+}
+
+static double slope_of(const float gradient[3])
+{
+    const double x = (double)gradient[0], y = (double)gradient[1], z = (double)gradient[2];
+    const double slope = sqrt(x * x + y * y + z * z);
+    return isfinite(slope) ? slope : 0;
 }
 
 static bool find_edges(karst_mesh_worker *worker, karst_error *error)
 {
     karst_mesh_tile *tile = worker->tile;
-    const size_t num = each_crossing(worker, NULL);
-    worker->num_crossings = num;
+    list_crossings(worker);
+    const size_t num = worker->num_crossings;
     if (!karst_mesh_make_room(worker, num, error))
         return false;
     if (num > worker->max_crossings) {
@@ -120,24 +125,29 @@ static bool find_edges(karst_mesh_worker *worker, karst_error *error)
         free(normals);
         return karst_fail(error, KARST_FAILED, "out of memory");
     }
-    each_crossing(worker, take_segment);
+    for (size_t i = 0; i < num; i++)
+        take_segment(worker, i);
     karst_mesh_find_segments(worker, num, normals);
     for (size_t i = 0; i < num; i++) {
         memcpy(worker->crossings[i].at, worker->segments[i].found, sizeof worker->crossings[i].at);
         memcpy(worker->crossings[i].normal, normals[i], sizeof worker->crossings[i].normal);
+        worker->crossings[i].slope = slope_of(worker->gradients[i]) * worker->grid.cell_m;
     }
-    each_crossing(worker, take_edge);
+    for (size_t i = 0; i < num; i++)
+        take_edge(worker, i);
     free(normals);
     return true;
 }
 
 /* ---- cells ---- */
 
-static unsigned solid_corners(const karst_mesh_worker *worker, int x, int y, int z)
+static unsigned solid_corners(const karst_mesh_worker *worker, int lowest)
 {
     unsigned solid = 0;
-    for (int i = 0; i < KARST_CELL_CORNERS; i++)
-        solid |= (unsigned)is_solid(worker, karst_tile_corner(x + (i & 1), y + (i >> 1 & 1), z + (i >> 2))) << i;
+    for (int i = 0; i < KARST_CELL_CORNERS; i++) {
+        const int c = lowest + (i & 1 ? up[0] : 0) + (i & 2 ? up[1] : 0) + (i & 4 ? up[2] : 0);
+        solid |= (unsigned)is_solid(worker, c) << i;
+    }
     return solid;
 }
 
@@ -195,21 +205,20 @@ static bool find_cells(karst_mesh_worker *worker, karst_error *error)
     tile->cells = malloc(most * sizeof *tile->cells);
     if (!tile->cells)
         return karst_fail(error, KARST_FAILED, "out of memory");
-    for (int z = 0; worker->num_crossings && z < tile->num_cells[2]; z++)
-        for (int y = 0; y < tile->num_cells[1]; y++)
-            for (int x = 0; x < tile->num_cells[0]; x++) {
-                if (worker->state[karst_tile_corner(x, y, z)] != CORNER_WANTED)
-                    continue;
-                const unsigned solid = solid_corners(worker, x, y, z);
-                if (solid == 0 || solid == 255)
-                    continue;
-                karst_mesh_cell *cell = &tile->cells[tile->num_found++];
-                *cell = (karst_mesh_cell){.at = {tile->first[0] + x, tile->first[1] + y, tile->first[2] + z},
-                                          .solid = (uint8_t)solid};
-                cell->num_pieces =
-                    (signed char)karst_cell_pieces(solid, sample_centres(worker, cell), cell->piece_of);
-                number_pieces(tile, cell);
-            }
+    for (size_t i = 0; worker->num_crossings && i < worker->num_corners; i++) {
+        int at[3];
+        karst_tile_corner_at(worker->corners[i], at);
+        if (at[0] >= tile->num_cells[0] || at[1] >= tile->num_cells[1] || at[2] >= tile->num_cells[2])
+            continue;
+        const unsigned solid = solid_corners(worker, worker->corners[i]);
+        if (solid == 0 || solid == 255)
+            continue;
+        karst_mesh_cell *cell = &tile->cells[tile->num_found++];
+        *cell = (karst_mesh_cell){.at = {tile->first[0] + at[0], tile->first[1] + at[1], tile->first[2] + at[2]},
+                                  .solid = (uint8_t)solid};
+        cell->num_pieces = (signed char)karst_cell_pieces(solid, sample_centres(worker, cell), cell->piece_of);
+        number_pieces(tile, cell);
+    }
     return true;
 }
 

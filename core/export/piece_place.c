@@ -12,10 +12,12 @@
 /* A sharp edge that a cell's crossings tell of may pass just outside: then the vertex goes there, so far at most. */
 #define OUTSIDE 0.5
 #define FACE_MARGIN 0.01 /* of the way from a face's corner to its centre */
-/* How far along the normal the surface is looked for, in cells; then between the ends of the piece's edges, moved
- * towards the cell's middle by a quarter and ever less. */
-static const double reach[] = {0.03, 0.15, 0.5, 1.0};
+/* How far along the normal the surface is looked for, in cells: first a little beyond where the slope says it is; then
+ * between the ends of the piece's edges, moved towards the cell's middle by a quarter and ever less. */
+static const double reach[] = {0, 0.03, 0.15, 0.5, 1.0};
 enum { NUM_REACHES = sizeof reach / sizeof *reach, NUM_MOVES = 9 };
+#define BEYOND_SHARE 1.1
+#define BEYOND (0.4 * KARST_CROSSING_WITHIN)
 
 typedef struct {
     const karst_mesh_cell *cell;
@@ -23,6 +25,7 @@ typedef struct {
     int num_edges, attempt; /* attempt 0: at `place`; then the reaches; then edges and moves */
     double place[3], direction[3], mean_normal[3];
     double slack; /* how far outside the cell it may lie */
+    double slope, first_reach; /* the density's in a cell's width, 0: not known; in place of reach[0] */
     float density; /* at the last place looked at along the normal */
     double last[3];
     bool is_sharp, is_done;
@@ -100,8 +103,10 @@ static void begin(const karst_mesh_worker *worker, const karst_mesh_cell *cell, 
             points[s->num_edges][axis] = crossing->at[axis] - (double)cell->at[axis];
             normals[s->num_edges][axis] = crossing->normal[axis];
         }
+        s->slope += crossing->slope;
         s->edges[s->num_edges++] = (signed char)edge;
     }
+    s->slope /= s->num_edges;
     karst_find_feature((const double(*)[3])points, (const double(*)[3])normals, s->num_edges, &feature);
     choose_place(&feature, place, &s->slack);
     s->is_sharp = feature.is_bent;
@@ -128,7 +133,8 @@ static double way_out(const seeker *s)
 static int choose_places(const seeker *s, double at[2][3])
 {
     if (s->attempt <= NUM_REACHES) {
-        const double way = s->attempt ? fmin(reach[s->attempt - 1], way_out(s)) : 0;
+        const double farthest = s->attempt == 1 ? s->first_reach : s->attempt ? reach[s->attempt - 1] : 0;
+        const double way = s->attempt ? fmin(farthest, way_out(s)) : 0;
         for (int axis = 0; axis < 3; axis++)
             at[0][axis] = s->place[axis] + way * s->direction[axis];
         return 1;
@@ -169,6 +175,8 @@ static void learn(const karst_mesh_worker *worker, seeker *s, double at[2][3], c
     if (s->attempt == 0) {
         for (int axis = 0; axis < 3; axis++)
             s->direction[axis] = density[0] > 0 ? s->mean_normal[axis] : -s->mean_normal[axis];
+        s->first_reach = BEYOND_SHARE * fabs((double)density[0]) / s->slope + BEYOND;
+        s->attempt = s->first_reach < reach[1] ? 0 : 1; /* and one more below */
     } else if (s->attempt <= NUM_REACHES) {
         if ((density[0] > 0) != (s->density > 0)) {
             const bool out = s->density > 0;

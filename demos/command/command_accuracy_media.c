@@ -11,6 +11,7 @@ static const struct {
     const char *name;
     uint32_t num_samples;
 } ways[ACCURACY_NUM_MEDIA] = {{KARST_SCATTERING_ONCE, "once", 1},
+                              {KARST_SCATTERING_ONCE, "once", 16},
                               {KARST_SCATTERING_OCTAVES, "octaves", 1},
                               {KARST_SCATTERING_PATHS, "paths", 16},
                               {KARST_SCATTERING_PATHS, "paths", 64},
@@ -97,7 +98,7 @@ static bool trace(accuracy *a, int often, command_talk *talk, double *rgb, doubl
                                            .height_px = a->size_px[1],
                                            .view_distance_m = a->view_distance_m};
     const karst_reference_light light = {
-        .paths_px = (uint32_t)a->paths_px, .max_bounces = often ? 0 : 1, .spread_px = true};
+        .paths_px = (uint32_t)a->paths_px, .max_bounces = often ? 0 : 1, .spread_px = true, .around_of_world = true};
     const size_t num = 3 * (size_t)a->size_px[0] * (size_t)a->size_px[1];
     const uint64_t start_ns = command_clock_ns();
     double noise = 0;

@@ -1,4 +1,5 @@
 #include "producers/density/sampler_internal.h"
+#include "producers/density/sampler_slopes.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -240,9 +241,25 @@ static void bound_text(const karst_program_graph *program, double range[2])
     range[1] = is_air ? fmin(hi, 0) : hi;
 }
 
-bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, const double half_m[3],
-                          double footprint_m, double range[2])
+static karst_sampler_slopes slopes_of(const karst_sampler *sampler, const op_bound *density)
 {
+    const karst_world *world = sampler->world;
+    const double voxels_in_m = ldexp(1, -world->metadata.voxel_log2_m);
+    karst_sampler_slopes slopes = {.slack = (double)bounds_spread(density->r) + (double)density->d};
+    slopes.is_known = !world->models.data && !sampler->edits.data && !world->file->program->world.text &&
+                      isfinite(slopes.slack);
+    for (int axis = 0; axis < 3; axis++) {
+        slopes.in_m[axis] = (double)iv_magnitude(density->g[axis]) * voxels_in_m;
+        slopes.is_known = slopes.is_known && isfinite(slopes.in_m[axis]);
+    }
+    return slopes;
+}
+
+bool karst_sampler_prove(karst_sampler *sampler, const karst_position *centre, const double half_m[3],
+                         double footprint_m, double range[2], karst_sampler_slopes *slopes)
+{
+    if (slopes)
+        slopes->is_known = false;
     const karst_world *world = sampler->world;
     const karst_tape *tape = &world->file->tape;
     const karst_world_layout *layout = &world->file->layout;
@@ -270,6 +287,8 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
         return false;
     range[0] = (double)density.v.lo;
     range[1] = (double)density.v.hi;
+    if (slopes)
+        *slopes = slopes_of(sampler, &density);
     const karst_program_graph *program_graph = world->file->program;
     if (program_graph->world.text)
         bound_text(program_graph, range);
@@ -282,4 +301,10 @@ bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, 
         return false;
     }
     return true;
+}
+
+bool karst_sampler_bounds(karst_sampler *sampler, const karst_position *centre, const double half_m[3],
+                          double footprint_m, double range[2])
+{
+    return karst_sampler_prove(sampler, centre, half_m, footprint_m, range, NULL);
 }

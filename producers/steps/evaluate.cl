@@ -22,7 +22,7 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
     if (loads[brick].state != KARST_STATE_UNKNOWN)
         return;
     long origin[3] = {loads[brick].origin[0], loads[brick].origin[1], loads[brick].origin[2]};
-    evaluate_brick(WORLD_DATA(data, origin, loads[brick].level, samples));
+    evaluate_brick(WORLD_GIVES(data) origin, loads[brick].level, samples);
     MEND_BRICK(data, origin, loads[brick].level, samples, scrubs + brick);
 }
 
@@ -66,9 +66,9 @@ karst_evaluate_bricks(K_GLOBAL const karst_load *restrict loads, uint count, K_G
         }
 #ifdef KARST_MEDIUM
         const vint valid = v_lt((vint)(first) + V_LANE, (vint)(KARST_BRICK_SAMPLES));
-        v_store_float(medium_point(WORLD_DATA(data, &at, level, valid, &num_negative)), values);
+        v_store_float(medium_point(WORLD_GIVES(data) &at, level, valid, &num_negative), values);
 #else
-        v_store_float(world_point(WORLD_DATA(data, &at, level)), values);
+        v_store_float(world_point(WORLD_GIVES(data) &at, level), values);
 #endif
         for (int lane = 0; lane < LANES && first + lane < KARST_BRICK_SAMPLES; lane++)
             samples[first + lane] = values[lane];

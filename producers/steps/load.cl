@@ -15,7 +15,7 @@
 #include "producers/steps/medium.clh"
 #endif
 
-FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick_places *at))
+FINALISE_CALL void load_brick(WORLD_TAKES const long origin[3], int level, brick_places *at)
 {
     float samples[STAGING_STRIDE] __attribute__((aligned(64)));
     float *density = samples + CHANNEL_DENSITY_STAGING;
@@ -23,10 +23,10 @@ FINALISE_CALL void load_brick(WORLD_TAKES(const long origin[3], int level, brick
         density[i] = 0.0f; /* the slot's padding is the same whatever was there before */
     fetch_slot(at->q); /* from afar; once more when it is about to be written */
 #ifdef KARST_MEDIUM
-    at->scrub->raised = evaluate_medium(WORLD_DATA(data, origin, level, density));
+    at->scrub->raised = evaluate_medium(WORLD_GIVES(data) origin, level, density);
     at->scrub->given_up = 0u;
 #else
-    evaluate_brick(WORLD_DATA(data, origin, level, density));
+    evaluate_brick(WORLD_GIVES(data) origin, level, density);
     at->scrub->raised = at->scrub->given_up = 0u;
     MEND_BRICK(data, origin, level, density, at->scrub);
 #endif
@@ -74,5 +74,5 @@ karst_load_bricks(K_GLOBAL const uint *restrict load_nodes, K_GLOBAL const uint 
     K_GLOBAL karst_brick_sample *in_slot = slot_at(slot, bricks_per_segment, b0, b1, b2, b3, b4, b5, b6, b7);
     at.q = in_slot + CHANNEL_DENSITY_SLOT;
     at.fine = (K_GLOBAL uint *)(in_slot + SLOT_STRIDE);
-    load_brick(WORLD_DATA(data, origin, level, &at));
+    load_brick(WORLD_GIVES(data) origin, level, &at);
 }

@@ -43,30 +43,30 @@ K_INLINE int box_place(K_GLOBAL const uint *list, uint box, uint kind, K_GLOBAL 
 }
 
 /* What follows from the bounds (lo, hi, slopes, slack) of a box. */
-K_INLINE float doubt_of(WORLD_TAKES(const float bounds[6], int level))
+K_INLINE float doubt_of(WORLD_TAKES const float bounds[6], int level)
 {
-    return karst_load_doubt(bounds[2], bounds[3], bounds[4], world_slack(WORLD_DATA(data, level)) + bounds[5], level);
+    return karst_load_doubt(bounds[2], bounds[3], bounds[4], world_slack(WORLD_GIVES(data) level) + bounds[5], level);
 }
 
 /* `known`: the node as it is. */
-K_INLINE void write_load(WORLD_TAKES(const float bounds[6], const long corner[3], int level, karst_node known,
-                                     K_GLOBAL karst_load *load))
+K_INLINE void write_load(WORLD_TAKES const float bounds[6], const long corner[3], int level, karst_node known,
+                                     K_GLOBAL karst_load *load)
 {
     karst_load l = {{corner[0], corner[1], corner[2]},
                     level,
                     karst_state_from_bounds(bounds[0], bounds[1]),
-                    doubt_of(WORLD_DATA(data, bounds, level)),
+                    doubt_of(WORLD_GIVES(data) bounds, level),
                     karst_node_is_clear(known)};
     *load = l;
 }
 
 /* A load that came out clear, all its samples `least` from zero or farther, is constant where bounds prove it. */
-K_INLINE void write_loaded(WORLD_TAKES(const float bounds[6], int level, float least, K_GLOBAL uint *result))
+K_INLINE void write_loaded(WORLD_TAKES const float bounds[6], int level, float least, K_GLOBAL uint *result)
 {
     int is_solid = (*result & ~KARST_LOAD_KEPT) == KARST_STATE_CLEAR_SOLID;
     uint state = karst_state_from_bounds(bounds[0], bounds[1]);
     if (state == KARST_STATE_UNKNOWN)
-        state = karst_state_from_samples(least, is_solid, !is_solid, 0u, doubt_of(WORLD_DATA(data, bounds, level)));
+        state = karst_state_from_samples(least, is_solid, !is_solid, 0u, doubt_of(WORLD_GIVES(data) bounds, level));
     if (state == KARST_STATE_AIR || state == KARST_STATE_SOLID)
         *result = state;
 }
@@ -95,10 +95,10 @@ K_INLINE void write_child(const float bounds[6], K_GLOBAL const uint *list, K_GL
 
 /* Bounds `count` boxes of a list, BATCH at most; the first argument of write_* says of what. Of loads only the slopes
  * are wanted: that they are no constants has been seen when their tile was made. */
-BOUNDS_ENTRY void bound_nodes(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL const uint *slots, const uint *boxes,
+BOUNDS_ENTRY void bound_nodes(WORLD_TAKES K_GLOBAL const uint *list, K_GLOBAL const uint *slots, const uint *boxes,
                                           uint count, uint kind, K_GLOBAL karst_node *nodes,
                                           K_GLOBAL karst_tile_info *tile_info, K_GLOBAL karst_load *loads,
-                                          K_GLOBAL const float *least, K_GLOBAL uint *results))
+                                          K_GLOBAL const float *least, K_GLOBAL uint *results)
 {
     long corner[3][BATCH];
     int levels[BATCH];
@@ -111,14 +111,14 @@ BOUNDS_ENTRY void bound_nodes(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL co
             corner[axis][i] = at[axis];
     }
 #ifdef WORLD_HAS_LISTS
-    world_bounds_list(WORLD_DATA(data, corner, levels, count, kind == BOXES_OF_TILES ? WORLD_REFINE_DEPTH : 0, values));
+    world_bounds_list(WORLD_GIVES(data) corner, levels, count, kind == BOXES_OF_TILES ? WORLD_REFINE_DEPTH : 0, values);
 #else
     vlong x = LOAD_LONG(corner[0]), y = LOAD_LONG(corner[1]), z = LOAD_LONG(corner[2]);
     world_bound bound;
     if (kind == BOXES_OF_TILES)
-        world_bounds(WORLD_DATA(data, x, y, z, v_load_int(levels), &bound));
+        world_bounds(WORLD_GIVES(data) x, y, z, v_load_int(levels), &bound);
     else
-        world_slopes(WORLD_DATA(data, x, y, z, v_load_int(levels), &bound));
+        world_slopes(WORLD_GIVES(data) x, y, z, v_load_int(levels), &bound);
     v_store_float(bound.lo, values[0]);
     v_store_float(bound.hi, values[1]);
     for (int axis = 0; axis < 3; axis++)
@@ -134,9 +134,9 @@ BOUNDS_ENTRY void bound_nodes(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL co
         if (kind == BOXES_OF_TILES)
             write_child(of_box, list, slots, box, nodes, tile_info);
         else if (kind == BOXES_OF_LOADS)
-            write_load(WORLD_DATA(data, of_box, at, levels[i], nodes[list[box]], loads + box));
+            write_load(WORLD_GIVES(data) of_box, at, levels[i], nodes[list[box]], loads + box);
         else
-            write_loaded(WORLD_DATA(data, of_box, levels[i], least[box], results + box));
+            write_loaded(WORLD_GIVES(data) of_box, levels[i], least[box], results + box);
     }
 }
 
@@ -151,14 +151,14 @@ K_INLINE uint next_boxes(uint *begin, uint end, uint kind, K_GLOBAL const float 
     return count;
 }
 
-BOUNDS_ENTRY void bound_batch(WORLD_TAKES(K_GLOBAL const uint *list, K_GLOBAL const uint *slots, uint begin, uint end,
+BOUNDS_ENTRY void bound_batch(WORLD_TAKES K_GLOBAL const uint *list, K_GLOBAL const uint *slots, uint begin, uint end,
                                           uint kind, K_GLOBAL karst_node *nodes, K_GLOBAL karst_tile_info *tile_info,
                                           K_GLOBAL karst_load *loads, K_GLOBAL const float *least,
-                                          K_GLOBAL uint *results))
+                                          K_GLOBAL uint *results)
 {
     uint boxes[BATCH], count;
     while ((count = next_boxes(&begin, end, kind, least, boxes)) > 0)
-        bound_nodes(WORLD_DATA(data, list, slots, boxes, count, kind, nodes, tile_info, loads, least, results));
+        bound_nodes(WORLD_GIVES(data) list, slots, boxes, count, kind, nodes, tile_info, loads, least, results);
 }
 
 /* Work-item i bounds boxes i * batch ... of `count`: list[first ...] for loads, `results` as the list. One kernel does
@@ -171,5 +171,5 @@ karst_bound_nodes(K_GLOBAL const uint *list, K_GLOBAL const uint *slots, uint fi
 {
     uint begin = (uint)get_global_id(0) * batch, end = min(begin + batch, count);
     bound_batch(
-        WORLD_DATA(data, list + first, slots, begin, end, kind, nodes, tile_info, loads, least, results + first));
+        WORLD_GIVES(data) list + first, slots, begin, end, kind, nodes, tile_info, loads, least, results + first);
 }

@@ -10,7 +10,7 @@
 struct karst_bounce {
     karst_context *context;
     karst_program *program;
-    cl_kernel count, scan, mirror, add_sun;
+    cl_kernel count, scan, mirror, pack, add_sun;
     bool sun;
     uint32_t num_blocks, room; /* of the largest pictures that there is room for; rays */
     uint32_t limit;            /* rays of the stream at hand, in whole blocks; 0: a picture's */
@@ -36,9 +36,10 @@ karst_bounce *karst_bounce_create(karst_context *context, bool sun, karst_error 
         bounce->count = karst_program_kernel(bounce->program, "bounce_count", error);
         bounce->scan = karst_program_kernel(bounce->program, "bounce_scan", error);
         bounce->mirror = karst_program_kernel(bounce->program, "bounce_mirror", error);
+        bounce->pack = karst_program_kernel(bounce->program, "bounce_pack_shadows", error);
         bounce->add_sun = karst_program_kernel(bounce->program, "bounce_add_sun", error);
     }
-    if (!bounce->count || !bounce->scan || !bounce->mirror || !bounce->add_sun) {
+    if (!bounce->count || !bounce->scan || !bounce->mirror || !bounce->pack || !bounce->add_sun) {
         karst_bounce_destroy(bounce);
         return NULL;
     }
@@ -59,7 +60,7 @@ void karst_bounce_destroy(karst_bounce *bounce)
 {
     if (!bounce)
         return;
-    cl_kernel kernels[] = {bounce->count, bounce->scan, bounce->mirror, bounce->add_sun};
+    cl_kernel kernels[] = {bounce->count, bounce->scan, bounce->mirror, bounce->pack, bounce->add_sun};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -159,6 +160,17 @@ bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_c
     return karst_cast_stream(caster, view, bounce->rays, room, bounce->total, again ? NULL : bounce->hits, error);
 }
 
+/* room: places in each of their planes. */
+static bool pack_shadows(karst_bounce *bounce, cl_uint room, karst_error *error)
+{
+    const size_t at_once = (size_t)KARST_PACKED_BLOCKS * BLOCK_RAYS;
+    const size_t local_size = bounce->context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
+    return KARST_ARGUMENTS(bounce->pack, error, KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
+                           KARST_BUFFER_ARG(bounce->shadow_rays), KARST_BUFFER_ARG(bounce->suns)) &&
+           karst_launch(bounce->context, bounce->pack, KARST_STAGE_SHADE, (room + at_once - 1) / at_once, local_size,
+                        error);
+}
+
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error)
@@ -170,7 +182,8 @@ bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_
                                        .room = most_rays(bounce, pinhole),
                                        .shadow_rays = bounce->shadow_rays,
                                        .suns = bounce->suns};
-    return karst_shade_rays(shader, view, pinhole, light, &stream, parts, counters, error);
+    return karst_shade_rays(shader, view, pinhole, light, &stream, parts, counters, error) &&
+           (!bounce->sun || pack_shadows(bounce, stream.max_rays, error));
 }
 
 bool karst_bounce_cast_shadows(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view,
@@ -197,8 +210,9 @@ bool karst_bounce_add_sun(karst_bounce *bounce, const karst_pinhole *pinhole, ka
     const cl_uint room = most_rays(bounce, pinhole);
     const size_t lanes = (size_t)bounce->context->lanes, local_size = lanes == 1 ? GPU_LOCAL_SIZE : 16;
     return KARST_ARGUMENTS(bounce->add_sun, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
-                           KARST_BUFFER_ARG(bounce->rays), KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
-                           KARST_BUFFER_ARG(bounce->suns), KARST_BUFFER_ARG(bounce->marks), KARST_BUFFER_ARG(parts)) &&
+                           KARST_BUFFER_ARG(bounce->shadow_rays), KARST_BUFFER_ARG(bounce->total),
+                           KARST_VALUE_ARG(room), KARST_BUFFER_ARG(bounce->suns), KARST_BUFFER_ARG(bounce->marks),
+                           KARST_BUFFER_ARG(parts)) &&
            karst_launch(bounce->context, bounce->add_sun, KARST_STAGE_SHADE, room / lanes, local_size, error);
 }
 

@@ -140,19 +140,56 @@ __kernel K_WIDE void bounce_mirror(karst_pinhole pinhole, float detail, K_GLOBAL
     }
 }
 
-/* Adds what the sun does to pixels, of the rays of a stream whose hits it sees: LANES of them for each work-item. */
-__kernel K_WIDE void bounce_add_sun(int width_px, int height_px, K_GLOBAL const karst_ray *rays,
+/* Closes the ranks of a stream's shadow rays, and of what the sun adds to them: those of PACKED_RAYS neighbours come
+ * after one another from the first place on, in their order, and the places behind them are free. Few of what is
+ * mirrored faces the sun, and rays that travel together are to be many. One work-item for each of those. */
+#define PACKED_RAYS (KARST_PACKED_BLOCKS * BLOCK_RAYS)
+RAY_INLINE void pack_plane(K_GLOBAL float *plane, uint to, uint from, uint bits)
+{
+    float lanes[LANES];
+    pack_float(lanes, v_load_float(plane + from), bits);
+    v_store_float(v_load_float(lanes), plane + to);
+}
+
+__kernel K_WIDE void bounce_pack_shadows(K_GLOBAL const uint *count, uint room, K_GLOBAL float *shadow_rays,
+                                         K_GLOBAL float *suns)
+{
+    const uint begin = (uint)get_global_id(0) * PACKED_RAYS;
+    if (begin >= *count)
+        return;
+    const uint end = room - begin < PACKED_RAYS ? room : begin + PACKED_RAYS;
+    K_GLOBAL float *widths = shadow_rays + KARST_SHADOW_WIDTH * (size_t)room;
+    uint to = begin;
+    for (uint from = begin; from < end; from += LANES) {
+        const uint bits = mask_bits(v_mask(v_gt(v_load_float(widths + from), (vfloat)(0.0f))));
+        if (!bits)
+            continue;
+        for (int f = 0; f < KARST_SHADOW_FIELDS; f++)
+            pack_plane(shadow_rays + (size_t)f * room, to, from, bits);
+        for (int c = 0; c < KARST_RADIANCE_PLANES; c++)
+            pack_plane(suns + (size_t)c * room, to, from, bits);
+        to += (uint)k_popcount(bits);
+    }
+    for (uint i = to; i < end; i++)
+        widths[i] = 0.0f;
+}
+
+/* Adds what the sun does to pixels, of the shadow rays of a stream that nothing hides it from: LANES places for each
+ * work-item. */
+__kernel K_WIDE void bounce_add_sun(int width_px, int height_px, K_GLOBAL const float *shadow_rays,
                                     K_GLOBAL const uint *count, uint room, K_GLOBAL const float *suns,
                                     K_GLOBAL const uint *marks, K_GLOBAL float *parts)
 {
     const size_t plane = (size_t)width_px * (size_t)height_px;
+    K_GLOBAL const float *widths = shadow_rays + KARST_SHADOW_WIDTH * (size_t)room;
+    K_GLOBAL const uint *pixels = (K_GLOBAL const uint *)(shadow_rays + KARST_SHADOW_DARK * (size_t)room);
     const uint first = (uint)get_global_id(0) * LANES;
     for (uint i = first; i < first + LANES && i < *count; i++) {
         /* as a picture 32 pixels wide has them */
         const uint row = i / 128 * 4 + i % 16 / 4, column = i % 128 / 16 * 4 + i % 4;
-        if (marks[row * 32 + column])
+        if (!(widths[i] > 0.0f) || marks[row * 32 + column])
             continue;
-        const uint x = rays[i].pixel & 0xffffu, y = rays[i].pixel >> 16;
+        const uint pixel = pixels[i] & ~KARST_SHADOW_OF_PIXEL, x = pixel & 0xffffu, y = pixel >> 16;
         const uint place = karst_packet_order(x, y, (uint)width_px, (uint)height_px);
         for (int c = 0; c < KARST_RADIANCE_PLANES; c++)
             parts[(size_t)c * plane + place] += suns[(size_t)c * room + i];

@@ -28,7 +28,8 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 /* Casts them; `again`: for stamps and wishes alone. Asynchronous. Errors: KARST_FAILED. */
 bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_cast_view *view, bool again,
                        karst_error *error);
-/* Adds what they see without the sun to the parts; makes their shadow rays. As karst_shade_rays. */
+/* Adds what they see without the sun to the parts; makes their shadow rays, which close ranks: those of four beams
+ * stand one after the other, and what the sun adds with them. As karst_shade_rays. */
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
                         const karst_pinhole *pinhole, const karst_light *light, karst_buffer *parts,
                         karst_buffer *counters, karst_error *error);
@@ -47,7 +48,7 @@ typedef struct {
     karst_buffer *rays, *hits, *total;
     karst_buffer *shadow_rays; /* NULL without a sun */
     uint32_t room;
-    karst_buffer *suns, *marks; /* what the sun adds to rays, and where it is hidden; NULL without a sun */
+    karst_buffer *suns, *marks; /* of shadow rays, what the sun adds, and where it is hidden; NULL without a sun */
 } karst_bounce_stream;
 karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce);
 uint32_t karst_bounce_room(int width_px, int height_px);

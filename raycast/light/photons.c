@@ -1,18 +1,21 @@
 /* Launching the kernels of photons, and what is decided between them. */
 #include "raycast/light/photons.h"
+#include "raycast/light/photons_aim.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define LOCAL_SIZE 64
-#define NUM_PROBES (KARST_PHOTON_CELLS * KARST_PHOTON_PROBES)
+#define NUM_PROBES KARST_PHOTON_CELLS
 /* Generations that are enqueued before it is looked whether any photons are left. */
 #define BLIND_BOUNCES 3u
+/* Where only what they lack is asked for, one run of so many is traced. */
+#define ASKING 8u
 #define MIN_BUCKETS_LOG2 12u
 #define MAX_BUCKETS_LOG2 22u
-/* Rings of a sun's disc grow by exp(RING_GROWTH / rows) each. */
-#define RING_GROWTH 7.0
+/* Photons of a part of a cell at least, on average: else parts are twice as wide. */
+#define PART_PHOTONS 4
 /* Photons that a kernel holds where light is as dense as lamps send it: so many of a million, and more the more there
  * are, as its root: noise and blur fall together. */
 #define KERNEL_PHOTONS 40.0
@@ -45,7 +48,8 @@ struct karst_photons {
     karst_context *context;
     karst_program *program;
     cl_kernel kernels[NUM_KERNELS];
-    uint32_t num_photons, num_batches, batch_rays; /* the last batch may have fewer */
+    uint32_t num_photons, num_batches, batch_rays; /* batches may have fewer */
+    uint32_t num_sent;                             /* of the photons: all, but for what grids leave over */
     uint32_t room, buckets_log2;                   /* rays of the streams */
     uint32_t num_lamps, num_cells, num_sorted;     /* the last: batches that are gathered */
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
@@ -132,8 +136,9 @@ karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons
     }
     p->context = context;
     p->num_photons = num_photons;
-    p->num_batches = (num_photons - 1) / max_rays + 1;
-    p->batch_rays = (num_photons - 1) / p->num_batches + 1;
+    const uint32_t runs = (num_photons - 1) / KARST_PHOTON_RUN + 1;
+    p->num_batches = (runs - 1) / (max_rays > KARST_PHOTON_RUN ? max_rays / KARST_PHOTON_RUN : 1) + 1;
+    p->batch_rays = ((runs - 1) / p->num_batches + 1) * KARST_PHOTON_RUN;
     p->room = whole_blocks(p->batch_rays > NUM_PROBES ? p->batch_rays : NUM_PROBES);
     p->buckets_log2 = buckets_log2(num_photons);
     p->sums = calloc(p->num_batches, sizeof *p->sums);
@@ -172,8 +177,8 @@ uint32_t karst_photons_num_batches(const karst_photons *p) { return p->num_batch
 uint32_t karst_photons_in_batches(const karst_photons *p, uint32_t num_batches)
 {
     uint32_t num = 0;
-    for (uint32_t batch = 0; batch < num_batches && batch < p->num_photons; batch++)
-        num += (p->num_photons - batch - 1) / p->num_batches + 1;
+    for (uint32_t batch = 0; batch < num_batches; batch++)
+        num += karst_photons_of_batch(p->num_sent, batch, p->num_batches);
     return num;
 }
 
@@ -190,9 +195,10 @@ static bool launch(const karst_photons *p, int kernel, size_t items, karst_error
 static karst_photon_task task_of(const karst_photons *p, const karst_photon_scene *scene)
 {
     return (karst_photon_task){.num_batches = 1,
-                               .num_photons = p->num_photons,
+                               .num_photons = p->num_sent,
                                .num_cells = p->num_cells,
                                .is_sure = scene->view->ends_at_missing,
+                               .has_land = 1,
                                .has_clear = scene->clear != NULL,
                                .detail = scene->view->detail,
                                .voxel_m = (float)scene->voxel_m,
@@ -217,7 +223,8 @@ static bool turn(karst_photons *p, const karst_buffer *count, uint32_t num, kars
            launch(p, TURN, num, error);
 }
 
-/* Casts the stream into both kinds of matter, and finds what is there; `next` gets the rays that land has leave it. */
+/* Casts the stream into both kinds of matter, and finds what is there; `next` gets the rays that land has leave it.
+ * Probes are told what they met, and no more. */
 static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_photon_task *task,
                  const karst_buffer *count, uint32_t num, karst_error *error)
 {
@@ -236,34 +243,37 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
                                         .max_rays = num,
                                         .next = p->next,
                                         .to_lamps = p->to_lamps};
+    /* A few voxels off, land may be of another material; what is clear is so everywhere. */
+    karst_refiner *const of_clear_hits = task->is_probe ? NULL : scene->clear_refiner;
     karst_profile_set_stream(p->context, KARST_STREAM_CLEAR);
-    bool done = karst_cast_stream(scene->land, scene->view, p->rays, num, count, p->hits, error) &&
-                (!scene->land_refiner || karst_refine_rays(scene->land_refiner, p->rays, count, num, &scene->anchor,
-                                                           true, p->hits, error)) &&
-                karst_shade_paths(scene->shader, scene->view, &pinhole, scene->light, &of_land, &streams,
-                                  scene->parts, scene->counters, error);
+    bool done = !task->has_land ||
+                (karst_cast_stream(scene->land, scene->view, p->rays, num, count, p->hits, error) &&
+                 (!scene->land_refiner || karst_refine_rays(scene->land_refiner, p->rays, count, num, &scene->anchor,
+                                                            true, p->hits, error)) &&
+                 karst_shade_paths(scene->shader, scene->view, &pinhole, scene->light, &of_land, &streams,
+                                   scene->parts, scene->counters, error));
     if (done && scene->clear)
         done = turn(p, count, num, error) &&
                karst_cast_stream(scene->clear, scene->view, p->rays, num, count, p->over_hits, error) &&
-               (!scene->clear_refiner || karst_refine_rays(scene->clear_refiner, p->rays, count, num, &scene->anchor,
-                                                           true, p->over_hits, error)) &&
+               (!of_clear_hits ||
+                karst_refine_rays(of_clear_hits, p->rays, count, num, &scene->anchor, true, p->over_hits, error)) &&
                turn(p, count, num, error) &&
-               karst_clear_find_matter(scene->clear_shader, scene->view, p->rays, count, p->ways, num, p->over_hits,
-                                       p->matter, p->room, error);
+               (task->is_probe || karst_clear_find_matter(scene->clear_shader, scene->view, p->rays, count, p->ways,
+                                                          num, p->over_hits, p->matter, p->room, error));
     karst_profile_set_stream(p->context, KARST_NUM_STREAMS);
     return done;
 }
 
-static bool meet(karst_photons *p, const karst_photon_task *task, const karst_buffer *count, uint32_t num,
-                 karst_buffer *into, size_t first, karst_error *error)
+static bool meet(karst_photons *p, const karst_photon_task *task, const karst_pinhole *pinhole,
+                 const karst_buffer *count, uint32_t num, karst_buffer *into, size_t first, karst_error *error)
 {
     const cl_mem mem = into ? into->mem : NULL;
     const uint32_t begin = (uint32_t)first;
-    return KARST_ARGUMENTS(p->kernels[MEET], error, KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(p->rays),
-                           KARST_BUFFER_ARG(p->ways), KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->hits),
-                           KARST_BUFFER_ARG(p->over_hits), KARST_BUFFER_ARG(p->matter), KARST_VALUE_ARG(p->room),
-                           KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->next_ways), KARST_BUFFER_ARG(p->fates),
-                           KARST_VALUE_ARG(mem), KARST_VALUE_ARG(begin)) &&
+    return KARST_ARGUMENTS(p->kernels[MEET], error, KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*pinhole),
+                           KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways), KARST_BUFFER_ARG(count),
+                           KARST_BUFFER_ARG(p->hits), KARST_BUFFER_ARG(p->over_hits), KARST_BUFFER_ARG(p->matter),
+                           KARST_VALUE_ARG(p->room), KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->next_ways),
+                           KARST_BUFFER_ARG(p->fates), KARST_VALUE_ARG(mem), KARST_VALUE_ARG(begin)) &&
            launch(p, MEET, num, error);
 }
 
@@ -290,8 +300,8 @@ static bool write_table(karst_photons *p, float t_max, karst_error *error)
 {
     float table[3 * KARST_PHOTON_ROWS + 4];
     for (uint32_t i = 0; i <= KARST_PHOTON_ROWS; i++) {
-        const double share = (double)i / KARST_PHOTON_ROWS, angle = 2 * M_PI * share;
-        table[i] = (float)(t_max * expm1(RING_GROWTH * share) / expm1(RING_GROWTH));
+        const double angle = 2 * M_PI * i / KARST_PHOTON_ROWS;
+        table[i] = (float)karst_photon_ring(t_max, i);
         table[KARST_PHOTON_ROWS + 1 + 2 * i] = (float)cos(angle);
         table[KARST_PHOTON_ROWS + 2 + 2 * i] = (float)sin(angle);
     }
@@ -299,85 +309,64 @@ static bool write_table(karst_photons *p, float t_max, karst_error *error)
     return karst_buffer_write(p->table, 0, table, sizeof table, error);
 }
 
-/* A cell's area across a sun's light, or its solid angle. */
-static double measure_of(const karst_photon_lamp *lamp, float t_max, uint32_t cell)
-{
-    const double row = cell / KARST_PHOTON_ROWS, rows = KARST_PHOTON_ROWS, angle = 2 * M_PI / rows;
-    if (lamp->kind != KARST_LAMP_SUN)
-        return (1 - (double)lamp->least_cosine) / rows * angle;
-    const double inner = t_max * expm1(RING_GROWTH * row / rows) / expm1(RING_GROWTH),
-                 outer = t_max * expm1(RING_GROWTH * (row + 1) / rows) / expm1(RING_GROWTH);
-    return 0.5 * (outer - inner) * (outer + inner) * sin(angle);
-}
-
-/* What is known of a cell once its probes and those around it have looked. */
-typedef struct {
-    double distance, area; /* from the eye; across the light, where it is met; 0: nothing there turns photons */
-} looked;
-
-static looked look_around(const float (*seen)[2], const karst_photon_lamp *lamp, uint32_t cell, double measure)
-{
-    const int rows = (int)KARST_PHOTON_ROWS, row = (int)cell / rows, column = (int)cell % rows;
-    looked best = {0, 0};
-    for (int r = row - 1; r <= row + 1; r++)
-        for (int c = column - 1; c <= column + 1; c++) {
-            if (r < 0 || r >= rows)
-                continue;
-            const int other = r * rows + (c + rows) % rows;
-            for (uint32_t i = 0; i < KARST_PHOTON_PROBES; i++) {
-                const float *probe = seen[(uint32_t)other * KARST_PHOTON_PROBES + i];
-                if (!(probe[0] > 0) || (best.distance > 0 && probe[0] >= best.distance))
-                    continue;
-                const double t = probe[1];
-                best.distance = probe[0];
-                best.area = lamp->kind == KARST_LAMP_SUN ? measure : measure * t * t;
-            }
-        }
-    return best;
-}
-
-/* Photons of each cell, from what each is worth. */
-static bool share_out(karst_photons *p, karst_photon_cell *cells, const double *worth, uint32_t num,
-                      karst_error *error)
-{
-    double sum = 0, before = 0, most = 0;
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < num; i++)
-        sum += worth[i];
-    for (uint32_t i = 0; i < num; i++) {
-        const uint32_t first = (uint32_t)fmin(p->num_photons, floor(p->num_photons * (before / sum) + 0.5));
-        before += worth[i];
-        const uint32_t end = (uint32_t)fmin(p->num_photons, floor(p->num_photons * (before / sum) + 0.5));
-        if (end == first)
-            continue;
-        /* On average it has so many, whatever rounding gives it. */
-        cells[i].share = (float)((double)cells[i].share * sum / (worth[i] * p->num_photons));
-        cells[i].first = first;
-        const karst_photon_lamp *lamp = &p->lamps[cells[i].cell >> 16];
-        most = fmax(most, (double)cells[i].share * fmax(lamp->colour[0], fmax(lamp->colour[1], lamp->colour[2])));
-        cells[kept++] = cells[i];
-    }
-    p->num_cells = kept;
-    if (!kept)
-        return true;
-    p->quantum = ldexp(1, MOST_QUANTA_LOG2 - 1 - ilogb(1.01 * most));
-    return karst_buffer_write(p->cells, 0, cells, kept * sizeof *cells, error);
-}
-
-static bool probe(karst_photons *p, const karst_photon_scene *scene, uint32_t lamp, float (*seen)[2],
-                  karst_error *error)
+/* Of all cells of a lamp, or of the parts of the grids in `cells`. */
+static bool probe(karst_photons *p, const karst_photon_scene *scene, uint32_t lamp, uint32_t num_grids, uint32_t num,
+                  karst_photon_seen *seen, karst_error *error)
 {
     karst_photon_task task = task_of(p, scene);
     const karst_buffer *count = p->total[0];
-    task.num_photons = NUM_PROBES;
+    task.num_photons = num;
+    task.num_cells = num_grids;
     task.lamp = lamp;
-    task.is_probe = 1;
-    return send(p, &task, NUM_PROBES, error) && cast(p, scene, &task, count, NUM_PROBES, error) &&
+    task.is_probe = num_grids ? 2 : 1;
+    /* What land hides of clear matter only costs photons; to ask for land as far as the view goes would cost more. */
+    task.has_land = scene->mirrors;
+    return send(p, &task, num, error) && cast(p, scene, &task, count, num, error) &&
            KARST_ARGUMENTS(p->kernels[LOOK], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(p->rays),
                            KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->hits), KARST_BUFFER_ARG(p->over_hits),
                            KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->seen)) &&
-           launch(p, LOOK, NUM_PROBES, error) &&
-           karst_buffer_read(p->seen, 0, seen, NUM_PROBES * sizeof *seen, error);
+           launch(p, LOOK, num, error) && karst_buffer_read(p->seen, 0, seen, num * sizeof *seen, error);
+}
+
+/* Which of a lamp's cells hold anything, and which parts of those: as fine as num_photons allow. */
+static bool look(karst_photons *p, const karst_photon_scene *scene, karst_photon_aim *aim, uint32_t num_photons,
+                 karst_photon_cell *grids, karst_error *error)
+{
+    const uint32_t most = num_photons / PART_PHOTONS < NUM_PROBES ? num_photons / PART_PHOTONS : NUM_PROBES;
+    if (!probe(p, scene, aim->number, 0, NUM_PROBES, aim->first, error))
+        return false;
+    const uint32_t log2 = karst_photons_find_cells(aim, most > 1024 ? most : 1024), num = aim->num_cells << 2 * log2;
+    if (!log2)
+        return true;
+    karst_photons_probe_parts(aim, log2, grids);
+    return karst_buffer_write(p->cells, 0, grids, aim->num_cells * sizeof *grids, error) &&
+           probe(p, scene, aim->number, aim->num_cells, num, aim->parts, error);
+}
+
+/* Of all parts what they are worth, and so what a photon is: the rest of what aiming settles. */
+static bool set_photons(karst_photons *p, const karst_photon_scene *scene, karst_photon_cell *parts,
+                        const double *worth, uint32_t num, double angle, karst_error *error)
+{
+    double energy = 0, most = 0;
+    for (uint32_t i = 0; i < num; i++)
+        energy += worth[i];
+    p->num_sent = karst_photons_share_out(p->lamps, scene->pinhole->t_max, parts, worth, &num, p->num_photons);
+    p->num_cells = p->num_sent ? num : 0;
+    if (!p->num_cells)
+        return true;
+    for (uint32_t i = 0; i < num; i++) {
+        const karst_photon_lamp *lamp = &p->lamps[parts[i].cell >> 16];
+        most = fmax(most, (double)parts[i].share * fmax(lamp->colour[0], fmax(lamp->colour[1], lamp->colour[2])));
+    }
+    p->quantum = ldexp(1, MOST_QUANTA_LOG2 - 1 - ilogb(1.01 * most));
+    /* So wide that a disc of that radius, where light is as dense as lamps send it, holds as many as are wished; and as
+     * wide as a pixel, of which a disc spreads as much as a square when it is narrower than that by a root of two. */
+    const double wished = KERNEL_PHOTONS * sqrt(p->num_sent / 1e6);
+    p->reach = (float)fmax(sqrt(wished * angle / (M_PI * p->num_sent)), M_SQRT1_2 * scene->pinhole->cone);
+    /* What a usual photon adds: its power over the square of its distance is the same everywhere. */
+    const double usual = energy / p->num_sent * 2 / (M_PI * (double)p->reach * (double)p->reach);
+    p->scale = (float)ldexp(1, GATHERED_LOG2 - ilogb(usual));
+    return karst_buffer_write(p->cells, 0, parts, num * sizeof *parts, error);
 }
 
 bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
@@ -385,51 +374,43 @@ bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const 
 {
     if (num_lamps > KARST_MOST_LAMPS)
         return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num_lamps, KARST_MOST_LAMPS);
-    const uint32_t most = (num_lamps ? num_lamps : 1) * KARST_PHOTON_CELLS;
-    const float t_max = scene->pinhole->t_max;
-    karst_photon_cell *cells = malloc(most * sizeof *cells);
-    double *worth = malloc(most * sizeof *worth);
-    float(*seen)[2] = malloc(NUM_PROBES * sizeof *seen);
+    const size_t most = (size_t)(num_lamps ? num_lamps : 1) * KARST_PHOTON_CELLS;
+    karst_photon_cell *parts = malloc(most * sizeof *parts);
+    double *worth = malloc(most * sizeof *worth), angle = 0;
+    karst_photon_aim *aim = malloc(sizeof *aim);
     uint32_t num = 0;
-    double angle = 0, energy = 0;
-    p->num_cells = p->num_sorted = 0;
+    p->num_cells = p->num_sorted = p->num_sent = 0;
     p->num_lamps = num_lamps;
     memset(p->sums, 0, p->num_batches * sizeof *p->sums);
     if (num_lamps)
         memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
-    bool done = (cells && worth && seen) || karst_fail(error, KARST_FAILED, "out of memory");
+    bool done = (parts && worth && aim) || karst_fail(error, KARST_FAILED, "out of memory");
     done = done && (!num_lamps || karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) &&
-           write_table(p, t_max, error);
+           write_table(p, scene->pinhole->t_max, error);
     for (uint32_t l = 0; done && l < num_lamps; l++) {
-        const double bright = fmax(lamps[l].colour[0], fmax(lamps[l].colour[1], lamps[l].colour[2]));
-        if (!(bright > 0))
+        const uint32_t photons = p->num_photons / num_lamps;
+        if (!(fmax(lamps[l].colour[0], fmax(lamps[l].colour[1], lamps[l].colour[2])) > 0))
             continue;
-        done = probe(p, scene, l, seen, error);
-        for (uint32_t cell = 0; done && cell < KARST_PHOTON_CELLS; cell++) {
-            const double measure = measure_of(&lamps[l], t_max, cell);
-            const looked at = look_around((const float(*)[2])seen, &lamps[l], cell, measure);
-            if (!(at.distance > 0))
-                continue;
-            const double far = fmax(at.distance, 1);
-            worth[num] = bright * measure / (far * far);
-            cells[num] = (karst_photon_cell){.cell = cell | l << 16, .share = (float)measure, .distance = (float)far};
-            angle += at.area / (far * far);
-            energy += worth[num];
-            num++;
+        aim->lamp = &lamps[l];
+        aim->number = l;
+        aim->t_max = scene->pinhole->t_max;
+        done = look(p, scene, aim, photons, parts + num, error);
+        for (bool fits = false; done && !fits;) {
+            double across = 0;
+            const uint32_t of_lamp = karst_photons_find_parts(aim, parts + num, worth + num, &across);
+            fits = aim->parts_log2 == 0 || (uint64_t)of_lamp * PART_PHOTONS <= photons;
+            if (fits) {
+                num += of_lamp;
+                angle += across;
+            } else {
+                karst_photons_coarsen(aim);
+            }
         }
     }
-    if (done && num) {
-        /* So wide that a disc of that radius, where light is as dense as lamps send it, holds as many as are wished. */
-        const double wished = KERNEL_PHOTONS * sqrt(p->num_photons / 1e6);
-        p->reach = (float)fmax(sqrt(wished * angle / (M_PI * p->num_photons)), scene->pinhole->cone);
-        done = share_out(p, cells, worth, num, error);
-        /* What a usual photon adds: its power over the square of its distance is the same everywhere. */
-        const double usual = energy / p->num_photons * 2 / (M_PI * (double)p->reach * (double)p->reach);
-        p->scale = (float)ldexp(1, GATHERED_LOG2 - ilogb(usual));
-    }
-    free(cells);
+    done = done && (!num || set_photons(p, scene, parts, worth, num, angle, error));
+    free(parts);
     free(worth);
-    free(seen);
+    free(aim);
     return done;
 }
 
@@ -459,21 +440,24 @@ bool karst_photons_trace(karst_photons *p, const karst_photon_scene *scene, uint
     karst_photon_task task = task_of(p, scene);
     const size_t first = (size_t)batch * p->batch_rays;
     task.batch = batch;
-    task.num_batches = p->num_batches;
-    const uint32_t num = karst_photons_in_batches(p, batch + 1) - karst_photons_in_batches(p, batch);
-    if (!p->num_cells || !num)
+    /* Some of a batch ask for nearly all that it lacks. */
+    task.num_batches = p->num_batches * (again ? ASKING : 1);
+    const uint32_t num = karst_photons_of_batch(p->num_sent, batch, task.num_batches);
+    if (!p->num_cells)
         return true;
     uint32_t left = num;
     if (!again && !karst_buffer_fill(p->photons, 0, first * sizeof(karst_photon),
                                      (size_t)p->batch_rays * sizeof(karst_photon), error))
         return false;
+    if (!num)
+        return true;
     if (!send(p, &task, num, error))
         return false;
     for (task.generation = 0; left; task.generation++) {
         const karst_buffer *count = p->total[task.generation % 2], *next_count = p->total[(task.generation + 1) % 2];
         task.is_last = task.generation >= scene->bounces;
         if (!cast(p, scene, &task, count, left, error) ||
-            !meet(p, &task, count, left, again ? NULL : p->photons, first, error))
+            !meet(p, &task, scene->pinhole, count, left, again ? NULL : p->photons, first, error))
             return false;
         if (task.is_last)
             break;
@@ -518,12 +502,12 @@ bool karst_photons_gather(karst_photons *p, const karst_buffer *rays, const kars
                           const float offset[3], const karst_pinhole *pinhole, karst_buffer *parts,
                           karst_error *error)
 {
-    if (!p->num_sorted || !p->num_cells)
+    if (!p->num_sorted || !p->num_cells || !karst_photons_in_batches(p, p->num_sorted))
         return true;
     const double traced = karst_photons_in_batches(p, p->num_sorted);
     const karst_photon_task task = {.reach = p->reach,
                                     .scale = p->scale,
-                                    .whole = (float)(p->num_photons / traced),
+                                    .whole = (float)(p->num_sent / traced),
                                     .offset = {offset[0], offset[1], offset[2]},
                                     .mask = (1u << p->buckets_log2) - 1};
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;

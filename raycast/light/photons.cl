@@ -11,8 +11,13 @@
 
 /* What random numbers are for. */
 #define PHOTON_PLACE 0x3c6ef372u
-#define PHOTON_DISC 0x1f83d9abu
 #define PHOTON_CHOICE 0x5be0cd19u
+/* Powers of the root of x^5 = x + 1, below 1, in 2^32nds (M. Roberts' R-sequence of four numbers): their multiples are
+ * spread evenly, together too. For the lamp's disc, and for the first two turns. */
+#define PHOTON_DISC_U 0xdb4f0b91u
+#define PHOTON_DISC_V 0xbbe05633u
+#define PHOTON_TURN_0 0xa0f2ec75u
+#define PHOTON_TURN_1 0x89e18285u
 
 RAY_INLINE float dot_of(const vector3 *a, const vector3 *b)
 {
@@ -41,6 +46,19 @@ RAY_INLINE float to_end(const vector3 *from, const vector3 *direction, float t_m
     const float along = dot_of(from, direction), far = length_of(from);
     const float rest = k_max((t_max - far) * (t_max + far), 0.0f);
     return k_max(k_sqrt(k_fma(along, along, rest)) - along, 0.0f);
+}
+
+RAY_INLINE float power_of(int exponent) { return k_as_float((uint)(exponent + 127) << 23); }
+
+RAY_INLINE float unit_of(uint v) { return (float)(v >> 8) * (1.0f / 16777216.0f); }
+
+RAY_INLINE uint scrambled(uint v)
+{
+    v ^= v >> 16;
+    v *= 0x7feb352du;
+    v ^= v >> 15;
+    v *= 0x846ca68bu;
+    return v ^ v >> 16;
 }
 
 RAY_INLINE float brightest(const float c[3]) { return k_max(c[0], k_max(c[1], c[2])); }
@@ -123,23 +141,27 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
                            K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways,
                            K_GLOBAL karst_photon_fate *fates, K_GLOBAL uint *count)
 {
-    const uint i = (uint)get_global_id(0), photon = task.batch + i * task.num_batches;
-    const uint num =
-        task.batch < task.num_photons ? (task.num_photons - task.batch - 1) / task.num_batches + 1 : 0;
+    const uint i = (uint)get_global_id(0), photon = karst_photon_of(task.batch, task.num_batches, i);
+    const uint num = karst_photons_of_batch(task.num_photons, task.batch, task.num_batches);
     if (i == 0)
         *count = num;
     if (i >= num)
         return;
-    karst_photon_cell cell = {0, photon / KARST_PHOTON_PROBES | task.lamp << 16, 1.0f, 0.0f};
-    uint number = photon % KARST_PHOTON_PROBES;
-    if (!task.is_probe) {
+    karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f};
+    if (task.is_probe != 1)
         cell = cells[cell_of(cells, task.num_cells, photon)];
-        number = photon - cell.first;
-    }
-    const uint of_lamp = cell.cell & 0xffffu;
+    const uint number = photon - cell.first, of_lamp = cell.cell & 0xffffu;
+    const uint grid_rows = cell.grid & 0xffffu, grid_columns = cell.grid >> 16;
     const karst_photon_lamp lamp = lamps[cell.cell >> 16];
-    const jitter at = jitter_of((int)of_lamp, (int)(cell.cell >> 16), number + 1, PHOTON_PLACE);
-    const jitter on = jitter_on_disc(jitter_of((int)of_lamp, (int)(cell.cell >> 16), number + 1, PHOTON_DISC));
+    const uint chance = scrambled(photon ^ PHOTON_PLACE);
+    const float per_part = power_of(-(int)(cell.part >> 16));
+    jitter at, on;
+    at.u = ((float)(number / grid_columns) + (float)(chance >> 16) * 0x1p-16f) / (float)grid_rows;
+    at.v = ((float)(number % grid_columns) + (float)(chance & 0xffffu) * 0x1p-16f) / (float)grid_columns;
+    at.u = ((float)(cell.part & 0xffu) + at.u) * per_part;
+    at.v = ((float)(cell.part >> 8 & 0xffu) + at.v) * per_part;
+    on.u = unit_of(photon * PHOTON_DISC_U), on.v = unit_of(photon * PHOTON_DISC_V);
+    on = jitter_on_disc(on);
     sent s = send(&lamp, table, of_lamp, at, on);
     const float nearest = length_of(&s.from);
     uint side = KARST_SIDE_ANY;
@@ -162,11 +184,13 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
         side = outside ? KARST_SIDE_ANY : KARST_SIDE_FRONT;
         t_max = outside && !meets ? 0.0f : to_end(&s.from, &s.direction, task.t_max);
     }
-    /* As fine as the picture sees what the cell shines on; probes half a cell, and some pixels. */
+    /* As fine as the picture sees what the cell shines on; probes half a cell and some pixels, or a place of a grid, so
+     * that what is thinner is as wide. */
     float width = task.pixel_cone * cell.distance, cone = 0.0f;
     if (task.is_probe) {
-        width = k_max(0.5f * s.across, 4.0f * task.pixel_cone * nearest);
-        cone = lamp.kind == KARST_LAMP_SUN ? 0.0f : 0.5f * table[3 * KARST_PHOTON_ROWS + 3];
+        const float wide = task.is_probe == 1 ? 0.5f : 1.0f / (float)grid_rows;
+        width = k_max(wide * s.across, task.is_probe == 1 ? 4.0f * task.pixel_cone * nearest : width);
+        cone = lamp.kind == KARST_LAMP_SUN ? 0.0f : wide * table[3 * KARST_PHOTON_ROWS + 3];
     }
     const karst_ray ray = {{s.from.x, s.from.y, s.from.z},
                            0.0f,
@@ -212,16 +236,17 @@ RAY_INLINE photon_end end_of(const karst_photon_task *task, const karst_ray *ray
                              K_GLOBAL const karst_hit *over_hits, uint i)
 {
     photon_end e;
-    e.hit = hits[i];
-    e.land = KARST_HIT_KIND(e.hit.kind) != KARST_HIT_MISS;
+    if (task->has_land)
+        e.hit = hits[i];
+    e.land = task->has_land && KARST_HIT_KIND(e.hit.kind) != KARST_HIT_MISS;
     e.clear = 0;
     if (task->has_clear) {
         const karst_hit over = over_hits[i];
         e.clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS && (!e.land || over.t < e.hit.t);
-        if (e.clear) {
+        if (e.clear)
             e.land = 0;
+        if (e.clear || !task->has_land)
             e.hit = over;
-        }
     }
     e.t = e.hit.t;
     e.to.x = k_fma(ray->direction[0], e.t, ray->origin[0]);
@@ -245,6 +270,9 @@ __kernel void photons_look(karst_photon_task task, K_GLOBAL const karst_ray *ray
     seen[2 * i + 1] = e.t;
 }
 
+/* Photons that fly nowhere near the picture widen so many times as fast as its pixels. */
+#define UNSEEN_CONE 8.0f
+
 RAY_INLINE uint pack_axis(float v) { return (uint)((int)k_rint(k_fma(v, 511.0f, 512.0f)) & 1023); }
 RAY_INLINE float unpack_axis(uint packed) { return ((float)(packed & 1023u) - 512.0f) * (1.0f / 511.0f); }
 
@@ -253,10 +281,32 @@ RAY_INLINE uint pack_normal(const vector3 *n)
     return pack_axis(n->x) | pack_axis(n->y) << 10 | pack_axis(n->z) << 20 | 1u << 30;
 }
 
+/* How far a ray flies until it is outside the picture for good; 0: it never is inside. The picture is as much wider as
+ * photons are gathered from. */
+RAY_INLINE float leaves_picture(const karst_pinhole *pinhole, float reach, const vector3 *from, const vector3 *way)
+{
+    const vector3 right = vector_of(pinhole->right), up = vector_of(pinhole->up), forward = vector_of(pinhole->forward);
+    const float wide = pinhole->half_width + reach, high = pinhole->half_height + reach;
+    const float x = dot_of(&right, from), y = dot_of(&up, from), z = dot_of(&forward, from);
+    const float dx = dot_of(&right, way), dy = dot_of(&up, way), dz = dot_of(&forward, way);
+    const float at[4] = {k_fma(wide, z, x), k_fma(wide, z, -x), k_fma(high, z, y), k_fma(high, z, -y)};
+    const float rise[4] = {k_fma(wide, dz, dx), k_fma(wide, dz, -dx), k_fma(high, dz, dy), k_fma(high, dz, -dy)};
+    float begin = 0.0f, end = 3.0e38f;
+    for (int side = 0; side < 4; side++) {
+        if (rise[side] < 0.0f)
+            end = k_min(end, at[side] / -rise[side]);
+        else if (rise[side] > 0.0f)
+            begin = k_max(begin, -at[side] / rise[side]);
+        else if (at[side] < 0.0f)
+            end = 0.0f;
+    }
+    return end > begin ? end : 0.0f;
+}
+
 /* What becomes of each photon of a stream where it meets something: next has the rays that go on, others are idle.
  * next comes with the rays that land would have leave it (karst_shade_paths). room: rays of a plane of `matter`. The
  * batch's place is from photons[first] on; photons 0: they leave nothing. */
-__kernel void photons_meet(karst_photon_task task, K_GLOBAL const karst_ray *rays,
+__kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOBAL const karst_ray *rays,
                            K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *count,
                            K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
                            K_GLOBAL const float *matter, uint room, K_GLOBAL karst_ray *next,
@@ -270,7 +320,7 @@ __kernel void photons_meet(karst_photon_task task, K_GLOBAL const karst_ray *ray
     const karst_clear_way way = ways[i];
     const photon_end e = end_of(&task, &ray, hits, over_hits, i);
     const int inside = way.side == KARST_SIDE_BACK;
-    const uint place = (ray.pixel - task.batch) / task.num_batches;
+    const uint place = karst_photon_ray(task.num_batches, ray.pixel);
     const vector3 d = {ray.direction[0], ray.direction[1], ray.direction[2]};
     karst_photon_fate fate = fates[place];
     karst_ray out = ray;
@@ -293,10 +343,11 @@ __kernel void photons_meet(karst_photon_task task, K_GLOBAL const karst_ray *ray
             n.x = -n.x, n.y = -n.y, n.z = -n.z;
         const float ior = matter[i];
         const dielectric turn = dielectric_of(&d, &n, inside ? ior : 1.0f / ior);
-        /* Samples of one purpose are spread evenly, so the turns of a photon must not be such. */
-        const float u = jitter_of((int)(ray.pixel & 0xffffu), (int)(ray.pixel >> 16), 1,
-                                  PHOTON_CHOICE + task.generation * 0x9e3779b1u)
-                            .u;
+        /* Turns must know nothing of one another; the first two know of the neighbours', so they are spread evenly. */
+        uint chance = ray.pixel * (task.generation == 0 ? PHOTON_TURN_0 : PHOTON_TURN_1);
+        if (task.generation > 1)
+            chance = scrambled(ray.pixel ^ (PHOTON_CHOICE + task.generation * 0x9e3779b1u));
+        const float u = unit_of(chance);
         const int reflects = u < turn.reflected, stays = reflects ? inside : !inside;
         way_on = reflects ? dielectric_reflected(&turn, &d, &n) : dielectric_refracted(&turn, &d, &n);
         for (int c = 0; c < 3; c++) {
@@ -329,6 +380,12 @@ __kernel void photons_meet(karst_photon_task task, K_GLOBAL const karst_ray *ray
         /* As fine as the picture: no wider than its pixels are anywhere on the way, but for what comes nearer. */
         out.width = k_max(task.pixel_cone * far, level * (1.0001f / task.detail));
         out.cone = k_max(dot_of(&e.to, &way_on) / k_max(far, 1.0e-6f), 0.0f) * task.pixel_cone;
+        /* Where nobody looks, far less does: twice as wide at the picture's edge, and on like that. */
+        const float seen = leaves_picture(&pinhole, 2.0f * task.reach, &e.to, &way_on);
+        if (seen > 0.0f)
+            out.cone = k_max(out.cone, k_min(out.width / seen, 1.0f));
+        else
+            out.cone = k_max(out.cone, UNSEEN_CONE * task.pixel_cone);
         fate.fate = KARST_PHOTON_TURNED;
     } else {
         out.t_max = 0.0f;
@@ -422,7 +479,6 @@ typedef struct {
 
 /* The exponent of the power of two above, of positive floats. */
 RAY_INLINE int exponent_above(float v) { return (int)(k_as_uint(v) >> 23) - 126; }
-RAY_INLINE float power_of(int exponent) { return k_as_float((uint)(exponent + 127) << 23); }
 RAY_INLINE int cell_at(float v, float per) { return (int)k_floor(v * per); }
 
 /* Different for all cells that are looked at together. */

@@ -1,13 +1,14 @@
 /* Photons: light that lamps send by way of mirrors and clear matter to land, where it makes caustics.
  *
- * What each lamp shines into is cut into cells. Probes look which of them hold anything that mirrors or is clear, and
- * photons are sent into those alone: as many as a cell's power over the squared distance of what it shines on from the
- * eye says, so that they lie as densely on the picture as pixels do. They are streams of rays as any: cast into land
- * and into clear matter, turned by chance (Fresnel's share; the share that land mirrors), and dimmed on their way by
- * Beer's and Lambert's law. Where one meets land that scatters it, after at least one such surface (paths LS+D; H. W.
- * Jensen, "Global illumination using photon maps", 1996), it leaves its flux; what a lamp shines on directly is left to
- * who looks for lamps from there. Shading gathers photons by V. Epanechnikov's kernel, as wide as `reach` at distance 1
- * from the eye.
+ * What each lamp shines into is cut into cells. Probes look which of them hold anything that mirrors or is clear, then
+ * which parts of these do (raycast/light/photons_aim.h), and photons are sent into those alone: each into its own place
+ * of a grid, with the light that falls there. There are as many as a part's power over the squared distance of what it
+ * shines on from the eye says, so that they lie as densely on the picture as pixels do. They are streams of rays as
+ * any: cast into land and into clear matter, turned by chance (Fresnel's share; the share that land mirrors), and
+ * dimmed on their way by Beer's and Lambert's law. Outside the picture they ask for less and less detail. Where one
+ * meets land that scatters it, after at least one such surface (paths LS+D; H. W. Jensen, "Global illumination using
+ * photon maps", 1996), it leaves its flux; what a lamp shines on directly is left to who looks for lamps from there.
+ * Shading gathers photons by V. Epanechnikov's kernel, as wide as `reach` at distance 1 from the eye.
  *
  * They are kept as they are, in a grid of buckets, not as densities of bricks' corners: how much area a corner stands
  * for follows from the surface that runs past it, which no brick knows, while a kernel on a disc needs nothing but the
@@ -25,14 +26,15 @@
 
 typedef struct karst_photons karst_photons;
 
-/* For so many photons (1 or more), in batches of at most max_rays (at least 1). Errors: KARST_FAILED. */
+/* For so many photons (1 or more) at most, in batches of at most max_rays (at least 1). Errors: KARST_FAILED. */
 karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons, uint32_t max_rays,
                                     karst_error *error);
 void karst_photons_destroy(karst_photons *photons); /* NULL is fine */
 /* What that takes, in all and in the largest buffer. Thread-safe. */
 double karst_photons_bytes(uint32_t num_photons, double *largest_bytes);
 uint32_t karst_photons_num_batches(const karst_photons *photons);
-uint32_t karst_photons_in_batches(const karst_photons *photons, uint32_t num_batches); /* photons of the first ones */
+/* Photons of the first ones; 0 unless they are aimed. */
+uint32_t karst_photons_in_batches(const karst_photons *photons, uint32_t num_batches);
 
 /* What they fly through; all of it borrowed for a call. */
 typedef struct {

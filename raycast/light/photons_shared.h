@@ -10,7 +10,10 @@
  * each cut into as many columns all around. */
 #define KARST_PHOTON_ROWS 256u
 #define KARST_PHOTON_CELLS (KARST_PHOTON_ROWS * KARST_PHOTON_ROWS) /* of a lamp */
-#define KARST_PHOTON_PROBES 1u                                     /* rays that look what is in a cell */
+/* Cells that hold something are cut into up to so many parts, on either side, as a power of two. */
+#define KARST_PHOTON_MOST_PARTS_LOG2 6u
+/* Photons that follow one another are of one batch, so that they fly together. */
+#define KARST_PHOTON_RUN 16u
 
 /* What shines: as karst_lamp, from the eye. */
 typedef struct {
@@ -28,14 +31,17 @@ typedef struct {
 } karst_photon_lamp;
 K_ASSERT_SIZE(karst_photon_lamp, 128);
 
-/* A cell that photons are sent into: those from `first` to the next cell's, in the order of cells. */
+/* A part of a cell that photons are sent into: those from `first` to the next one's, in a grid, row by row. Each is
+ * somewhere in its own place of the grid. */
 typedef struct {
     uint first;
     uint cell;      /* row * KARST_PHOTON_ROWS + column, and from bit 16 on the lamp */
+    uint part;      /* row, from bit 8 on column, and from bit 16 on the logarithm of how many there are on a side */
+    uint grid;      /* rows, and from bit 16 on columns */
     float share;    /* of the cell's area (level-0 voxels squared) or solid angle, that each stands for */
     float distance; /* of what it shines on from the eye, level-0 voxels */
 } karst_photon_cell;
-K_ASSERT_SIZE(karst_photon_cell, 16);
+K_ASSERT_SIZE(karst_photon_cell, 24);
 
 /* What a photon leaves on land. */
 typedef struct {
@@ -77,14 +83,15 @@ K_ASSERT_SIZE(karst_photon_fate, 16);
 
 /* What a launch is about. */
 typedef struct {
-    uint batch, num_batches; /* photon `batch` + i * num_batches is ray i of the batch */
+    uint batch, num_batches; /* karst_photon_of says which photon is ray i of the batch */
     uint num_photons;        /* of all batches */
     uint num_cells;
-    uint lamp; /* of probes */
-    uint is_probe;
+    uint lamp;     /* of probes */
+    uint is_probe; /* 1: of whole cells; 2: of the grids of `cells` */
     uint generation; /* surfaces that have been met */
     uint is_last;    /* photons that meet one more end there */
     uint is_sure;    /* they go on only from what lacks nothing, and leave nothing */
+    uint has_land;   /* land counts: of probes, if it mirrors */
     uint has_clear;  /* there is clear matter */
     float detail, voxel_m;
     float t_max;      /* how far from the eye all ends */
@@ -96,6 +103,24 @@ typedef struct {
     float offset[3];  /* from the anchor of what is shaded to that of the photons */
     uint mask;        /* buckets - 1: a power of two */
 } karst_photon_task;
-K_ASSERT_SIZE(karst_photon_task, 88);
+K_ASSERT_SIZE(karst_photon_task, 92);
+
+/* Runs of photons take turns among batches. Which is ray i of a batch, the way back, and how many there are. */
+K_INLINE uint karst_photon_of(uint batch, uint num_batches, uint i)
+{
+    return (i / KARST_PHOTON_RUN * num_batches + batch) * KARST_PHOTON_RUN + i % KARST_PHOTON_RUN;
+}
+
+K_INLINE uint karst_photon_ray(uint num_batches, uint photon)
+{
+    return photon / KARST_PHOTON_RUN / num_batches * KARST_PHOTON_RUN + photon % KARST_PHOTON_RUN;
+}
+
+K_INLINE uint karst_photons_of_batch(uint num_photons, uint batch, uint num_batches)
+{
+    const uint runs = num_photons / KARST_PHOTON_RUN, rest = num_photons % KARST_PHOTON_RUN;
+    const uint whole = runs > batch ? (runs - batch - 1) / num_batches + 1 : 0;
+    return whole * KARST_PHOTON_RUN + (runs % num_batches == batch ? rest : 0);
+}
 
 #endif

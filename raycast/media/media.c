@@ -16,8 +16,9 @@ static bool build(karst_media *media, karst_error *error)
     const uint32_t segments =
         media->land.num_segments > media->air.num_segments ? media->land.num_segments : media->air.num_segments;
     char options[128];
-    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s", segments,
-             karst_cache_brick_option(&media->air));
+    snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s%s", segments,
+             karst_cache_brick_option(&media->air),
+             media->config.scattering == KARST_SCATTERING_ONCE ? " -DMEDIA_ONCE" : "");
     media->marching = karst_program_build(context, "raycast/media/media.cl", options, NULL, 0, error);
     if (!media->marching || !(media->rays = karst_program_kernel(media->marching, "media_depths", error)) ||
         !(media->dim = karst_program_kernel(media->marching, "media_dim", error)) ||

@@ -74,8 +74,13 @@ __kernel K_WIDE void media_dim(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
 }
 
 /* How voxels grow towards the sun, per unit of t: as wide as the sun and its glare are, and no finer than what a place
- * of the grid stands for. */
+ * of the grid stands for. Where levels meet at a slab's face that rays leave at a fifth, its depth comes out too large:
+ * by 1.8 % of the light at 0.06, by 0.5 % at 0.03. */
+#ifdef MEDIA_ONCE
+#define SUN_DEPTH_CONE 0.03f
+#else
 #define SUN_DEPTH_CONE 0.06f
+#endif
 
 /* What the pixels of a picture ask for, with nothing drawn; it counts as looked at. */
 __kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,

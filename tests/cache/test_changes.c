@@ -529,7 +529,9 @@ static void test_memory_is_named_and_as_announced(void **state)
     print_message("# bytes: fixed %.0f, a tile %.2f, a brick %.2f\n", (double)total[0],
                   (double)(total[1] - total[0]) / 20000, (double)(total[2] - total[0]) / 2000);
     assert_true(total[1] - total[0] <= 20000u * KARST_CACHE_TILE_BYTES);
-    assert_true(total[2] - total[0] <= 2000u * KARST_CACHE_BRICK_BYTES);
+    /* Devices of many groups count each group's stamps: less than a byte a brick. */
+    const uint32_t more = context->is_cpu ? 0 : 1;
+    assert_true(total[2] - total[0] <= 2000u * (KARST_CACHE_BRICK_BYTES + more));
 }
 
 static void test_the_same_stamps_with_many_wants_in_pieces(void **state)

@@ -112,10 +112,15 @@ static void test_a_failed_launch_names_kernel_and_reason(void **state)
     char expected[128];
     snprintf(expected, sizeof(expected), "kernel count cannot run in work-groups of %zu: the largest that ",
              largest + 1);
-    assert_false(karst_launch(f->context, f->count, KARST_STAGE_CAST, largest + 1, largest + 1, &error));
-    assert_int_equal(error.status, KARST_FAILED);
-    if (strncmp(error.message, expected, strlen(expected)) != 0)
-        fail_msg("%s", error.message);
+    /* NVIDIA's driver takes more than it promises. */
+    if (karst_launch(f->context, f->count, KARST_STAGE_CAST, largest + 1, largest + 1, &error)) {
+        assert_false(f->context->is_cpu);
+        print_message("# work-groups of %zu run, of %zu that are promised\n", largest + 1, largest);
+    } else {
+        assert_int_equal(error.status, KARST_FAILED);
+        if (strncmp(error.message, expected, strlen(expected)) != 0)
+            fail_msg("%s", error.message);
+    }
     error = (karst_error){0};
     assert_true(KARST_ARGUMENTS(f->fours, &error, KARST_BUFFER_ARG(f->out)));
     assert_true(karst_launch(f->context, f->fours, KARST_STAGE_CAST, 5, 4, &error));

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "core/device/build_log.h"
 #include "core/device/embedded.h"
 #include "core/device/source.h"
 
@@ -347,6 +348,36 @@ static void test_a_build_error_points_at_file_and_line(void **state)
     assert_has(error.message, "wolrd");
 }
 
+static void assert_places(const char *log, const char *expected)
+{
+    static const char source[] = "#define EARLY\n"
+                                 "#line 1 \"test.cl\"\n"
+                                 "/* one */\n"
+                                 "#line 1 \"core/world.clh\"\n"
+                                 "int world;\n"
+                                 "int two;\n"
+                                 "#line 3 \"test.cl\"\n"
+                                 "int three;";
+    char *text = karst_build_log_with_places(log, source);
+    assert_non_null(text);
+    assert_string_equal(text, expected);
+    free(text);
+}
+
+static void test_places_of_compilers_that_read_no_line_directives(void **state)
+{
+    (void)state;
+    assert_places("<kernel>:3:5: error: a\n  code\n<kernel>:6:1: note: b",
+                  "test.cl:1:5: error: a\n  code\ncore/world.clh:2:1: note: b");
+    assert_places("<kernel>:8:2: c\n", "test.cl:3:2: c\n");
+    assert_places("<kernel>:99:2: behind the end", "test.cl:4:2: behind the end");
+    static const char *const same[] = {"", "\n\n", "<kernel>:1:1: before all", "<kernel>", "<kernel>:", "<kernel>:x",
+                                       "<kernel>:5", "<kernel>:-3:1: d", "<kernel>:99999999999999999999",
+                                       "in <kernel>:3:1: e", "test.cl:4:2: f"};
+    for (size_t i = 0; i < COUNT(same); i++)
+        assert_places(same[i], same[i]);
+}
+
 static void test_a_long_build_log_is_cut_in_the_message_only(void **state)
 {
     fixture *f = *state;
@@ -393,6 +424,7 @@ int main(void)
         cmocka_unit_test(test_embedded_sources_are_the_files),
         cmocka_unit_test_setup_teardown(test_a_program_runs_with_its_options_and_files, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_build_error_points_at_file_and_line, set_up, tear_down),
+        cmocka_unit_test(test_places_of_compilers_that_read_no_line_directives),
         cmocka_unit_test_setup_teardown(test_a_long_build_log_is_cut_in_the_message_only, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_bad_options_and_missing_sources_are_told, set_up, tear_down),
     };

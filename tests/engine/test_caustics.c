@@ -274,10 +274,14 @@ static bool is_around_lamp(double x, double z, double *direct)
 static void check_energy(const karst_stats_caustics *c, uint64_t num)
 {
     const double sum = c->deposited + c->direct + c->absorbed + c->escaped + c->cut_off;
-    assert_int_equal(c->num_photons, num);
+    /* Grids leave a few over. */
+    assert_true(c->num_photons <= num && c->num_photons > num - num / 50);
     assert_true(c->num_landed > num / 20 && c->num_landed < num);
     assert_true(c->emitted > 0 && c->deposited > 0);
     assert_true(fabs(sum - c->emitted) <= 1e-9 * c->emitted);
+    /* Photons are aimed: what lamps shine on beside what turns light gets few. */
+    print_message("of the light %.3f falls beside what turns it\n", c->direct / c->emitted);
+    assert_true(c->direct < 0.65 * c->emitted);
 }
 
 /* ---- tests ---- */

@@ -66,6 +66,10 @@ done > "$scratch/no_kernel"
 search no_kernel '(clSetKernelArg|karst_arguments|KARST_ARGUMENTS)[[:space:]]*\(' |
     complain arguments "only the .c of a kernel's quartet sets its arguments"
 
+list '\.(cl|clh)$|_shared\.h$' > "$scratch/device"
+search device '^[[:space:]]*#[[:space:]]*define[[:space:]]+[A-Za-z_0-9]+\([^)]*\.\.\.' |
+    complain variadic "a macro with any number of arguments: OpenCL C has none, and GPU compilers refuse it"
+
 # ---- the library keeps quiet ----
 search library '(^|[^A-Za-z0-9_])(v?printf|puts|putchar|perror)[[:space:]]*\(' |
     complain printf "the library talks through karst_log only"

@@ -43,6 +43,7 @@ bites blanks "blanks at the end" core/base/bad.c 'int x; \n'
 bites length "a line of 121 columns" core/base/bad.c "/* $(printf '%0115d' 0) */\n"
 bites path "a path of one machine" core/base/bad.c '/* see /ho''me/someone/notes */\n'
 bites unfinished "unfinished work" core/base/bad.c '/* TO''DO */\n'
+bites variadic "a macro of a kernel with any number of arguments" noise/bad.clh '#define BAD(a, ...) f(a, __VA_ARGS__)\n'
 bites size "701 lines" core/base/bad.c "$(yes 'int x;\n' | head -n 701 | tr -d '\n')"
 bites long "a function of 151 lines" core/base/bad.c "int bad(void)\n{\n$(yes '    x();\n' | head -n 148 | tr -d '\n')}\n"
 bites parameters "eleven parameters" core/base/bad.c \

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -25,14 +26,17 @@ typedef struct {
     karst_scattering scattering;
     int lanes;
     double depth, g;
+    const char *world; /* NULL: the cloud of that depth and g */
 } setting;
+
+static const char *world_of(const setting *s) { return s->world ? s->world : world; }
 
 static void draw(const setting *s, float *light)
 {
     const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}};
-    const karst_engine_config config = {.world = world,
+    const karst_engine_config config = {.world = world_of(s),
                                         .parameters = parameters,
-                                        .num_parameters = 2,
+                                        .num_parameters = s->world ? 0 : 2,
                                         .pool_bytes = (uint64_t)128 << 20,
                                         .display = KARST_DISPLAY_NONE,
                                         .width_px = s->width_px,
@@ -57,13 +61,16 @@ static void compare(const setting *s, uint32_t paths_px, uint32_t max_bounces, d
 {
     const size_t num = (size_t)s->width_px * (size_t)s->height_px * 3;
     const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}};
-    const karst_reference_config config = {.world = world,
+    const karst_reference_config config = {.world = world_of(s),
                                            .parameters = parameters,
-                                           .num_parameters = 2,
+                                           .num_parameters = s->world ? 0 : 2,
                                            .width_px = s->width_px,
                                            .height_px = s->height_px};
-    const karst_reference_light light = {
-        .paths_px = paths_px, .max_bounces = max_bounces, .spread_px = s->samples > 1, .max_nodes = 16384};
+    const karst_reference_light light = {.paths_px = paths_px,
+                                         .max_bounces = max_bounces,
+                                         .spread_px = s->samples > 1,
+                                         .max_nodes = 16384,
+                                         .around_of_world = true};
     float *seen = calloc(num, sizeof *seen);
     double *truth = calloc(2 * num, sizeof *truth), *deviation = truth + num;
     double mean = 0, off = 0, squares = 0, noises = 0;
@@ -104,6 +111,41 @@ static void light_scattered_once_is_right(void **state)
     assert_true(fabs(bias) < (full ? 0.01 : 0.03) && rms < (full ? 0.01 : 0.15));
 }
 
+/* A thick cloud with waves as wide as itself, lit from the side. The sun stands high enough that the ground throws
+ * back a sixth as much light as comes from it straight. `%s`: of the sky. */
+#define SIDE_LIT                                                                                                   \
+    "/*{ \"voxel\": 0.015625, \"view\": 200, \"sun\": { \"azimuth\": %d, \"elevation\": 30,\n"                      \
+    "\"colour\": [1, 2, 1.5] },\n"                                                                                \
+    "\"sky\": { \"zenith\": [%s], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                                       \
+    "\"camera\": { \"position\": [\"0\", \"0\", \"-6\"], \"fov\": 40 } }*/\n"                                        \
+    "float density(vec3 p) { return -1.0; }\n"                                                                     \
+    "medium air(vec3 p) { medium m; m.albedo = vec3(0.9); m.g = 0.3; m.extinction = 8.0 * clamp(1.4 - length(p) +\n" \
+    "0.2 * sin(4.0 * p.x) * sin(4.0 * p.y) * sin(4.0 * p.z), 0.0, 1.0); return m; }\n"
+
+static void light_from_around_is_scattered_once(void **state)
+{
+    (void)state;
+    if (!is_full())
+        skip();
+    for (int sky = 0; sky < 2; sky++) {
+        char path[] = "/tmp/karst-side-XXXXXX.karst", text[1024];
+        const int length = snprintf(text, sizeof text, SIDE_LIT, sky ? 240 : 120, sky ? "0.4, 0.3, 0.6" : "0, 0, 0");
+        const int fd = mkstemps(path, 6);
+        assert_true(fd >= 0 && write(fd, text, (size_t)length) == length);
+        close(fd);
+        const setting s = {.width_px = 64,
+                           .height_px = 48,
+                           .detail_px = 0.25,
+                           .samples = 16,
+                           .scattering = KARST_SCATTERING_ONCE,
+                           .world = path};
+        double bias, rms, noise;
+        compare(&s, 2000, 1, &bias, &rms, &noise);
+        unlink(path);
+        assert_true(fabs(bias) < 0.01 && rms < 0.02);
+    }
+}
+
 static void light_scattered_often_is_right(void **state)
 {
     (void)state;
@@ -142,6 +184,7 @@ static void lanes_leave_no_trace(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(light_scattered_once_is_right),
+                                       cmocka_unit_test(light_from_around_is_scattered_once),
                                        cmocka_unit_test(light_scattered_often_is_right),
                                        cmocka_unit_test(lanes_leave_no_trace)};
     return cmocka_run_group_tests(tests, NULL, NULL);

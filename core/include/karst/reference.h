@@ -94,6 +94,9 @@ typedef struct {
                                 * that fall; 0 or more */
     uint32_t max_nodes;        /* of the tree of proved bounds: 32768; 9 to 2^24 */
     bool one_majorant;         /* one bound for the whole medium, the largest of those: to compare with */
+    bool around_of_world; /* in place of above and below, what is scattered is lit from all around as engines light it
+                           * without an atmosphere: by the world's sky, and by what its ground throws back of sky and
+                           * sun; nothing is seen behind the medium */
 } karst_reference_light;
 
 typedef struct {
@@ -111,7 +114,8 @@ typedef struct {
  * steps: the extinction is the full one, in double, whatever the configuration's footprint. Majorants are the upper
  * ends of karst_sampler_bounds in the nodes of an octree that is as wide as the view distance, refined where most would
  * be looked up in vain. Scattering is that of Henyey and Greenstein ("Diffuse radiation in the galaxy", 1941), with g
- * as engines take it, from -0.95 to 0.95. The sun is as strong as it is without an atmosphere, and a point. Land, haze
+ * as engines take it, from -0.95 to 0.95. The sun is as strong as it is without an atmosphere, of the
+ * header's colour if that names one, and a point. Land, haze
  * and particles are not there. The same paths are followed whatever the number of threads.
  *
  * Errors: KARST_USAGE (a field out of range, no medium, particles, bounds that prove no finite extinction),
