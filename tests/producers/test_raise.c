@@ -96,7 +96,16 @@ static void test_closed(void **state)
     }
 }
 
-/* Each broken rule: what it does to a sphere. */
+static const char *const many[] = {
+    "return min(0.1 - abs(length(p) - 157.0), 1.0);",
+    "vec3 q = p - 40.0 * floor(p / 40.0 + 0.5); return 0.2 - min(length(q.xy), min(length(q.yz), length(q.zx)));",
+    "vec3 q = p - 32.0 * floor(p / 32.0); return "
+    "max(-100.0 - p.y, -box(q - vec3(16.0, 9.0, 13.0), vec3(0.1, 6.0, 2.0)));",
+    "vec3 q = vec3(mod(p.x, 37.0) - 18.0, p.y, mod(p.z - 1.0, 90.0) - 40.0); return -box(q, vec3(14.0, 70.0, 3.5));",
+    "vec3 q = vec3(mod(p.x + 0.8, 9.6) - 4.8, p.y, p.z - 0.3); return -box(q, vec3(3.84, 190.0, 0.64));",
+    "return min(60.0 * fbm(p / 90.0, 4, 0.5, 2.0, 3) - p.y, 0.3 - abs(noise(p / 77.0, 2)));"};
+
+/* Each broken rule: what it does to a sphere, or to boards. */
 static void test_mutants(void **state)
 {
     static float grid[NUM_CELLS];
@@ -107,18 +116,66 @@ static void test_mutants(void **state)
     assert_int_equal(join(samples, grid), 0);
     assert_true(count_lost(grid) > NUM_RAYS / 20);
     free(samples);
-    samples = evaluate(file, rows, 3, "-DBESIDE_MUTANT_BRICK_ALONE", &sum);
-    assert_true(join(samples, grid) > 0);
-    free(samples);
     karst_world_file_destroy(file);
+    int num_torn = 0;
+    for (int which = 1; which <= 5 && !num_torn; which += 4) { /* wires, or sheets that run anyhow */
+        file = open_text(many[which], true);
+        samples = evaluate(file, rows, 3, "-DBESIDE_MUTANT_BRICK_ALONE", &sum);
+        num_torn += join(samples, grid);
+        free(samples);
+        karst_world_file_destroy(file);
+    }
+    assert_true(num_torn > 0);
 }
 
-static const char *const many[] = {
-    "return min(0.1 - abs(length(p) - 157.0), 1.0);",
-    "vec3 q = p - 40.0 * floor(p / 40.0 + 0.5); return 0.2 - min(length(q.xy), min(length(q.yz), length(q.zx)));",
-    "vec3 q = p - 32.0 * floor(p / 32.0); return "
-    "max(-100.0 - p.y, -box(q - vec3(16.0, 9.0, 13.0), vec3(0.1, 6.0, 2.0)));",
-    "return min(60.0 * fbm(p / 90.0, 4, 0.5, 2.0, 3) - p.y, 0.3 - abs(noise(p / 77.0, 2)));"};
+/* Of lines across upright boards at z = `at_m`, half_m wide to both sides of places `spacing_m` apart, those that meet
+ * nothing, in a thousand. `from`: the share of half_m at which they begin; then they come as near as 1 % to an edge. */
+static int count_lost_of_boards(const float *grid, double spacing_m, double middle_m, double half_m, double at_m,
+                                double from)
+{
+    int num_lost = 0, num_all = 0;
+    for (double middle = middle_m - 20 * spacing_m; middle < 220; middle += spacing_m)
+        for (int n = 0; n < 64; n++) {
+            const double part = from + (0.99 - from) * (n / 2 + 0.5) / 32;
+            const double y = -55 + 37.7 * (n * 0.618 - floor(n * 0.618));
+            const double x = middle + (n & 1 ? -part : part) * half_m;
+            bool hit = false;
+            if (fabs(x) > 240)
+                continue;
+            for (double z = at_m - 8; z <= at_m + 8 && !hit; z += 0.25) {
+                const double at[3] = {SIDE / 2 + x / 8, SIDE / 2 + y / 8, SIDE / 2 + z / 8};
+                hit = interpolant(grid, at) > 0;
+            }
+            num_lost += !hit;
+            num_all++;
+        }
+    return 1000 * num_lost / num_all;
+}
+
+/* Boards nearly a voxel thick show where they end, and thin ones that are as far apart as samples are all there. */
+static void test_boards(void **state)
+{
+    static float grid[NUM_CELLS];
+    static const char *const options[2][2] = {{"", "-DRAISE_EDGE_DEPTH=0.0f"}, {"", "-DRAISE_MUTANT_ONE_WAY"}};
+    karst_scrub sum;
+    int lost[2][2];
+    (void)state;
+    for (int which = 0; which < 2; which++) {
+        karst_world_file *file = open_text(many[3 + which], true);
+        for (int broken = 0; broken < 2; broken++) {
+            float *samples = evaluate(file, rows, 3, options[which][broken], &sum);
+            assert_int_equal(join(samples, grid), 0);
+            lost[which][broken] = which ? count_lost_of_boards(grid, 9.6, 4, 3.84, 0.3, 0)
+                                        : count_lost_of_boards(grid, 37, 18, 14, 41, 0.7);
+            free(samples);
+        }
+        karst_world_file_destroy(file);
+    }
+    print_message("lost, in a thousand: %d beside edges, %d of boards close together; where a rule is broken %d, %d\n",
+                  lost[0][0], lost[1][0], lost[0][1], lost[1][1]);
+    assert_true(lost[0][0] <= 10 && lost[1][0] <= 20);
+    assert_true(lost[0][1] > 50 && lost[1][1] > 50);
+}
 
 static void test_same_bits(void **state)
 {
@@ -245,6 +302,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
                                        cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
+                                       cmocka_unit_test(test_boards),
                                        cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
