@@ -17,6 +17,9 @@ bool karst_samples_fail(const karst_samples_reader *r, const char *format, ...)
     return karst_fail(r->error, KARST_BAD_DATA, "%.400s: %s", r->path, message);
 }
 
+/* No packed file that means it has more samples in a byte, and a header that lies is not to cost a gigabyte. */
+#define MOST_SAMPLES_A_BYTE 8192
+
 /* Room on the disk is taken before it is written to, since a page that finds none is a bus error. */
 static void map_values(karst_samples *samples, size_t num_bytes)
 {
@@ -63,6 +66,11 @@ bool karst_samples_begin(const karst_samples_reader *r, uint64_t width, uint64_t
     r->samples->height = (uint32_t)height;
     r->samples->num_channels = num_channels;
     const size_t num = (size_t)(width * height) * num_channels;
+    const size_t most_a_byte = r->form->format ? 1 : MOST_SAMPLES_A_BYTE;
+    if (num > KARST_SAMPLES_MOST_IN_MEMORY && num / most_a_byte > r->length_bytes)
+        return karst_samples_fail(r, "it has %llu bytes, too few for %llu x %llu samples",
+                                  (unsigned long long)r->length_bytes, (unsigned long long)width,
+                                  (unsigned long long)height);
     if (num > KARST_SAMPLES_MOST_IN_MEMORY)
         map_values(r->samples, num * sizeof(float));
     else

@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <tiffio.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include "core/files/samples.h"
 #include "karst/image.h"
@@ -200,6 +201,28 @@ static void test_damaged_files_are_told(void **state)
     }
 }
 
+/* A small file whose header claims the most samples costs neither memory nor room on a disk. */
+static void test_a_header_that_lies_costs_nothing(void **state)
+{
+    (void)state;
+    size_t length;
+    unsigned char *bytes = read_bytes("a.png", &length);
+    static const unsigned char sides[8] = {0, 0, 0x40, 0, 0, 0, 0x40, 0};
+    memcpy(bytes + 16, sides, sizeof sides);
+    bytes[25] = 0; /* grey: of one channel 2^28 samples are not too many */
+    const unsigned long sum = crc32(0, bytes + 12, 17);
+    for (int i = 0; i < 4; i++)
+        bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
+    write_bytes("changed", bytes, length);
+    free(bytes);
+    karst_samples samples;
+    karst_error error = {0};
+    assert_false(karst_samples_read(path_of("changed"), &(karst_samples_form){0}, &samples, &error));
+    assert_int_equal(error.status, KARST_BAD_DATA);
+    if (!strstr(error.message, "too few for 16384 x 16384 samples"))
+        fail_msg("%s", error.message);
+}
+
 static void remove_folder(void)
 {
     static const char *const names[] = {"a.tif", "a.png", "a.exr", "nan.exr", "deep.png", "changed"};
@@ -214,6 +237,7 @@ int main(void)
         cmocka_unit_test(test_tiffs_are_read),
         cmocka_unit_test(test_pngs_and_exrs_are_read),
         cmocka_unit_test(test_damaged_files_are_told),
+        cmocka_unit_test(test_a_header_that_lies_costs_nothing),
     };
     snprintf(folder, sizeof folder, "%.200s/karst-samples-XXXXXX", getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp");
     if (!mkdtemp(folder))
