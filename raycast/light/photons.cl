@@ -343,8 +343,10 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
             n.x = -n.x, n.y = -n.y, n.z = -n.z;
         const float ior = matter[i];
         const dielectric turn = dielectric_of(&d, &n, inside ? ior : 1.0f / ior);
-        /* Turns must know nothing of one another; the first two know of the neighbours', so they are spread evenly. */
+        /* Turns must know nothing of one another. The first two of a run's photons are spread evenly; runs know nothing
+         * of one another, lest there be stripes. */
         uint chance = ray.pixel * (task.generation == 0 ? PHOTON_TURN_0 : PHOTON_TURN_1);
+        chance += scrambled(ray.pixel / KARST_PHOTON_RUN ^ (PHOTON_CHOICE + task.generation));
         if (task.generation > 1)
             chance = scrambled(ray.pixel ^ (PHOTON_CHOICE + task.generation * 0x9e3779b1u));
         const float u = unit_of(chance);

@@ -164,7 +164,7 @@ def theirs(photons, most):
 
 ours(1000) # kernels are compiled once
 figures = []
-for photons in (100000, 300000):
+for photons in (100000, 1000000):
     figures.append(ours(photons))
     print("karst %8d photons: %6.2f s of CPU, rms %.4f of the peak, light %.3f of the true" % (photons, *figures[-1]))
 # POV-Ray's error does not fall below what the photons that it gathers at most allow: each number is tried, and the fastest counts.
