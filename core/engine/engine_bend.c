@@ -12,6 +12,8 @@
 
 /* What steps are bounded by: the index, its gradient, clear matter. */
 #define NUM_RANGES 5
+/* A longer tape takes more time than the steps that it saves: those go by their own measure then. */
+#define MOST_BOUND_INSTRUCTIONS 96u
 _Static_assert(NUM_RANGES <= KARST_MOST_RANGES, "the header has room for all");
 #define TEXT_OF_(number) #number
 #define TEXT_OF(number) TEXT_OF_(number)
@@ -71,7 +73,8 @@ static bool make_bounds(karst_engine_world *world, karst_context *context, const
     if (done) {
         char tape_options[KARST_TAPE_OPTIONS_BYTES];
         karst_tape_options(&tape, tape_options, sizeof tape_options);
-        snprintf(options, OPTIONS_BYTES, "-DWORLD_HAS_DATA -DWORLD_RANGES=" TEXT_OF(NUM_RANGES) " %s", tape_options);
+        snprintf(options, OPTIONS_BYTES, "-DWORLD_HAS_DATA -DWORLD_RANGES=" TEXT_OF(NUM_RANGES) "%s %s",
+                 tape.num_instructions > MOST_BOUND_INSTRUCTIONS ? " -DBEND_UNBOUNDED" : "", tape_options);
     }
     karst_tape_finish(&tape);
     return done;

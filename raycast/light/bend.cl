@@ -100,6 +100,16 @@ RAY_INLINE vfloat bend_matter(const bend_field *field, const vector3 *at)
 enum { RANGE_INDEX, RANGE_GRADIENT, RANGE_CLEAR = RANGE_GRADIENT + 3 };
 /* What rounding may make of values that do not jump. */
 #define LEAST_JUMP 1.0e-6f
+#ifdef BEND_UNBOUNDED /* bounds would take longer than steps */
+RAY_INLINE bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfloat radius)
+{
+    const vint no = (vint)(0);
+    const vfloat zero = radius * 0.0f;
+    const bend_bound b = {no, no, zero + 1.0f, zero + DIELECTRIC_MOST_IOR, zero, zero, no};
+    (void)field, (void)at;
+    return b;
+}
+#else
 BEND_CALL bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfloat radius)
 {
     const vfloat zero = (vfloat)(0.0f), steepest = (vfloat)(STEEPEST);
@@ -138,6 +148,7 @@ BEND_CALL bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfl
     b.known = ~unknown;
     return b;
 }
+#endif
 
 /* Out of clear matter; against the way where the density has no gradient. */
 RAY_INLINE vector3 normal_at(const bend_field *field, const vector3 *at, const vector3 *way)
