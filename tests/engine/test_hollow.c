@@ -79,8 +79,7 @@ static void a_core_of_one_is_a_hollow(void **state)
     }
     print_message("%dx%d: %d of %d pixels are more than 1/255 apart, at most %.3g\n", wide.width_px, wide.height_px,
                   num_off, num, most);
-    /* One in a thousand is what it should be. */
-    assert_true(num_off * 100 <= num);
+    assert_true(num_off * 1000 <= num);
     draw(1, wide.width_px, wide.height_px, &narrow);
     for (int body = 0; body < NUM_BODIES; body++)
         assert_memory_equal(wide.light[body], narrow.light[body], 3 * (size_t)num * sizeof(float));
