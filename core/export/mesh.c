@@ -100,7 +100,7 @@ static bool has_next(const work *w)
 static void fill_next(work *w, karst_mesh_worker *worker)
 {
     const size_t tile = w->next++;
-    karst_error error;
+    karst_error error = {0};
     pthread_mutex_unlock(&w->lock);
     const bool done = karst_mesh_fill_tile(worker, &w->f->tiles[tile], &error);
     pthread_mutex_lock(&w->lock);
