@@ -115,6 +115,7 @@ static void begin_nodes(karst_near_tree *tree, const karst_near_cube *cubes, int
 {
     karst_position at[8];
     float density[8];
+    memset(at, 0, sizeof at); /* some compilers do not see that `num` of them are set */
     for (int i = 0; i < num; i++) {
         at[i] = cubes[i].low;
         for (int axis = 0; axis < 3; axis++)
