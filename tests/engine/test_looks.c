@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* Ground that mirrors east of the middle, and a wall of another colour that hides some of the sky from it. */
 static const char text[] =
