@@ -77,8 +77,8 @@ static bool list_tiles(finder *f, int64_t x, int64_t y, int64_t size)
 
 /* ---- threads ---- */
 
-/* The tiles of some slabs: each is filled by whoever comes to it, and joined by the calling thread, in their order. So many
- * are filled ahead of what is joined, at most. */
+/* The tiles of some slabs: each is filled by whoever comes to it, and joined by the calling thread, in their order. So
+ * many are filled ahead of what is joined, at most. */
 typedef struct {
     finder *f;
     pthread_mutex_t lock;
