@@ -16,19 +16,13 @@ static int mutant = NONE;
 #include "producers/points/points.clh"
 #include "producers/steps/load_shared.h"
 #include "tests/points/bodies.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-5)
 #define VOXEL_M 0x1p-5
 #define SCALE 16.0
 #define NUM_POINTS 6000
 enum { TORUS, HOLLOW, BALL, ROOM, NUM_FILES, NUM_BODIES = ROOM };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-whole-XXXXXX";
 static char paths[NUM_FILES][64];
