@@ -15,6 +15,19 @@ static inline double hollow_value(const double p[3], double gradient[3])
 
 static const known_surface hollow_ball = {"hollow ball", hollow_value, 1.05, 5 * PI, -1};
 
+/* Six walls around a room whose sides are 2. */
+static inline double room_value(const double p[3], double gradient[3])
+{
+    int axis = 0;
+    for (int a = 1; a < 3; a++)
+        axis = fabs(p[a]) > fabs(p[axis]) ? a : axis;
+    for (int a = 0; a < 3; a++)
+        gradient[a] = a != axis ? 0 : p[a] > 0 ? 1 : -1;
+    return fabs(p[axis]) - 1;
+}
+
+static const known_surface room_walls = {"room", room_value, 1.02, 24, -1};
+
 /* Imports num points of a surface, spread evenly, without a colour. false: it failed, and *error says why. */
 static inline bool make_body(const char *path, const known_surface *of, size_t num, karst_error *error)
 {
