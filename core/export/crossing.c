@@ -6,13 +6,14 @@
 #define MAX_STEPS 56
 #define AT_ONCE 512
 
-/* What is known of a segment, along which t goes from 0 (solid) to 1. */
+/* What is known of a segment, along which t goes from 0 (solid) to 1: of its ends, the air's first. Steps are written
+ * without branches on what is found, which nothing could foresee. */
 typedef struct {
-    double solid_t, air_t, length, next_t;
-    float solid, air;               /* densities there */
-    float solid_weight, air_weight; /* the same, halved where that end has not moved twice in a row */
-    int last_side;
+    double t[2], length, next_t;
+    float density[2], weight[2]; /* the same, halved where that end has not moved twice in a row */
+    int last_end;                /* -1: none has moved */
 } bracket;
+enum { AIR, SOLID };
 
 static void place(const karst_segment *s, double t, double at[3])
 {
@@ -26,34 +27,30 @@ static double between(double solid, double air)
     return isfinite(share) ? share : 0.5;
 }
 
-static bool is_narrow(const bracket *b) { return (b->air_t - b->solid_t) * b->length <= KARST_CROSSING_WITHIN; }
+static bool is_narrow(const bracket *b) { return (b->t[AIR] - b->t[SOLID]) * b->length <= KARST_CROSSING_WITHIN; }
 
 static void choose_next(bracket *b, int step)
 {
-    const double width = b->air_t - b->solid_t, least = 0.4 * KARST_CROSSING_WITHIN / b->length;
-    double t = b->solid_t + width * between((double)b->solid_weight, (double)b->air_weight);
+    const double width = b->t[AIR] - b->t[SOLID], least = 0.4 * KARST_CROSSING_WITHIN / b->length;
+    double t = b->t[SOLID] + width * between((double)b->weight[SOLID], (double)b->weight[AIR]);
     /* A little farther than the surface should be from the nearer end: so the other one comes near, too. */
-    t += t - b->solid_t < b->air_t - t ? least : -least;
+    const int is_nearer_solid = t - b->t[SOLID] < b->t[AIR] - t;
+    t += (2 * is_nearer_solid - 1) * least;
     if (step % 4 == 3)
-        t = b->solid_t + width / 2;
-    const double most = b->air_t - least;
-    t = t > b->solid_t + least ? t : b->solid_t + least;
-    b->next_t = t < most ? t : most;
+        t = b->t[SOLID] + width / 2;
+    const double first = b->t[SOLID] + least, last = b->t[AIR] - least;
+    t = t > first ? t : first;
+    b->next_t = t < last ? t : last;
 }
 
 static void learn(bracket *b, float density)
 {
-    const int side = density > 0 ? 1 : -1;
-    if (side > 0) {
-        b->solid_t = b->next_t;
-        b->solid = b->solid_weight = density;
-        b->air_weight *= b->last_side == side ? 0.5f : 1;
-    } else {
-        b->air_t = b->next_t;
-        b->air = b->air_weight = density;
-        b->solid_weight *= b->last_side == side ? 0.5f : 1;
-    }
-    b->last_side = side;
+    const int end = density > 0; /* AIR or SOLID */
+    const float share[2] = {1, 0.5f};
+    b->t[end] = b->next_t;
+    b->density[end] = b->weight[end] = density;
+    b->weight[!end] *= share[b->last_end == end];
+    b->last_end = end;
 }
 
 static uint64_t find_some(karst_sampler *sampler, const karst_grid *grid, karst_segment *segments, size_t num,
@@ -68,14 +65,13 @@ static uint64_t find_some(karst_sampler *sampler, const karst_grid *grid, karst_
         double square = 0;
         for (int axis = 0; axis < 3; axis++)
             square += (s->to[axis] - s->from[axis]) * (s->to[axis] - s->from[axis]);
-        brackets[i] = (bracket){.air_t = 1,
+        brackets[i] = (bracket){.t = {1, 0},
                                 .length = sqrt(square),
-                                .solid = s->from_density,
-                                .air = s->to_density,
-                                .solid_weight = s->from_density,
-                                .air_weight = s->to_density};
-        if (!is_narrow(&brackets[i]))
-            open[num_open++] = (uint16_t)i;
+                                .density = {s->to_density, s->from_density},
+                                .weight = {s->to_density, s->from_density},
+                                .last_end = -1};
+        open[num_open] = (uint16_t)i;
+        num_open += !is_narrow(&brackets[i]);
     }
     for (int step = 0; num_open && step < MAX_STEPS; step++) {
         for (size_t k = 0; k < num_open; k++) {
@@ -89,17 +85,17 @@ static uint64_t find_some(karst_sampler *sampler, const karst_grid *grid, karst_
         size_t left = 0;
         for (size_t k = 0; k < num_open; k++) {
             learn(&brackets[open[k]], densities[k]);
-            if (!is_narrow(&brackets[open[k]]))
-                open[left++] = open[k];
+            open[left] = open[k];
+            left += !is_narrow(&brackets[open[k]]);
         }
         num_open = left;
     }
     for (size_t i = 0; i < num; i++) {
-        const bracket *b = &brackets[i];
-        const double t = b->solid_t + (b->air_t - b->solid_t) * between((double)b->solid, (double)b->air);
-        const double after = t > b->solid_t ? t : b->solid_t;
-        place(&segments[i], after < b->air_t ? after : b->air_t, segments[i].found);
-        place(&segments[i], b->solid_t, segments[i].found_solid);
+        const double solid = brackets[i].t[SOLID], air = brackets[i].t[AIR];
+        const double share = between((double)brackets[i].density[SOLID], (double)brackets[i].density[AIR]);
+        const double t = solid + (air - solid) * share, after = t > solid ? t : solid;
+        place(&segments[i], after < air ? after : air, segments[i].found);
+        place(&segments[i], solid, segments[i].found_solid);
     }
     return num_samples;
 }

@@ -82,11 +82,12 @@ typedef enum {
 /* "glb", "ply", "obj" of a name's end, whatever its case. Errors: KARST_USAGE listing them. Thread-safe. */
 bool karst_mesh_format_of(const char *path, karst_mesh_format *format, karst_error *error);
 
-/* The same into a file, whole or not at all (written beside as .karst-*.tmp, with its parts in files that have no name;
- * then renamed). Coordinates are metres from the box's corner, whose exact decimals stand in the file, as do the width
- * of a cell, the world's name and its seed: in comments, or in the glTF's asset.extras. Karst's axes are left-handed (x
- * right, y up, z forward): glTF's node mirrors z, so that viewers show what Karst does; PLY and OBJ hold the
- * coordinates as they are. Errors: also KARST_FAILED naming the path (disk full; a GLB beyond 4 GiB). */
+/* The same into a file, whole or not at all (written beside as .karst-*.tmp, with its parts in memory, or in files that
+ * have no name once one is more than 32 MiB; then renamed). Coordinates are metres from the box's corner, whose exact
+ * decimals stand in the file, as do the width of a cell, the world's name and its seed: in comments, or in the glTF's
+ * asset.extras. Karst's axes are left-handed (x right, y up, z forward): glTF's node mirrors z, so that viewers show
+ * what Karst does; PLY and OBJ hold the coordinates as they are. Errors: also KARST_FAILED naming the path (disk full;
+ * a GLB beyond 4 GiB). */
 bool karst_mesh_write(const karst_world *world, const karst_mesh_config *config, const char *path,
                       karst_mesh_format format, bool (*progress)(void *user, double share), void *user,
                       karst_mesh_stats *stats, karst_error *error);
