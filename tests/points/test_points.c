@@ -18,16 +18,10 @@ static int mutant = NONE;
 #include "producers/points/points.h"
 #include "producers/steps/load_shared.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-5)
 #define VOXEL_M 0x1p-5
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-points-XXXXXX";
 static char torus[64], cloud[64], uneven[64], strange[64];
