@@ -29,7 +29,8 @@ static const char two_balls[] =
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
     "\"camera\": { \"position\": [\"0\", \"0\", \"-70\"], \"fov\": 40 } }*/\n"
     "float density(vec3 p) { return -1.0; }\n"
-    "medium air(vec3 p) { medium m; m.albedo = vec3(0.99);\n    m.extinction = 0.2 * clamp(3.0 - length(p) / 8.0, 0.0, 1.0)\n"
+    "medium air(vec3 p) { medium m; m.albedo = vec3(0.99);\n"
+    "    m.extinction = 0.2 * clamp(3.0 - length(p) / 8.0, 0.0, 1.0)\n"
     "    + 0.006 * clamp(10.0 - length(p - vec3(870.0, 0.0, -500.0)) / 10.0, 0.0, 1.0); return m; }\n";
 
 static bool is_full(void) { return getenv("KARST_TEST_FULL") != NULL; }
