@@ -7,8 +7,8 @@
  * over the bound is the fluence times the volume. A packet's way depends on its number alone, and sums are of whole
  * quanta: so neither lanes nor order leave a trace.
  *
- * Packets for the fine grid are aimed at it, and fly through the coarse one before they come there. Once they leave it
- * they are not followed: what comes back from outside is lost, near its faces. */
+ * Packets for the fine grid are aimed at it, and fly through the coarse one up to where the fine one knows of all that
+ * there is. Once they leave it they are not followed: what comes back from outside is lost, near its faces. */
 #include "raycast/light/light.clh"
 #include "raycast/media/chance.clh"
 #include "raycast/media/fluence_shared.h"
@@ -222,37 +222,48 @@ RAY_INLINE void start(packets *p, vint lanes, vint number, const cells *in, cons
 
 /* ---- where they go ---- */
 
-/* Packets outside come into the grid that is traced after `t`, in cells of the coarse one; never: a large number. */
-RAY_INLINE vfloat way_inside(const packets *p, const cells *in, const vfloat along[3])
+/* Where packets outside come into a box, in cells of the coarse grid, as ways along their rays; corners are from the
+ * anchor. Those that never do: a large number. */
+RAY_INLINE vfloat way_into(const packets *p, const cells *in, vint lanes, const float from[3], const float to[3])
 {
+    const vfloat along[3] = {p->direction.x, p->direction.y, p->direction.z};
     const float per = 1.0f / in->outer->cell;
     vfloat enter = (vfloat)(0.0f), exit = (vfloat)(1.0e30f);
     K_UNROLL
     for (int axis = 0; axis < 3; axis++) {
-        const float from = (in->box->corner[axis] - in->outer->corner[axis]) * per,
-                    to = k_fma((float)in->box->size[axis] * in->box->cell, per, from);
         const vint climbs = v_gt(along[axis], (vfloat)(0.0f));
         const vfloat size = lane_max(k_fabs(along[axis]), (vfloat)(1.0e-12f)),
                      inverse = 1.0f / v_select(climbs, size, -size);
-        const vfloat first = (from - p->at[axis]) * inverse, second = (to - p->at[axis]) * inverse;
+        const vfloat first = ((from[axis] - in->outer->corner[axis]) * per - p->at[axis]) * inverse,
+                     second = ((to[axis] - in->outer->corner[axis]) * per - p->at[axis]) * inverse;
         enter = lane_max(enter, lane_min(first, second));
         exit = lane_min(exit, lane_max(first, second));
     }
-    return v_select(v_lt(enter, exit) & p->is_outside, enter, (vfloat)(2.0e30f));
+    return v_select(lanes & v_lt(enter, exit), enter, (vfloat)(2.0e30f));
 }
 
-RAY_INLINE void come_inside(packets *p, const cells *in, vint lanes)
+/* Those that have come to where the fine grid knows all: on to its cells, as there is nothing before them, whatever the
+ * coarse ones say. Returns the lanes that go by. */
+RAY_INLINE vint come_inside(packets *p, const cells *in, vint lanes)
 {
     const float scale = in->outer->cell / in->box->cell, per = 1.0f / in->box->cell;
+    const vfloat along[3] = {p->direction.x, p->direction.y, p->direction.z};
+    float to[3];
+    for (int axis = 0; axis < 3; axis++)
+        to[axis] = k_fma((float)in->box->size[axis], in->box->cell, in->box->corner[axis]);
+    const vfloat way = way_into(p, in, lanes, in->box->corner, to);
+    const vint misses = lanes & v_gt(way, (vfloat)(1.0e30f));
+    lanes &= ~misses;
     p->is_outside &= ~lanes;
     K_UNROLL
     for (int axis = 0; axis < 3; axis++) {
         const float shift = (in->outer->corner[axis] - in->box->corner[axis]) * per;
-        const vfloat at = k_fma(p->at[axis], (vfloat)(scale), (vfloat)(shift));
+        const vfloat at = k_fma(k_fma(way, along[axis], p->at[axis]), (vfloat)(scale), (vfloat)(shift));
         const vfloat kept = lane_min(lane_max(at, (vfloat)(0.0f)), (vfloat)((float)in->box->size[axis]));
         p->at[axis] = v_select(lanes, kept, p->at[axis]);
     }
     settle_block(p, in, lanes);
+    return misses;
 }
 
 /* To where chance says in their blocks, or to their ends. Returns the lanes that are still in one. *bound: its. */
@@ -277,7 +288,7 @@ RAY_INLINE vint fly(packets *p, const cells *in, vfloat *bound)
     }
     vint comes = (vint)(0);
     if (in->outer && v_any(p->live & p->is_outside)) {
-        const vfloat enter = way_inside(p, in, along);
+        const vfloat enter = way_into(p, in, p->is_outside, in->box->from, in->box->to);
         comes = p->live & v_le(enter, end);
         end = v_select(comes, enter, end);
     }
@@ -296,7 +307,7 @@ RAY_INLINE vint fly(packets *p, const cells *in, vfloat *bound)
         gone |= crosses & (v_lt(next, (vint)(0)) | v_ge(next, size_of(p, in, axis) >> FLUENCE_SIDE_LOG2));
     }
     if (v_any(comes))
-        come_inside(p, in, comes);
+        gone |= come_inside(p, in, comes);
     if (v_any(gone)) {
         note(p, KARST_FLUENCE_ESCAPED, gone);
         p->live &= ~gone;

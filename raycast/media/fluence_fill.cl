@@ -41,7 +41,7 @@ RAY_INLINE void note_found(const fill_cells *c, vint has, vint missing, K_GLOBAL
     }
 }
 
-/* The mean extinction on a line across each cell, per cell, and what it looks like there. The box's corner is that of
+/* The mean extinction of each cell, as depth across it, and what it looks like there. The box's corner is that of
  * `corner`, whatever the view; bricks have voxels half as wide as a cell. base: the number
  * of the grid's first cell, of all grids. */
 __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
@@ -61,28 +61,37 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     const fill_cells c = cells_of(&box, first, num);
     media_frame frame;
     media_frame_of_corner(&frame, view, &anchor, corner.voxel);
-    media_sums sums = EMPTY_SUMS;
     media_lighting lighting;
     lighting.most_depth = 1.0e30f;
     lighting.metres = task.metres;
     lighting.used = 0;
     const float side = box.cell;
-    const media_rays way = {{v_to_float(c.at[0]) * side, (v_to_float(c.at[1]) + 0.5f) * side,
-                             (v_to_float(c.at[2]) + 0.5f) * side},
-                            {one, none, none},
-                            none,
-                            (vfloat)(side),
-                            (vfloat)(0.5f * side),
-                            none};
-    walk_depth(&pool, &frame, &way, c.lanes, &lighting, &sums);
-    const vint has = c.lanes & v_gt(sums.tau, none);
-    note_found(&c, has, sums.missing, found);
+    /* Between the samples, four lines have the mean of what is between them. */
+    vfloat mean = none;
+    vint missing = (vint)(0);
+    for (int line = 0; line < 4; line++) {
+        const float across = line & 1 ? 0.75f : 0.25f, along = line & 2 ? 0.75f : 0.25f;
+        const media_rays way = {{v_to_float(c.at[0]) * side, (v_to_float(c.at[1]) + across) * side,
+                                 (v_to_float(c.at[2]) + along) * side},
+                                {one, none, none},
+                                none,
+                                (vfloat)(side),
+                                (vfloat)(0.5f * side),
+                                none};
+        media_sums sums = EMPTY_SUMS;
+        walk_depth(&pool, &frame, &way, c.lanes, &lighting, &sums);
+        mean = k_fma(sums.tau, (vfloat)(0.25f), mean);
+        missing |= sums.missing;
+    }
+    const vint has = c.lanes & v_gt(mean, none);
+    note_found(&c, has, missing, found);
     float depth[LANES], values[4][LANES];
-    v_store_float(lane_min(sums.tau, (vfloat)(KARST_FLUENCE_MOST_DEPTH)), depth);
+    v_store_float(lane_min(mean, (vfloat)(KARST_FLUENCE_MOST_DEPTH)), depth);
     for (int i = 0; i < 4; i++)
         v_store_float(none, values[i]);
     if (v_any(has)) {
-        const vector3 place = {way.origin.x + 0.5f * side, way.origin.y, way.origin.z};
+        const vector3 place = {(v_to_float(c.at[0]) + 0.5f) * side, (v_to_float(c.at[1]) + 0.5f) * side,
+                               (v_to_float(c.at[2]) + 0.5f) * side};
         const vfloat t = k_sqrt(k_fma(place.x, place.x, k_fma(place.y, place.y, place.z * place.z)));
         const vector3 toward = {place.x / t, place.y / t, place.z / t};
         lighting.direction = &toward;

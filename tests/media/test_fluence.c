@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -15,18 +16,22 @@
 #include "karst/karst.h"
 #include "karst/reference.h"
 #include "raycast/media/fluence.h"
+#include "tests/support/scene.h"
 
 /* From the repository's root, as tests are run. */
 static const char cloud[] = "docs/accuracy/cloud.karst";
 
-#define FEW_PACKETS 8192u
+#define FEW_PACKETS 4096u
 
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
+/* A ball before the eye, and another one, far away, through which the sun shines on it. */
+static const char two_balls[] =
+    "/*{ \"voxel\": 0.5, \"view\": 2000, \"sun\": { \"azimuth\": 120, \"elevation\": 0 },\n"
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
+    "\"camera\": { \"position\": [\"0\", \"0\", \"-70\"], \"fov\": 40 } }*/\n"
+    "float density(vec3 p) { return -1.0; }\n"
+    "medium air(vec3 p) { medium m; m.albedo = vec3(0.99);\n"
+    "    m.extinction = 0.2 * clamp(3.0 - length(p) / 8.0, 0.0, 1.0)\n"
+    "    + 0.006 * clamp(10.0 - length(p - vec3(870.0, 0.0, -500.0)) / 10.0, 0.0, 1.0); return m; }\n";
 
 static bool is_full(void) { return getenv("KARST_TEST_FULL") != NULL; }
 
@@ -34,14 +39,15 @@ typedef struct {
     int width_px, height_px, lanes;
     double detail_px, depth, g, white;
     uint32_t samples, packets;
+    const char *world; /* without parameters; NULL: the cloud */
 } setting;
 
 static karst_engine *create(const setting *s)
 {
     const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}, {"white", s->white}};
-    const karst_engine_config config = {.world = cloud,
+    const karst_engine_config config = {.world = s->world ? s->world : cloud,
                                         .parameters = parameters,
-                                        .num_parameters = 3,
+                                        .num_parameters = s->world ? 0 : 3,
                                         .pool_bytes = (uint64_t)128 << 20,
                                         .display = KARST_DISPLAY_NONE,
                                         .width_px = s->width_px,
@@ -51,21 +57,14 @@ static karst_engine *create(const setting *s)
                                         .tone = KARST_TONE_OF_FILM,
                                         .scattering = KARST_SCATTERING_FLUENCE,
                                         .lanes = s->lanes};
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(&config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
+    karst_engine *engine = scene_open(&config);
     engine->fluence_packets = s->packets;
     return engine;
 }
 
 static void settle(karst_engine *engine, float *light)
 {
-    bool settled = false;
-    const size_t num = (size_t)engine->width_px * (size_t)engine->height_px * 3;
-    assert_ok(karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error) &&
-              karst_engine_read_radiance(engine, light, num, &error));
-    assert_true(settled);
+    scene_settle(engine, 2000, light, (size_t)engine->width_px * (size_t)engine->height_px * 3, NULL);
 }
 
 /* ---- energy ---- */
@@ -113,13 +112,14 @@ static void what_goes_in_comes_out_or_is_absorbed(void **state)
 
 /* What pictures differ by from paths in double, as shares of their mean: in the mean, and rms without the truth's own
  * noise. */
-static void compare(const setting *s, uint32_t paths_px, double *bias, double *rms)
+static void compare(const setting *s, uint32_t paths_px, double *bias, double *rms, int fine[3])
 {
+    uint64_t sums[KARST_FLUENCE_SUMS];
     const size_t num = (size_t)s->width_px * (size_t)s->height_px * 3;
     const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}, {"white", s->white}};
-    const karst_reference_config config = {.world = cloud,
+    const karst_reference_config config = {.world = s->world ? s->world : cloud,
                                            .parameters = parameters,
-                                           .num_parameters = 3,
+                                           .num_parameters = s->world ? 0 : 3,
                                            .width_px = s->width_px,
                                            .height_px = s->height_px};
     const karst_reference_light light = {
@@ -131,6 +131,8 @@ static void compare(const setting *s, uint32_t paths_px, double *bias, double *r
     assert_ok(karst_reference_scatter(&config, &light, truth, deviation, NULL, NULL, NULL, &error));
     karst_engine *engine = create(s);
     settle(engine, seen);
+    assert_ok(karst_fluence_sums(engine->media->fluence, 1, fine, sums, &error));
+    assert_true(sums[KARST_FLUENCE_GIVEN] + sums[KARST_FLUENCE_WON] == all_of(sums));
     karst_engine_destroy(engine);
     for (size_t i = 0; i < num; i++) {
         const double d = (double)seen[i] - truth[i];
@@ -162,9 +164,30 @@ static void light_scattered_often_is_right(void **state)
                            .g = g[i / 3],
                            .white = 0.99};
         double bias, rms;
-        compare(&s, full ? 1000 : 60, &bias, &rms);
+        int fine[3];
+        compare(&s, full ? 1000 : 60, &bias, &rms, fine);
         assert_true(fabs(bias) < 0.05 && rms < (full ? 0.1 : 0.2));
+        assert_true(fine[0] == 0); /* there is nothing else */
     }
+}
+
+/* What is near has cells of its own, to which light comes through those of what is far. */
+static void what_is_near_is_fine(void **state)
+{
+    (void)state;
+    const bool full = is_full();
+    char path[] = "/tmp/karst-balls-XXXXXX.karst";
+    const int fd = mkstemps(path, 6);
+    assert_true(fd >= 0 && write(fd, two_balls, strlen(two_balls)) == (ssize_t)strlen(two_balls));
+    close(fd);
+    const setting s = {.width_px = full ? 32 : 16, .height_px = full ? 24 : 12, .detail_px = 0.5,
+                       .samples = full ? 16 : 2, .packets = full ? 0 : 32768, .world = path};
+    double bias, rms;
+    int fine[3];
+    compare(&s, full ? 1000 : 100, &bias, &rms, fine);
+    unlink(path);
+    assert_true(fine[0] >= 40 && fine[1] >= 40 && fine[2] >= 40);
+    assert_true(fabs(bias) < 0.05 && rms < (full ? 0.1 : 0.25));
 }
 
 /* ---- traces ---- */
@@ -250,6 +273,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(what_goes_in_comes_out_or_is_absorbed),
                                        cmocka_unit_test(light_scattered_often_is_right),
+                                       cmocka_unit_test(what_is_near_is_fine),
                                        cmocka_unit_test(lanes_leave_no_trace),
                                        cmocka_unit_test(history_leaves_no_trace),
                                        cmocka_unit_test(a_standing_view_rests)};
