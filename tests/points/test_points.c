@@ -8,8 +8,8 @@
 #include <cmocka.h>
 #include <fcntl.h>
 
-/* One rule of the proofs broken at a time. */
-enum { NONE, COVER, LEAST, EXTENT, PARENT, NUM_MUTANTS };
+/* One rule of the proofs broken at a time; the last one is test_whole.c's. */
+enum { NONE, COVER, LEAST, EXTENT, PARENT, NUM_MUTANTS, WHOLE };
 static int mutant = NONE;
 #define POINTS_MUTANT(rule) (mutant == rule)
 
