@@ -10,8 +10,8 @@
 #define MEDIA_DETAIL 3.0f
 /* Where light in media is to be as it is, they are as fine as land. */
 #define MEDIA_TRUE_DETAIL 1.0f
-/* And finer, where nothing but their samples makes them wrong: where extinction begins, what lies between two samples is
- * told too thick, by as much as their distance squared. A cloud's rim is thin enough that this is seen. */
+/* And finer, where nothing but their samples makes them wrong: where extinction begins, what lies between two samples
+ * is told too thick, by as much as their distance squared. A cloud's rim is thin enough that this is seen. */
 #define MEDIA_ONCE_DETAIL 0.5f
 
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config)
