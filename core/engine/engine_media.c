@@ -10,6 +10,9 @@
 #define MEDIA_DETAIL 3.0f
 /* Where light in media is to be as it is, they are as fine as land. */
 #define MEDIA_TRUE_DETAIL 1.0f
+/* And finer, where nothing but their samples makes them wrong: where extinction begins, what lies between two samples
+ * is told too thick, by as much as their distance squared. A cloud's rim is thin enough that this is seen. */
+#define MEDIA_ONCE_DETAIL 0.5f
 
 void karst_engine_configure_media(karst_engine *engine, const karst_engine_config *config)
 {
@@ -67,6 +70,15 @@ static bool prepare(karst_engine *engine, karst_error *error)
     return engine->media != NULL;
 }
 
+static float detail_of(const karst_engine *engine)
+{
+    if (engine->integrator == KARST_INTEGRATOR_FULL)
+        return MEDIA_TRUE_DETAIL;
+    return engine->scattering == KARST_SCATTERING_OCTAVES ? MEDIA_DETAIL
+           : engine->scattering == KARST_SCATTERING_ONCE  ? MEDIA_ONCE_DETAIL
+                                                          : MEDIA_TRUE_DETAIL;
+}
+
 /* Of the sample that was drawn last. */
 static karst_media_picture picture_of(const karst_engine *engine, const karst_cast_view *view,
                                       const karst_pinhole *pinhole, const karst_light *light)
@@ -79,10 +91,7 @@ static karst_media_picture picture_of(const karst_engine *engine, const karst_ca
                                    .anchor = &engine->camera.position,
                                    .skies = engine->shown.skies,
                                    .metres = (float)voxel_m,
-                                   .detail = engine->integrator == KARST_INTEGRATOR_FULL ||
-                                                     engine->scattering != KARST_SCATTERING_OCTAVES
-                                                 ? MEDIA_TRUE_DETAIL
-                                                 : MEDIA_DETAIL,
+                                   .detail = detail_of(engine),
                                    .hits = engine->hits,
                                    .parts = karst_radiance_parts(engine->radiance),
                                    .has_sun = engine->shadows,

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Full light in media against others' programs: slabs against adding and doubling (iadpython, after S. Prahl), and a cloud
-# under an even sky against Mitsuba 3's volpath. PYTHON names an interpreter that has mitsuba and numpy, and
+# Light in media against others' programs: slabs in full light against adding and doubling (iadpython, after S. Prahl); a
+# cloud under an even sky in full light, and in the sun with light that is scattered once, against Mitsuba 3's volpath. PYTHON names an interpreter that has mitsuba and numpy, and
 # iadpython for the slabs; what is missing is skipped. $KARST is the program. Not part of `make check`.
 set -u
 . tests/tap.sh
@@ -64,20 +64,26 @@ fi
 
 # ---- a cloud ----
 
-cat > "$scratch/cloud.karst" << 'END'
-/*{ "voxel": 0.015625, "view": 200, "sun": { "colour": [0, 0, 0] },
-"sky": { "zenith": [1, 1, 1], "horizon": [1, 1, 1], "haze": 1e12 },
+# $1: of the sun; $2: of the sky. The sun stands at the horizon: so the ground throws nothing back.
+cloud()
+{
+    cat << END
+/*{ "voxel": 0.015625, "view": 200, "sun": { "azimuth": 90, "elevation": 0, "colour": [$1, $1, $1] },
+"sky": { "zenith": [$2, $2, $2], "horizon": [$2, $2, $2], "haze": 1e12 },
 "camera": { "position": ["0", "0", "-6"], "fov": 40 } }*/
 float density(vec3 p) { return -1.0; }
 medium air(vec3 p) { medium m;
     m.extinction = 8.0 * clamp(1.4 - length(p) + 0.2 * sin(4.0 * p.x) * sin(4.0 * p.y) * sin(4.0 * p.z), 0.0, 1.0);
     m.albedo = vec3(0.9); m.g = 0.3; return m; }
 END
+}
+cloud 0 1 > "$scratch/sky.karst"
+cloud 1 0 > "$scratch/sun.karst"
 cat > "$scratch/cloud.py" << 'END'
-import sys
+import math, os, sys, time
 import numpy as np, mitsuba as mi
 mi.set_variant("scalar_rgb")
-scratch = sys.argv[1]
+scratch, name, ours_ms = sys.argv[1], sys.argv[2], float(sys.argv[3])
 # The same grid as a place every 1/32 m has it; both interpolate it trilinearly.
 side = 129
 x = np.linspace(-2, 2, side)
@@ -88,31 +94,54 @@ T = mi.ScalarTransform4f
 # Their grid's samples lie in the middles of cells.
 half = 2 * side / (side - 1)
 box = T().translate([-half, -half, -half]) @ T().scale(2 * half)
+light = ({"type": "constant", "radiance": {"type": "rgb", "value": 1.0}} if name == "sky" else
+         {"type": "directional", "direction": [-1, 0, 0], "irradiance": {"type": "rgb", "value": math.pi}})
 scene = mi.load_dict({
-    "type": "scene", "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}},
-    "integrator": {"type": "volpath", "max_depth": -1, "rr_depth": 1000},
+    "type": "scene", "light": light,
+    "integrator": {"type": "volpath", "max_depth": 2 if name == "sun" else -1, "rr_depth": 1000},
     "sensor": {"type": "perspective", "fov": 40, "fov_axis": "y",
                "to_world": T().look_at(origin=[0, 0, -6], target=[0, 0, 0], up=[0, 1, 0]),
                "film": {"type": "hdrfilm", "width": 64, "height": 48, "rfilter": {"type": "box"}, "component_format": "float32"}},
     "cloud": {"type": "cube", "to_world": T().scale(half), "bsdf": {"type": "null"},
               "interior": {"type": "heterogeneous", "albedo": 0.9, "phase": {"type": "hg", "g": 0.3},
                            "sigma_t": {"type": "gridvolume", "grid": mi.VolumeGrid(grid), "to_world": box}}}})
-def theirs(spp, seed):
-    return np.array(mi.render(scene, spp=spp, seed=seed))[..., 0].astype(float)
-bitmap = mi.Bitmap(f"{scratch}/sky.exr")
+def theirs(spp, seed): # x points to the left in their pictures
+    return np.array(mi.render(scene, spp=spp, seed=seed))[:, ::-1, 0].astype(float)
+bitmap = mi.Bitmap(f"{scratch}/{name}.exr")
 names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
 ours = np.array(bitmap)[..., names.index("R")].astype(float)
-many = 512
+few, many = 64, int(os.environ.get("PATHS", 4096 if name == "sun" else 512))
+theirs(1, 99) # what is compiled once
 truth = np.mean([theirs(256, 1 + i) for i in range(many // 256)], axis=0)
-# What the cloud takes of the sky is what there is to compare.
-lost, theirs_lost = 1 - ours.mean(), 1 - truth.mean()
-print("mean %.5f, theirs %.5f (%.2f %%); of the sky %.5f are lost, theirs %.5f (%.2f %%)" %
-      (ours.mean(), truth.mean(), 100 * (ours.mean() / truth.mean() - 1), lost, theirs_lost,
-       100 * (lost / theirs_lost - 1)))
-sys.exit(not abs(ours.mean() / truth.mean() - 1) < 0.01)
+start = time.perf_counter()
+noisy = theirs(few, 1000)
+took_ms = 1000 * (time.perf_counter() - start)
+def rms(x): return np.sqrt(np.mean((x - truth) ** 2)) / truth.mean()
+error = rms(noisy) / math.sqrt(1 + few / many)
+noise = error * math.sqrt(few / many) # of the truth itself
+own = math.sqrt(max(rms(ours) ** 2 - noise ** 2, 0))
+print("%s: mean %.5f, theirs %.5f (%+.2f %%); rms %.2f %% beside %.2f %% of the truth's own noise; of theirs with %d paths a pixel %.2f %%" %
+      (name, ours.mean(), truth.mean(), 100 * (ours.mean() / truth.mean() - 1), 100 * own, 100 * noise, few, 100 * error))
+good = abs(ours.mean() / truth.mean() - 1) < 0.01
+if name == "sun":
+    own = max(own, noise) # what can be told
+    needed_ms = took_ms * (error / own) ** 2
+    print("an rms of %.2f %%: theirs needs %.0f ms, ours %.2f ms: %.0f times as long" % (100 * own, needed_ms, ours_ms, needed_ms / ours_ms))
+    good = good and needed_ms >= 50 * ours_ms
+sys.exit(not good)
 END
-render "$scratch/cloud.karst" --light full --samples 256 --size 64x48 --detail 0.5 -o "$scratch/sky.exr"
-"$python" "$scratch/cloud.py" "$scratch" > "$scratch/out" 2>&1
+render "$scratch/sky.karst" --light full --samples 256 --size 64x48 --detail 0.5 -o "$scratch/sky.exr"
+"$python" "$scratch/cloud.py" "$scratch" sky 0 > "$scratch/out" 2>&1
 result "full light in a cloud is within 1 % of volpath's"
+sed 's/^/# /' "$scratch/out"
+# A settled frame: rays are cast, shaded and marched anew.
+set -- "$scratch/sun.karst" --scattering once --samples 1 --size 64x48 --detail 0.5
+render "$@" -o "$scratch/sun.exr"
+"$karst" bench "$scratch/sun.karst" --scattering once --size 64x48 --detail 0.5 --rounds 15 --runs 1 -q --json "$scratch/sun.json" \
+    > "$scratch/log" 2>&1 || sed 's/^/# /' "$scratch/log"
+frame_ms=$(awk -f tests/cli/flatten.awk "$scratch/sun.json" | sed 's/ = / /' |
+    awk '$1 == "settled.time_ms.frame.median" { print $2; exit }')
+"$python" "$scratch/cloud.py" "$scratch" sun "${frame_ms:-1e9}" > "$scratch/out" 2>&1
+result "light scattered once is within 1 % of volpath's, at least 50 times as fast at the same rms"
 sed 's/^/# /' "$scratch/out"
 finish

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "raycast/light/atmosphere.clh"
 #include "raycast/light/atmosphere.h"
@@ -334,6 +335,84 @@ static void air_before_land_is_right(void **state)
     assert_true(worst >= 33);
 }
 
+/* Directions from the horizon up to the zenith and down to the nadir, closer together at the horizon. */
+#define HORIZON_ROWS 12
+static place beside_horizon(double height_km, int row, double azimuth)
+{
+    const double dip = acos(GLOBE / (GLOBE + height_km)) * 180 / M_PI,
+                 share = (row % (HORIZON_ROWS / 2) + 0.2) / (HORIZON_ROWS / 2.0),
+                 up = row < HORIZON_ROWS / 2 ? 90 + dip : -(90 - dip);
+    return look(azimuth, -dip + up * share * share * share);
+}
+
+static void sky_towards(place ray, place to_sun, double rgb[3])
+{
+    const vector3 direction = {(float)ray.x, (float)ray.y, (float)ray.z};
+    const colour c = air_sky(&the.sky, the.table, &direction, (float)product(ray, to_sun));
+    rgb[0] = (double)c.r, rgb[1] = (double)c.g, rgb[2] = (double)c.b;
+}
+
+/* Within half a degree of the horizon, on both sides: a seam would be an error of one of them. */
+static void the_horizon_has_no_seam(void **state)
+{
+    (void)state;
+    const double heights[] = {0.001, 2, 10, 400}, elevations[] = {-6, 0, 5, 45};
+    double worst = INFINITY;
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++) {
+            const place to_sun = look(20, elevations[j]), eye = {0, GLOBE + heights[i], 0};
+            const double dip = acos(GLOBE / eye.y) * 180 / M_PI;
+            double(*next)[2] = values;
+            set_sky(heights[i], to_sun);
+            for (int row = 0; row < 10; row++)
+                for (int column = 0; column < 5; column++) {
+                    const double off = (row - 4.5) / 4.5;
+                    const place ray = look(21 + 43.0 * column, -dip + 0.5 * off * fabs(off));
+                    double rgb[3], through[3], got[3];
+                    radiance(eye, ray, to_sun, NULL, again, INFINITY, 96, 32, rgb, through);
+                    sky_towards(ray, to_sun, got);
+                    for (int c = 0; c < 3; c++, next++)
+                        (*next)[0] = got[c], (*next)[1] = rgb[c];
+                }
+            const double db = psnr((const double(*)[2])values, (int)(next - values));
+            printf("# %g km, sun at %g degrees, at the horizon: %.1f dB\n", heights[i], elevations[j], db);
+            worst = fmin(worst, db);
+        }
+    assert_true(worst >= 36); /* in deep twilight; by day 46 */
+}
+
+/* From the ground to beyond the air by steps of 3 %: what light is like between two heights is their mean, to a step of
+ * a picture's 255. A jump would be half as large whatever the steps are. */
+static void the_sky_is_continuous_on_the_way_up(void **state)
+{
+    (void)state;
+    enum { NUM = HORIZON_ROWS * 3 };
+    const bool is_full = getenv("KARST_TEST_FULL") != NULL;
+    const double elevations[] = {12, -3, 40}, step = is_full ? 1.015 : 1.03;
+    for (int e = 0; e < (is_full ? 3 : 1); e++) {
+        const place to_sun = look(20, elevations[e]);
+        double last[2][NUM] = {{0}}, peak = 0, most = 0, at_km = 0;
+        int num = 0;
+        for (double km = 0.002; km < 1500; km *= step, num++) {
+            double now[NUM];
+            set_sky(km, to_sun);
+            for (int row = 0; row < HORIZON_ROWS; row++)
+                sky_towards(beside_horizon(km, row, 60), to_sun, now + 3 * row);
+            for (int i = 0; i < NUM; i++) {
+                const double bend = fabs(now[i] - 2 * last[0][i] + last[1][i]) / 2;
+                peak = fmax(peak, now[i]);
+                if (num > 1 && bend > most)
+                    most = bend, at_km = km / step;
+            }
+            memcpy(last[1], last[0], sizeof now);
+            memcpy(last[0], now, sizeof now);
+        }
+        printf("# up to 1500 km, sun at %g degrees: %.5f of the brightest off the mean at most, at %.3g km\n",
+               elevations[e], most / peak, at_km);
+        assert_true(most < peak / 255);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -354,6 +433,8 @@ static int tear_down(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(skies_are_right), cmocka_unit_test(air_before_land_is_right)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(skies_are_right), cmocka_unit_test(air_before_land_is_right),
+                                       cmocka_unit_test(the_horizon_has_no_seam),
+                                       cmocka_unit_test(the_sky_is_continuous_on_the_way_up)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
