@@ -70,7 +70,7 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     karst_engine_adopt_world(engine, world);
     *world = (karst_engine_world){0};
     engine->reported_non_finite = false;
-    engine->photons.is_aimed = false;
+    engine->photons.is_sorted = false;
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         engine->stores[i].reported_non_finite = false;
     if (kept)

@@ -138,14 +138,17 @@ typedef struct {
 /* Photons of a view; zeros: there are none. */
 typedef struct {
     karst_photons *photons;
-    karst_position anchor; /* where they were aimed from */
-    bool is_aimed;
+    karst_position anchor; /* where those that are shown were aimed from */
+    bool is_sorted;        /* there are such */
     bool is_aimed_now;     /* in this view, perhaps while something was missing */
     bool is_aimed_anew;    /* in this frame */
     bool must_aim;         /* all else is there */
+    bool is_exact;         /* nothing was missing where they were aimed */
+    bool is_trial;         /* those that wait are traced by what stands in for what they lack */
+    bool shows_all;        /* this frame's picture does */
+    bool is_whole;         /* and lacked nothing: no more are traced in this view */
     uint32_t bounces;
-    uint32_t num_traced; /* batches that lacked nothing */
-    uint32_t num_new;    /* and those after them that this frame traced */
+    uint32_t num_begun; /* batches of which all photons were traced, or wait */
 } karst_engine_photons;
 
 /* Media as engine_six_way.c draws them, without the world around them. */

@@ -74,8 +74,9 @@ bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config
 
 void karst_engine_forget_photons(karst_engine *engine)
 {
-    engine->photons.num_traced = 0;
-    engine->photons.is_aimed_now = engine->photons.must_aim = false;
+    karst_engine_photons *of = &engine->photons;
+    of->num_begun = 0;
+    of->is_aimed_now = of->must_aim = of->is_exact = of->is_trial = of->is_whole = false;
 }
 
 /* What is shaded there must know the anchor, before the picture says it once more. */
@@ -169,49 +170,81 @@ static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_err
 {
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = lamps_of(engine, scene->light, lamps);
-    engine->photons.anchor = engine->camera.position;
-    engine->photons.is_aimed = engine->photons.is_aimed_now = true;
+    engine->photons.is_aimed_now = true;
+    engine->photons.num_begun = 0;
     return karst_photons_aim(engine->photons.photons, scene, lamps, num, error);
+}
+
+/* Those that wait, of all batches that were begun. */
+static bool trace_waiting(karst_engine_photons *of, const karst_photon_scene *scene, karst_error *error)
+{
+    for (uint32_t batch = 0; batch < of->num_begun; batch++)
+        if (!karst_photons_trace(of->photons, scene, batch, error))
+            return false;
+    return true;
+}
+
+/* How many batches a frame begins. Who waits for the settled picture sees none before. */
+static uint32_t num_to_begin(const karst_engine *engine)
+{
+    const karst_engine_photons *of = &engine->photons;
+    const uint32_t left = karst_photons_num_batches(of->photons) - of->num_begun;
+    if (!of->is_exact)
+        return of->num_begun == 0;
+    return engine->budget_ns == 0 ? left : left > 0;
 }
 
 bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error)
 {
     karst_engine_photons *of = &engine->photons;
-    of->num_new = 0;
-    of->is_aimed_anew = false;
+    of->is_aimed_anew = of->shows_all = false;
     if (!of->photons)
         return true;
-    const uint32_t all = karst_photons_num_batches(of->photons);
+    of->shows_all = of->is_whole;
     /* In motion with a budget the last ones are seen from elsewhere. */
-    if (of->num_traced == all || (engine->budget_ns > 0 && engine->motion.moved))
+    if (of->is_whole || (engine->budget_ns > 0 && engine->motion.moved))
         return true;
     const karst_light light = karst_engine_light(engine);
-    const karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
+    karst_cast_view sure = *view;
+    sure.ends_at_missing = 1;
+    karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
     /* Probes are dear: they look first, and once more when photons that were aimed then ask for nothing. */
-    of->is_aimed_anew = of->num_traced == 0 && (!of->is_aimed_now || of->must_aim);
+    of->is_aimed_anew = !of->is_exact && (!of->is_aimed_now || of->must_aim);
     if (of->is_aimed_anew && !aim(engine, &scene, error))
         return false;
-    /* While something is missing a batch is for what it asks for, and to be seen. Without a budget frames trace twice
-     * as many each: so what has to be traced anew is never most of them. */
-    const uint32_t left = all - of->num_traced, more = engine->budget_ns == 0 && of->num_traced ? of->num_traced : 1;
-    of->num_new = more < left ? more : left;
-    for (uint32_t i = 0; i < of->num_new; i++)
-        if (!karst_photons_trace(of->photons, &scene, of->num_traced + i, false, error))
+    /* Whether those lacked anything, the frame's end tells only if photons ask for nothing meanwhile. */
+    if (of->is_aimed_anew && of->must_aim)
+        return true;
+    scene.view = of->is_trial ? view : &sure;
+    if (!trace_waiting(of, &scene, error))
+        return false;
+    for (uint32_t left = of->is_trial ? 0 : num_to_begin(engine); left; left--)
+        if (!karst_photons_trace(of->photons, &scene, of->num_begun++, error))
             return false;
-    return karst_photons_sort(of->photons, of->num_traced + of->num_new, error);
+    of->shows_all = of->is_exact && of->num_begun == karst_photons_num_batches(of->photons) &&
+                    (of->is_trial || karst_photons_num_waiting(of->photons, of->num_begun) == 0);
+    if (!of->shows_all && engine->settles && engine->budget_ns == 0)
+        return true;
+    of->anchor = engine->camera.position;
+    of->is_sorted = true;
+    return karst_photons_sort(of->photons, of->num_begun, error);
 }
 
 bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                   karst_error *error)
 {
     karst_engine_photons *of = &engine->photons;
-    if (!of->photons || !of->is_aimed || of->num_new == 0)
+    if (!of->photons || !of->is_aimed_now || of->is_whole || of->is_trial)
+        return true;
+    const bool aims = of->must_aim && of->is_aimed_anew;
+    if (aims ? view->ends_at_missing : karst_photons_num_waiting(of->photons, of->num_begun) == 0)
         return true;
     const karst_light light = karst_engine_light(engine);
-    const karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
-    return (!of->must_aim || !of->is_aimed_anew || view->ends_at_missing || aim(engine, &scene, error)) &&
-           karst_photons_trace(of->photons, &scene, of->num_traced, true, error);
+    karst_cast_view sure = *view;
+    sure.ends_at_missing = 1;
+    const karst_photon_scene scene = scene_of(engine, aims ? view : &sure, pinhole, &light);
+    return aims ? aim(engine, &scene, error) : trace_waiting(of, &scene, error);
 }
 
 bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
@@ -219,27 +252,29 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
     karst_engine_photons *of = &engine->photons;
     if (!of->photons)
         return lacks_nothing;
-    const uint32_t shown = of->num_traced + of->num_new;
-    /* The first are kept if nothing was missing where they were aimed, either. */
-    const bool kept = lacks_nothing && (of->num_traced > 0 || of->is_aimed_anew);
-    if (kept)
-        of->num_traced = shown;
-    of->must_aim = of->num_traced == 0 && (of->must_aim || lacks_nothing);
-    of->num_new = 0;
+    if (of->is_trial && lacks_nothing)
+        karst_photons_keep(of->photons, of->num_begun);
+    const uint32_t num_waiting = karst_photons_num_waiting(of->photons, of->num_begun);
+    of->is_whole = of->is_whole || (of->shows_all && lacks_nothing && num_waiting == 0);
+    /* Nothing was missing where they were aimed, either. */
+    of->is_exact = of->is_exact || (lacks_nothing && of->must_aim && of->is_aimed_anew);
+    of->must_aim = !of->is_exact && (of->must_aim || lacks_nothing);
+    /* What photons wait for though nothing is missing is matter that they ran into without meeting its surface. */
+    of->is_trial = of->is_exact && lacks_nothing && num_waiting > 0;
     karst_stats_caustics *stats = &engine->stats.caustics;
     uint64_t sums[KARST_PHOTON_SUMS];
     double quantum;
-    karst_photons_sums(of->photons, shown, sums, &quantum);
+    karst_photons_sums(of->photons, of->num_begun, sums, &quantum);
     const double voxel_m = exp2(engine->world->voxel_log2_m), unit = quantum * voxel_m * voxel_m;
-    stats->num_photons = karst_photons_in_batches(of->photons, shown);
+    stats->num_photons = karst_photons_num_done(of->photons, of->num_begun);
     stats->num_landed = sums[KARST_PHOTON_SUM_NUM_LANDED];
     stats->emitted = (double)sums[KARST_PHOTON_SUM_GIVEN] * unit;
     stats->deposited = (double)sums[KARST_PHOTON_SUM_LANDED] * unit;
     stats->direct = (double)sums[KARST_PHOTON_SUM_DIRECT] * unit;
-    stats->absorbed = (double)sums[KARST_PHOTON_SUM_LOST] * unit;
+    stats->absorbed = (double)(int64_t)sums[KARST_PHOTON_SUM_LOST] * unit;
     stats->escaped = (double)sums[KARST_PHOTON_SUM_ESCAPED] * unit;
     stats->cut_off = (double)sums[KARST_PHOTON_SUM_CUT] * unit;
-    return kept && of->num_traced == karst_photons_num_batches(of->photons);
+    return lacks_nothing && of->is_whole;
 }
 
 bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture *picture, const karst_buffer *rays,
@@ -249,7 +284,7 @@ bool karst_engine_gather_photons(karst_engine *engine, const karst_path_picture 
     karst_path_stream at;
     double away_m[3];
     float offset[3];
-    if (!of->photons || !of->is_aimed || karst_photons_miss_all(of->photons) || picture->again)
+    if (!of->photons || !of->is_sorted || picture->again)
         return true;
     karst_position_difference_m(of->anchor, engine->camera.position, engine->world->voxel_log2_m, away_m);
     for (int axis = 0; axis < 3; axis++)

@@ -44,6 +44,9 @@ typedef struct {
 K_ASSERT_SIZE(karst_lamp, 64);
 #define KARST_MOST_LAMPS 17 /* the sun, and sixteen of a world's own */
 
+/* Of karst_path_task.mirrors_all: and rays that are mirrored carry the share that is. */
+#define KARST_PATH_SHARES 2u
+
 /* One generation of paths. */
 typedef struct {
     uint bounce;    /* surfaces that its paths have left before */
@@ -56,7 +59,7 @@ typedef struct {
     /* With each_lamp: of the stream's packets, taken column by column where it has strips, those from this one on, and
      * so many; and packets in a strip, as of a picture, or 0. */
     uint first_packet, num_packets, strip_packets;
-    uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all */
+    uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all; KARST_PATH_SHARES */
     uint turn; /* of photons, how often they were turned: chance of one turn must know nothing of the one before */
     uint passes;      /* 0: surfaces let nothing pass, whatever they say */
 } karst_path_task;

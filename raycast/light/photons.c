@@ -1,5 +1,6 @@
 /* Launching the kernels of photons, and what is decided between them. */
 #include "raycast/light/photons.h"
+#include "raycast/light/photon_grid.h"
 #include "raycast/light/photons_aim.h"
 
 #include <math.h>
@@ -8,41 +9,32 @@
 
 #define LOCAL_SIZE 64
 #define NUM_PROBES KARST_PHOTON_CELLS
-/* Generations that are enqueued before it is looked whether any photons are left. */
-#define BLIND_BOUNCES 3u
-/* Where only what they lack is asked for, one run of so many is traced. */
-#define ASKING 8u
-#define MIN_BUCKETS_LOG2 12u
-#define MAX_BUCKETS_LOG2 22u
-/* Photons of a part of a cell at least, on average: else parts are twice as wide. */
-#define PART_PHOTONS 4
-/* Photons that a kernel holds where light is as dense as lamps send it: so many of a million, and more the more there
- * are, as its root: noise and blur fall together. */
+/* Photons of a part of a cell at least, on average: else parts are twice as wide. So many have neighbours. */
+#define PART_PHOTONS 16
+/* Photons without neighbours spread over so many where light is as dense as lamps send it: of a million, and more the
+ * more there are, as its root: noise and blur fall together. */
 #define KERNEL_PHOTONS 40.0
-/* The largest energy of a photon in quanta, and what a usual one adds to what is gathered. */
-#define MOST_QUANTA_LOG2 30
-#define GATHERED_LOG2 24
+/* The largest that light of a photon is spread, in pixels; and at distance 1. */
+#define MOST_SPREAD_PX 48.0
+#define MOST_SPREAD 0.25
+/* The largest energy of a photon's colour in quanta, of which three fit an int; and what a usual photon adds to what is
+ * gathered where it is brightest. */
+#define MOST_QUANTA_LOG2 29
+#define GATHERED_LOG2 26
 
-enum {
-    SEND,
-    TURN,
-    LOOK,
-    MEET,
-    COUNT,
-    SCAN,
-    PACK,
-    SUM,
-    TAG,
-    BLOCK_SUMS,
-    BEGINS,
-    SORT,
-    GATHER,
-    NUM_KERNELS
-};
-static const char *const kernel_names[NUM_KERNELS] = {
-    "photons_send", "photons_turn", "photons_look",       "photons_meet",   "photons_count", "photons_scan",
-    "photons_pack", "photons_sum",  "photons_tag",        "photons_block_sums", "photons_begins", "photons_sort",
-    "photons_gather"};
+enum { SEND, TURN, LOOK, MEET, COUNT, SCAN, PACK, NUM_KERNELS };
+static const char *const kernel_names[NUM_KERNELS] = {"photons_send",  "photons_turn", "photons_look", "photons_meet",
+                                                      "photons_count", "photons_scan", "photons_pack"};
+
+/* Of a batch. */
+typedef struct {
+    uint32_t num;         /* photons */
+    uint32_t num_waiting; /* that are not done: all, if is_listed does not say which */
+    bool is_listed;
+    uint64_t sums[KARST_PHOTON_SUMS];  /* of those that are done */
+    uint64_t maybe[KARST_PHOTON_SUMS]; /* of those that wait, if they went as they did last */
+    bool is_tried;                     /* there are such */
+} photon_batch;
 
 struct karst_photons {
     karst_context *context;
@@ -50,26 +42,23 @@ struct karst_photons {
     cl_kernel kernels[NUM_KERNELS];
     uint32_t num_photons, num_batches, batch_rays; /* batches may have fewer */
     uint32_t num_sent;                             /* of the photons: all, but for what grids leave over */
-    uint32_t room, buckets_log2;                   /* rays of the streams */
-    uint32_t num_lamps, num_cells, num_sorted;     /* the last: batches that are gathered */
+    uint32_t room;                                 /* rays of the streams */
+    uint32_t num_lamps, num_cells;
+    uint32_t num_shown; /* photons that are gathered; and how, whatever is aimed since */
+    karst_photon_grid_task shown;
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
     double quantum; /* quanta in a unit of flux; a power of two, as `scale` is */
-    float reach, scale;
-    uint64_t (*sums)[KARST_PHOTON_SUMS]; /* of each batch */
-    karst_buffer *lamp_buffer, *cells, *table, *seen, *sum_buffer;
-    karst_buffer *rays, *next, *to_lamps, *ways, *next_ways, *hits, *over_hits, *matter, *fates, *counts, *total[2];
-    karst_buffer *photons, *sorted, *buckets, *begins, *block_sums, *num_in_buckets, *no_lamps;
+    float reach, scale, least, most;
+    photon_batch *batches;
+    uint32_t *waiting;         /* of each batch, from batch_rays times its number on: places that wait */
+    karst_photon_fate *fates_read; /* where the host cannot see the device's */
+    karst_photon_grid *grid;
+    karst_buffer *lamp_buffer, *cells, *table, *seen, *list;
+    karst_buffer *rays, *next, *born, *to_lamps, *ways, *born_ways, *hits, *over_hits, *matter, *fates, *counts;
+    karst_buffer *total[2], *photons, *no_lamps;
 };
 
 /* ---- making them ---- */
-
-static uint32_t buckets_log2(uint32_t num_photons)
-{
-    uint32_t log2 = MIN_BUCKETS_LOG2;
-    while (log2 < MAX_BUCKETS_LOG2 && (1u << log2) < num_photons / 2)
-        log2++;
-    return log2;
-}
 
 static uint32_t whole_blocks(uint32_t num)
 {
@@ -78,14 +67,14 @@ static uint32_t whole_blocks(uint32_t num)
 }
 
 #define RAY_BYTES \
-    (3 * sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + sizeof(karst_photon_fate) + \
+    (4 * sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + sizeof(karst_photon_fate) + \
      (KARST_CLEAR_MATTER_PLANES + 2) * sizeof(float))
 
 double karst_photons_bytes(uint32_t num_photons, double *largest_bytes)
 {
-    const double photons = (double)num_photons * sizeof(karst_photon), streams = (double)NUM_PROBES * RAY_BYTES;
+    const double photons = (double)num_photons * KARST_PHOTON_SLOTS * sizeof(karst_photon);
     *largest_bytes = fmax(photons, (double)NUM_PROBES * sizeof(karst_ray));
-    return 2 * photons + streams + 2.0 * sizeof(uint32_t) * (double)(1u << buckets_log2(num_photons));
+    return photons + (double)NUM_PROBES * RAY_BYTES + karst_photon_grid_bytes(num_photons);
 }
 
 static bool make(karst_photons *photons, karst_buffer **buffer, size_t num, size_t each_bytes, karst_error *error)
@@ -96,34 +85,26 @@ static bool make(karst_photons *photons, karst_buffer **buffer, size_t num, size
 
 static bool make_streams(karst_photons *p, karst_error *error)
 {
-    const size_t room = p->room, cells = (size_t)KARST_MOST_LAMPS * KARST_PHOTON_CELLS;
+    const size_t room = p->room, cells = (size_t)KARST_MOST_LAMPS * KARST_PHOTON_CELLS,
+                 slots = (size_t)KARST_PHOTON_SLOTS * p->batch_rays;
     return make(p, &p->rays, room, sizeof(karst_ray), error) && make(p, &p->next, room, sizeof(karst_ray), error) &&
+           make(p, &p->born, room, sizeof(karst_ray), error) &&
            make(p, &p->to_lamps, room, sizeof(karst_ray), error) &&
            make(p, &p->ways, room, sizeof(karst_clear_way), error) &&
-           make(p, &p->next_ways, room, sizeof(karst_clear_way), error) &&
+           make(p, &p->born_ways, room, sizeof(karst_clear_way), error) &&
            make(p, &p->hits, room, sizeof(karst_hit), error) &&
            make(p, &p->over_hits, room, sizeof(karst_hit), error) &&
            make(p, &p->matter, room, KARST_CLEAR_MATTER_PLANES * sizeof(float), error) &&
-           make(p, &p->fates, room, sizeof(karst_photon_fate), error) &&
+           make(p, &p->fates, slots, sizeof(karst_photon_fate), error) &&
+           make(p, &p->list, p->batch_rays, sizeof(uint32_t), error) &&
            make(p, &p->seen, NUM_PROBES, 2 * sizeof(float), error) &&
            make(p, &p->counts, room / KARST_PHOTON_BLOCK, sizeof(uint32_t), error) &&
-           make(p, &p->sum_buffer, room / KARST_PHOTON_SUM_RAYS, sizeof p->sums[0], error) &&
            make(p, &p->total[0], 1, sizeof(uint32_t), error) && make(p, &p->total[1], 1, sizeof(uint32_t), error) &&
            make(p, &p->lamp_buffer, KARST_MOST_LAMPS, sizeof(karst_photon_lamp), error) &&
            make(p, &p->no_lamps, KARST_MOST_LAMPS, sizeof(karst_lamp), error) &&
            make(p, &p->cells, cells, sizeof(karst_photon_cell), error) &&
-           make(p, &p->table, 3 * KARST_PHOTON_ROWS + 4, sizeof(float), error);
-}
-
-static bool make_grid(karst_photons *p, karst_error *error)
-{
-    const size_t buckets = (size_t)1 << p->buckets_log2, all = (size_t)p->num_batches * p->batch_rays;
-    return make(p, &p->photons, all, sizeof(karst_photon), error) &&
-           make(p, &p->sorted, all, sizeof(karst_photon), error) &&
-           make(p, &p->buckets, buckets, sizeof(uint32_t), error) &&
-           make(p, &p->begins, buckets, sizeof(uint32_t), error) &&
-           make(p, &p->block_sums, buckets / KARST_PHOTON_BLOCK, sizeof(uint32_t), error) &&
-           make(p, &p->num_in_buckets, 1, sizeof(uint32_t), error);
+           make(p, &p->table, 3 * KARST_PHOTON_ROWS + 4, sizeof(float), error) &&
+           make(p, &p->photons, p->num_batches * slots, sizeof(karst_photon), error);
 }
 
 karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons, uint32_t max_rays,
@@ -139,11 +120,13 @@ karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons
     const uint32_t runs = (num_photons - 1) / KARST_PHOTON_RUN + 1;
     p->num_batches = (runs - 1) / (max_rays > KARST_PHOTON_RUN ? max_rays / KARST_PHOTON_RUN : 1) + 1;
     p->batch_rays = ((runs - 1) / p->num_batches + 1) * KARST_PHOTON_RUN;
-    p->room = whole_blocks(p->batch_rays > NUM_PROBES ? p->batch_rays : NUM_PROBES);
-    p->buckets_log2 = buckets_log2(num_photons);
-    p->sums = calloc(p->num_batches, sizeof *p->sums);
-    bool done = p->sums || karst_fail(error, KARST_FAILED, "out of memory");
-    done = done && make_streams(p, error) && make_grid(p, error) &&
+    const uint32_t most = p->batch_rays * KARST_PHOTON_SLOTS;
+    p->room = whole_blocks(most > NUM_PROBES ? most : NUM_PROBES);
+    p->batches = calloc(p->num_batches, sizeof *p->batches);
+    p->waiting = malloc((size_t)p->num_batches * p->batch_rays * sizeof *p->waiting);
+    p->fates_read = malloc((size_t)most * sizeof *p->fates_read);
+    bool done = (p->batches && p->waiting && p->fates_read) || karst_fail(error, KARST_FAILED, "out of memory");
+    done = done && make_streams(p, error) && (p->grid = karst_photon_grid_create(context, num_photons, error)) &&
            (p->program = karst_program_build(context, "raycast/light/photons.cl", "", NULL, 0, error));
     for (int i = 0; done && i < NUM_KERNELS; i++)
         done = (p->kernels[i] = karst_program_kernel(p->program, kernel_names[i], error)) != NULL;
@@ -157,32 +140,41 @@ void karst_photons_destroy(karst_photons *p)
 {
     if (!p)
         return;
-    karst_buffer *const buffers[] = {p->lamp_buffer, p->cells,     p->table,  p->seen,   p->sum_buffer,
-                                     p->rays,        p->next,      p->to_lamps, p->ways, p->next_ways,
-                                     p->hits,        p->over_hits, p->matter, p->fates,  p->counts,
-                                     p->total[0],    p->total[1],  p->photons, p->sorted, p->buckets,
-                                     p->begins,      p->block_sums, p->num_in_buckets, p->no_lamps};
+    karst_buffer *const buffers[] = {p->lamp_buffer, p->cells,     p->table, p->seen,     p->list,  p->rays,
+                                     p->next,        p->born,      p->ways,  p->to_lamps, p->hits,  p->born_ways,
+                                     p->over_hits,   p->matter,    p->fates, p->counts,   p->photons,
+                                     p->total[0],    p->total[1],  p->no_lamps};
     for (int i = 0; i < NUM_KERNELS; i++)
         if (p->kernels[i])
             clReleaseKernel(p->kernels[i]);
     karst_program_destroy(p->program);
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
-    free(p->sums);
+    karst_photon_grid_destroy(p->grid);
+    free(p->batches);
+    free(p->waiting);
+    free(p->fates_read);
     free(p);
 }
 
 uint32_t karst_photons_num_batches(const karst_photons *p) { return p->num_batches; }
 
-uint32_t karst_photons_in_batches(const karst_photons *p, uint32_t num_batches)
+uint32_t karst_photons_num_waiting(const karst_photons *p, uint32_t num_batches)
 {
     uint32_t num = 0;
     for (uint32_t batch = 0; batch < num_batches; batch++)
-        num += karst_photons_of_batch(p->num_sent, batch, p->num_batches);
+        num += p->batches[batch].num_waiting;
     return num;
 }
 
-bool karst_photons_miss_all(const karst_photons *p) { return p->num_cells == 0; }
+uint32_t karst_photons_num_done(const karst_photons *p, uint32_t num_batches)
+{
+    uint32_t num = 0;
+    for (uint32_t batch = 0; batch < num_batches; batch++)
+        num += p->batches[batch].num - p->batches[batch].num_waiting;
+    return num;
+}
+
 
 static bool launch(const karst_photons *p, int kernel, size_t items, karst_error *error)
 {
@@ -195,7 +187,9 @@ static bool launch(const karst_photons *p, int kernel, size_t items, karst_error
 static karst_photon_task task_of(const karst_photons *p, const karst_photon_scene *scene)
 {
     return (karst_photon_task){.num_batches = 1,
+                               .batch_rays = p->batch_rays,
                                .num_photons = p->num_sent,
+                               .parts = 1,
                                .num_cells = p->num_cells,
                                .is_sure = scene->view->ends_at_missing,
                                .has_land = 1,
@@ -211,8 +205,9 @@ static karst_photon_task task_of(const karst_photons *p, const karst_photon_scen
 static bool send(karst_photons *p, const karst_photon_task *task, size_t num, karst_error *error)
 {
     return KARST_ARGUMENTS(p->kernels[SEND], error, KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(p->lamp_buffer),
-                           KARST_BUFFER_ARG(p->cells), KARST_BUFFER_ARG(p->table), KARST_BUFFER_ARG(p->rays),
-                           KARST_BUFFER_ARG(p->ways), KARST_BUFFER_ARG(p->fates), KARST_BUFFER_ARG(p->total[0])) &&
+                           KARST_BUFFER_ARG(p->cells), KARST_BUFFER_ARG(p->table), KARST_BUFFER_ARG(p->list),
+                           KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways), KARST_BUFFER_ARG(p->fates),
+                           KARST_BUFFER_ARG(p->photons), KARST_BUFFER_ARG(p->total[0])) &&
            launch(p, SEND, num, error);
 }
 
@@ -235,7 +230,7 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
                                      .turn = task->generation,
                                      .mirrors = scene->mirrors,
                                      .again = 1,
-                                     .mirrors_all = task->is_probe};
+                                     .mirrors_all = task->is_probe ? 1 : KARST_PATH_SHARES};
     const karst_path_streams streams = {.rays = p->rays,
                                         .count = count,
                                         .hits = p->hits,
@@ -265,31 +260,30 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
 }
 
 static bool meet(karst_photons *p, const karst_photon_task *task, const karst_pinhole *pinhole,
-                 const karst_buffer *count, uint32_t num, karst_buffer *into, size_t first, karst_error *error)
+                 const karst_buffer *count, uint32_t num, karst_error *error)
 {
-    const cl_mem mem = into ? into->mem : NULL;
-    const uint32_t begin = (uint32_t)first;
     return KARST_ARGUMENTS(p->kernels[MEET], error, KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*pinhole),
                            KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways), KARST_BUFFER_ARG(count),
                            KARST_BUFFER_ARG(p->hits), KARST_BUFFER_ARG(p->over_hits), KARST_BUFFER_ARG(p->matter),
-                           KARST_VALUE_ARG(p->room), KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->next_ways),
-                           KARST_BUFFER_ARG(p->fates), KARST_VALUE_ARG(mem), KARST_VALUE_ARG(begin)) &&
+                           KARST_VALUE_ARG(p->room), KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->born),
+                           KARST_BUFFER_ARG(p->born_ways), KARST_BUFFER_ARG(p->fates), KARST_BUFFER_ARG(p->photons)) &&
            launch(p, MEET, num, error);
 }
 
+/* parts: rays that each of the num had room for. */
 static bool pack(karst_photons *p, const karst_buffer *count, const karst_buffer *next_count, uint32_t num,
-                 karst_error *error)
+                 uint32_t parts, karst_error *error)
 {
-    const uint32_t blocks = (num + KARST_PHOTON_BLOCK - 1) / KARST_PHOTON_BLOCK;
-    return KARST_ARGUMENTS(p->kernels[COUNT], error, KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(count),
-                           KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks)) &&
+    const uint32_t blocks = (num * parts + KARST_PHOTON_BLOCK - 1) / KARST_PHOTON_BLOCK;
+    return KARST_ARGUMENTS(p->kernels[COUNT], error, KARST_BUFFER_ARG(p->born), KARST_BUFFER_ARG(count),
+                           KARST_VALUE_ARG(parts), KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks)) &&
            launch(p, COUNT, blocks, error) &&
            KARST_ARGUMENTS(p->kernels[SCAN], error, KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(next_count)) &&
            karst_launch(p->context, p->kernels[SCAN], KARST_STAGE_SHADE, 1, 1, error) &&
-           KARST_ARGUMENTS(p->kernels[PACK], error, KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->next_ways),
-                           KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks),
-                           KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways)) &&
+           KARST_ARGUMENTS(p->kernels[PACK], error, KARST_BUFFER_ARG(p->born), KARST_BUFFER_ARG(p->born_ways),
+                           KARST_BUFFER_ARG(count), KARST_VALUE_ARG(parts), KARST_BUFFER_ARG(p->counts),
+                           KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways)) &&
            launch(p, PACK, blocks, error);
 }
 
@@ -359,13 +353,19 @@ static bool set_photons(karst_photons *p, const karst_photon_scene *scene, karst
         most = fmax(most, (double)parts[i].share * fmax(lamp->colour[0], fmax(lamp->colour[1], lamp->colour[2])));
     }
     p->quantum = ldexp(1, MOST_QUANTA_LOG2 - 1 - ilogb(1.01 * most));
-    /* So wide that a disc of that radius, where light is as dense as lamps send it, holds as many as are wished; and as
-     * wide as a pixel, of which a disc spreads as much as a square when it is narrower than that by a root of two. */
+    /* As wide as a pixel, of which a disc spreads as much as a square when it is narrower by a root of two. */
+    p->least = (float)fmin(M_SQRT1_2 * scene->pinhole->cone, MOST_SPREAD);
+    p->most = (float)fmax(fmin(MOST_SPREAD_PX * scene->pinhole->cone, MOST_SPREAD), 1.5 * (double)p->least);
+    /* So wide that a disc of that radius, where light is as dense as lamps send it, holds as many as are wished. */
     const double wished = KERNEL_PHOTONS * sqrt(p->num_sent / 1e6);
-    p->reach = (float)fmax(sqrt(wished * angle / (M_PI * p->num_sent)), M_SQRT1_2 * scene->pinhole->cone);
+    p->reach = (float)fmin(fmax(sqrt(wished * angle / (M_PI * p->num_sent)), (double)p->least), (double)p->most);
     /* What a usual photon adds: its power over the square of its distance is the same everywhere. */
-    const double usual = energy / p->num_sent * 2 / (M_PI * (double)p->reach * (double)p->reach);
+    const double usual = energy / p->num_sent * 2 / (M_PI * (double)p->least * (double)p->least);
     p->scale = (float)ldexp(1, GATHERED_LOG2 - ilogb(usual));
+    for (uint32_t batch = 0; batch < p->num_batches; batch++) {
+        const uint32_t of_batch = karst_photons_of_batch(p->num_sent, batch, p->num_batches);
+        p->batches[batch] = (photon_batch){.num = of_batch, .num_waiting = of_batch};
+    }
     return karst_buffer_write(p->cells, 0, parts, num * sizeof *parts, error);
 }
 
@@ -379,9 +379,9 @@ bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const 
     double *worth = malloc(most * sizeof *worth), angle = 0;
     karst_photon_aim *aim = malloc(sizeof *aim);
     uint32_t num = 0;
-    p->num_cells = p->num_sorted = p->num_sent = 0;
+    p->num_cells = p->num_sent = 0;
     p->num_lamps = num_lamps;
-    memset(p->sums, 0, p->num_batches * sizeof *p->sums);
+    memset(p->batches, 0, p->num_batches * sizeof *p->batches);
     if (num_lamps)
         memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
     bool done = (parts && worth && aim) || karst_fail(error, KARST_FAILED, "out of memory");
@@ -416,106 +416,131 @@ bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const 
 
 /* ---- tracing ---- */
 
-static bool add_sums(karst_photons *p, uint32_t batch, uint32_t num, karst_error *error)
+/* Where the energy of a photon went, if that is known. */
+static bool add_fates(const karst_photons *p, const karst_photon_fate *fates, uint32_t place,
+                      uint64_t sums[KARST_PHOTON_SUMS])
 {
-    const uint32_t items = (num + KARST_PHOTON_SUM_RAYS - 1) / KARST_PHOTON_SUM_RAYS;
-    uint64_t(*parts)[KARST_PHOTON_SUMS] = malloc(items * sizeof *parts);
-    if (!parts)
-        return karst_fail(error, KARST_FAILED, "out of memory");
-    const bool done = KARST_ARGUMENTS(p->kernels[SUM], error, KARST_BUFFER_ARG(p->fates), KARST_VALUE_ARG(num),
-                                      KARST_BUFFER_ARG(p->sum_buffer)) &&
-                      launch(p, SUM, items, error) &&
-                      karst_buffer_read(p->sum_buffer, 0, parts, items * sizeof *parts, error);
-    memset(p->sums[batch], 0, sizeof p->sums[batch]);
-    for (uint32_t i = 0; done && i < items; i++)
-        for (int s = 0; s < KARST_PHOTON_SUMS; s++)
-            p->sums[batch][s] += parts[i][s];
-    free(parts);
-    return done;
+    static const int sum_of[] = {[KARST_PHOTON_LANDED] = KARST_PHOTON_SUM_LANDED,
+                                 [KARST_PHOTON_DIRECT] = KARST_PHOTON_SUM_DIRECT,
+                                 [KARST_PHOTON_ESCAPED] = KARST_PHOTON_SUM_ESCAPED,
+                                 [KARST_PHOTON_CUT] = KARST_PHOTON_SUM_CUT};
+    bool has_landed = false;
+    for (uint32_t slot = 0; slot < KARST_PHOTON_SLOTS; slot++)
+        if (fates[slot * p->batch_rays + place].fate == KARST_PHOTON_UNSURE)
+            return false;
+    for (uint32_t slot = 0; slot < KARST_PHOTON_SLOTS; slot++) {
+        const karst_photon_fate *fate = &fates[slot * p->batch_rays + place];
+        sums[KARST_PHOTON_SUM_GIVEN] += fate->given;
+        sums[KARST_PHOTON_SUM_LOST] += (uint64_t)(int64_t)fate->lost;
+        has_landed = has_landed || fate->fate == KARST_PHOTON_LANDED;
+        if (fate->fate >= KARST_PHOTON_LANDED && fate->fate <= KARST_PHOTON_CUT)
+            sums[sum_of[fate->fate]] += fate->left;
+    }
+    sums[KARST_PHOTON_SUM_NUM_LANDED] += has_landed;
+    return true;
 }
 
-bool karst_photons_trace(karst_photons *p, const karst_photon_scene *scene, uint32_t batch, bool again,
-                         karst_error *error)
+/* Who of those that were traced is done, and who waits. */
+static bool settle(karst_photons *p, uint32_t batch, bool is_sure, karst_error *error)
 {
-    karst_photon_task task = task_of(p, scene);
-    const size_t first = (size_t)batch * p->batch_rays;
-    task.batch = batch;
-    /* Some of a batch ask for nearly all that it lacks. */
-    task.num_batches = p->num_batches * (again ? ASKING : 1);
-    const uint32_t num = karst_photons_of_batch(p->num_sent, batch, task.num_batches);
-    if (!p->num_cells)
-        return true;
-    uint32_t left = num;
-    if (!again && !karst_buffer_fill(p->photons, 0, first * sizeof(karst_photon),
-                                     (size_t)p->batch_rays * sizeof(karst_photon), error))
+    photon_batch *of = &p->batches[batch];
+    uint32_t *waiting = p->waiting + (size_t)batch * p->batch_rays;
+    const karst_photon_fate *fates = karst_buffer_memory(p->fates);
+    if (!(fates ? karst_finish(p->context, error)
+                : karst_buffer_read(p->fates, 0, p->fates_read,
+                                    (size_t)KARST_PHOTON_SLOTS * p->batch_rays * sizeof *p->fates_read, error)))
         return false;
-    if (!num)
+    if (!fates)
+        fates = p->fates_read;
+    uint32_t num_waiting = 0;
+    for (uint32_t i = 0; i < of->num_waiting; i++) {
+        const uint32_t place = of->is_listed ? waiting[i] : i;
+        if (!add_fates(p, fates, place, is_sure ? of->sums : of->maybe) || !is_sure)
+            waiting[num_waiting++] = place;
+    }
+    of->num_waiting = num_waiting;
+    of->is_listed = true;
+    of->is_tried = !is_sure;
+    return true;
+}
+
+bool karst_photons_trace(karst_photons *p, const karst_photon_scene *scene, uint32_t batch, karst_error *error)
+{
+    photon_batch *of = &p->batches[batch];
+    const size_t first = karst_photon_record(batch, p->batch_rays, 0, 0);
+    karst_photon_task task = task_of(p, scene);
+    task.batch = batch;
+    task.num_batches = p->num_batches;
+    task.num_listed = of->is_listed ? of->num_waiting : 0;
+    memset(of->maybe, 0, sizeof of->maybe);
+    of->is_tried = false;
+    uint32_t left = of->num_waiting;
+    if (!left)
         return true;
-    if (!send(p, &task, num, error))
+    if (of->is_listed ? !karst_buffer_write(p->list, 0, p->waiting + (size_t)batch * p->batch_rays,
+                                            left * sizeof *p->waiting, error)
+                      : !karst_buffer_fill(p->photons, 0, first * sizeof(karst_photon),
+                                           KARST_PHOTON_SLOTS * (size_t)p->batch_rays * sizeof(karst_photon), error))
+        return false;
+    if (!send(p, &task, left, error))
         return false;
     for (task.generation = 0; left; task.generation++) {
         const karst_buffer *count = p->total[task.generation % 2], *next_count = p->total[(task.generation + 1) % 2];
         task.is_last = task.generation >= scene->bounces;
-        if (!cast(p, scene, &task, count, left, error) ||
-            !meet(p, &task, scene->pinhole, count, left, again ? NULL : p->photons, first, error))
+        task.parts = task.generation < KARST_PHOTON_SPLITS ? 2 : 1;
+        if (!cast(p, scene, &task, count, left, error) || !meet(p, &task, scene->pinhole, count, left, error))
             return false;
         if (task.is_last)
             break;
-        if (!pack(p, count, next_count, left, error) ||
-            (task.generation % BLIND_BOUNCES == BLIND_BOUNCES - 1 &&
-             !karst_buffer_read((karst_buffer *)next_count, 0, &left, sizeof left, error)))
+        if (!pack(p, count, next_count, left, task.parts, error) ||
+            !karst_buffer_read((karst_buffer *)next_count, 0, &left, sizeof left, error))
             return false;
     }
-    return again || add_sums(p, batch, num, error);
+    return settle(p, batch, task.is_sure, error);
 }
 
-bool karst_photons_sort(karst_photons *p, uint32_t num_batches, karst_error *error)
+void karst_photons_keep(karst_photons *p, uint32_t num_batches)
 {
-    const uint32_t buckets = 1u << p->buckets_log2, blocks = buckets / KARST_PHOTON_BLOCK;
-    const uint32_t num = num_batches * p->batch_rays;
-    const karst_photon_task task = {.reach = p->reach, .mask = buckets - 1};
-    p->num_sorted = num_batches;
-    if (!num || !p->num_cells)
-        return true;
-    return karst_buffer_fill(p->buckets, 0, 0, p->buckets->size_bytes, error) &&
-           KARST_ARGUMENTS(p->kernels[TAG], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(p->photons),
-                           KARST_VALUE_ARG(num), KARST_BUFFER_ARG(p->buckets)) &&
-           launch(p, TAG, num, error) &&
-           KARST_ARGUMENTS(p->kernels[BLOCK_SUMS], error, KARST_BUFFER_ARG(p->buckets),
-                           KARST_BUFFER_ARG(p->block_sums), KARST_VALUE_ARG(blocks)) &&
-           launch(p, BLOCK_SUMS, blocks, error) &&
-           KARST_ARGUMENTS(p->kernels[SCAN], error, KARST_BUFFER_ARG(p->block_sums), KARST_VALUE_ARG(blocks),
-                           KARST_BUFFER_ARG(p->num_in_buckets)) &&
-           karst_launch(p->context, p->kernels[SCAN], KARST_STAGE_SHADE, 1, 1, error) &&
-           KARST_ARGUMENTS(p->kernels[BEGINS], error, KARST_BUFFER_ARG(p->buckets), KARST_BUFFER_ARG(p->block_sums),
-                           KARST_BUFFER_ARG(p->begins), KARST_VALUE_ARG(blocks)) &&
-           launch(p, BEGINS, blocks, error) &&
-           KARST_ARGUMENTS(p->kernels[SORT], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(p->photons),
-                           KARST_VALUE_ARG(num), KARST_BUFFER_ARG(p->buckets), KARST_BUFFER_ARG(p->begins),
-                           KARST_BUFFER_ARG(p->sorted)) &&
-           launch(p, SORT, num, error);
+    for (uint32_t batch = 0; batch < num_batches; batch++) {
+        photon_batch *of = &p->batches[batch];
+        if (!of->is_tried)
+            continue;
+        for (int s = 0; s < KARST_PHOTON_SUMS; s++)
+            of->sums[s] += of->maybe[s];
+        of->num_waiting = 0;
+        of->is_tried = false;
+    }
 }
 
 /* ---- what comes of them ---- */
+
+bool karst_photons_sort(karst_photons *p, uint32_t num_batches, karst_error *error)
+{
+    p->num_shown = karst_photons_num_done(p, num_batches);
+    for (uint32_t batch = 0; batch < num_batches; batch++)
+        p->num_shown += p->batches[batch].is_tried ? p->batches[batch].num_waiting : 0;
+    p->shown = (karst_photon_grid_task){.num_batches = p->num_batches,
+                                        .batch_rays = p->batch_rays,
+                                        .num_photons = p->num_sent,
+                                        .num_cells = p->num_cells,
+                                        .num_records = karst_photon_record(num_batches, p->batch_rays, 0, 0),
+                                        .least = p->least,
+                                        .most = p->most,
+                                        .reach = p->reach,
+                                        .scale = p->scale,
+                                        .whole = p->num_shown ? (float)((double)p->num_sent / p->num_shown) : 0};
+    return karst_photon_grid_fill(p->grid, &p->shown, p->photons, p->cells, error);
+}
 
 bool karst_photons_gather(karst_photons *p, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
                           const float offset[3], const karst_pinhole *pinhole, karst_buffer *parts,
                           karst_error *error)
 {
-    if (!p->num_sorted || !p->num_cells || !karst_photons_in_batches(p, p->num_sorted))
+    karst_photon_grid_task task = p->shown;
+    if (!p->num_shown)
         return true;
-    const double traced = karst_photons_in_batches(p, p->num_sorted);
-    const karst_photon_task task = {.reach = p->reach,
-                                    .scale = p->scale,
-                                    .whole = (float)(p->num_sent / traced),
-                                    .offset = {offset[0], offset[1], offset[2]},
-                                    .mask = (1u << p->buckets_log2) - 1};
-    const int width_px = pinhole->width_px, height_px = pinhole->height_px;
-    return KARST_ARGUMENTS(p->kernels[GATHER], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(rays),
-                           KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->sorted), KARST_BUFFER_ARG(p->buckets),
-                           KARST_BUFFER_ARG(p->begins), KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
-                           KARST_BUFFER_ARG(parts)) &&
-           launch(p, GATHER, max_rays, error);
+    memcpy(task.offset, offset, sizeof task.offset);
+    return karst_photon_grid_gather(p->grid, &task, rays, count, max_rays, pinhole, parts, error);
 }
 
 void karst_photons_sums(const karst_photons *p, uint32_t num_batches, uint64_t sums[KARST_PHOTON_SUMS],
@@ -524,19 +549,6 @@ void karst_photons_sums(const karst_photons *p, uint32_t num_batches, uint64_t s
     memset(sums, 0, KARST_PHOTON_SUMS * sizeof *sums);
     for (uint32_t batch = 0; batch < num_batches; batch++)
         for (int s = 0; s < KARST_PHOTON_SUMS; s++)
-            sums[s] += p->sums[batch][s];
+            sums[s] += p->batches[batch].sums[s];
     *quantum = p->quantum > 0 ? 1 / p->quantum : 0;
-}
-
-bool karst_photons_read(karst_photons *p, karst_photon *into, size_t max_photons, size_t *num, karst_error *error)
-{
-    *num = 0;
-    if (!p->num_sorted || !p->num_cells)
-        return true;
-    uint32_t all = 0;
-    if (!karst_buffer_read(p->num_in_buckets, 0, &all, sizeof all, error))
-        return false;
-    *num = all;
-    const size_t read = all < max_photons ? all : max_photons;
-    return !read || karst_buffer_read(p->sorted, 0, into, read * sizeof *into, error);
 }

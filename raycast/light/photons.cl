@@ -12,12 +12,10 @@
 /* What random numbers are for. */
 #define PHOTON_PLACE 0x3c6ef372u
 #define PHOTON_CHOICE 0x5be0cd19u
-/* Powers of the root of x^5 = x + 1, below 1, in 2^32nds (M. Roberts' R-sequence of four numbers): their multiples are
- * spread evenly, together too. For the lamp's disc, and for the first two turns. */
-#define PHOTON_DISC_U 0xdb4f0b91u
-#define PHOTON_DISC_V 0xbbe05633u
-#define PHOTON_TURN_0 0xa0f2ec75u
-#define PHOTON_TURN_1 0x89e18285u
+/* Powers of the root of x^3 = x + 1, below 1, in 2^32nds (M. Roberts' R-sequence of two numbers): their multiples are
+ * spread evenly, together too. For the lamp's disc. */
+#define PHOTON_DISC_U 0xc13fa9a9u
+#define PHOTON_DISC_V 0x91e10da5u
 
 RAY_INLINE float dot_of(const vector3 *a, const vector3 *b)
 {
@@ -135,25 +133,30 @@ RAY_INLINE sent send(const karst_photon_lamp *lamp, K_GLOBAL const float *table,
     return s;
 }
 
-/* The batch's photons, or the probes of a lamp, as the first stream. */
+/* The batch's photons, or those of a list of its places, or the probes of a lamp, as the first stream. What photons
+ * left before is forgotten. */
 __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_lamp *lamps,
                            K_GLOBAL const karst_photon_cell *cells, K_GLOBAL const float *table,
-                           K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways,
-                           K_GLOBAL karst_photon_fate *fates, K_GLOBAL uint *count)
+                           K_GLOBAL const uint *list, K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways,
+                           K_GLOBAL karst_photon_fate *fates, K_GLOBAL karst_photon *photons, K_GLOBAL uint *count)
 {
-    const uint i = (uint)get_global_id(0), photon = karst_photon_of(task.batch, task.num_batches, i);
-    const uint num = karst_photons_of_batch(task.num_photons, task.batch, task.num_batches);
+    const uint i = (uint)get_global_id(0);
+    const uint num = task.num_listed ? task.num_listed
+                                     : karst_photons_of_batch(task.num_photons, task.batch, task.num_batches);
     if (i == 0)
         *count = num;
     if (i >= num)
         return;
-    karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f};
+    const uint of_batch = task.num_listed ? list[i] : i;
+    const uint photon = karst_photon_of(task.batch, task.num_batches, of_batch);
+    karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f, 0.0f};
     if (task.is_probe != 1)
         cell = cells[cell_of(cells, task.num_cells, photon)];
     const uint number = photon - cell.first, of_lamp = cell.cell & 0xffffu;
     const uint grid_rows = cell.grid & 0xffffu, grid_columns = cell.grid >> 16;
     const karst_photon_lamp lamp = lamps[cell.cell >> 16];
-    const uint chance = scrambled(photon ^ PHOTON_PLACE);
+    /* The middles of photons' places, so that their neighbours say how the light between them spreads. */
+    const uint chance = task.is_probe ? scrambled(photon ^ PHOTON_PLACE) : 0x80008000u;
     const float per_part = power_of(-(int)(cell.part >> 16));
     jitter at, on;
     at.u = ((float)(number / grid_columns) + (float)(chance >> 16) * 0x1p-16f) / (float)grid_rows;
@@ -162,14 +165,17 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
     at.v = ((float)(cell.part >> 8 & 0xffu) + at.v) * per_part;
     on.u = unit_of(photon * PHOTON_DISC_U), on.v = unit_of(photon * PHOTON_DISC_V);
     on = jitter_on_disc(on);
+    if (task.is_probe)
+        on.u = on.v = 0.0f;
     sent s = send(&lamp, table, of_lamp, at, on);
     const float nearest = length_of(&s.from);
     uint side = KARST_SIDE_ANY;
     float t_max;
     if (lamp.kind == KARST_LAMP_SUN) {
-        const vector3 back = {-s.direction.x, -s.direction.y, -s.direction.z};
-        const float before = to_end(&s.from, &back, task.t_max);
-        s.from = combine(&s.from, 1.0f, &back, before, &back, 0.0f);
+        /* Rays from all over the disc meet where the cell shines on something: there photons are a grid. */
+        const vector3 back = {-s.direction.x, -s.direction.y, -s.direction.z}, axis = vector_of(lamp.axis);
+        s.from = combine(&s.from, 1.0f, &axis, to_end(&s.from, &axis, task.t_max) - cell.t, &axis, 0.0f);
+        s.from = combine(&s.from, 1.0f, &back, to_end(&s.from, &back, task.t_max), &back, 0.0f);
         t_max = to_end(&s.from, &s.direction, task.t_max);
     } else {
         /* Of a lamp outside the view, from where that begins. */
@@ -205,11 +211,18 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
                            0.0f};
     const uint inside = lamp.is_inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
     const karst_clear_way way = {{lamp.absorption[0], lamp.absorption[1], lamp.absorption[2]}, inside};
-    const uint begins_as = lamp.is_inside ? KARST_PHOTON_TURNED : KARST_PHOTON_FLIES;
-    const karst_photon_fate fate = {begins_as, quanta(&task, ray.throughput), 0, 0};
     rays[i] = ray;
     ways[i] = way;
-    fates[i] = fate;
+    if (task.is_probe)
+        return;
+    karst_photon_fate fate = {lamp.is_inside ? KARST_PHOTON_TURNED : KARST_PHOTON_FLIES,
+                              quanta(&task, ray.throughput), 0, 0, 0};
+    for (uint slot = 0; slot < KARST_PHOTON_SLOTS; slot++) {
+        fates[slot * task.batch_rays + of_batch] = fate;
+        photons[karst_photon_record(task.batch, task.batch_rays, slot, of_batch)].normal = 0;
+        fate.fate = KARST_PHOTON_NOTHING;
+        fate.given = 0;
+    }
 }
 
 /* As clear_turn: rays are cast twice, with the side that they have in each kind of matter. */
@@ -303,15 +316,80 @@ RAY_INLINE float leaves_picture(const karst_pinhole *pinhole, float reach, const
     return end > begin ? end : 0.0f;
 }
 
-/* What becomes of each photon of a stream where it meets something: next has the rays that go on, others are idle.
- * next comes with the rays that land would have leave it (karst_shade_paths). room: rays of a plane of `matter`. The
- * batch's place is from photons[first] on; photons 0: they leave nothing. */
+/* Light that a surface parts: what goes through, or stays with land, and what is mirrored. */
+typedef struct {
+    float share[2];
+    vector3 way[2];
+    uint goes_on[2];
+    uint side[2], clear_side[2]; /* of the rays */
+    uint stays[2];               /* in what it was in: the clear matter on its way does not change */
+    uint end;                    /* of what does not go on */
+} photon_turn;
+
+/* from_land: the ray that land would have leave it, with the share of light that is mirrored. */
+RAY_INLINE photon_turn turn_of(const karst_photon_task *task, const karst_ray *ray, const karst_clear_way *way,
+                               const photon_end *e, const vector3 *normal, float ior, const karst_ray *from_land,
+                               uint fate)
+{
+    const vector3 d = vector_of(ray->direction), back = {-d.x, -d.y, -d.z};
+    const uint inside = way->side == KARST_SIDE_BACK;
+    photon_turn t = {{1.0f, 0.0f}, {back, back}, {0, 0}, {KARST_SIDE_ANY, KARST_SIDE_ANY}, {0, 0}, {1, 1},
+                     KARST_PHOTON_ESCAPED};
+    if (e->clear) {
+        vector3 n = *normal;
+        if (inside)
+            n.x = -n.x, n.y = -n.y, n.z = -n.z;
+        const dielectric bend = dielectric_of(&d, &n, inside ? ior : 1.0f / ior);
+        t.share[0] = 1.0f - bend.reflected, t.share[1] = bend.reflected;
+        t.way[0] = dielectric_refracted(&bend, &d, &n), t.way[1] = dielectric_reflected(&bend, &d, &n);
+        t.goes_on[0] = t.goes_on[1] = 1;
+        t.stays[0] = 0;
+        t.clear_side[0] = inside ? KARST_SIDE_FRONT : KARST_SIDE_BACK;
+        t.clear_side[1] = inside ? KARST_SIDE_BACK : KARST_SIDE_FRONT;
+        t.end = KARST_PHOTON_CUT;
+    } else if (e->land) {
+        t.end = fate == KARST_PHOTON_TURNED ? KARST_PHOTON_LANDED : KARST_PHOTON_DIRECT;
+        if (from_land->pixel & KARST_PATH_MIRRORED) {
+            const float share = brightest(from_land->throughput) / k_max(brightest(ray->throughput), 1.0e-30f);
+            t.share[1] = k_min(share, 1.0f);
+            t.share[0] = 1.0f - t.share[1];
+            t.way[1] = vector_of(from_land->direction);
+            t.goes_on[1] = 1;
+            t.side[1] = KARST_SIDE_FRONT;
+            t.clear_side[1] = inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
+        }
+    }
+    return t;
+}
+
+/* A ray on from where one ended. */
+RAY_INLINE void go_on(const karst_photon_task *task, const karst_pinhole *pinhole, const photon_end *e,
+                      const vector3 *way, karst_ray *out)
+{
+    const float far = length_of(&e->to), level = k_as_float((KARST_HIT_LEVEL(e->hit.kind) + 127u) << 23);
+    out->origin[0] = e->to.x, out->origin[1] = e->to.y, out->origin[2] = e->to.z;
+    out->direction[0] = way->x, out->direction[1] = way->y, out->direction[2] = way->z;
+    out->t_max = to_end(&e->to, way, task->t_max);
+    /* As fine as the picture: no wider than its pixels are anywhere on the way, but for what comes nearer. */
+    out->width = k_max(task->pixel_cone * far, level * (1.0001f / task->detail));
+    out->cone = k_max(dot_of(&e->to, way) / k_max(far, 1.0e-6f), 0.0f) * task->pixel_cone;
+    /* Where nobody looks, far less does: twice as wide at the picture's edge, and on like that. */
+    const float seen = leaves_picture(pinhole, 2.0f * task->reach, &e->to, way);
+    if (seen > 0.0f)
+        out->cone = k_max(out->cone, k_min(out->width / seen, 1.0f));
+    else
+        out->cone = k_max(out->cone, UNSEEN_CONE * task->pixel_cone);
+}
+
+/* What becomes of each ray of a stream where it meets something: born has room for task.parts of each, one after the
+ * other, and gets those that go on; others are idle. next: the rays that land would have leave it (karst_shade_paths).
+ * room: rays of a plane of `matter`. */
 __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOBAL const karst_ray *rays,
                            K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *count,
                            K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
-                           K_GLOBAL const float *matter, uint room, K_GLOBAL karst_ray *next,
-                           K_GLOBAL karst_clear_way *next_ways, K_GLOBAL karst_photon_fate *fates,
-                           K_GLOBAL karst_photon *photons, uint first)
+                           K_GLOBAL const float *matter, uint room, K_GLOBAL const karst_ray *next,
+                           K_GLOBAL karst_ray *born, K_GLOBAL karst_clear_way *born_ways,
+                           K_GLOBAL karst_photon_fate *fates, K_GLOBAL karst_photon *photons)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
@@ -319,104 +397,107 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
     const karst_ray ray = rays[i];
     const karst_clear_way way = ways[i];
     const photon_end e = end_of(&task, &ray, hits, over_hits, i);
-    const int inside = way.side == KARST_SIDE_BACK;
-    const uint place = karst_photon_ray(task.num_batches, ray.pixel);
-    const vector3 d = {ray.direction[0], ray.direction[1], ray.direction[2]};
-    karst_photon_fate fate = fates[place];
+    const uint place = karst_photon_place(task.num_batches, ray.pixel & KARST_PHOTON_NUMBER);
+    const uint slot = ray.pixel >> KARST_PHOTON_SLOT_SHIFT & (KARST_PHOTON_SLOTS - 1u);
+    karst_photon_fate fate = fates[slot * task.batch_rays + place];
     karst_ray out = ray;
-    karst_clear_way out_way = way;
-    if (inside)
+    if (way.side == KARST_SIDE_BACK)
         for (int c = 0; c < 3; c++)
             out.throughput[c] *= tone_exp2_minus(way.absorption[c] * e.t * 1.44269504f);
-    fate.lost += quanta(&task, ray.throughput) - quanta(&task, out.throughput);
+    const float light[3] = {out.throughput[0], out.throughput[1], out.throughput[2]};
+    fate.lost += (int)(quanta(&task, ray.throughput) - quanta(&task, light));
     vector3 n = {e.hit.normal[0], e.hit.normal[1], e.hit.normal[2]};
-    const vector3 back = {-d.x, -d.y, -d.z};
     if (n.x == 0.0f && n.y == 0.0f && n.z == 0.0f)
-        n = back;
-    vector3 way_on = back;
-    uint end = KARST_PHOTON_ESCAPED; /* unless it goes on */
-    int goes_on = 0;
-    if (e.clear) {
-        goes_on = !task.is_last;
-        end = KARST_PHOTON_CUT;
-        if (inside)
-            n.x = -n.x, n.y = -n.y, n.z = -n.z;
-        const float ior = matter[i];
-        const dielectric turn = dielectric_of(&d, &n, inside ? ior : 1.0f / ior);
-        /* Turns must know nothing of one another. The first two of a run's photons are spread evenly; runs know nothing
-         * of one another, lest there be stripes. */
-        uint chance = ray.pixel * (task.generation == 0 ? PHOTON_TURN_0 : PHOTON_TURN_1);
-        chance += scrambled(ray.pixel / KARST_PHOTON_RUN ^ (PHOTON_CHOICE + task.generation));
-        if (task.generation > 1)
-            chance = scrambled(ray.pixel ^ (PHOTON_CHOICE + task.generation * 0x9e3779b1u));
-        const float u = unit_of(chance);
-        const int reflects = u < turn.reflected, stays = reflects ? inside : !inside;
-        way_on = reflects ? dielectric_reflected(&turn, &d, &n) : dielectric_refracted(&turn, &d, &n);
-        for (int c = 0; c < 3; c++) {
-            const float there = inside ? way.absorption[c] : matter[(size_t)(1 + c) * room + i] * task.voxel_m;
-            out_way.absorption[c] = stays ? there : 0.0f;
-        }
-        out.side = KARST_SIDE_ANY;
-        out_way.side = stays ? KARST_SIDE_BACK : KARST_SIDE_FRONT;
-    } else if (e.land) {
-        const karst_ray from_land = next[i];
-        if (from_land.pixel & KARST_PATH_MIRRORED) {
-            goes_on = !task.is_last;
-            end = KARST_PHOTON_CUT;
-            way_on.x = from_land.direction[0], way_on.y = from_land.direction[1], way_on.z = from_land.direction[2];
-            out.side = KARST_SIDE_FRONT;
-            out_way.side = inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
-        } else {
-            end = fate.fate == KARST_PHOTON_TURNED ? KARST_PHOTON_LANDED : KARST_PHOTON_DIRECT;
-        }
+        n.x = -ray.direction[0], n.y = -ray.direction[1], n.z = -ray.direction[2];
+    const karst_ray from_land = next[i];
+    photon_turn t = turn_of(&task, &ray, &way, &e, &n, e.clear ? matter[i] : 1.0f, &from_land, fate.fate);
+    if (task.is_sure && (e.clear || e.land) && KARST_HIT_KIND(e.hit.kind) != KARST_HIT_SURFACE &&
+        KARST_HIT_KIND(e.hit.kind) != KARST_HIT_SPLAT) {
+        t.share[0] = 1.0f, t.share[1] = 0.0f;
+        t.goes_on[0] = 0;
+        t.end = KARST_PHOTON_UNSURE;
     }
-    if (task.is_sure && (e.clear || e.land) && KARST_HIT_KIND(e.hit.kind) != KARST_HIT_SURFACE) {
-        goes_on = 0;
-        end = KARST_PHOTON_UNSURE;
+    /* Where light is not parted any more chance takes one part whole. */
+    const float stays_here = t.share[0];
+    if (task.parts == 1) {
+        const float u = unit_of(scrambled(ray.pixel ^ (PHOTON_CHOICE + task.generation * 0x9e3779b1u)));
+        t.share[1] = u < t.share[1] ? 1.0f : 0.0f;
+        t.share[0] = 1.0f - t.share[1];
     }
-    if (goes_on && brightest(out.throughput) > 0.0f) {
-        const float far = length_of(&e.to), level = k_as_float((KARST_HIT_LEVEL(e.hit.kind) + 127u) << 23);
-        out.origin[0] = e.to.x, out.origin[1] = e.to.y, out.origin[2] = e.to.z;
-        out.direction[0] = way_on.x, out.direction[1] = way_on.y, out.direction[2] = way_on.z;
-        out.t_max = to_end(&e.to, &way_on, task.t_max);
-        /* As fine as the picture: no wider than its pixels are anywhere on the way, but for what comes nearer. */
-        out.width = k_max(task.pixel_cone * far, level * (1.0001f / task.detail));
-        out.cone = k_max(dot_of(&e.to, &way_on) / k_max(far, 1.0e-6f), 0.0f) * task.pixel_cone;
-        /* Where nobody looks, far less does: twice as wide at the picture's edge, and on like that. */
-        const float seen = leaves_picture(&pinhole, 2.0f * task.reach, &e.to, &way_on);
-        if (seen > 0.0f)
-            out.cone = k_max(out.cone, k_min(out.width / seen, 1.0f));
-        else
-            out.cone = k_max(out.cone, UNSEEN_CONE * task.pixel_cone);
-        fate.fate = KARST_PHOTON_TURNED;
-    } else {
+    const uint before = quanta(&task, light);
+    uint after = 0;
+    for (uint part = 0; part < 2; part++) {
+        const uint into = part && task.parts == 2 ? slot | 1u << task.generation : slot;
+        const uint to = i * task.parts + (task.parts == 2 ? part : 0u);
+        if (!(t.share[part] > 0.0f)) {
+            if (task.parts == 2)
+                born[to].t_max = 0.0f;
+            continue;
+        }
+        karst_photon_fate of = {t.end, 0, 0, 0, (fate.way + 2u * e.clear + part + 1u) * 0x9e3779b1u};
+        for (int c = 0; c < 3; c++)
+            out.throughput[c] = light[c] * t.share[part];
+        const uint energy = quanta(&task, out.throughput);
+        after += energy;
         out.t_max = 0.0f;
-        fate.fate = goes_on ? KARST_PHOTON_ESCAPED : end;
-        fate.left = quanta(&task, out.throughput);
-        if (fate.fate == KARST_PHOTON_LANDED && photons) {
+        if (t.goes_on[part] && task.is_last)
+            of.fate = KARST_PHOTON_CUT;
+        else if (t.goes_on[part])
+            go_on(&task, &pinhole, &e, &t.way[part], &out);
+        if (out.t_max > 0.0f && brightest(out.throughput) > 0.0f) {
+            of.fate = KARST_PHOTON_TURNED;
+        } else {
+            of.fate = t.goes_on[part] && !task.is_last ? KARST_PHOTON_ESCAPED : of.fate;
+            of.left = energy;
+            out.t_max = 0.0f;
+        }
+        if (of.fate == KARST_PHOTON_LANDED) {
+            /* Land scatters what it does not mirror of what falls there; who gathers counts that. */
+            const float per = task.parts == 2 ? 1.0f : 1.0f / stays_here;
             const karst_photon photon = {{e.to.x, e.to.y, e.to.z},
-                                         0,
-                                         {out.throughput[0], out.throughput[1], out.throughput[2]},
+                                         of.way,
+                                         {light[0] * per, light[1] * per, light[2] * per},
                                          pack_normal(&n)};
-            photons[first + place] = photon;
+            photons[karst_photon_record(task.batch, task.batch_rays, into, place)] = photon;
+        }
+        if (out.t_max > 0.0f) {
+            karst_clear_way out_way = way;
+            for (int c = 0; c < 3 && !t.stays[part]; c++)
+                out_way.absorption[c] = way.side == KARST_SIDE_BACK
+                                            ? 0.0f
+                                            : matter[(size_t)(1 + c) * room + i] * task.voxel_m;
+            out_way.side = t.clear_side[part];
+            out.side = t.side[part];
+            out.pixel = (ray.pixel & KARST_PHOTON_NUMBER) | into << KARST_PHOTON_SLOT_SHIFT;
+            born_ways[to] = out_way;
+        }
+        born[to] = out;
+        if (into == slot) {
+            fate.fate = of.fate;
+            fate.left = of.left;
+            fate.way = of.way;
+        } else {
+            fates[into * task.batch_rays + place] = of;
         }
     }
-    next[i] = out;
-    next_ways[i] = out_way;
-    fates[place] = fate;
+    if (!(t.share[0] > 0.0f) && task.parts == 2)
+        fate.fate = KARST_PHOTON_NOTHING;
+    fate.lost += (int)(before - after);
+    fates[slot * task.batch_rays + place] = fate;
 }
 
 /* ---- streams without gaps: as paths_count, paths_scan, paths_pack ---- */
 
-__kernel void photons_count(K_GLOBAL const karst_ray *next, K_GLOBAL const uint *count, K_GLOBAL uint *counts,
-                            uint num_blocks)
+/* parts: rays that each of the stream has room for. */
+__kernel void photons_count(K_GLOBAL const karst_ray *born, K_GLOBAL const uint *count, uint parts,
+                            K_GLOBAL uint *counts, uint num_blocks)
 {
-    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count;
+    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count * parts;
     if (block >= num_blocks)
         return;
     uint num = 0;
     for (uint i = first; i < first + KARST_PHOTON_BLOCK && i < num_rays; i++)
-        num += next[i].t_max > 0.0f;
+        num += born[i].t_max > 0.0f;
     counts[block] = num;
 }
 
@@ -432,202 +513,17 @@ __kernel void photons_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint
     *total = sum;
 }
 
-__kernel void photons_pack(K_GLOBAL const karst_ray *next, K_GLOBAL const karst_clear_way *next_ways,
-                           K_GLOBAL const uint *count, K_GLOBAL const uint *begins, uint num_blocks,
+__kernel void photons_pack(K_GLOBAL const karst_ray *born, K_GLOBAL const karst_clear_way *born_ways,
+                           K_GLOBAL const uint *count, uint parts, K_GLOBAL const uint *begins, uint num_blocks,
                            K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways)
 {
-    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count;
+    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count * parts;
     if (block >= num_blocks)
         return;
     uint to = begins[block];
     for (uint i = first; i < first + KARST_PHOTON_BLOCK && i < num_rays; i++)
-        if (next[i].t_max > 0.0f) {
-            rays[to] = next[i];
-            ways[to++] = next_ways[i];
+        if (born[i].t_max > 0.0f) {
+            rays[to] = born[i];
+            ways[to++] = born_ways[i];
         }
-}
-
-/* ---- where all energy went ---- */
-
-__kernel void photons_sum(K_GLOBAL const karst_photon_fate *fates, uint num, K_GLOBAL ulong *sums)
-{
-    const uint item = (uint)get_global_id(0), first = item * KARST_PHOTON_SUM_RAYS;
-    ulong sum[KARST_PHOTON_SUMS] = {0, 0, 0, 0, 0, 0, 0};
-    if (first >= num)
-        return;
-    for (uint i = first; i < first + KARST_PHOTON_SUM_RAYS && i < num; i++) {
-        const karst_photon_fate fate = fates[i];
-        sum[KARST_PHOTON_SUM_GIVEN] += fate.given;
-        sum[KARST_PHOTON_SUM_LOST] += fate.lost;
-        sum[KARST_PHOTON_SUM_LANDED] += fate.fate == KARST_PHOTON_LANDED ? fate.left : 0;
-        sum[KARST_PHOTON_SUM_DIRECT] += fate.fate == KARST_PHOTON_DIRECT ? fate.left : 0;
-        sum[KARST_PHOTON_SUM_ESCAPED] += fate.fate == KARST_PHOTON_ESCAPED ? fate.left : 0;
-        sum[KARST_PHOTON_SUM_CUT] += fate.fate == KARST_PHOTON_CUT ? fate.left : 0;
-        sum[KARST_PHOTON_SUM_NUM_LANDED] += fate.fate == KARST_PHOTON_LANDED;
-    }
-    for (int s = 0; s < KARST_PHOTON_SUMS; s++)
-        sums[item * KARST_PHOTON_SUMS + (uint)s] = sum[s];
-}
-
-/* ---- the grid ----
- *
- * A photon is looked for within `reach` of its distance from the eye. A cell is as wide as the power of two above
- * that, so neighbours are of the same width or the next. */
-
-typedef struct {
-    int exponent; /* of the cell's width */
-    int x, y, z;
-} grid_cell;
-
-/* The exponent of the power of two above, of positive floats. */
-RAY_INLINE int exponent_above(float v) { return (int)(k_as_uint(v) >> 23) - 126; }
-RAY_INLINE int cell_at(float v, float per) { return (int)k_floor(v * per); }
-
-/* Different for all cells that are looked at together. */
-RAY_INLINE uint tag_of(const grid_cell *c)
-{
-    return ((uint)c->x & 1023u) | ((uint)c->y & 1023u) << 10 | ((uint)c->z & 1023u) << 20 | (uint)c->exponent << 30;
-}
-
-RAY_INLINE uint bucket_of(const grid_cell *c, uint mask)
-{
-    uint h = (uint)c->x * 0x9e3779b1u ^ (uint)c->y * 0x85ebca77u ^ (uint)c->z * 0xc2b2ae3du ^
-             (uint)c->exponent * 0x27d4eb2fu;
-    h ^= h >> 15;
-    h *= 0x2c1b3c6du;
-    h ^= h >> 12;
-    return h & mask;
-}
-
-RAY_INLINE grid_cell cell_of_place(const karst_photon_task *task, const float place[3])
-{
-    const vector3 at = {place[0], place[1], place[2]};
-    grid_cell c;
-    c.exponent = exponent_above(k_max(task->reach * length_of(&at), 1.0e-6f));
-    const float per = power_of(-c.exponent);
-    c.x = cell_at(at.x, per), c.y = cell_at(at.y, per), c.z = cell_at(at.z, per);
-    return c;
-}
-
-/* How many of each bucket: `buckets` begin with zeros. */
-__kernel void photons_tag(karst_photon_task task, K_GLOBAL karst_photon *photons, uint num, K_GLOBAL uint *buckets)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= num || !photons[i].normal)
-        return;
-    const float place[3] = {photons[i].place[0], photons[i].place[1], photons[i].place[2]};
-    const grid_cell c = cell_of_place(&task, place);
-    photons[i].tag = tag_of(&c);
-    atomic_inc(&buckets[bucket_of(&c, task.mask)]);
-}
-
-__kernel void photons_block_sums(K_GLOBAL const uint *buckets, K_GLOBAL uint *sums, uint num_blocks)
-{
-    const uint block = (uint)get_global_id(0);
-    if (block >= num_blocks)
-        return;
-    uint sum = 0;
-    for (uint i = 0; i < KARST_PHOTON_BLOCK; i++)
-        sum += buckets[block * KARST_PHOTON_BLOCK + i];
-    sums[block] = sum;
-}
-
-/* Where each bucket begins; counts are zeros again. */
-__kernel void photons_begins(K_GLOBAL uint *buckets, K_GLOBAL const uint *sums, K_GLOBAL uint *begins, uint num_blocks)
-{
-    const uint block = (uint)get_global_id(0);
-    if (block >= num_blocks)
-        return;
-    uint sum = sums[block];
-    for (uint i = block * KARST_PHOTON_BLOCK; i < (block + 1) * KARST_PHOTON_BLOCK; i++) {
-        begins[i] = sum;
-        sum += buckets[i];
-        buckets[i] = 0;
-    }
-}
-
-/* In any order within a bucket: what is gathered is summed in whole numbers. */
-__kernel void photons_sort(karst_photon_task task, K_GLOBAL const karst_photon *photons, uint num,
-                           K_GLOBAL uint *buckets, K_GLOBAL const uint *begins, K_GLOBAL karst_photon *sorted)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= num || !photons[i].normal)
-        return;
-    const float place[3] = {photons[i].place[0], photons[i].place[1], photons[i].place[2]};
-    const grid_cell c = cell_of_place(&task, place);
-    const uint bucket = bucket_of(&c, task.mask);
-    sorted[begins[bucket] + atomic_inc(&buckets[bucket])] = photons[i];
-}
-
-/* ---- gathering ---- */
-
-/* What one photon may add, in quanta: 2^24 of them stay within a long. */
-#define MOST_QUANTA 2.7e11f
-/* Photons on land that looks another way, or lies behind, are not of this surface. */
-#define LEAST_COSINE 0.5f
-#define FLATNESS 0.35f
-
-typedef struct {
-    vector3 at, normal;
-    float radius, per_square, norm;
-    long sum[3];
-} gathered;
-
-RAY_INLINE void gather_cell(const karst_photon_task *task, K_GLOBAL const karst_photon *sorted,
-                            K_GLOBAL const uint *buckets, K_GLOBAL const uint *begins, const grid_cell *c, gathered *g)
-{
-    const uint tag = tag_of(c), bucket = bucket_of(c, task->mask), begin = begins[bucket], num = buckets[bucket];
-    for (uint i = begin; i < begin + num; i++) {
-        K_GLOBAL const karst_photon *p = &sorted[i];
-        const vector3 to = {p->place[0] - g->at.x, p->place[1] - g->at.y, p->place[2] - g->at.z};
-        const float square = dot_of(&to, &to) * g->per_square;
-        if (!(square < 1.0f) || p->tag != tag)
-            continue;
-        const vector3 n = {unpack_axis(p->normal), unpack_axis(p->normal >> 10), unpack_axis(p->normal >> 20)};
-        const float high = dot_of(&to, &g->normal);
-        if (!(dot_of(&n, &g->normal) > LEAST_COSINE) || !(k_fabs(high) <= FLATNESS * g->radius))
-            continue;
-        const float weight = (1.0f - square) * g->norm;
-        for (int k = 0; k < 3; k++)
-            g->sum[k] += (long)k_min(p->flux[k] * weight, MOST_QUANTA);
-    }
-}
-
-/* Adds to the parts what photons make of the surfaces that rays stand for: each starts in its surface, along the
- * normal, and its throughput is what of the light that falls there reaches its pixel. */
-__kernel void photons_gather(karst_photon_task task, K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
-                             K_GLOBAL const karst_photon *sorted, K_GLOBAL const uint *buckets,
-                             K_GLOBAL const uint *begins, int width_px, int height_px, K_GLOBAL float *parts)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= *count || !(rays[i].t_max > 0.0f))
-        return;
-    const karst_ray ray = rays[i];
-    gathered g;
-    g.at.x = ray.origin[0] + task.offset[0], g.at.y = ray.origin[1] + task.offset[1];
-    g.at.z = ray.origin[2] + task.offset[2];
-    g.normal.x = ray.direction[0], g.normal.y = ray.direction[1], g.normal.z = ray.direction[2];
-    const float far = length_of(&g.at);
-    g.radius = k_max(task.reach * far, 1.0e-6f);
-    g.per_square = 1.0f / (g.radius * g.radius);
-    /* V. Epanechnikov's kernel on a disc. */
-    g.norm = g.per_square * (2.0f / 3.14159265f) * task.scale;
-    g.sum[0] = g.sum[1] = g.sum[2] = 0;
-    const int finest = exponent_above(k_max(task.reach * (far - g.radius), 1.0e-6f));
-    const int coarsest = exponent_above(k_max(task.reach * (far + g.radius), 1.0e-6f));
-    for (int exponent = finest; exponent <= coarsest; exponent++) {
-        const float per = power_of(-exponent);
-        grid_cell c;
-        c.exponent = exponent;
-        for (c.z = cell_at(g.at.z - g.radius, per); c.z <= cell_at(g.at.z + g.radius, per); c.z++)
-            for (c.y = cell_at(g.at.y - g.radius, per); c.y <= cell_at(g.at.y + g.radius, per); c.y++)
-                for (c.x = cell_at(g.at.x - g.radius, per); c.x <= cell_at(g.at.x + g.radius, per); c.x++)
-                    gather_cell(&task, sorted, buckets, begins, &c, &g);
-    }
-    const uint place = karst_packet_order(ray.pixel & 0xffffu, ray.pixel >> 16 & 0x3fffu, (uint)width_px,
-                                          (uint)height_px);
-    const size_t plane = (size_t)width_px * (size_t)height_px;
-    const float per = task.whole / task.scale;
-    for (int k = 0; k < 3; k++)
-        parts[(size_t)k * plane + place] += ray.throughput[k] * ((float)g.sum[k] * per);
 }

@@ -4,18 +4,20 @@
  * which parts of these do (raycast/light/photons_aim.h), and photons are sent into those alone: each into its own place
  * of a grid, with the light that falls there. There are as many as a part's power over the squared distance of what it
  * shines on from the eye says, so that they lie as densely on the picture as pixels do. They are streams of rays as
- * any: cast into land and into clear matter, turned by chance (Fresnel's share; the share that land mirrors), and
- * dimmed on their way by Beer's and Lambert's law. Outside the picture they ask for less and less detail. Where one
- * meets land that scatters it, after at least one such surface (paths LS+D; H. W. Jensen, "Global illumination using
- * photon maps", 1996), it leaves its flux; what a lamp shines on directly is left to who looks for lamps from there.
- * Shading gathers photons by V. Epanechnikov's kernel, as wide as `reach` at distance 1 from the eye.
+ * any: cast into land and into clear matter, and dimmed on their way by Beer's and Lambert's law. The first two
+ * surfaces that a photon meets part its light, by Fresnel's share or the share that land mirrors, and both parts are
+ * followed; at further ones chance decides. So photons of a grid that light takes the same way lie side by side as they
+ * were sent. Outside the picture they ask for less and less detail. Where one meets land that scatters it, after at
+ * least one such surface (paths LS+D; H. W. Jensen, "Global illumination using photon maps", 1996), it leaves its flux;
+ * what a lamp shines on directly is left to who looks for lamps from there. How shading gathers it:
+ * raycast/light/photon_grid.h.
  *
- * They are kept as they are, in a grid of buckets, not as densities of bricks' corners: how much area a corner stands
- * for follows from the surface that runs past it, which no brick knows, while a kernel on a disc needs nothing but the
- * normal. It reaches as far as the number of photons allows, not as a voxel says.
+ * They are kept as they are, not as densities of bricks' corners: how much area a corner stands for follows from the
+ * surface that runs past it, which no brick knows, while a kernel on a disc needs nothing but the normal.
  *
- * Random numbers follow from lamp, cell and number alone. Energy is counted in whole quanta, and what is gathered is
- * summed in whole numbers: so no order of photons, lanes or batches leaves a trace. */
+ * A photon that met nothing but what is there is done, and is never traced again; those that lack something wait, and
+ * are traced once it was made. Random numbers follow from lamp, cell and number alone. Energy is counted in whole
+ * quanta, and what is gathered is summed in whole numbers: so no order of photons, lanes or batches leaves a trace. */
 #ifndef KARST_RAYCAST_PHOTONS_H
 #define KARST_RAYCAST_PHOTONS_H
 
@@ -33,8 +35,9 @@ void karst_photons_destroy(karst_photons *photons); /* NULL is fine */
 /* What that takes, in all and in the largest buffer. Thread-safe. */
 double karst_photons_bytes(uint32_t num_photons, double *largest_bytes);
 uint32_t karst_photons_num_batches(const karst_photons *photons);
-/* Photons of the first ones; 0 unless they are aimed. */
-uint32_t karst_photons_in_batches(const karst_photons *photons, uint32_t num_batches);
+/* Photons of the first ones that wait, and that are done; 0 unless they are aimed. */
+uint32_t karst_photons_num_waiting(const karst_photons *photons, uint32_t num_batches);
+uint32_t karst_photons_num_done(const karst_photons *photons, uint32_t num_batches);
 
 /* What they fly through; all of it borrowed for a call. */
 typedef struct {
@@ -42,7 +45,7 @@ typedef struct {
     karst_shader *shader;       /* the land's, for paths; its anchor is set */
     karst_clear_shader *clear_shader; /* likewise; NULL without clear matter */
     karst_refiner *land_refiner, *clear_refiner; /* for rays; NULL: surfaces are as bricks have them */
-    const karst_cast_view *view; /* whose anchor is the eye; ends_at_missing: photons go on only from what is there */
+    const karst_cast_view *view; /* whose anchor is the eye; ends_at_missing: photons that lack something wait */
     const karst_pinhole *pinhole;
     const karst_light *light;
     karst_shade_anchor anchor; /* the same place as the view's */
@@ -56,13 +59,14 @@ typedef struct {
  * sent. What was traced before is forgotten. Waits. Errors: KARST_FAILED. */
 bool karst_photons_aim(karst_photons *photons, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
                        uint32_t num_lamps, karst_error *error);
-/* Whether nothing was found that they could be sent to. */
-bool karst_photons_miss_all(const karst_photons *photons);
-/* Traces a batch (0 to karst_photons_num_batches - 1), from the place that was aimed from. `again`: for what it asks
- * for alone. Waits now and then. Errors: KARST_FAILED. */
-bool karst_photons_trace(karst_photons *photons, const karst_photon_scene *scene, uint32_t batch, bool again,
-                         karst_error *error);
-/* From now on the photons of the first num_batches are gathered. Asynchronous. Errors: KARST_FAILED. */
+/* Traces those of a batch (0 to karst_photons_num_batches - 1) that wait, which at first are all, from the place that
+ * was aimed from. Unless the view ends at what is missing this is a trial: they go on from what stands in for it, and
+ * wait still. Waits. Errors: KARST_FAILED. */
+bool karst_photons_trace(karst_photons *photons, const karst_photon_scene *scene, uint32_t batch, karst_error *error);
+/* Nothing was missing in the last trial of the first num_batches: so their photons are done. */
+void karst_photons_keep(karst_photons *photons, uint32_t num_batches);
+/* From now on the photons of the first num_batches are gathered: those that are done, and those of a trial. Waits.
+ * Errors: KARST_FAILED. */
 bool karst_photons_sort(karst_photons *photons, uint32_t num_batches, karst_error *error);
 
 /* Adds to the picture's parts what those photons make of surfaces: rays as karst_paths_look_along_normals leaves them.
@@ -70,12 +74,9 @@ bool karst_photons_sort(karst_photons *photons, uint32_t num_batches, karst_erro
 bool karst_photons_gather(karst_photons *photons, const karst_buffer *rays, const karst_buffer *count,
                           uint32_t max_rays, const float offset[3], const karst_pinhole *pinhole, karst_buffer *parts,
                           karst_error *error);
-/* Where the energy of the first num_batches went, by KARST_PHOTON_SUM_*, and the flux that a quantum is. */
+/* Where the energy of those of the first num_batches that are done went, by KARST_PHOTON_SUM_*, and the flux that a
+ * quantum is. */
 void karst_photons_sums(const karst_photons *photons, uint32_t num_batches, uint64_t sums[KARST_PHOTON_SUMS],
                         double *quantum);
-/* What was left on land, photon by photon, in no order: at most max_photons into memory of the caller; *num: how many
- * there are. For tests. Waits. Errors: KARST_FAILED. */
-bool karst_photons_read(karst_photons *photons, karst_photon *into, size_t max_photons, size_t *num,
-                        karst_error *error);
 
 #endif

@@ -31,8 +31,16 @@ typedef struct {
 } karst_photon_lamp;
 K_ASSERT_SIZE(karst_photon_lamp, 128);
 
-/* A part of a cell that photons are sent into: those from `first` to the next one's, in a grid, row by row. Each is
- * somewhere in its own place of the grid. */
+/* At so many of the first surfaces that a photon meets, light is parted: both parts are followed, each in a slot of its
+ * own, whose bit says which part it was at which surface. From then on chance decides. */
+#define KARST_PHOTON_SPLITS 2u
+#define KARST_PHOTON_SLOTS (1u << KARST_PHOTON_SPLITS)
+/* In karst_ray.pixel the photon's number is below, its slot above. */
+#define KARST_PHOTON_SLOT_SHIFT 26u
+#define KARST_PHOTON_NUMBER 0x3ffffffu
+
+/* A part of a cell that photons are sent into: those from `first` to the next one's, in a grid, row by row. Each is in
+ * the middle of its own place of the grid. */
 typedef struct {
     uint first;
     uint cell;      /* row * KARST_PHOTON_ROWS + column, and from bit 16 on the lamp */
@@ -40,19 +48,21 @@ typedef struct {
     uint grid;      /* rows, and from bit 16 on columns */
     float share;    /* of the cell's area (level-0 voxels squared) or solid angle, that each stands for */
     float distance; /* of what it shines on from the eye, level-0 voxels */
+    float t;        /* and along the ray of a sun, from where the view begins */
 } karst_photon_cell;
-K_ASSERT_SIZE(karst_photon_cell, 24);
+K_ASSERT_SIZE(karst_photon_cell, 28);
 
-/* What a photon leaves on land. */
+/* What a slot of a photon leaves on land. They lie batch by batch, slot by slot: karst_photon_record. */
 typedef struct {
     float place[3]; /* from the photons' anchor, level-0 voxels */
-    uint tag;       /* which cell of the grid it lies in, among neighbours */
-    float flux[3];  /* of red, green and blue */
+    uint way;       /* what it met on its way: photons of a grid with the same have neighbours in the same light */
+    float flux[3];  /* of red, green and blue: what falls on the land, though that may mirror a share of it */
     uint normal;    /* of the land, ten bits an axis; 0: it left nothing */
 } karst_photon;
 K_ASSERT_SIZE(karst_photon, 32);
 
-/* What becomes of a photon, in whole quanta of energy, of all colours together: given = lost + left. */
+/* What becomes of a slot of a photon, in whole quanta of energy, of all colours together: over its slots, given is
+ * lost + left. */
 #define KARST_PHOTON_FLIES 0u   /* it has met nothing that mirrors or is clear */
 #define KARST_PHOTON_TURNED 1u  /* it has */
 #define KARST_PHOTON_LANDED 2u  /* on land, after that */
@@ -60,12 +70,15 @@ K_ASSERT_SIZE(karst_photon, 32);
 #define KARST_PHOTON_ESCAPED 4u /* to where the view ends */
 #define KARST_PHOTON_CUT 5u     /* it met more surfaces than it may */
 #define KARST_PHOTON_UNSURE 6u  /* it met what is not there yet, and only asks for it */
+#define KARST_PHOTON_NOTHING 7u /* no light took this slot */
 typedef struct {
     uint fate;
-    uint given, lost; /* lost: to clear matter on its way */
+    uint given;
+    int lost; /* to clear matter on its way; and what rounding leaves where light is parted, perhaps less than 0 */
     uint left;
+    uint way; /* as of karst_photon */
 } karst_photon_fate;
-K_ASSERT_SIZE(karst_photon_fate, 16);
+K_ASSERT_SIZE(karst_photon_fate, 20);
 
 /* Sums of that: quanta by where they went. */
 #define KARST_PHOTON_SUM_GIVEN 0
@@ -76,42 +89,40 @@ K_ASSERT_SIZE(karst_photon_fate, 16);
 #define KARST_PHOTON_SUM_CUT 5
 #define KARST_PHOTON_SUM_NUM_LANDED 6 /* photons, not quanta */
 #define KARST_PHOTON_SUMS 7
-#define KARST_PHOTON_SUM_RAYS 256u /* photons that a work-item adds up */
 
-/* The grid that they are looked for in: buckets of a table; blocks of them are summed together. */
+/* Rays of a stream that are counted together. */
 #define KARST_PHOTON_BLOCK 256u
 
 /* What a launch is about. */
 typedef struct {
-    uint batch, num_batches; /* karst_photon_of says which photon is ray i of the batch */
+    uint batch, num_batches; /* karst_photon_of says which photon has which place of the batch */
+    uint batch_rays;         /* places of a batch */
     uint num_photons;        /* of all batches */
+    uint num_listed;         /* of those that are sent once more, by a list of their places; 0: all are sent */
     uint num_cells;
     uint lamp;     /* of probes */
     uint is_probe; /* 1: of whole cells; 2: of the grids of `cells` */
     uint generation; /* surfaces that have been met */
+    uint parts;      /* 2: light is parted in this generation, so each ray has room for two; else 1 */
     uint is_last;    /* photons that meet one more end there */
-    uint is_sure;    /* they go on only from what lacks nothing, and leave nothing */
+    uint is_sure;    /* they go on only from what lacks nothing */
     uint has_land;   /* land counts: of probes, if it mirrors */
     uint has_clear;  /* there is clear matter */
     float detail, voxel_m;
     float t_max;      /* how far from the eye all ends */
     float pixel_cone; /* a pixel's width at distance 1 */
     float quantum;    /* quanta of energy in a unit of flux */
-    float reach;      /* how far photons are gathered from, at distance 1 from the eye */
-    float scale;      /* quanta of what is gathered in a unit of irradiance */
-    float whole;      /* what is gathered counts so often: 1 once all are traced */
-    float offset[3];  /* from the anchor of what is shaded to that of the photons */
-    uint mask;        /* buckets - 1: a power of two */
+    float reach;      /* how far photons are gathered from that have no neighbours, at distance 1 from the eye */
 } karst_photon_task;
-K_ASSERT_SIZE(karst_photon_task, 92);
+K_ASSERT_SIZE(karst_photon_task, 80);
 
-/* Runs of photons take turns among batches. Which is ray i of a batch, the way back, and how many there are. */
+/* Runs of photons take turns among batches. Which has place i of a batch, the way back, and how many there are. */
 K_INLINE uint karst_photon_of(uint batch, uint num_batches, uint i)
 {
     return (i / KARST_PHOTON_RUN * num_batches + batch) * KARST_PHOTON_RUN + i % KARST_PHOTON_RUN;
 }
 
-K_INLINE uint karst_photon_ray(uint num_batches, uint photon)
+K_INLINE uint karst_photon_place(uint num_batches, uint photon)
 {
     return photon / KARST_PHOTON_RUN / num_batches * KARST_PHOTON_RUN + photon % KARST_PHOTON_RUN;
 }
@@ -121,6 +132,12 @@ K_INLINE uint karst_photons_of_batch(uint num_photons, uint batch, uint num_batc
     const uint runs = num_photons / KARST_PHOTON_RUN, rest = num_photons % KARST_PHOTON_RUN;
     const uint whole = runs > batch ? (runs - batch - 1) / num_batches + 1 : 0;
     return whole * KARST_PHOTON_RUN + (runs % num_batches == batch ? rest : 0);
+}
+
+/* Where what a slot of a batch's place left is kept. */
+K_INLINE uint karst_photon_record(uint batch, uint batch_rays, uint slot, uint place)
+{
+    return (batch * KARST_PHOTON_SLOTS + slot) * batch_rays + place;
 }
 
 #endif

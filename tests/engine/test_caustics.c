@@ -291,12 +291,13 @@ static uint32_t most_photons(void)
     return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 12000 : 40000;
 }
 
+/* What of an error with 40,000 photons others may have: noise and blur fall together. */
+static double most_error(double of_40000, uint32_t num) { return of_40000 * pow(40000.0 / num, 0.35); }
+
 static void light_lands_where_rays_say(void **state)
 {
     (void)state;
     const uint32_t num = most_photons();
-    /* Noise and blur fall together. */
-    const double most = num >= 1000000 ? 0.05 : 0.05 * pow(1e6 / num, 0.35);
     const karst_engine_config config = {.caustics = num};
     karst_engine *engine = create(world, &config);
     double ratio;
@@ -306,7 +307,7 @@ static void light_lands_where_rays_say(void **state)
     shine_on_ring();
     const double ring = rms_of_peak(&one, is_in_ring, 0, &ratio);
     print_message("ring: rms %.4f of the peak, light %.4f of the true\n", ring, ratio);
-    assert_true(ring <= most);
+    assert_true(ring <= most_error(0.013, num));
     assert_true(fabs(ratio - 1) < 0.03);
     /* The nephroid's cusp lies half a radius behind the middle. */
     int brightest = 0;
@@ -325,7 +326,7 @@ static void light_lands_where_rays_say(void **state)
     for (int c = 0; c < 3; c += 2) {
         const double ball = rms_of_peak(&other, is_behind_ball, c, &ratio);
         print_message("ball, channel %d: rms %.4f of the peak, light %.4f of the true\n", c, ball, ratio);
-        assert_true(ball <= most);
+        assert_true(ball <= most_error(0.045, num));
         assert_true(fabs(ratio - 1) < 0.05);
     }
     karst_engine_destroy(engine);
@@ -335,7 +336,6 @@ static void a_lamp_makes_a_cardioid(void **state)
 {
     (void)state;
     const uint32_t num = most_photons();
-    const double most = num >= 1000000 ? 0.05 : 0.05 * pow(1e6 / num, 0.35);
     const karst_engine_config config = {.caustics = num};
     karst_engine *engine = create(lamp_world, &config);
     double ratio;
@@ -345,7 +345,7 @@ static void a_lamp_makes_a_cardioid(void **state)
     shine_of_lamp();
     const double rms = rms_of_peak(&one, is_around_lamp, 0, &ratio);
     print_message("lamp: rms %.4f of the peak, light %.4f of the true\n", rms, ratio);
-    assert_true(rms <= most);
+    assert_true(rms <= most_error(0.08, num));
     assert_true(fabs(ratio - 1) < 0.03);
 }
 

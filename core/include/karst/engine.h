@@ -174,9 +174,9 @@ typedef struct {
      * At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
     /* Photons from all lights with shadows, whose light lands by way of mirrors and clear matter and makes caustics; up
-     * to KARST_ENGINE_MAX_PHOTONS, 32 MiB for each half a million. 0: none, and light passes clear matter straight. A
-     * world where nothing makes caustics is shown as without, with a warning. A frame traces some of them; a settled
-     * picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
+     * to KARST_ENGINE_MAX_PHOTONS, some 100 MiB for each half a million. 0: none, and light passes clear matter
+     * straight. A world where nothing makes caustics is shown as without, with a warning. A frame traces some of them;
+     * a settled picture has all. `bounces`, if not 0, is also how many surfaces each may turn at; else 12. Only with
      * KARST_INTEGRATOR_DIRECT, and with shadows. */
     uint32_t caustics;
     /* Pictures are of the light that falls on land, not of what it looks like: radiance is how bright a white surface
