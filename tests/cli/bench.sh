@@ -71,6 +71,19 @@ run bench glass --effects shadows --sizes 64x48 --details 8 --rounds 2 --pool 32
     grep -qE '^8 +64x48 +shadows .* 1\.31 ' stdout && grep -q '</svg>' effects.svg &&
     awk -f "$flatten" effects.json | grep -q '^cells\.\.thesis_ratio = 1.31'
 result "what effects cost: table, JSON and SVG"
+: > rows
+"$karst" bench glass --effects none,shadows --sizes 64x48,96x64 --details 8,4,2 --rounds 101 --pool 32 --json part.json > rows 2> said < /dev/null &
+worker=$!
+tries=0
+until grep -q '^8 .* shadows ' rows || [ $tries -eq 3000 ]; do sleep 0.1 && tries=$((tries + 1)); done
+kill -INT $worker
+wait $worker
+status=$?
+num=$(grep -cE '^[842] +[0-9]' rows)
+detail="exit $status, $num rows: $(cat said)"
+[ $status -eq 130 ] && [ "$num" -ge 2 ] && [ "$num" -lt 12 ] && [ -s said ] &&
+    awk -f "$flatten" part.json > flat && grep -q '^complete = false$' flat && [ "$(grep -c '^cells\.\.ratio' flat)" -eq "$num" ]
+result "Ctrl-C: what was measured until then is there"
 fi
 
 run help bench
