@@ -207,6 +207,21 @@ bool karst_program_put_time(const karst_program_graph *program, double time_s, k
     return false;
 }
 
+static bool check_time(double time_s, karst_error *error)
+{
+    return (time_s >= -KARST_MOST_TIME_S && time_s <= KARST_MOST_TIME_S) ||
+           karst_fail(error, KARST_USAGE, "a time of %g s: times go from -1e9 to 1e9 s", time_s);
+}
+
+bool karst_engine_begin_time(karst_engine *engine, karst_error *error)
+{
+    const karst_program_graph *program = engine->shown.file->program;
+    for (uint32_t i = 0; i < program->num_parameters; i++)
+        if (program->parameters[i].is_implicit && strcmp(program->parameters[i].name, "iTime") == 0)
+            engine->time_s = program->parameters[i].value.value;
+    return check_time(engine->time_s, error);
+}
+
 /* iTime becomes the engine's time. Errors: KARST_USAGE, KARST_FAILED. */
 static bool apply_time(karst_engine *engine, karst_error *error)
 {
@@ -233,8 +248,8 @@ static bool apply_time(karst_engine *engine, karst_error *error)
 bool karst_engine_set_time(karst_engine *engine, double time_s, karst_error *error)
 {
     const double before_s = engine->time_s;
-    if (!(time_s >= -KARST_MOST_TIME_S && time_s <= KARST_MOST_TIME_S))
-        return karst_fail(error, KARST_USAGE, "a time of %g s: times go from -1e9 to 1e9 s", time_s);
+    if (!check_time(time_s, error))
+        return false;
     if (time_s == before_s)
         return true;
     engine->time_s = time_s;

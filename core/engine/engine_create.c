@@ -270,6 +270,8 @@ karst_engine *karst_engine_create(const karst_engine_config *given, karst_error 
     if (!karst_engine_check_budget_ms(config->budget_ms, error) || !check_look(config, error))
         goto failed;
     engine->world = &engine->shown.file->info;
+    if (!karst_engine_begin_time(engine, error))
+        goto failed;
     engine->shade = karst_engine_shade_ways(config, engine->world);
     if (!karst_engine_set_view_distance(engine, engine->world, error))
         goto failed;

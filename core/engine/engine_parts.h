@@ -319,6 +319,8 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
 bool karst_engine_colour_layers(karst_engine *engine, karst_error *error);
 /* engine_change.c. Where a text asks for iTime: that. Returns whether it does. */
 bool karst_program_put_time(const karst_program_graph *program, double time_s, karst_number *values);
+/* A new engine's time is what a parameter says that iTime is, if any does. Errors: KARST_USAGE. */
+bool karst_engine_begin_time(karst_engine *engine, karst_error *error);
 
 /* engine_stores.c. How what fills the air is built; it borrows `finalise`. */
 karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, char finalise[64]);

@@ -645,6 +645,8 @@ bool command_render(int argc, char **argv, command_talk *talk, karst_error *erro
     command_catch_crashes(); /* once more: LLVM, in PoCL, has put its own handlers in front */
     record.display = karst_display_kind_name(karst_display_get_kind(karst_engine_display(engine)));
     record.display_description = karst_display_description(karst_engine_display(engine));
+    if (!o.has_time) /* a parameter may say it */
+        o.flight.world_s = karst_engine_time(engine);
     if (o.camera) {
         karst_camera camera = karst_engine_default_camera(engine);
         if (!karst_camera_parse(o.camera, karst_engine_voxel_log2_m(engine), &camera, error) ||

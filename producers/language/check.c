@@ -97,7 +97,7 @@ static void say_parameters(const report *r)
     for (uint32_t i = 0; i < p->num_parameters; i++) {
         const karst_world_parameter *q = &p->parameters[i];
         if (q->is_implicit)
-            say(r, "  input %s is 0 here", q->name);
+            say(r, "  input %s is %.9g here", q->name, q->value.value);
         else
             say(r, "  parameter %s = %.9g%s%s%s", q->name, q->value.value, q->unit[0] ? " " : "", q->unit,
                 !q->is_used        ? ", not used"

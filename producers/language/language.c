@@ -64,9 +64,14 @@ static void set_parameters(compilation *c, const karst_parameter_value *given, s
     c->lowering.num_parameters = h->num_parameters;
     for (size_t k = 0; k < num_given; k++) {
         uint32_t i = 0;
+        const bool is_time = !strcmp(given[k].name, KARST_TIME_PARAMETER);
         karst_nearest nearest = karst_nearest_begin(given[k].name, strlen(given[k].name));
         while (i < h->num_parameters && strcmp(h->parameters[i].name, given[k].name))
             karst_nearest_offer(&nearest, h->parameters[i++].name);
+        if (i == h->num_parameters && is_time) {
+            c->lowering.time_s = given[k].value;
+            continue;
+        }
         if (i == h->num_parameters) {
             const char *hint = karst_nearest_hint(&nearest, c->source.arena);
             karst_source_error(&c->source, c->source.user_begin, hint ? hint : all_parameters(h, c->source.arena),

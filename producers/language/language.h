@@ -10,8 +10,8 @@
 
 #define KARST_LANGUAGE_ARENA_BYTES ((size_t)256 << 20)
 
-/* A parameter: of the header, or an implicit one such as iTime, which is 0. Parameter leaves of the graph count in this
- * order. */
+/* A parameter: of the header, or an implicit one such as iTime, which is 0 unless a caller sets it. Parameter leaves of
+ * the graph count in this order. */
 typedef struct {
     const char *name;
     karst_number value;    /* as the header says, or as the caller asked */

@@ -195,6 +195,21 @@ first=$(cksum < balls0.png) second=$(cksum < balls1.png)
 run render balls.karst -q --time 0 -o balls.png --size 48x32 --samples 1 --display none --camera=0,5,-14,0,0
 [ $status -eq 0 ] && [ "$first" != "$second" ] && [ "$second" = "$(cksum < balls.png)" ]
 result "render --time-step: pictures of a time each"
+echo '/*{"voxel":0.0625}*/ float density(vec3 p) { return 4.0 * sin(iTime) - length(p); }' > waxing.karst
+run sample waxing.karst --at 0,0,0 --param iTime=3
+prints "iTime is a parameter" '^density    0.5644'
+run check waxing.karst --param iTime=3
+prints "check says what it is" 'input iTime is 3 here'
+complains 2 'times go from' "no time is as late as that" render waxing.karst --param iTime=1e12 -o waxing.png
+told=
+for time in '--time 1.2' '--param iTime=1.2' '--time 0.1 --param iTime=1.2' '--time 0.1'; do
+    run render waxing.karst -q --size 24x18 --samples 1 --display none --no-shadows --camera=0,2,-12,0,-8 $time -o waxing.png
+    told="$told $(tail -c 60 waxing.png | cksum | cut -d ' ' -f 1)" # the last pixels, and a sum of all
+done
+set -- $told
+detail=$told
+[ "$1" = "$2" ] && [ "$3" = "$4" ] && [ "$1" != "$3" ]
+result "a picture at the time that a parameter says, or --time, if both do"
 run render balls.karst -q --six-way 'maps_%s.exr' --time-step 1 --frames 3 --size 16x12 --samples 1 --display none \
     --camera=0,5,-14,0,0
 [ $status -eq 0 ] && [ -s maps_positive.exr ] && [ -s maps_negative.exr ] && ! cmp -s maps_positive.exr maps_negative.exr

@@ -322,9 +322,11 @@ static const struct {
     {"conditions",
      "#define A 3\n#if defined(A) && A * 2 >= 6 && !defined B\n#define R 1.0\n#elif 1\n#define R 2.0\n#else\n#error "
      "no\n#endif\n#ifndef A\n#error no\n#else\n#define Q 4.0\n#endif\n"
-     "#undef A\n#ifdef A\n#define S 1.0\n#else\n#define S 8.0\n#endif\n#if 0\n don't @ \"look\"\n#if "
+     "#undef A\n#ifdef A\n#define S 1.0\n#else\n#define S 8.0\n#endif\n#if 0\n don't @ \"look\"\n"
+     " 3D 08 1e 0x 0xfffffffff 9999999999 1.2.3\n#if "
      "1\n#endif\n#else\n#endif\n",
      "return R + Q + S;", 13},
+    {"a directive of strangers", "#pragma 3D\n#define UNUSED 3D\n#shader 4K 1e\n", "return 2.0;", 2},
     {"a call without brackets", "#define h(x) 100.0\nfloat k(float h) { return h; }\n", "return k(5.0);", 5},
     {"a struct in a function",
      "float f() { struct S { float a; vec2 b; }; S s = S(1.0, vec2(2.0, 3.0)); return s.a + s.b.y; }\n",

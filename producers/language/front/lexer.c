@@ -91,29 +91,79 @@ static uint32_t skip_space(karst_source *source, uint32_t at, uint32_t end, kars
     }
 }
 
-static void lex_hexadecimal(karst_source *source, uint32_t *at, uint32_t end, karst_token *token)
+/* What may be wrong with a number. It is told where the number counts: what conditions leave out may say 3D. */
+enum {
+    NUMBER_IS_GOOD,
+    NUMBER_LACKS_EXPONENT,
+    NUMBER_LACKS_HEXADECIMALS,
+    NUMBER_GOES_ON,
+    NUMBER_IS_NOT_OCTAL,
+    NUMBER_IS_TOO_LARGE,
+    NUMBER_IS_TOO_LARGE_FOR_UINT
+};
+/* A fault and the character that it is about, as a token has them. */
+static uint32_t fault_at(uint32_t fault, char c) { return fault | (uint32_t)(unsigned char)c << 8; }
+
+void karst_lex_refuse_number(karst_source *source, const karst_token *token)
+{
+    const char c = (char)(token->what >> 8);
+    switch (token->what & 0xff) {
+    case NUMBER_LACKS_EXPONENT:
+        karst_source_error(source, token->where, "write 1e6 or 1.5e-3", "this exponent has no digits");
+    case NUMBER_LACKS_HEXADECIMALS:
+        karst_source_error(source, token->where, "write 0xff", "there are no digits behind 0x");
+    case NUMBER_GOES_ON:
+        karst_source_error(source, token->where, NULL, "this number goes on with '%c', which is none of its digits", c);
+    case NUMBER_IS_NOT_OCTAL:
+        karst_source_error(source, token->where, "leave out the leading 0",
+                           "a number that begins with 0 is octal, and '%c' is no octal digit", c);
+    case NUMBER_IS_TOO_LARGE:
+        karst_source_error(source, token->where, "write a point behind it to make it a float",
+                           "this integer does not fit 32 bits");
+    default:
+        karst_source_error(source, token->where, NULL, "this integer does not fit 32 bits");
+    }
+}
+
+static uint32_t lex_hexadecimal(const karst_source *source, uint32_t *at, uint32_t end, karst_token *token)
 {
     const char *s = source->text;
     uint64_t value = 0;
-    uint32_t digits = *at += 2;
+    uint32_t digits = *at += 2, fault = NUMBER_IS_GOOD;
     for (; *at < end && hex_digit(s[*at]) >= 0; ++*at) {
-        value = value * 16 + (uint64_t)hex_digit(s[*at]);
-        if (value > UINT32_MAX)
-            karst_source_error(source, token->where, NULL, "this integer does not fit 32 bits");
+        value = (value & UINT32_MAX) * 16 + (uint64_t)hex_digit(s[*at]);
+        fault = value > UINT32_MAX ? (uint32_t)NUMBER_IS_TOO_LARGE_FOR_UINT : fault;
     }
-    if (*at == digits)
-        karst_source_error(source, token->where, "write 0xff", "there are no digits behind 0x");
     token->kind = KARST_TOKEN_INT;
     token->what = (uint32_t)value;
+    return *at == digits ? (uint32_t)NUMBER_LACKS_HEXADECIMALS : fault;
 }
 
-static void lex_number(karst_source *source, uint32_t *at, uint32_t end, karst_token *token)
+/* Digits from `begin` to the suffix, as a whole number. */
+static uint32_t find_whole_number(const char *s, uint32_t begin, karst_token *token)
+{
+    uint64_t value = 0;
+    const uint32_t base = s[begin] == '0' && token->length > 1 ? 8 : 10;
+    for (uint32_t i = 0; i < token->length; i++) {
+        const uint32_t digit = (uint32_t)(s[begin + i] - '0');
+        if (digit >= base)
+            return fault_at(NUMBER_IS_NOT_OCTAL, s[begin + i]);
+        value = value * base + digit;
+        if (value > UINT32_MAX)
+            return NUMBER_IS_TOO_LARGE;
+    }
+    token->what = (uint32_t)value;
+    return NUMBER_IS_GOOD;
+}
+
+static void lex_number(const karst_source *source, uint32_t *at, uint32_t end, karst_token *token)
 {
     const char *s = source->text;
-    uint32_t begin = *at;
+    uint32_t begin = *at, fault = NUMBER_IS_GOOD;
+    const bool is_hexadecimal = s[begin] == '0' && begin + 1 < end && (s[begin + 1] == 'x' || s[begin + 1] == 'X');
     token->kind = KARST_TOKEN_INT;
-    if (s[begin] == '0' && begin + 1 < end && (s[begin + 1] == 'x' || s[begin + 1] == 'X')) {
-        lex_hexadecimal(source, at, end, token);
+    if (is_hexadecimal) {
+        fault = lex_hexadecimal(source, at, end, token);
     } else {
         while (*at < end && is_digit(s[*at]))
             ++*at;
@@ -128,7 +178,7 @@ static void lex_number(karst_source *source, uint32_t *at, uint32_t end, karst_t
             if (*at < end && (s[*at] == '+' || s[*at] == '-'))
                 ++*at;
             if (*at >= end || !is_digit(s[*at]))
-                karst_source_error(source, token->where, "write 1e6 or 1.5e-3", "this exponent has no digits");
+                fault = NUMBER_LACKS_EXPONENT;
             while (*at < end && is_digit(s[*at]))
                 ++*at;
         }
@@ -144,25 +194,17 @@ static void lex_number(karst_source *source, uint32_t *at, uint32_t end, karst_t
         token->kind = KARST_TOKEN_UINT;
         ++*at;
     }
-    if (*at < end && (is_letter(s[*at]) || is_digit(s[*at]) || s[*at] == '.'))
-        karst_source_error(source, token->where, NULL, "this number goes on with '%c', which is none of its digits",
-                           s[*at]);
-    if (token->kind != KARST_TOKEN_FLOAT &&
-        !(s[begin] == '0' && token->length > 1 && (s[begin + 1] == 'x' || s[begin + 1] == 'X'))) {
-        uint64_t value = 0;
-        uint32_t base = s[begin] == '0' && token->length > 1 ? 8 : 10;
-        for (uint32_t i = 0; i < token->length; i++) {
-            uint32_t digit = (uint32_t)(s[begin + i] - '0');
-            if (digit >= base)
-                karst_source_error(source, token->where, "leave out the leading 0",
-                                   "a number that begins with 0 is octal, and '%c' is no octal digit", s[begin + i]);
-            value = value * base + digit;
-            if (value > UINT32_MAX)
-                karst_source_error(source, token->where, "write a point behind it to make it a float",
-                                   "this integer does not fit 32 bits");
-        }
-        token->what = (uint32_t)value;
-    }
+    if (!fault && *at < end && (is_letter(s[*at]) || is_digit(s[*at]) || s[*at] == '.'))
+        fault = fault_at(NUMBER_GOES_ON, s[*at]);
+    if (!fault && token->kind != KARST_TOKEN_FLOAT && !is_hexadecimal)
+        fault = find_whole_number(s, begin, token);
+    if (!fault)
+        return;
+    while (*at < end && (is_letter(s[*at]) || is_digit(s[*at]) || s[*at] == '.'))
+        ++*at;
+    token->kind = KARST_TOKEN_ODD;
+    token->what = fault;
+    token->length = *at - begin;
 }
 
 /* The longest punctuation at s. 0: none. */

@@ -13,7 +13,8 @@ typedef enum {
     KARST_TOKEN_INT,
     KARST_TOKEN_UINT,
     KARST_TOKEN_PUNCTUATION,
-    KARST_TOKEN_ODD /* a character without meaning: an error unless it is passed over; or a text in quotes */
+    KARST_TOKEN_ODD /* a character without meaning, or a number that is none (`what` is not 0): errors unless they are
+                     * passed over; or a text in quotes */
 } karst_token_kind;
 
 /* Punctuation is named by its characters packed in an int: '+', or KARST_P2('+', '='). */
@@ -55,8 +56,11 @@ uint32_t karst_names_id(karst_names *names, const char *text, size_t length);
 static inline const char *karst_name_text(const karst_names *names, uint32_t id) { return names->items[id].text; }
 
 /* Appends the tokens of source bytes [begin, end) and an END. Comments and spliced lines are white space. Errors:
- * unknown characters, bad numbers, unterminated comments, too many tokens. */
+ * unterminated comments, too many tokens. */
 void karst_lex(karst_source *source, karst_names *names, uint32_t begin, uint32_t end, karst_tokens *tokens);
+
+/* Raises the error that is in an ODD token which is a number. */
+_Noreturn void karst_lex_refuse_number(karst_source *source, const karst_token *token);
 
 void karst_tokens_push(karst_arena *arena, karst_tokens *tokens, karst_token token);
 static inline bool karst_token_is(const karst_token *token, uint32_t punctuation)

@@ -15,6 +15,8 @@
 #define KARST_MAX_LIVE_NODES (1u << 16)
 #define KARST_MAX_OCTAVES 512u
 #define KARST_MAX_PARAMETERS 64u
+/* The one implicit parameter that callers may set. */
+#define KARST_TIME_PARAMETER "iTime"
 
 /* A parameter as the front end sees it: a uniform float with a name. */
 typedef struct {
@@ -33,6 +35,7 @@ typedef struct {
     karst_graph *graph; /* empty */
     karst_lower_parameter parameters[KARST_MAX_PARAMETERS + 16];
     uint32_t num_parameters;
+    double time_s; /* what iTime is */
     const karst_world_header *header; /* whose data the text may name */
     karst_world_image *images; /* the files that it does name, latest first; the caller's to free, whatever comes */
     /* out */

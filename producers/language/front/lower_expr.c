@@ -472,8 +472,11 @@ static karst_expr parameter_leaf(karst_lower_state *s, const char *name, bool is
     if (i == io->num_parameters) {
         if (!is_implicit || i == KARST_MAX_PARAMETERS + 16)
             return KARST_NO_EXPR;
+        const bool is_set = io->time_s != 0 && !strcmp(name, KARST_TIME_PARAMETER);
         io->parameters[io->num_parameters++] =
-            (karst_lower_parameter){.name = name, .value = karst_number_int(0), .is_implicit = true};
+            (karst_lower_parameter){.name = name,
+                                    .value = is_set ? karst_number_shortest(io->time_s) : karst_number_int(0),
+                                    .is_implicit = true};
     }
     io->parameters[i].is_used = true;
     return karst_graph_leaf(s->graph, KARST_OP_PARAMETER, i);

@@ -512,6 +512,8 @@ static void expand(preprocessor *p, frame *top, karst_tokens *out)
         count_step(p, token.where);
         if (p->depth > KARST_MAX_NESTING)
             karst_source_error(source, token.where, NULL, "macro calls are nested deeper than %u", KARST_MAX_NESTING);
+        if (token.kind == KARST_TOKEN_ODD && token.what)
+            karst_lex_refuse_number(source, &token);
         if (token.kind == KARST_TOKEN_ODD && token.length < 2 + (source->text[token.text] != '"'))
             odd_character(source, &token);
         macro *m = token.no_expand ? NULL : macro_named(p, &token);
