@@ -132,6 +132,11 @@ $(OBJ)/producers/density/host_steps.o: EXTRA = -Iproducers/density/host
 $(OBJ)/producers/density/host_tape.o: EXTRA = -O2 -ftree-vectorize -fno-trapping-math -fno-math-errno \
     $(if $(findstring clang,$(CC)),,-fvect-cost-model=dynamic)
 
+# What meshes are made of: short loops over axes, which are worth unrolling.
+ifeq ($(CONFIG),release)
+$(addprefix $(OBJ)/core/export/,crossing.o feature.o join.o piece.o piece_place.o piece_sample.o piece_segments.o): EXTRA = -O3
+endif
+
 # Where installed worlds lie, for programs that are linked statically.
 $(OBJ)/core/base/data_folder.o: EXTRA = -DKARST_PREFIX='"$(PREFIX)"'
 $(OBJ)/core/base/data_folder.o: $(OBJ)/prefix

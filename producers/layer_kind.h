@@ -17,8 +17,11 @@ typedef struct {
     const karst_log *log; /* NULL: nothing is said */
 } karst_layer_scene;
 
+/* Whose bricks it changes. */
+typedef enum { KARST_LAYER_LAND, KARST_LAYER_CLEAR, KARST_LAYER_AIR } karst_layer_place;
+
 typedef struct {
-    bool fills_air; /* its bricks are those of what fills the air, not the land's */
+    karst_layer_place place;
     bool (*is_named)(const karst_program_graph *program);
     /* Of a program that names it. Errors: KARST_BAD_DATA (files it names), KARST_USAGE, KARST_FAILED. */
     karst_layer *(*create)(const karst_layer_scene *scene, karst_error *error);

@@ -80,20 +80,34 @@ static bool find_gradient(const worker *w, const double direction[3], const kars
 #define JUMP_REACH 64.0
 #define JUMP_BISECTIONS 48
 
+/* How far before and behind the root a jump is looked for: what decides it may be a float, and jump somewhere near. */
+#define NUM_REACHES 3
+static double reach_of(const karst_reference_root *root, int number)
+{
+    return ldexp(fmax(ROOT_ERROR * root->t, 0x1p-28), 4 * number);
+}
+
 /* Whether the density changes far more between two places about the root than its slopes there say. `gradient`: at the
- * root; NULL: it has none. */
+ * root; NULL: it has none. What is flat there can only jump. */
 static bool is_jump(const worker *w, const double direction[3], const karst_reference_root *root,
                     const double gradient[3])
 {
     const karst_position *anchor = &w->picture->camera.position;
-    double reach = fmax(ROOT_ERROR * root->t, 0x1p-28), before[3], slope = 0;
-    double rise = density_near(w, anchor, direction, root, root->t + reach) -
-                  density_near(w, anchor, direction, root, root->t - reach);
-    if (!gradient || !find_gradient(w, direction, root, root->t - reach, before))
-        return true;
-    for (int i = 0; i < 3; i++)
-        slope += fmax(fabs(gradient[i]), fabs(before[i]));
-    return rise > 64 * reach * slope;
+    bool is_flat = true;
+    for (int n = 0; n < NUM_REACHES; n++) {
+        const double reach = reach_of(root, n);
+        double before[3], slope = 0;
+        const double rise = density_near(w, anchor, direction, root, root->t + reach) -
+                            density_near(w, anchor, direction, root, root->t - reach);
+        if (!gradient || !find_gradient(w, direction, root, root->t - reach, before))
+            return true;
+        for (int i = 0; i < 3; i++)
+            slope += fmax(fabs(gradient[i]), fabs(before[i]));
+        if (rise > 64 * reach * slope)
+            return true;
+        is_flat = is_flat && slope == 0;
+    }
+    return is_flat;
 }
 
 /* Where a jump decides, the surface is the jump's: from where neighbours of the ray meet it. false: they do not. */
@@ -142,11 +156,12 @@ static bool find_neighbours_gradient(const worker *w, const double direction[3],
 static bool find_jump_gradient(const worker *w, const double direction[3], const karst_reference_root *root,
                                double gradient[3])
 {
-    double reach = fmax(ROOT_ERROR * root->t, 0x1p-28);
-    for (int i = 0; i < 3; i++, reach *= 16) /* floats jump somewhere near */
+    for (int n = 0; n < NUM_REACHES; n++) {
+        const double reach = reach_of(root, n);
         if (karst_ranger_jump(w->ranger, &w->picture->camera.position, direction, root->t - reach, root->t + reach,
                               root->level, gradient))
             return true;
+    }
     return find_neighbours_gradient(w, direction, root, gradient);
 }
 

@@ -266,8 +266,8 @@ if [ "${KARST_GPU_TESTS:-yes}" != no ]; then
         raycast/test_cast_requests raycast/test_sides raycast/test_sunward raycast/test_convex raycast/test_gloss
         raycast/test_dielectric raycast/test_bend edits/test_edited engine/test_mirror engine/test_caustics
         engine/test_samples engine/test_pass engine/test_depth engine/test_rays engine/test_light_map engine/test_occlusion
-        engine/test_exact_fit points/test_surface points/test_splats media/test_scattering media/test_full media/test_ray
-        noise/test_noise noise/test_families worlds/test_planet hard/test_jumps"
+        engine/test_exact_fit points/test_surface points/test_splats media/test_scattering media/test_fluence
+        media/test_full media/test_ray noise/test_noise noise/test_families worlds/test_planet hard/test_jumps"
     programs=
     for test in $tests; do
         [ -e "tests/$test.c" ] && programs="$programs $build/release/tests/$test"

@@ -9,6 +9,7 @@
 #include "producers/language/graph/derive.h"
 #include "producers/language/tape/bounds_shared.h"
 #include "producers/language/tape/tape.h"
+#include "producers/points/points_kind.h"
 
 /* What steps are bounded by: the index, its gradient, clear matter. */
 #define NUM_RANGES 5
@@ -118,7 +119,9 @@ bool karst_engine_world_build_bending(karst_engine_world *world, karst_context *
                                         .root[KARST_ROOT_DENSITY] = clear->root[KARST_ROOT_INDEX]};
     karst_error why = {0};
     char options[OPTIONS_BYTES];
-    if (!world->content[KARST_CONTENT_CLEAR].refining.gradient)
+    if (karst_clear_points_kind.is_named(world->file->program))
+        karst_fail(&why, KARST_BAD_WORLD, "models of clear matter are not in its way");
+    else if (!world->content[KARST_CONTENT_CLEAR].refining.gradient)
         karst_fail(&why, KARST_BAD_WORLD, "the gradient of clear matter is too large");
     else if (karst_engine_derive(&world->bending.index, world, &index, context, &why) &&
              make_bounds(world, context, &index, clear->root[KARST_ROOT_DENSITY], options, &why) &&

@@ -57,10 +57,12 @@ static bool replace_world(karst_engine *engine, karst_engine_world *world, bool 
     if (!karst_engine_set_view_distance(engine, info, error))
         return false;
     bool same = karst_fingerprint_same(&engine->shown.fingerprint, &world->fingerprint) &&
-                karst_engine_world_same_layers(&engine->shown, world, false);
+                karst_engine_world_same_layers(&engine->shown, world, KARST_LAYER_LAND);
     bool changed[KARST_NUM_CONTENTS];
     karst_engine_changed_contents(&engine->shown, world, changed);
-    if (!karst_engine_world_same_layers(&engine->shown, world, true))
+    if (!karst_engine_world_same_layers(&engine->shown, world, KARST_LAYER_CLEAR))
+        changed[KARST_CONTENT_CLEAR] = true;
+    if (!karst_engine_world_same_layers(&engine->shown, world, KARST_LAYER_AIR))
         changed[KARST_CONTENT_AIR] = true;
     karst_finish(engine->context, NULL); /* nothing may run of what goes */
     rescale_position(&engine->camera.position, engine->world->voxel_log2_m, info->voxel_log2_m);
@@ -300,7 +302,7 @@ static bool take_colours(karst_engine *engine, karst_engine_world *world, bool *
         world->file->info.has_atmosphere || old->splats || karst_engine_world_has_splats(world) ||
         world->file->info.voxel_log2_m != engine->world->voxel_log2_m ||
         !karst_fingerprint_same(&old->fingerprint, &world->fingerprint) ||
-        !karst_engine_world_same_layers(old, world, false) ||
+        !karst_engine_world_same_layers(old, world, KARST_LAYER_LAND) ||
         !karst_engine_set_view_distance(engine, &world->file->info, error))
         return true;
     bool is_same = false;

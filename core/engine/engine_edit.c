@@ -8,7 +8,7 @@
 
 static bool drop_dirty(karst_engine *engine, karst_error *error)
 {
-    return karst_engine_drop_dirty(engine, engine->edits, false, &engine->dropped, error);
+    return karst_engine_drop_dirty(engine, engine->edits, KARST_LAYER_LAND, &engine->dropped, error);
 }
 
 static bool make_layer(karst_engine *engine, karst_error *error)

@@ -2,7 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/engine/engine_parts.h"
+#include "core/engine/engine_layers.h"
+#include "producers/points/points_kind.h"
 #include "raycast/light/light.h"
 #include "raycast/shadow_shared.h"
 
@@ -63,7 +64,11 @@ bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *
     karst_oracle *oracle = engine->shown.content[KARST_CONTENT_CLEAR].oracle;
     static const float up[3] = {0, 1, 0};
     karst_oracle_value values[KARST_NUM_ROOTS];
-    if (!(karst_oracle_density(oracle, at, -1).precise > 0))
+    double density = karst_oracle_density(oracle, at, -1).precise;
+    const karst_layer *models = karst_engine_world_layer(&engine->shown, &karst_clear_points_kind);
+    if (models)
+        density = (double)karst_model_list_at(karst_points_layer_list(models), at, -1, (float)density, NULL);
+    if (!(density > 0))
         return false;
     if (karst_has_output(file->program->world.root, KARST_OUTPUT_ABSORPTION)) {
         karst_oracle_shading(oracle, at, up, -1, values);

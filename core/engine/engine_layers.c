@@ -6,7 +6,7 @@
 #include "producers/points/points_kind.h"
 
 /* All kinds, in the order in which they are combined with the world. */
-static const karst_layer_kind *const kinds[] = {&karst_points_kind, &karst_particles_kind};
+static const karst_layer_kind *const kinds[] = {&karst_points_kind, &karst_clear_points_kind, &karst_particles_kind};
 
 #define NUM_KINDS ((int)(sizeof kinds / sizeof *kinds))
 _Static_assert(sizeof kinds / sizeof *kinds <= KARST_MOST_LAYER_KINDS, "a world has room for a layer of each kind");
@@ -21,18 +21,18 @@ karst_layer *karst_engine_world_layer(const karst_engine_world *world, const kar
     return NULL;
 }
 
-bool karst_engine_world_names_layers(const karst_engine_world *world, bool in_air)
+bool karst_engine_world_names_layers(const karst_engine_world *world, karst_layer_place place)
 {
     for (int i = 0; i < NUM_KINDS; i++)
-        if (kinds[i]->fills_air == in_air && is_named(world, i))
+        if (kinds[i]->place == place && is_named(world, i))
             return true;
     return false;
 }
 
-bool karst_engine_world_same_layers(const karst_engine_world *a, const karst_engine_world *b, bool in_air)
+bool karst_engine_world_same_layers(const karst_engine_world *a, const karst_engine_world *b, karst_layer_place place)
 {
     for (int i = 0; i < NUM_KINDS; i++)
-        if (kinds[i]->fills_air == in_air && (is_named(a, i) || is_named(b, i)) &&
+        if (kinds[i]->place == place && (is_named(a, i) || is_named(b, i)) &&
             !(is_named(a, i) && is_named(b, i) && kinds[i]->is_same &&
               kinds[i]->is_same(a->file->program, b->file->program)))
             return false;
@@ -77,14 +77,14 @@ static karst_layer_scene scene_of(const karst_engine *engine, const karst_engine
                                .log = engine->log};
 }
 
-/* Makes those of the land, or of the air, that are not there yet. */
-static bool make_layers(const karst_engine *engine, karst_engine_world *world, bool in_air,
+/* Makes those of a place that are not there yet. */
+static bool make_layers(const karst_engine *engine, karst_engine_world *world, karst_layer_place place,
                         karst_layer *layers[KARST_MOST_LAYER_KINDS], size_t *num, karst_error *error)
 {
     const karst_layer_scene scene = scene_of(engine, world, world->values);
     *num = 0;
     for (int i = 0; i < NUM_KINDS; i++) {
-        if (kinds[i]->fills_air != in_air || !is_named(world, i))
+        if (kinds[i]->place != place || !is_named(world, i))
             continue;
         if (!world->layers[i] && !(world->layers[i] = kinds[i]->create(&scene, error)))
             return false;
@@ -93,23 +93,36 @@ static bool make_layers(const karst_engine *engine, karst_engine_world *world, b
     return true;
 }
 
-static bool set_in_air(karst_engine *engine, karst_engine_world *world, karst_error *error)
+/* Those of what a world has beside its land. */
+static bool set_beside(karst_engine *engine, karst_engine_world *world, karst_layer_place place, karst_content content,
+                       karst_error *error)
 {
-    karst_producer *producer = world->content[KARST_CONTENT_AIR].producer;
+    karst_producer *producer = world->content[content].producer;
     karst_layer *layers[KARST_MOST_LAYER_KINDS];
     size_t num;
     char finalise[64];
     if (!producer)
         return true;
-    if (!make_layers(engine, world, true, layers, &num, error))
+    if (!make_layers(engine, world, place, layers, &num, error))
         return false;
     if (num == 0)
         return true;
+    const karst_cache_buffers *buffers = karst_store_get_buffers(engine->stores[content].store);
     const karst_world_build build =
-        karst_engine_air_build(karst_store_get_buffers(engine->stores[KARST_CONTENT_AIR].store), finalise);
+        content == KARST_CONTENT_AIR
+            ? karst_engine_air_build(buffers, finalise)
+            : (karst_world_build){.shape = KARST_SHAPE_AUTO, .finalise_options = karst_cache_brick_option(buffers)};
     return karst_finish(engine->context, error) &&
-           karst_world_file_set_layers(producer, world->file->content[KARST_CONTENT_AIR], &build, layers, num, NULL,
-                                       error);
+           karst_world_file_set_layers(producer, world->file->content[content], &build, layers, num, NULL, error);
+}
+
+/* What refines the hits of rays in clear matter reads its models. */
+static void show_models_to_rays(karst_engine_world *world)
+{
+    const karst_layer *models = karst_engine_world_layer(world, &karst_clear_points_kind);
+    karst_refiner *refiner = world->content[KARST_CONTENT_CLEAR].refining.refiner;
+    if (models && refiner)
+        karst_refiner_set_layer(refiner, karst_points_layer_data(models), NULL);
 }
 
 bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *world, karst_error *error)
@@ -119,8 +132,11 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
                                          karst_cache_brick_option(karst_cache_get_buffers(engine->cache))};
     karst_layer *layers[KARST_MOST_LAYER_KINDS + 1];
     size_t num;
-    if (!make_layers(engine, world, false, layers, &num, error) || !set_in_air(engine, world, error))
+    if (!make_layers(engine, world, KARST_LAYER_LAND, layers, &num, error) ||
+        !set_beside(engine, world, KARST_LAYER_CLEAR, KARST_CONTENT_CLEAR, error) ||
+        !set_beside(engine, world, KARST_LAYER_AIR, KARST_CONTENT_AIR, error))
         return false;
+    show_models_to_rays(world);
     if (engine->edits && world->file->info.voxel_log2_m != karst_edits_list(engine->edits)->voxel_log2_m)
         return karst_fail(error, KARST_USAGE,
                           "%s has voxels of 2^%d m, and the edits were made in voxels of 2^%d m: undo them first, or "
@@ -136,22 +152,24 @@ bool karst_engine_world_set_layers(karst_engine *engine, karst_engine_world *wor
 
 /* ---- change ---- */
 
-bool karst_engine_drop_dirty(karst_engine *engine, karst_layer *layer, bool in_air, karst_dropped *dropped,
-                             karst_error *error)
+bool karst_engine_drop_dirty(karst_engine *engine, karst_layer *layer, karst_layer_place place,
+                             karst_dropped *dropped, karst_error *error)
 {
+    static const karst_content contents[] = {
+        [KARST_LAYER_CLEAR] = KARST_CONTENT_CLEAR, [KARST_LAYER_AIR] = KARST_CONTENT_AIR};
     const karst_drop_box *boxes;
     const size_t num = layer->ops->take_dirty(layer, &boxes);
     *dropped = (karst_dropped){0};
     if (num == 0)
         return true;
     engine->view_changed = true;
-    if (in_air)
+    if (place == KARST_LAYER_AIR)
         engine->media_moves = true;
-    else
+    else if (place == KARST_LAYER_LAND)
         engine->media_is_stale = true; /* the land shades them */
-    return in_air ? karst_store_drop(engine->stores[KARST_CONTENT_AIR].store, boxes, num, engine->serial, dropped,
-                                     error)
-                  : karst_cache_drop(engine->cache, boxes, num, engine->serial, dropped, error);
+    return place == KARST_LAYER_LAND ? karst_cache_drop(engine->cache, boxes, num, engine->serial, dropped, error)
+                                     : karst_store_drop(engine->stores[contents[place]].store, boxes, num,
+                                                        engine->serial, dropped, error);
 }
 
 bool karst_engine_move_layers(karst_engine *engine, const karst_number *values, karst_error *error)
@@ -163,7 +181,7 @@ bool karst_engine_move_layers(karst_engine *engine, const karst_number *values, 
         karst_dropped dropped;
         if (world->layers[i] && kinds[i]->move)
             done = karst_finish(engine->context, error) && kinds[i]->move(world->layers[i], &scene, error) &&
-                   karst_engine_drop_dirty(engine, world->layers[i], kinds[i]->fills_air, &dropped, error);
+                   karst_engine_drop_dirty(engine, world->layers[i], kinds[i]->place, &dropped, error);
     }
     return done;
 }

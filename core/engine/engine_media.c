@@ -51,10 +51,12 @@ static bool prepare(karst_engine *engine, karst_error *error)
         .has_streams = !engine->alone.is_on && (engine->bounce || engine->clear),
         .passes = engine->pass && engine->clear,
         .glows = karst_has_output(file->program->world.root, KARST_OUTPUT_EMISSION),
+        .has_phase = karst_has_output(file->program->world.root, KARST_OUTPUT_MIRROR),
         .has_paths = karst_engine_has_path_media(engine) && !engine->alone.is_on,
         .has_lamps = !engine->alone.is_on && engine->world->num_lights > 0,
         .is_alone = engine->alone.is_on,
         .groups = engine->media_groups,
+        .fluence_packets = engine->fluence_packets,
         .look = {.source = file->code.colour_source, .options = options, .data = producer->data[0]}};
     if (!karst_finish(engine->context, error))
         return false;
@@ -117,6 +119,7 @@ bool karst_engine_draw_media(karst_engine *engine, const karst_cast_view *view, 
            (!moves || (karst_media_look(engine->media, &picture, error) &&
                        karst_media_survey_sun(engine->media, &picture, error))) &&
            karst_media_take_counts(engine->media, &num_lacking, &num_made, error) &&
+           karst_media_find_fluence(engine->media, &picture, error) &&
            karst_media_pixels(engine->media, &picture, error) && add_lamps(engine, &picture, error);
 }
 
@@ -230,7 +233,7 @@ bool karst_media_mode_parse(const char *name, karst_media_mode *mode, karst_erro
     return karst_fail(error, KARST_USAGE, "media are shown in no mode '%.40s'; there are: full, shadow, basic", name);
 }
 
-static const char *const scattering_names[KARST_NUM_SCATTERINGS] = {"octaves", "once", "paths"};
+static const char *const scattering_names[KARST_NUM_SCATTERINGS] = {"octaves", "once", "paths", "fluence"};
 
 bool karst_scattering_parse(const char *name, karst_scattering *scattering, karst_error *error)
 {
@@ -239,6 +242,7 @@ bool karst_scattering_parse(const char *name, karst_scattering *scattering, kars
             *scattering = (karst_scattering)i;
             return true;
         }
-    return karst_fail(error, KARST_USAGE, "media scatter light in no way '%.40s'; there are: octaves, once, paths",
+    return karst_fail(error, KARST_USAGE, "media scatter light in no way '%.40s'; there are: octaves, once, paths, "
+                                           "fluence",
                       name);
 }

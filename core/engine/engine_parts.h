@@ -172,6 +172,7 @@ struct karst_engine {
     karst_scattering scattering;
     bool media_is_stale, media_lacks; /* content changed; the last picture's were not all there */
     uint32_t media_groups;            /* karst_engine_set_media_groups; 0: 1 */
+    uint32_t fluence_packets;         /* 0: as many as there usually are; for tests */
     bool media_moves;                 /* particles moved since the last picture */
     karst_engine_alone alone;
     double time_s;                    /* karst_engine_set_time */

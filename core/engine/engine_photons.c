@@ -91,7 +91,7 @@ static karst_photon_scene scene_of(karst_engine *engine, const karst_cast_view *
         .shader = engine->shader,
         .clear_shader = engine->shown.clear_shader,
         /* That of the text alone. */
-        .land_refiner = engine->edits || karst_engine_world_names_layers(&engine->shown, false)
+        .land_refiner = engine->edits || karst_engine_world_names_layers(&engine->shown, KARST_LAYER_LAND)
                             ? NULL
                             : engine->shown.photon_refining.refiner,
         .clear_refiner = engine->shown.content[KARST_CONTENT_CLEAR].refining.refiner,

@@ -120,7 +120,11 @@ static bool build_for_rays(karst_engine_refining *refining, const karst_engine_w
                            const karst_world_file *file, karst_context *context, karst_error *error)
 {
     karst_error why = {0};
-    if (!file || build(refining, world, file, OF_RAYS, context, &why))
+    const unsigned models = file == world->file->content[KARST_CONTENT_CLEAR] &&
+                                    karst_clear_points_kind.is_named(world->file->program)
+                                ? OF_MODELS
+                                : 0u;
+    if (!file || build(refining, world, file, OF_RAYS | models, context, &why))
         return true;
     karst_engine_finish_refining(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);

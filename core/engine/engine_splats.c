@@ -30,6 +30,8 @@ void karst_engine_world_show_models(karst_engine_world *world, karst_models_as a
         header->num_models = 0;
     for (uint32_t i = 0; as != KARST_MODELS_OF_WORLD && i < header->num_models; i++) {
         karst_header_model *model = &header->models[i];
+        if (model->is_clear) /* a body, whatever the rest is shown as */
+            continue;
         model->is_splats = as != KARST_MODELS_SURFACE;
         model->is_shallow = as == KARST_MODELS_SPLATS_LEAF || as == KARST_MODELS_SPLATS_LEAF_CULLED;
         model->culls = as == KARST_MODELS_SPLATS_CULLED || as == KARST_MODELS_SPLATS_LEAF_CULLED;

@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "core/engine/engine_parts.h"
+#include "producers/points/points_kind.h"
 #include "producers/steps/medium.h"
 #include "producers/stores.h"
 
@@ -77,13 +78,14 @@ karst_world_build karst_engine_air_build(const karst_cache_buffers *buffers, cha
 
 /* `finalise` holds its options, which are borrowed. */
 static karst_world_build build_of(const karst_cache_buffers *buffers, const karst_engine_wishes *wishes, int content,
-                                  char finalise[64])
+                                  bool has_layers, char finalise[64])
 {
     if (content == KARST_CONTENT_AIR)
         return karst_engine_air_build(buffers, finalise);
     return (karst_world_build){.shape = KARST_SHAPE_AUTO,
                                .finalise_options = karst_cache_brick_option(buffers),
-                               .start_on_host = wishes->start_on_host};
+                               .in_two_steps = has_layers,
+                               .start_on_host = wishes->start_on_host && !has_layers};
 }
 
 bool karst_engine_world_build_contents(karst_engine_world *world, karst_context *context,
@@ -92,7 +94,9 @@ bool karst_engine_world_build_contents(karst_engine_world *world, karst_context 
 {
     for (int i = 0; i < KARST_NUM_CONTENTS; i++) {
         char finalise[64];
-        const karst_world_build build = build_of(buffers, wishes, i, finalise);
+        const bool has_layers =
+            i == KARST_CONTENT_CLEAR && karst_clear_points_kind.is_named(world->file->program);
+        const karst_world_build build = build_of(buffers, wishes, i, has_layers, finalise);
         const karst_world_file *file = world->file->content[i];
         if (!file || !(wishes->contents >> i & 1u))
             continue;

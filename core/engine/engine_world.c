@@ -125,7 +125,7 @@ bool karst_engine_world_build_skies(karst_engine_world *world, karst_context *co
 bool karst_engine_world_build(karst_engine_world *world, karst_context *context, const karst_cache_buffers *buffers,
                               const karst_engine_wishes *wishes, karst_error *error)
 {
-    const bool has_layers = wishes->has_layers || karst_engine_world_names_layers(world, false);
+    const bool has_layers = wishes->has_layers || karst_engine_world_names_layers(world, KARST_LAYER_LAND);
     const karst_world_build build = {.shape = KARST_SHAPE_AUTO,
                                      .finalise_options = karst_cache_brick_option(buffers),
                                      .in_two_steps = has_layers,

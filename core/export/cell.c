@@ -17,13 +17,6 @@ int karst_face_edge(int face, int i)
     return edge[face][i];
 }
 
-void karst_edge_corners(int edge, int corners[2])
-{
-    static const int8_t lower[KARST_CELL_EDGES] = {0, 2, 4, 6, 0, 4, 1, 5, 0, 1, 2, 3};
-    corners[0] = lower[edge];
-    corners[1] = corners[0] | 1 << (edge >> 2);
-}
-
 static unsigned face_signs(unsigned solid, int face)
 {
     unsigned signs = 0;
@@ -84,4 +77,14 @@ int karst_cell_pieces(unsigned solid, unsigned solid_centres, signed char piece_
         num_pieces++;
     }
     return num_pieces;
+}
+
+void karst_cell_table_fill(karst_cell_table *table)
+{
+    for (unsigned solid = 0; solid < 1 << KARST_CELL_CORNERS; solid++) {
+        table->of[solid].is_crossed = false;
+        for (int face = 0; face < KARST_CELL_FACES; face++)
+            table->of[solid].is_crossed = table->of[solid].is_crossed || karst_face_is_crossed(solid, face);
+        table->of[solid].num_pieces = (signed char)karst_cell_pieces(solid, 0, table->of[solid].piece_of);
+    }
 }

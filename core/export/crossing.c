@@ -4,7 +4,7 @@
 
 /* Even a jump is found by then: each fourth step halves what is left. */
 #define MAX_STEPS 56
-#define AT_ONCE 2048
+#define AT_ONCE 512
 
 /* What is known of a segment, along which t goes from 0 (solid) to 1. */
 typedef struct {
@@ -82,7 +82,7 @@ static uint64_t find_some(karst_sampler *sampler, const karst_grid *grid, karst_
             double at[3];
             choose_next(&brackets[open[k]], step);
             place(&segments[open[k]], brackets[open[k]].next_t, at);
-            positions[k] = karst_grid_at(grid, at);
+            karst_grid_place(grid, at, &positions[k]);
         }
         karst_sampler_densities(sampler, positions, num_open, grid->footprint_m, densities);
         num_samples += num_open;
@@ -97,7 +97,8 @@ static uint64_t find_some(karst_sampler *sampler, const karst_grid *grid, karst_
     for (size_t i = 0; i < num; i++) {
         const bracket *b = &brackets[i];
         const double t = b->solid_t + (b->air_t - b->solid_t) * between((double)b->solid, (double)b->air);
-        place(&segments[i], fmin(fmax(t, b->solid_t), b->air_t), segments[i].found);
+        const double after = t > b->solid_t ? t : b->solid_t;
+        place(&segments[i], after < b->air_t ? after : b->air_t, segments[i].found);
         place(&segments[i], b->solid_t, segments[i].found_solid);
     }
     return num_samples;

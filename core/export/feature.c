@@ -9,6 +9,7 @@
 /* Cosine of the angle between two planes that make an edge. */
 #define EDGE_COSINE 0.6
 #define SWEEPS 12
+#define MOST_PLANES 12
 /* Planes are as good as parallel if their mean says so much of them: what remains is left out anyway. */
 #define PARALLEL (1 / (1 + LEAST_EIGENVALUE))
 #define ITERATIONS 8 /* each takes as much away of what is not along the eigenvector */
@@ -52,11 +53,13 @@ static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a
 
 static bool is_bent(const double (*normals)[3], int num)
 {
-    for (int i = 0; i < num; i++)
+    bool is_known[MOST_PLANES];
+    for (int i = 0; i < num; i++) {
+        is_known[i] = dot(normals[i], normals[i]) > 0;
         for (int j = 0; j < i; j++)
-            if (dot(normals[i], normals[i]) > 0 && dot(normals[j], normals[j]) > 0 &&
-                dot(normals[i], normals[j]) < EDGE_COSINE)
+            if (dot(normals[i], normals[j]) < EDGE_COSINE && is_known[i] && is_known[j])
                 return true;
+    }
     return false;
 }
 
@@ -109,9 +112,11 @@ void karst_find_feature(const double (*points)[3], const double (*normals)[3], i
 {
     double m[3][3] = {{0}}, right[3] = {0}, sum[3] = {0};
     *feature = (karst_feature){.is_bent = is_bent(normals, num)};
+    const double share = 1.0 / num;
+    const bool is_exact = (num & (num - 1)) == 0; /* then multiplying gives the same bits, and sooner */
     for (int i = 0; i < num; i++)
         for (int axis = 0; axis < 3; axis++) {
-            feature->middle[axis] += points[i][axis] / num;
+            feature->middle[axis] += is_exact ? points[i][axis] * share : points[i][axis] / num;
             sum[axis] += normals[i][axis];
         }
     for (int i = 0; i < num; i++) {

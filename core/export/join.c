@@ -25,7 +25,7 @@ struct karst_mesh_join {
     const karst_mesh_sink *sink;
     karst_mesh_stats *stats;
     kept slabs[2]; /* this one, and that before */
-    int32_t cell_at[KARST_TILE_NUM_CELLS]; /* of the tile, one more; 0: there is none */
+    int32_t cell_at[KARST_TILE_NUM_CELLS]; /* of the tile, one more; 0: there is none, as between tiles */
     uint32_t (*triangles)[3];
     size_t num_triangles, max_triangles;
     double least[3], most[3];
@@ -145,8 +145,9 @@ static bool give_vertices(karst_mesh_join *join, const karst_mesh_vertex *vertic
                                               "wider cells");
     for (size_t i = 0; i < num; i++)
         for (int axis = 0; axis < 3; axis++) {
-            join->least[axis] = fmin(join->least[axis], (double)vertices[i].position[axis]);
-            join->most[axis] = fmax(join->most[axis], (double)vertices[i].position[axis]);
+            const double at = (double)vertices[i].position[axis];
+            join->least[axis] = at < join->least[axis] ? at : join->least[axis];
+            join->most[axis] = at > join->most[axis] ? at : join->most[axis];
         }
     join->stats->num_vertices += num;
     for (int axis = 0; axis < 3 && join->stats->num_vertices; axis++) {
@@ -199,6 +200,8 @@ static bool add_face_vertex(karst_mesh_join *join, const karst_mesh_edge *edge, 
                             const karst_mesh_cell *to, polygon *p, karst_error *error)
 {
     int axis = 0;
+    if (!from->is_crossed)
+        return true;
     while (from->at[axis] == to->at[axis])
         axis++;
     const bool is_up = to->at[axis] > from->at[axis];
@@ -249,12 +252,12 @@ static double error_of_cut(double corners[4][3], int from, double found)
 static int choose_cut(const karst_mesh_join *join, const karst_mesh_edge *edge, const polygon *p)
 {
     double corners[4][3];
-    for (int i = 0; i < 4; i++)
-        for (int k = 0; k < 3; k++) {
-            const int axis = (edge->axis + k) % 3;
-            corners[i][k] = (double)p->position[i][axis] / join->grid.cell_m -
-                            karst_grid_metres(&join->grid, (double)edge->at[axis]) / join->grid.cell_m;
-        }
+    for (int k = 0; k < 3; k++) {
+        const int axis = edge->axis + k < 3 ? edge->axis + k : edge->axis + k - 3;
+        const double from = karst_grid_metres(&join->grid, (double)edge->at[axis]) / join->grid.cell_m;
+        for (int i = 0; i < 4; i++)
+            corners[i][k] = (double)p->position[i][axis] / join->grid.cell_m - from;
+    }
     return error_of_cut(corners, 0, edge->found) <= error_of_cut(corners, 1, edge->found) ? 0 : 1;
 }
 
@@ -300,19 +303,21 @@ static bool add_polygon(karst_mesh_join *join, const karst_mesh_tile *tile, cons
 
 /* ---- tiles ---- */
 
+static int32_t *place_of(karst_mesh_join *join, const karst_mesh_tile *tile, const int64_t at[3])
+{
+    return &join->cell_at[(at[0] - tile->first[0]) +
+                          KARST_TILE_CELLS * ((at[1] - tile->first[1]) + KARST_TILE_CELLS * (at[2] - tile->first[2]))];
+}
+
 static bool take_cells(karst_mesh_join *join, karst_mesh_tile *tile, uint64_t base)
 {
-    memset(join->cell_at, 0, sizeof join->cell_at);
     for (size_t i = 0; i < tile->num_found; i++) {
         karst_mesh_cell *cell = &tile->cells[i];
-        int local[3];
         bool is_last = false;
-        for (int axis = 0; axis < 3; axis++) {
-            local[axis] = (int)(cell->at[axis] - tile->first[axis]);
-            is_last = is_last || local[axis] == tile->num_cells[axis] - 1;
-        }
+        for (int axis = 0; axis < 3; axis++)
+            is_last = is_last || cell->at[axis] - tile->first[axis] == tile->num_cells[axis] - 1;
         cell->first_vertex += base;
-        join->cell_at[local[0] + KARST_TILE_CELLS * (local[1] + KARST_TILE_CELLS * local[2])] = (int32_t)i + 1;
+        *place_of(join, tile, cell->at) = (int32_t)i + 1;
         if (is_last && !keep_cell(&join->slabs[0], cell))
             return false;
     }
@@ -333,6 +338,8 @@ bool karst_mesh_join_add(karst_mesh_join *join, karst_mesh_tile *tile, karst_err
     for (size_t i = 0; i < tile->num_edges; i++)
         if (!add_polygon(join, tile, &tile->edges[i], error))
             return false;
+    for (size_t i = 0; i < tile->num_found; i++)
+        *place_of(join, tile, tile->cells[i].at) = 0;
     join->stats->num_triangles += join->num_triangles;
     return join->num_triangles == 0 ||
            join->sink->triangles(join->sink->user, (const uint32_t(*)[3])join->triangles, join->num_triangles, error);

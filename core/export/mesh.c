@@ -10,7 +10,8 @@
 #include "core/export/mesh_tiles.h"
 #include "core/export/piece.h"
 
-enum { MAX_THREADS = 256, TILES_OF_THREAD = 8 };
+/* Before tiles are filled, those of a slab are listed, and of more until there are enough of either. */
+enum { MAX_THREADS = 256, TILES_OF_THREAD = 8, ENOUGH_TILES = 4096, ENOUGH_SLABS = 16 };
 /* What evaluating takes, and more. */
 #define STACK_BYTES (8u << 20)
 
@@ -23,9 +24,11 @@ typedef struct {
     karst_mesh_join *join;
     karst_mesh_worker *workers[MAX_THREADS];
     int num_threads;
-    karst_mesh_tile *tiles; /* of a slab that may hold surface, in their order */
+    karst_mesh_tile *tiles; /* that may hold surface, of some slabs, in their order */
     size_t num_tiles, max_tiles;
-    int64_t slab, num_slabs, grid_cells[3]; /* the box's, and one more below */
+    int64_t first_slab, slab, num_slabs; /* `slab` is the one that is listed: those before, from the first, are */
+    int64_t joined_slab;                 /* the last that the join was told of; -1: none */
+    int64_t grid_cells[3];               /* the box's, and one more below */
 } finder;
 
 /* ---- tiles of a slab ---- */
@@ -74,8 +77,8 @@ static bool list_tiles(finder *f, int64_t x, int64_t y, int64_t size)
 
 /* ---- threads ---- */
 
-/* The tiles of a slab: each is filled by whoever comes to it, and joined by the calling thread, in their order. So many
- * are filled ahead of what is joined, at most. */
+/* The tiles of some slabs: each is filled by whoever comes to it, and joined by the calling thread, in their order. So
+ * many are filled ahead of what is joined, at most. */
 typedef struct {
     finder *f;
     pthread_mutex_t lock;
@@ -130,14 +133,17 @@ static void *run_task(void *argument)
 
 static bool report(const finder *f, size_t num_done, karst_error *error)
 {
-    const double of_slab = f->num_tiles ? (double)num_done / (double)f->num_tiles : 1;
-    return !f->sink->progress || f->sink->progress(f->sink->user, ((double)f->slab + of_slab) / (double)f->num_slabs) ||
+    const double share = f->num_tiles ? (double)num_done / (double)f->num_tiles : 1;
+    const double slabs = (double)f->first_slab + share * (double)(f->slab - f->first_slab);
+    return !f->sink->progress || f->sink->progress(f->sink->user, slabs / (double)f->num_slabs) ||
            karst_fail(error, KARST_FAILED, "the mesh was stopped");
 }
 
 static bool join_tile(finder *f, size_t index, karst_error *error)
 {
     karst_mesh_tile *tile = &f->tiles[index];
+    for (; f->joined_slab < tile->first[2] / KARST_TILE_CELLS; f->joined_slab++)
+        karst_mesh_join_begin_slab(f->join);
     f->stats->num_open_cells += tile->num_open_cells;
     f->stats->num_samples += tile->num_samples;
     f->stats->num_sharp += tile->num_sharp;
@@ -207,15 +213,17 @@ static bool fill_and_join(finder *f, karst_error *error)
     return done;
 }
 
-static bool find_slab(finder *f, karst_error *error)
+/* As many as have enough tiles, so that threads seldom wait for one another. */
+static bool find_slabs(finder *f, karst_error *error)
 {
     int64_t widest = 1;
     while (widest * KARST_TILE_CELLS < f->grid_cells[0] || widest * KARST_TILE_CELLS < f->grid_cells[1])
         widest *= 2;
     f->num_tiles = 0;
-    karst_mesh_join_begin_slab(f->join);
-    if (!list_tiles(f, 0, 0, widest))
-        return karst_fail(error, KARST_FAILED, "out of memory");
+    f->first_slab = f->slab;
+    for (; f->slab < f->num_slabs && f->slab < f->first_slab + ENOUGH_SLABS && f->num_tiles < ENOUGH_TILES; f->slab++)
+        if (!list_tiles(f, 0, 0, widest))
+            return karst_fail(error, KARST_FAILED, "out of memory");
     return fill_and_join(f, error) && report(f, f->num_tiles, error);
 }
 
@@ -266,20 +274,22 @@ bool karst_mesh_find_tiles(const karst_world *world, const karst_mesh_config *co
                 .sink = sink,
                 .begin_tile = begin_tile,
                 .stats = &own,
+                .joined_slab = -1,
                 .num_threads = karst_mesh_num_threads(config)};
     bool done = true;
     own.num_cells = (double)config->num_cells[0] * (double)config->num_cells[1] * (double)config->num_cells[2];
     for (int axis = 0; axis < 3; axis++)
         f.grid_cells[axis] = config->num_cells[axis] + 1;
     f.num_slabs = (f.grid_cells[2] + KARST_TILE_CELLS - 1) / KARST_TILE_CELLS;
-    const karst_grid grid = {.corner = config->corner, .cell_m = config->cell_m};
+    const karst_grid grid = karst_grid_of(&config->corner, config->cell_m, config->footprint_m,
+                                          karst_world_get_metadata(world)->voxel_log2_m);
     f.join = karst_mesh_join_create(&grid, sink, &own, error);
     for (int i = 0; f.join && done && i < f.num_threads; i++) {
         f.workers[i] = karst_mesh_worker_create(world, config, error);
         done = f.workers[i];
     }
-    for (; f.join && done && f.slab < f.num_slabs; f.slab++)
-        done = find_slab(&f, error);
+    while (f.join && done && f.slab < f.num_slabs)
+        done = find_slabs(&f, error);
     for (int i = 0; i < f.num_threads; i++)
         karst_mesh_worker_destroy(f.workers[i]);
     free(f.tiles);

@@ -10,7 +10,8 @@
 #include "karst/engine.h"
 #include "karst/mesh.h"
 
-enum { BUFFER_BYTES = 1 << 20, PLY_VERTEX_BYTES = 27 };
+/* AT_ONCE: vertices, or triangles, between two writes. */
+enum { BUFFER_BYTES = 1 << 16, PLY_TRIANGLE_BYTES = 13, AT_ONCE = 512 };
 
 typedef struct {
     karst_mesh_format format;
@@ -50,16 +51,18 @@ static bool cannot_write(const writer *w, karst_error *error)
     return karst_fail(error, KARST_FAILED, "cannot write %s: %s", w->path, strerror(errno ? errno : EIO));
 }
 
-static bool write_vertex(writer *w, const karst_mesh_vertex *v)
+static bool say_vertex(writer *w, const karst_mesh_vertex *v)
 {
-    uint8_t bytes[KARST_GLB_VERTEX_BYTES], *to = bytes;
-    if (w->format == KARST_MESH_OBJ)
-        return fprintf(w->parts[0], "v %.9g %.9g %.9g %.4f %.4f %.4f\nvn %.7g %.7g %.7g\n", (double)v->position[0],
-                       (double)v->position[1], (double)v->position[2], to_srgb(v->rgb[0]), to_srgb(v->rgb[1]),
-                       to_srgb(v->rgb[2]), (double)v->normal[0], (double)v->normal[1], (double)v->normal[2]) > 0;
+    return fprintf(w->parts[0], "v %.9g %.9g %.9g %.4f %.4f %.4f\nvn %.7g %.7g %.7g\n", (double)v->position[0],
+                   (double)v->position[1], (double)v->position[2], to_srgb(v->rgb[0]), to_srgb(v->rgb[1]),
+                   to_srgb(v->rgb[2]), (double)v->normal[0], (double)v->normal[1], (double)v->normal[2]) > 0;
+}
+
+static uint8_t *put_vertex(const writer *w, const karst_mesh_vertex *v, uint8_t *to)
+{
     if (w->format == KARST_MESH_GLB) {
-        karst_glb_put_vertex(v, bytes);
-        return fwrite(bytes, 1, sizeof bytes, w->parts[0]) == sizeof bytes;
+        karst_glb_put_vertex(v, to);
+        return to + KARST_GLB_VERTEX_BYTES;
     }
     for (int axis = 0; axis < 3; axis++)
         to = karst_out_put_float(to, v->position[axis]);
@@ -67,46 +70,67 @@ static bool write_vertex(writer *w, const karst_mesh_vertex *v)
         to = karst_out_put_float(to, v->normal[axis]);
     for (int i = 0; i < 3; i++)
         *to++ = (uint8_t)lrint(255 * to_srgb(v->rgb[i]));
-    return fwrite(bytes, 1, PLY_VERTEX_BYTES, w->parts[0]) == PLY_VERTEX_BYTES;
+    return to;
+}
+
+static bool write_bytes(writer *w, int part, const uint8_t *bytes, const uint8_t *end)
+{
+    return fwrite(bytes, 1, (size_t)(end - bytes), w->parts[part]) == (size_t)(end - bytes);
 }
 
 static bool write_vertices(void *user, const karst_mesh_vertex *vertices, size_t num, karst_error *error)
 {
     writer *w = user;
+    uint8_t bytes[AT_ONCE * KARST_GLB_VERTEX_BYTES], *to = bytes;
     errno = 0;
     for (size_t i = 0; i < num; i++) {
         for (int axis = 0; axis < 3; axis++) {
-            w->least[axis] = fminf(w->least[axis], vertices[i].position[axis]);
-            w->most[axis] = fmaxf(w->most[axis], vertices[i].position[axis]);
+            const float at = vertices[i].position[axis];
+            w->least[axis] = at < w->least[axis] ? at : w->least[axis];
+            w->most[axis] = at > w->most[axis] ? at : w->most[axis];
         }
-        if (!write_vertex(w, &vertices[i]))
-            return cannot_write(w, error);
+        if (w->format == KARST_MESH_OBJ) {
+            if (!say_vertex(w, &vertices[i]))
+                return cannot_write(w, error);
+            continue;
+        }
+        to = put_vertex(w, &vertices[i], to);
+        if (i + 1 == num || (i + 1) % AT_ONCE == 0) {
+            if (!write_bytes(w, 0, bytes, to))
+                return cannot_write(w, error);
+            to = bytes;
+        }
     }
     return true;
 }
 
-static bool write_triangle(writer *w, const uint32_t t[3])
+static bool say_triangle(writer *w, const uint32_t t[3])
 {
-    uint8_t bytes[13], *to = bytes;
-    if (w->format == KARST_MESH_OBJ) {
-        const unsigned long long a = t[0] + 1ull, b = t[1] + 1ull, c = t[2] + 1ull;
-        return fprintf(w->parts[0], "f %llu//%llu %llu//%llu %llu//%llu\n", a, a, b, b, c, c) > 0;
-    }
-    if (w->format == KARST_MESH_PLY)
-        *to++ = 3;
-    for (int i = 0; i < 3; i++)
-        to = karst_out_put_u32(to, t[i]);
-    const size_t num = (size_t)(to - bytes);
-    return fwrite(bytes, 1, num, w->parts[1]) == num;
+    const unsigned long long a = t[0] + 1ull, b = t[1] + 1ull, c = t[2] + 1ull;
+    return fprintf(w->parts[0], "f %llu//%llu %llu//%llu %llu//%llu\n", a, a, b, b, c, c) > 0;
 }
 
 static bool write_triangles(void *user, const uint32_t (*indices)[3], size_t num, karst_error *error)
 {
     writer *w = user;
+    uint8_t bytes[AT_ONCE * PLY_TRIANGLE_BYTES], *to = bytes;
     errno = 0;
-    for (size_t i = 0; i < num && !w->points_only; i++)
-        if (!write_triangle(w, indices[i]))
-            return cannot_write(w, error);
+    for (size_t i = 0; i < num && !w->points_only; i++) {
+        if (w->format == KARST_MESH_OBJ) {
+            if (!say_triangle(w, indices[i]))
+                return cannot_write(w, error);
+            continue;
+        }
+        if (w->format == KARST_MESH_PLY)
+            *to++ = 3;
+        for (int k = 0; k < 3; k++)
+            to = karst_out_put_u32(to, indices[i][k]);
+        if (i + 1 == num || (i + 1) % AT_ONCE == 0) {
+            if (!write_bytes(w, 1, bytes, to))
+                return cannot_write(w, error);
+            to = bytes;
+        }
+    }
     return true;
 }
 
@@ -236,7 +260,7 @@ static bool open_parts(writer *w, karst_error *error)
 {
     errno = 0;
     for (int i = 0; i < 2; i++) {
-        w->parts[i] = karst_out_part(w->path);
+        w->parts[i] = karst_out_short_part(w->path);
         if (!w->parts[i] || setvbuf(w->parts[i], NULL, _IOFBF, BUFFER_BYTES) != 0)
             return cannot_write(w, error);
     }

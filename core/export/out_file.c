@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { COPY_BYTES = 1 << 20 };
+enum { COPY_BYTES = 1 << 18 };
 
 /* A new file beside `path`, open for both; its name goes to `name`. */
 static int create_beside(const char *path, char name[PATH_MAX])
@@ -54,6 +54,98 @@ FILE *karst_out_part(const char *path)
     }
     return file;
 }
+
+/* ---- in memory while they are short ---- */
+
+enum { SHORT_BYTES = 32 << 20, FIRST_BYTES = 1 << 20 };
+
+typedef struct {
+    char *path;
+    char *bytes; /* until there is a file */
+    size_t num, room, at; /* where it is read */
+    FILE *file;
+} short_part;
+
+/* What is in memory goes to a file. */
+static bool to_file(short_part *part)
+{
+    part->file = karst_out_part(part->path);
+    if (!part->file || fwrite(part->bytes, 1, part->num, part->file) != part->num)
+        return false;
+    free(part->bytes);
+    part->bytes = NULL;
+    return true;
+}
+
+static ssize_t write_short(void *cookie, const char *bytes, size_t num)
+{
+    short_part *part = cookie;
+    size_t room = part->room ? part->room : FIRST_BYTES;
+    if (!part->file && num > SHORT_BYTES - part->num && !to_file(part))
+        return 0;
+    if (part->file)
+        return (ssize_t)fwrite(bytes, 1, num, part->file);
+    while (room < part->num + num)
+        room *= 2;
+    if (room > part->room) {
+        char *larger = realloc(part->bytes, room);
+        if (!larger)
+            return 0;
+        part->bytes = larger;
+        part->room = room;
+    }
+    memcpy(part->bytes + part->num, bytes, num);
+    part->num += num;
+    return (ssize_t)num;
+}
+
+static ssize_t read_short(void *cookie, char *bytes, size_t num)
+{
+    short_part *part = cookie;
+    if (part->file) {
+        const size_t some = fread(bytes, 1, num, part->file);
+        return some == 0 && ferror(part->file) ? -1 : (ssize_t)some;
+    }
+    num = num < part->num - part->at ? num : part->num - part->at;
+    if (num)
+        memcpy(bytes, part->bytes + part->at, num);
+    part->at += num;
+    return (ssize_t)num;
+}
+
+/* To the beginning alone. */
+static int seek_short(void *cookie, off64_t *offset, int whence)
+{
+    short_part *part = cookie;
+    if (whence != SEEK_SET || *offset != 0 || (part->file && fseeko(part->file, 0, SEEK_SET) != 0))
+        return -1;
+    part->at = 0;
+    return 0;
+}
+
+static int close_short(void *cookie)
+{
+    short_part *part = cookie;
+    const int failed = part->file ? fclose(part->file) : 0;
+    free(part->bytes);
+    free(part->path);
+    free(part);
+    return failed;
+}
+
+FILE *karst_out_short_part(const char *path)
+{
+    const cookie_io_functions_t functions = {read_short, write_short, seek_short, close_short};
+    short_part *part = calloc(1, sizeof *part);
+    FILE *file = part && (part->path = strdup(path)) ? fopencookie(part, "w+b", functions) : NULL;
+    if (!file && part) {
+        free(part->path);
+        free(part);
+    }
+    return file;
+}
+
+/* ---- the whole ---- */
 
 /* false with errno, which is ECANCELED if it was stopped. */
 static bool copy_parts(FILE *to, FILE *const *parts, int num_parts, bool (*progress)(void *user), void *user)

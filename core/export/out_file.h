@@ -11,6 +11,8 @@
 
 /* A file without a name in the folder of `path`: it is gone with the process. NULL and errno. */
 FILE *karst_out_part(const char *path);
+/* The same for what is written from its beginning to its end, then read: it stays in memory while it is short. */
+FILE *karst_out_short_part(const char *path);
 
 /* Writes the header, then what the parts hold, to a new file beside `path`, which then takes its place. A device or
  * pipe is written to directly. `progress` (may be NULL): false stops. Errors: KARST_FAILED naming the path; nothing is

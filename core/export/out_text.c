@@ -34,20 +34,6 @@ void karst_out_say(karst_out_text *text, const char *format, ...)
     text->length += (size_t)length;
 }
 
-uint8_t *karst_out_put_u32(uint8_t *to, uint32_t value)
-{
-    for (int i = 0; i < 4; i++)
-        *to++ = (uint8_t)(value >> 8 * i);
-    return to;
-}
-
-uint8_t *karst_out_put_float(uint8_t *to, float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return karst_out_put_u32(to, bits);
-}
-
 const char *karst_out_plain(const char *text, char *copy, size_t size_bytes)
 {
     size_t i = 0;

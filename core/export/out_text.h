@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "karst/mesh.h"
 
@@ -18,8 +19,18 @@ typedef struct {
 void karst_out_say(karst_out_text *text, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* Little-endian, whatever the machine; behind what was put. */
-uint8_t *karst_out_put_u32(uint8_t *to, uint32_t value);
-uint8_t *karst_out_put_float(uint8_t *to, float value);
+static inline uint8_t *karst_out_put_u32(uint8_t *to, uint32_t value)
+{
+    const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16), (uint8_t)(value >> 24)};
+    memcpy(to, bytes, sizeof bytes);
+    return to + sizeof bytes;
+}
+static inline uint8_t *karst_out_put_float(uint8_t *to, float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return karst_out_put_u32(to, bits);
+}
 
 /* What can stand in a comment and between quotes: control characters, quotes and what is no ASCII become '?'. */
 const char *karst_out_plain(const char *text, char *copy, size_t size_bytes);

@@ -15,16 +15,19 @@ karst_mesh_worker *karst_mesh_worker_create(const karst_world *world, const kars
         return NULL;
     }
     worker->about = karst_world_get_metadata(world);
-    worker->grid = (karst_grid){.corner = config->corner,
-                                .cell_m = config->cell_m,
-                                .footprint_m = config->footprint_m,
-                                .voxel_log2_m = worker->about->voxel_log2_m};
+    worker->grid =
+        karst_grid_of(&config->corner, config->cell_m, config->footprint_m, worker->about->voxel_log2_m);
+    karst_cell_table_fill(&worker->pieces);
     worker->segments = NULL;
     worker->positions = NULL;
     worker->densities = NULL;
     worker->gradients = NULL;
+    worker->normals = NULL;
     worker->crossings = NULL;
-    worker->num_crossings = worker->max_segments = worker->max_crossings = 0;
+    worker->seekers = NULL;
+    worker->open_seekers = NULL;
+    worker->vertices = NULL;
+    worker->num_crossings = worker->max_segments = worker->max_crossings = worker->max_seekers = 0;
     worker->sampler = karst_sampler_create(world, error);
     if (worker->sampler &&
         (!config->num_edits || karst_sampler_set_edits(worker->sampler, config->edits, config->num_edits, error)))
@@ -42,7 +45,11 @@ void karst_mesh_worker_destroy(karst_mesh_worker *worker)
     free(worker->positions);
     free(worker->densities);
     free(worker->gradients);
+    free(worker->normals);
     free(worker->crossings);
+    free(worker->seekers);
+    free(worker->open_seekers);
+    free(worker->vertices);
     free(worker);
 }
 
@@ -55,15 +62,25 @@ static const int up[3] = {1, KARST_TILE_CORNERS, KARST_TILE_CORNERS *KARST_TILE_
 /* Lists the edges of the tile's cells that cross the surface. */
 static void list_crossings(karst_mesh_worker *worker)
 {
+    const int *num_cells = worker->tile->num_cells;
     size_t num = 0;
-    for (size_t i = 0; i < worker->num_corners; i++) {
-        const int c = worker->corners[i];
-        int at[3];
-        karst_tile_corner_at(c, at);
-        for (int axis = 0; axis < 3; axis++)
-            if (at[axis] < worker->tile->num_cells[axis] && is_solid(worker, c) != is_solid(worker, c + up[axis]))
-                worker->crossed[num++] = 3 * (uint32_t)c + (uint32_t)axis;
-    }
+    for (int z = 0; z <= num_cells[2]; z++)
+        for (int y = 0; y <= num_cells[1]; y++) {
+            const int row = y + KARST_TILE_CORNERS * z;
+            const uint64_t solid = worker->solid[row], wanted = worker->wanted[row];
+            const uint64_t next[3] = {solid >> 1, y < num_cells[1] ? worker->solid[row + 1] : solid,
+                                      z < num_cells[2] ? worker->solid[row + KARST_TILE_CORNERS] : solid};
+            uint64_t crossed[3];
+            for (int axis = 0; axis < 3; axis++)
+                crossed[axis] = (solid ^ next[axis]) & wanted;
+            crossed[0] &= karst_tile_bits(0, num_cells[0] - 1);
+            for (uint64_t left = crossed[0] | crossed[1] | crossed[2]; left;) {
+                const int x = karst_tile_next(&left);
+                for (int axis = 0; axis < 3; axis++)
+                    if (crossed[axis] >> x & 1)
+                        worker->crossed[num++] = 3 * (uint32_t)(x + KARST_TILE_CORNERS * row) + (uint32_t)axis;
+            }
+        }
     worker->num_crossings = num;
 }
 
@@ -119,37 +136,23 @@ static bool find_edges(karst_mesh_worker *worker, karst_error *error)
             return karst_fail(error, KARST_FAILED, "out of memory");
         worker->max_crossings = num;
     }
-    double(*normals)[3] = malloc((num + 1) * sizeof *normals);
     tile->edges = malloc((num + 1) * sizeof *tile->edges);
-    if (!normals || !tile->edges) {
-        free(normals);
+    if (!tile->edges)
         return karst_fail(error, KARST_FAILED, "out of memory");
-    }
     for (size_t i = 0; i < num; i++)
         take_segment(worker, i);
-    karst_mesh_find_segments(worker, num, normals);
+    karst_mesh_find_segments(worker, num);
     for (size_t i = 0; i < num; i++) {
         memcpy(worker->crossings[i].at, worker->segments[i].found, sizeof worker->crossings[i].at);
-        memcpy(worker->crossings[i].normal, normals[i], sizeof worker->crossings[i].normal);
+        memcpy(worker->crossings[i].normal, worker->normals[i], sizeof worker->crossings[i].normal);
         worker->crossings[i].slope = slope_of(worker->gradients[i]) * worker->grid.cell_m;
     }
     for (size_t i = 0; i < num; i++)
         take_edge(worker, i);
-    free(normals);
     return true;
 }
 
 /* ---- cells ---- */
-
-static unsigned solid_corners(const karst_mesh_worker *worker, int lowest)
-{
-    unsigned solid = 0;
-    for (int i = 0; i < KARST_CELL_CORNERS; i++) {
-        const int c = lowest + (i & 1 ? up[0] : 0) + (i & 2 ? up[1] : 0) + (i & 4 ? up[2] : 0);
-        solid |= (unsigned)is_solid(worker, c) << i;
-    }
-    return solid;
-}
 
 static void middle_of_face(const karst_mesh_cell *cell, int face, double middle[3])
 {
@@ -176,49 +179,71 @@ static unsigned sample_centres(karst_mesh_worker *worker, const karst_mesh_cell 
     return solid_centres;
 }
 
-/* Pieces get vertices if one of their edges is of this box. */
-static void number_pieces(karst_mesh_tile *tile, karst_mesh_cell *cell)
+/* Whether one of a piece's edges is of this box, of each piece. */
+static void find_used(const karst_mesh_tile *tile, const karst_mesh_cell *cell, bool is_used[KARST_CELL_MAX_PIECES])
 {
-    bool is_used[KARST_CELL_MAX_PIECES] = {false};
     for (int edge = 0; edge < KARST_CELL_EDGES; edge++) {
-        int corners[2];
-        karst_edge_corners(edge, corners);
+        const int lower = karst_edge_lower(edge);
         bool is_of_box = cell->piece_of[edge] >= 0;
         for (int axis = 0; axis < 3; axis++) {
-            const int64_t at = cell->at[axis] + (corners[0] >> axis & 1);
+            const int64_t at = cell->at[axis] + (lower >> axis & 1);
             is_of_box = is_of_box && at > 0 && at < tile->grid_cells[axis];
         }
         if (is_of_box)
             is_used[cell->piece_of[edge]] = true;
     }
+}
+
+/* Pieces get vertices if they are used. */
+static void number_pieces(karst_mesh_tile *tile, karst_mesh_cell *cell)
+{
+    bool is_used[KARST_CELL_MAX_PIECES] = {false}, is_inside = true;
+    for (int axis = 0; axis < 3; axis++)
+        is_inside = is_inside && cell->at[axis] > 0 && cell->at[axis] + 1 < tile->grid_cells[axis];
+    if (!is_inside)
+        find_used(tile, cell, is_used);
     cell->first_vertex = tile->num_vertices;
     for (int piece = 0; piece < cell->num_pieces; piece++)
-        cell->vertex_of[piece] =
-            is_used[piece] ? (signed char)(tile->num_vertices++ - cell->first_vertex) : (signed char)-1;
+        cell->vertex_of[piece] = is_inside || is_used[piece] ? (signed char)(tile->num_vertices++ - cell->first_vertex)
+                                                             : (signed char)-1;
+}
+
+static void add_cell(karst_mesh_worker *worker, int x, int y, int z, unsigned solid)
+{
+    karst_mesh_tile *tile = worker->tile;
+    karst_mesh_cell *cell = &tile->cells[tile->num_found++];
+    *cell = (karst_mesh_cell){.at = {tile->first[0] + x, tile->first[1] + y, tile->first[2] + z},
+                              .solid = (uint8_t)solid,
+                              .is_crossed = worker->pieces.of[solid].is_crossed,
+                              .num_pieces = worker->pieces.of[solid].num_pieces};
+    if (cell->is_crossed)
+        cell->num_pieces = (signed char)karst_cell_pieces(solid, sample_centres(worker, cell), cell->piece_of);
+    else
+        memcpy(cell->piece_of, worker->pieces.of[solid].piece_of, sizeof cell->piece_of);
+    number_pieces(tile, cell);
 }
 
 static bool find_cells(karst_mesh_worker *worker, karst_error *error)
 {
     karst_mesh_tile *tile = worker->tile;
     /* A cell has three crossings at least, and each is of four cells at most. */
-    size_t most = worker->num_crossings * 4 / 3 + 1;
+    const size_t most = worker->num_crossings * 4 / 3 + 1;
+    const uint64_t cells = karst_tile_bits(0, tile->num_cells[0] - 1);
     tile->cells = malloc(most * sizeof *tile->cells);
     if (!tile->cells)
         return karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t i = 0; worker->num_crossings && i < worker->num_corners; i++) {
-        int at[3];
-        karst_tile_corner_at(worker->corners[i], at);
-        if (at[0] >= tile->num_cells[0] || at[1] >= tile->num_cells[1] || at[2] >= tile->num_cells[2])
-            continue;
-        const unsigned solid = solid_corners(worker, worker->corners[i]);
-        if (solid == 0 || solid == 255)
-            continue;
-        karst_mesh_cell *cell = &tile->cells[tile->num_found++];
-        *cell = (karst_mesh_cell){.at = {tile->first[0] + at[0], tile->first[1] + at[1], tile->first[2] + at[2]},
-                                  .solid = (uint8_t)solid};
-        cell->num_pieces = (signed char)karst_cell_pieces(solid, sample_centres(worker, cell), cell->piece_of);
-        number_pieces(tile, cell);
-    }
+    for (int z = 0; z < tile->num_cells[2]; z++)
+        for (int y = 0; y < tile->num_cells[1]; y++) {
+            const int row = y + KARST_TILE_CORNERS * z;
+            const uint64_t *low = &worker->solid[row], *high = low + KARST_TILE_CORNERS;
+            const uint64_t any = low[0] | low[1] | high[0] | high[1], all = low[0] & low[1] & high[0] & high[1];
+            for (uint64_t left = (any | any >> 1) & ~(all & all >> 1) & cells & worker->wanted[row]; left;) {
+                const int x = karst_tile_next(&left);
+                add_cell(worker, x, y, z,
+                         (unsigned)((low[0] >> x & 3) | (low[1] >> x & 3) << 2 | (high[0] >> x & 3) << 4 |
+                                    (high[1] >> x & 3) << 6));
+            }
+        }
     return true;
 }
 

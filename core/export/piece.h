@@ -22,6 +22,7 @@ typedef struct {
     uint64_t first_vertex; /* of its pieces, which follow one another */
     signed char vertex_of[KARST_CELL_MAX_PIECES]; /* less that; -1: no polygon of the box has it */
     uint8_t solid;         /* corners */
+    bool is_crossed;       /* a face is, as karst_face_is_crossed has it */
     signed char num_pieces, piece_of[KARST_CELL_EDGES];
     float position[KARST_CELL_MAX_PIECES][3]; /* of their vertices */
 } karst_mesh_cell;

@@ -19,7 +19,7 @@ enum { NUM_REACHES = sizeof reach / sizeof *reach, NUM_MOVES = 9 };
 #define BEYOND_SHARE 1.1
 #define BEYOND (0.4 * KARST_CROSSING_WITHIN)
 
-typedef struct {
+typedef struct karst_mesh_seeker {
     const karst_mesh_cell *cell;
     signed char edges[KARST_CELL_EDGES];
     int num_edges, attempt; /* attempt 0: at `place`; then the reaches; then edges and moves */
@@ -28,6 +28,8 @@ typedef struct {
     double slope, first_reach; /* the density's in a cell's width, 0: not known; in place of reach[0] */
     float density; /* at the last place looked at along the normal */
     double last[3];
+    double at[2][3]; /* that are looked at now */
+    int num_at;
     bool is_sharp, is_done;
     karst_segment segment;
 } seeker;
@@ -39,13 +41,19 @@ static int corner_of_edge(const karst_mesh_cell *cell, int edge, bool solid)
     return ((cell->solid >> corners[0] & 1) != 0) == solid ? corners[0] : corners[1];
 }
 
-static const karst_mesh_crossing *crossing_at(const karst_mesh_worker *worker, const karst_mesh_cell *cell, int edge)
+/* A cell's lowest corner in the tile. */
+static int lowest_corner(const karst_mesh_worker *worker, const karst_mesh_cell *cell)
 {
-    int corners[2], at[3];
-    karst_edge_corners(edge, corners);
-    for (int axis = 0; axis < 3; axis++)
-        at[axis] = (int)(cell->at[axis] - worker->tile->first[axis]) + (corners[0] >> axis & 1);
-    return &worker->crossings[worker->crossing_of[edge >> 2][karst_tile_corner(at[0], at[1], at[2])]];
+    const int64_t *first = worker->tile->first;
+    return karst_tile_corner((int)(cell->at[0] - first[0]), (int)(cell->at[1] - first[1]),
+                             (int)(cell->at[2] - first[2]));
+}
+
+static const karst_mesh_crossing *crossing_at(const karst_mesh_worker *worker, int lowest, int edge)
+{
+    const int lower = karst_edge_lower(edge);
+    const int corner = lowest + karst_tile_corner(lower & 1, lower >> 1 & 1, lower >> 2);
+    return &worker->crossings[worker->crossing_of[edge >> 2][corner]];
 }
 
 /* Of a piece without gradients: from the solid corners to those of air. */
@@ -65,7 +73,12 @@ static void normal_of_signs(const karst_mesh_cell *cell, double normal[3])
         normal[axis] /= sqrt(square);
 }
 
-static double clamp_to_cell(double x) { return fmin(fmax(x, MARGIN), 1 - MARGIN); }
+static double clamp(double x, double least, double most)
+{
+    const double above = x > least ? x : least;
+    return above < most ? above : most;
+}
+static double clamp_to_cell(double x) { return clamp(x, MARGIN, 1 - MARGIN); }
 
 static bool is_within(const double place[3], double least, double most)
 {
@@ -94,11 +107,12 @@ static void begin(const karst_mesh_worker *worker, const karst_mesh_cell *cell, 
 {
     double points[KARST_CELL_EDGES][3], normals[KARST_CELL_EDGES][3], place[3];
     karst_feature feature;
+    const int lowest = lowest_corner(worker, cell);
     *s = (seeker){.cell = cell};
     for (int edge = 0; edge < KARST_CELL_EDGES; edge++) {
         if (cell->piece_of[edge] != piece)
             continue;
-        const karst_mesh_crossing *crossing = crossing_at(worker, cell, edge);
+        const karst_mesh_crossing *crossing = crossing_at(worker, lowest, edge);
         for (int axis = 0; axis < 3; axis++) {
             points[s->num_edges][axis] = crossing->at[axis] - (double)cell->at[axis];
             normals[s->num_edges][axis] = crossing->normal[axis];
@@ -123,18 +137,20 @@ static double way_out(const seeker *s)
     double way = 2;
     for (int axis = 0; axis < 3; axis++) {
         const double at = s->place[axis] - (double)s->cell->at[axis], d = s->direction[axis];
-        if (fabs(d) > 1e-12)
-            way = fmin(way, ((d > 0 ? 1 - MARGIN + s->slack : MARGIN - s->slack) - at) / d);
+        const double out = ((d > 0 ? 1 - MARGIN + s->slack : MARGIN - s->slack) - at) / d;
+        if (fabs(d) > 1e-12 && out < way)
+            way = out;
     }
-    return fmax(way, 0);
+    return way > 0 ? way : 0;
 }
 
 /* The places that an attempt looks at: one along the normal, or two on a moved edge, solid first. */
-static int choose_places(const seeker *s, double at[2][3])
+static int choose_places(seeker *s)
 {
+    double(*at)[3] = s->at;
     if (s->attempt <= NUM_REACHES) {
         const double farthest = s->attempt == 1 ? s->first_reach : s->attempt ? reach[s->attempt - 1] : 0;
-        const double way = s->attempt ? fmin(farthest, way_out(s)) : 0;
+        const double most = s->attempt ? way_out(s) : 0, way = farthest < most ? farthest : most;
         for (int axis = 0; axis < 3; axis++)
             at[0][axis] = s->place[axis] + way * s->direction[axis];
         return 1;
@@ -163,15 +179,16 @@ static void set_segment(seeker *s, const double solid[3], const double air[3], f
 /* When no attempt helped: at a crossing, as far inside as the margin asks. */
 static void give_in(const karst_mesh_worker *worker, seeker *s)
 {
-    const karst_mesh_crossing *crossing = crossing_at(worker, s->cell, s->edges[0]);
+    const karst_mesh_crossing *crossing = crossing_at(worker, lowest_corner(worker, s->cell), s->edges[0]);
     double at[3];
     for (int axis = 0; axis < 3; axis++)
         at[axis] = (double)s->cell->at[axis] + clamp_to_cell(crossing->at[axis] - (double)s->cell->at[axis]);
     set_segment(s, at, at, 1, 0);
 }
 
-static void learn(const karst_mesh_worker *worker, seeker *s, double at[2][3], const float *density)
+static void learn(const karst_mesh_worker *worker, seeker *s, const float *density)
 {
+    const double(*at)[3] = (const double(*)[3])s->at;
     if (s->attempt == 0) {
         for (int axis = 0; axis < 3; axis++)
             s->direction[axis] = density[0] > 0 ? s->mean_normal[axis] : -s->mean_normal[axis];
@@ -198,28 +215,34 @@ static void learn(const karst_mesh_worker *worker, seeker *s, double at[2][3], c
 }
 
 /* Until each has a segment from solid to air, or has given in. */
-static void seek(karst_mesh_worker *worker, seeker *seekers, size_t num)
+static void seek(karst_mesh_worker *worker, size_t num)
 {
-    for (size_t num_open = num; num_open;) {
-        size_t num_places = 0;
-        double at[2][3];
-        num_open = 0;
-        for (size_t i = 0; i < num; i++) {
-            const int places = seekers[i].is_done ? 0 : choose_places(&seekers[i], at);
-            for (int k = 0; k < places; k++)
-                worker->positions[num_places++] = karst_grid_at(&worker->grid, at[k]);
+    seeker *seekers = worker->seekers;
+    uint32_t *open = worker->open_seekers;
+    size_t num_open = 0;
+    for (size_t i = 0; i < num; i++)
+        if (!seekers[i].is_done)
+            open[num_open++] = (uint32_t)i;
+    while (num_open) {
+        size_t num_places = 0, left = 0;
+        for (size_t k = 0; k < num_open; k++) {
+            seeker *s = &seekers[open[k]];
+            s->num_at = choose_places(s);
+            for (int i = 0; i < s->num_at; i++)
+                karst_grid_place(&worker->grid, s->at[i], &worker->positions[num_places++]);
         }
         karst_sampler_densities(worker->sampler, worker->positions, num_places, worker->grid.footprint_m,
                                 worker->densities);
         worker->tile->num_samples += num_places;
         num_places = 0;
-        for (size_t i = 0; i < num; i++) {
-            const int places = seekers[i].is_done ? 0 : choose_places(&seekers[i], at);
-            if (places)
-                learn(worker, &seekers[i], at, worker->densities + num_places);
-            num_places += (size_t)places;
-            num_open += !seekers[i].is_done;
+        for (size_t k = 0; k < num_open; k++) {
+            seeker *s = &seekers[open[k]];
+            learn(worker, s, worker->densities + num_places);
+            num_places += (size_t)s->num_at;
+            if (!s->is_done)
+                open[left++] = open[k];
         }
+        num_open = left;
     }
 }
 
@@ -232,8 +255,9 @@ static bool is_near(const double a[3], const double b[3])
 }
 
 /* Pieces of one cell that came to the same place look for others, beside their own edges. */
-static bool part(karst_mesh_worker *worker, seeker *seekers, size_t num)
+static bool part(karst_mesh_worker *worker, size_t num)
 {
+    seeker *seekers = worker->seekers;
     bool any = false;
     for (size_t i = 1; i < num; i++)
         for (size_t j = i; j-- > 0 && seekers[j].cell == seekers[i].cell;)
@@ -256,11 +280,12 @@ static void to_metres(const karst_mesh_worker *worker, const double found[3], fl
 
 static void colour(karst_mesh_worker *worker, const double at[3], karst_mesh_vertex *vertex)
 {
-    const karst_position position = karst_grid_at(&worker->grid, at);
     karst_sample rgb[3];
-    const bool has_colour = worker->about->has_colour &&
-                            karst_sampler_colour(worker->sampler, &position, vertex->normal,
-                                                 worker->grid.footprint_m, rgb);
+    bool has_colour = worker->about->has_colour;
+    if (has_colour) {
+        const karst_position position = karst_grid_at(&worker->grid, at);
+        has_colour = karst_sampler_colour(worker->sampler, &position, vertex->normal, worker->grid.footprint_m, rgb);
+    }
     for (int i = 0; i < 3; i++) {
         const float value = has_colour ? rgb[i].device : 0.5f;
         vertex->rgb[i] = value >= 0 ? fminf(value, 1) : 0; /* also of a NaN */
@@ -268,11 +293,12 @@ static void colour(karst_mesh_worker *worker, const double at[3], karst_mesh_ver
 }
 
 /* From segments that were found. */
-static void make_vertices(karst_mesh_worker *worker, const seeker *seekers, const double (*normals)[3], size_t num,
-                          karst_mesh_vertex *const *vertices)
+static void make_vertices(karst_mesh_worker *worker, size_t num)
 {
+    const seeker *seekers = worker->seekers;
+    karst_mesh_vertex *const *vertices = worker->vertices;
     for (size_t i = 0; i < num; i++) {
-        const double *normal = normals[i];
+        const double *normal = worker->normals[i];
         const bool is_known = normal[0] != 0 || normal[1] != 0 || normal[2] != 0;
         if (seekers[i].is_sharp || !is_known)
             normal = seekers[i].mean_normal;
@@ -284,28 +310,28 @@ static void make_vertices(karst_mesh_worker *worker, const seeker *seekers, cons
 }
 
 /* Vertices of the pieces of all cells. */
-static void place_pieces(karst_mesh_worker *worker, seeker *seekers, double (*normals)[3],
-                         karst_mesh_vertex **vertices)
+static void place_pieces(karst_mesh_worker *worker)
 {
     karst_mesh_tile *tile = worker->tile;
+    seeker *seekers = worker->seekers;
     size_t num = 0;
     for (size_t i = 0; i < tile->num_found; i++)
         for (int piece = 0; piece < tile->cells[i].num_pieces; piece++)
             if (tile->cells[i].vertex_of[piece] >= 0)
                 begin(worker, &tile->cells[i], piece, &seekers[num++]);
     for (int pass = 0; pass < 2; pass++) {
-        seek(worker, seekers, num);
+        seek(worker, num);
         for (size_t i = 0; i < num; i++)
             worker->segments[i] = seekers[i].segment;
-        karst_mesh_find_segments(worker, num, normals);
-        if (!part(worker, seekers, num))
+        karst_mesh_find_segments(worker, num);
+        if (!part(worker, num))
             break;
     }
     for (size_t i = 0; i < num; i++) {
-        vertices[i] = &tile->vertices[i];
+        worker->vertices[i] = &tile->vertices[i];
         tile->num_sharp += seekers[i].is_sharp;
     }
-    make_vertices(worker, seekers, (const double(*)[3])normals, num, vertices);
+    make_vertices(worker, num);
     for (size_t i = 0; i < tile->num_found; i++) {
         karst_mesh_cell *cell = &tile->cells[i];
         for (int piece = 0; piece < cell->num_pieces; piece++) {
@@ -371,22 +397,36 @@ static void keep_apart(karst_segment *s)
     }
 }
 
-static void place_faces(karst_mesh_worker *worker, seeker *seekers, double (*normals)[3],
-                        karst_mesh_vertex **vertices)
+static void place_faces(karst_mesh_worker *worker)
 {
     karst_mesh_tile *tile = worker->tile;
+    seeker *seekers = worker->seekers;
     for (size_t i = 0; i < tile->num_found; i++)
-        for (int face = 0; face < KARST_CELL_FACES; face++)
+        for (int face = 0; face < KARST_CELL_FACES && tile->cells[i].is_crossed; face++)
             if (is_of_cell(tile, &tile->cells[i], face))
                 add_face(worker, &tile->cells[i], face, &seekers[2 * tile->num_faces]);
     for (size_t i = 0; i < 2 * tile->num_faces; i++) {
         worker->segments[i] = seekers[i].segment;
-        vertices[i] = &tile->faces[i / 2].vertex[i % 2];
+        worker->vertices[i] = &tile->faces[i / 2].vertex[i % 2];
     }
-    karst_mesh_find_segments(worker, 2 * tile->num_faces, normals);
+    karst_mesh_find_segments(worker, 2 * tile->num_faces);
     for (size_t i = 0; i < 2 * tile->num_faces; i++)
         keep_apart(&worker->segments[i]);
-    make_vertices(worker, seekers, (const double(*)[3])normals, 2 * tile->num_faces, vertices);
+    make_vertices(worker, 2 * tile->num_faces);
+}
+
+static bool make_room(karst_mesh_worker *worker, size_t num, karst_error *error)
+{
+    if (num > worker->max_seekers) {
+        worker->max_seekers = 0;
+        if (!karst_mesh_renew((void **)&worker->seekers, num, sizeof *worker->seekers) ||
+            !karst_mesh_renew((void **)&worker->open_seekers, num, sizeof *worker->open_seekers) ||
+            !karst_mesh_renew((void **)&worker->vertices, num, sizeof *worker->vertices))
+            return karst_fail(error, KARST_FAILED, "out of memory");
+        worker->max_seekers = num;
+    }
+    /* Attempts on edges look at two places. */
+    return karst_mesh_make_room(worker, 2 * num, error);
 }
 
 bool karst_mesh_place_vertices(karst_mesh_worker *worker, karst_error *error)
@@ -394,25 +434,15 @@ bool karst_mesh_place_vertices(karst_mesh_worker *worker, karst_error *error)
     karst_mesh_tile *tile = worker->tile;
     size_t num_faces = 0;
     for (size_t i = 0; i < tile->num_found; i++)
-        for (int face = 0; face < KARST_CELL_FACES; face++)
+        for (int face = 0; face < KARST_CELL_FACES && tile->cells[i].is_crossed; face++)
             num_faces += is_of_cell(tile, &tile->cells[i], face);
-    const size_t most = tile->num_vertices > 2 * num_faces ? tile->num_vertices : 2 * num_faces;
-    seeker *seekers = malloc((most + 1) * sizeof *seekers);
-    double(*normals)[3] = malloc((most + 1) * sizeof *normals);
-    karst_mesh_vertex **vertices = malloc((most + 1) * sizeof *vertices);
     tile->vertices = malloc((tile->num_vertices + 1) * sizeof *tile->vertices);
     tile->faces = malloc((num_faces + 1) * sizeof *tile->faces);
-    const bool has_room = seekers && normals && vertices && tile->vertices && tile->faces;
-    /* Attempts on edges look at two places. */
-    if (!has_room)
-        karst_fail(error, KARST_FAILED, "out of memory");
-    const bool done = has_room && karst_mesh_make_room(worker, 2 * most, error);
-    if (done) {
-        place_pieces(worker, seekers, normals, vertices);
-        place_faces(worker, seekers, normals, vertices);
-    }
-    free(seekers);
-    free(normals);
-    free(vertices);
-    return done;
+    if (!tile->vertices || !tile->faces)
+        return karst_fail(error, KARST_FAILED, "out of memory");
+    if (!make_room(worker, tile->num_vertices > 2 * num_faces ? tile->num_vertices : 2 * num_faces, error))
+        return false;
+    place_pieces(worker);
+    place_faces(worker);
+    return true;
 }

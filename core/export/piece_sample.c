@@ -44,23 +44,16 @@ static bool clip(const karst_mesh_tile *tile, const int first[3], int size, int 
     return true;
 }
 
-/* Corners of a box of cells become wanted, or (what is not wanted) have a sign. */
+/* Corners of a box of cells become wanted, or are all solid or all air. What was sampled says the same. */
 static void mark(karst_mesh_worker *worker, const int first[3], const int num[3], int sign)
 {
+    const uint64_t corners = karst_tile_bits(first[0], num[0]);
+    uint64_t *rows = sign == 0 ? worker->wanted : worker->solid;
     if (sign == 0)
         worker->tile->num_open_cells += (uint64_t)num[0] * (uint64_t)num[1] * (uint64_t)num[2];
-    for (int z = first[2]; z <= first[2] + num[2]; z++)
+    for (int z = first[2]; z <= first[2] + num[2] && sign >= 0; z++)
         for (int y = first[1]; y <= first[1] + num[1]; y++)
-            for (int x = first[0]; x <= first[0] + num[0]; x++) {
-                const int c = karst_tile_corner(x, y, z);
-                if (sign == 0) {
-                    const bool is_sampled = worker->state[c] == CORNER_LOOKED_AT || worker->state[c] == CORNER_SAMPLED;
-                    worker->state[c] = is_sampled ? CORNER_SAMPLED : CORNER_WANTED;
-                } else if (worker->state[c] == CORNER_UNKNOWN) {
-                    worker->state[c] = CORNER_PROVED;
-                    worker->density[c] = (float)sign;
-                }
-            }
+            rows[y + KARST_TILE_CORNERS * z] |= corners;
 }
 
 static void add_block(karst_mesh_blocks *blocks, const int first[3], double slope, double slack)
@@ -103,25 +96,34 @@ static void look(karst_mesh_worker *worker, const int first[3], int size)
 
 enum { AT_ONCE = 2048 };
 
-static void sample_corners(karst_mesh_worker *worker, const int *corners, size_t num, uint8_t state)
+/* At most AT_ONCE corners. */
+static void sample_some(karst_mesh_worker *worker, const int *corners, size_t num)
 {
     karst_position positions[AT_ONCE];
     float densities[AT_ONCE];
+    for (size_t i = 0; i < num; i++) {
+        int at[3];
+        karst_tile_corner_at(corners[i], at);
+        for (int axis = 0; axis < 3; axis++) {
+            positions[i].voxel[axis] = worker->place_of[at[axis]].voxel[axis];
+            positions[i].fraction[axis] = worker->place_of[at[axis]].fraction[axis];
+        }
+    }
+    karst_sampler_densities(worker->sampler, positions, num, worker->grid.footprint_m, densities);
+    for (size_t i = 0; i < num; i++) {
+        const int row = corners[i] / KARST_TILE_CORNERS, x = corners[i] % KARST_TILE_CORNERS;
+        const uint64_t bit = (uint64_t)1 << x;
+        worker->density[corners[i]] = densities[i];
+        worker->sampled[row] |= bit;
+        worker->solid[row] = densities[i] > 0 ? worker->solid[row] | bit : worker->solid[row] & ~bit;
+    }
+}
+
+static void sample_corners(karst_mesh_worker *worker, const int *corners, size_t num)
+{
     for (size_t first = 0, some; first < num; first += some) {
         some = num - first < AT_ONCE ? num - first : AT_ONCE;
-        for (size_t i = 0; i < some; i++) {
-            int at[3];
-            karst_tile_corner_at(corners[first + i], at);
-            for (int axis = 0; axis < 3; axis++) {
-                positions[i].voxel[axis] = worker->place_of[at[axis]].voxel[axis];
-                positions[i].fraction[axis] = worker->place_of[at[axis]].fraction[axis];
-            }
-        }
-        karst_sampler_densities(worker->sampler, positions, some, worker->grid.footprint_m, densities);
-        for (size_t i = 0; i < some; i++) {
-            worker->density[corners[first + i]] = densities[i];
-            worker->state[corners[first + i]] = state;
-        }
+        sample_some(worker, corners + first, some);
     }
     worker->tile->num_samples += num;
 }
@@ -189,22 +191,19 @@ static void cut_blocks(karst_mesh_worker *worker, const karst_mesh_blocks *from,
     middles m = {.num = 0};
     cutting cut = {from, to, size};
     each_part(worker, from, size, &m, take_middle);
-    sample_corners(worker, m.corner, m.num, CORNER_LOOKED_AT);
+    sample_corners(worker, m.corner, m.num);
     each_part(worker, from, size, &cut, decide);
 }
 
 static void sample_wanted(karst_mesh_worker *worker)
 {
-    int corners[AT_ONCE];
+    int corners[AT_ONCE + KARST_TILE_CORNERS];
     size_t num = 0;
-    worker->num_corners = 0;
-    for (int c = 0; c < KARST_TILE_NUM_CORNERS; c++) {
-        if (worker->state[c] >= CORNER_WANTED)
-            worker->corners[worker->num_corners++] = (uint16_t)c;
-        if (worker->state[c] == CORNER_WANTED)
-            corners[num++] = c;
-        if (num == AT_ONCE || (num && c == KARST_TILE_NUM_CORNERS - 1)) {
-            sample_corners(worker, corners, num, CORNER_SAMPLED);
+    for (int row = 0; row < KARST_TILE_ROWS; row++) {
+        for (uint64_t left = worker->wanted[row] & ~worker->sampled[row]; left;)
+            corners[num++] = karst_tile_next(&left) + KARST_TILE_CORNERS * row;
+        if (num >= AT_ONCE || row == KARST_TILE_ROWS - 1) {
+            sample_corners(worker, corners, num);
             num = 0;
         }
     }
@@ -217,7 +216,9 @@ void karst_mesh_sample(karst_mesh_worker *worker)
         const double at[3] = {(double)(first[0] + i), (double)(first[1] + i), (double)(first[2] + i)};
         worker->place_of[i] = karst_grid_at(&worker->grid, at);
     }
-    memset(worker->state, CORNER_UNKNOWN, sizeof worker->state);
+    memset(worker->wanted, 0, sizeof worker->wanted);
+    memset(worker->sampled, 0, sizeof worker->sampled);
+    memset(worker->solid, 0, sizeof worker->solid);
     worker->blocks[0].num = worker->blocks[1].num = 0;
     look(worker, (const int[3]){0, 0, 0}, KARST_TILE_CELLS);
     cut_blocks(worker, &worker->blocks[0], &worker->blocks[1], LEAF_CELLS / 2);

@@ -21,7 +21,8 @@ bool karst_mesh_make_room(karst_mesh_worker *worker, size_t num_segments, karst_
     if (!karst_mesh_renew((void **)&worker->segments, num_segments, sizeof *worker->segments) ||
         !karst_mesh_renew((void **)&worker->positions, num_segments, sizeof *worker->positions) ||
         !karst_mesh_renew((void **)&worker->densities, num_segments, sizeof *worker->densities) ||
-        !karst_mesh_renew((void **)&worker->gradients, num_segments, sizeof *worker->gradients))
+        !karst_mesh_renew((void **)&worker->gradients, num_segments, sizeof *worker->gradients) ||
+        !karst_mesh_renew((void **)&worker->normals, num_segments, sizeof *worker->normals))
         return karst_fail(error, KARST_FAILED, "out of memory");
     worker->max_segments = num_segments;
     return true;
@@ -40,14 +41,15 @@ static bool to_normal(const float gradient[3], double normal[3])
     return is_known;
 }
 
-void karst_mesh_find_segments(karst_mesh_worker *worker, size_t num, double (*normals)[3])
+void karst_mesh_find_segments(karst_mesh_worker *worker, size_t num)
 {
     const karst_grid *grid = &worker->grid;
+    double(*normals)[3] = worker->normals;
     uint64_t *num_samples = &worker->tile->num_samples;
     *num_samples += karst_find_crossings(worker->sampler, grid, worker->segments, num, worker->positions,
                                          worker->densities);
     for (size_t i = 0; i < num; i++)
-        worker->positions[i] = karst_grid_at(grid, worker->segments[i].found);
+        karst_grid_place(grid, worker->segments[i].found, &worker->positions[i]);
     if (!karst_sampler_gradients(worker->sampler, worker->positions, num, grid->footprint_m, worker->gradients,
                                  worker->densities))
         memset(worker->gradients, 0, num * sizeof *worker->gradients);

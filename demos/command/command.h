@@ -282,7 +282,7 @@ typedef struct {
     },                                                                                                               \
     {                                                                                                                \
         "scattering", 0, COMMAND_TEXT, "HOW",                                                                        \
-            "of light in them: once, octaves of it, or paths: all of it, by many samples (default: octaves)",        \
+            "of light in them: once, octaves of it, fluence (all, from a grid), or paths (all) (default: octaves)",  \
             &(look)->scattering, 0, 0, NULL                                                                          \
     }
 

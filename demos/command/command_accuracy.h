@@ -58,7 +58,7 @@ typedef struct {
     /* As shares of the truth's mean: what the means differ by, and rms, less what the truth's own noise makes of it. */
     double bias, rms;
 } accuracy_media;
-#define ACCURACY_NUM_MEDIA 6
+#define ACCURACY_NUM_MEDIA 8
 
 typedef struct {
     /* as asked for */

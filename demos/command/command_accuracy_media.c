@@ -13,6 +13,8 @@ static const struct {
 } ways[ACCURACY_NUM_MEDIA] = {{KARST_SCATTERING_ONCE, "once", 1},
                               {KARST_SCATTERING_ONCE, "once", 16},
                               {KARST_SCATTERING_OCTAVES, "octaves", 1},
+                              {KARST_SCATTERING_FLUENCE, "fluence", 1},
+                              {KARST_SCATTERING_FLUENCE, "fluence", 16},
                               {KARST_SCATTERING_PATHS, "paths", 16},
                               {KARST_SCATTERING_PATHS, "paths", 64},
                               {KARST_SCATTERING_PATHS, "paths", 256}};

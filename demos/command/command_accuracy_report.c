@@ -52,7 +52,7 @@ static json_t *samples_json(const accuracy *a)
 static json_t *media_json(const accuracy *a)
 {
     json_t *media = json_array(), *truths = json_object();
-    static const char *const ways[] = {"octaves", "once", "paths"};
+    static const char *const ways[] = {"octaves", "once", "paths", "fluence"};
     for (int t = 0; t < 2; t++) {
         const karst_reference_light_stats *s = &a->light_stats[t];
         json_object_set_new(truths, t ? "often" : "once",

@@ -93,7 +93,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, bench *b, o
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &b->no_shadows, 0, 0, NULL},
         COMMAND_OCCLUSION_OPTIONS(&b->occlusion, &b->no_occlusion),
         COMMAND_MIRROR_OPTION(&b->mirror, &b->has_mirror),
-        {"scattering", 0, COMMAND_TEXT, "HOW", "of light in media: once, octaves or paths (default: octaves)",
+        {"scattering", 0, COMMAND_TEXT, "HOW", "of light in media: once, octaves, fluence or paths (default: octaves)",
          &out->scattering, 0, 0, NULL},
         {"no-blend", 0, COMMAND_FLAG, NULL, "let levels of detail change at once", &b->no_blend, 0, 0, NULL},
         {"brick-bits", 0, COMMAND_INTEGER, "N", "bits of a density sample in memory: 8, 16 or 32 (default: 16)",

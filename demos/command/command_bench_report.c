@@ -418,7 +418,9 @@ json_t *bench_report(const bench *b)
         json_object_set_new(settings, "occlusion", json_true());
     if (b->scattering != KARST_SCATTERING_OCTAVES)
         json_object_set_new(settings, "scattering",
-                            json_string(b->scattering == KARST_SCATTERING_ONCE ? "once" : "paths"));
+                            json_string(b->scattering == KARST_SCATTERING_ONCE      ? "once"
+                                        : b->scattering == KARST_SCATTERING_FLUENCE ? "fluence"
+                                                                                    : "paths"));
     if (b->has_mirror)
         json_object_set_new(settings, "mirror", json_real(b->mirror));
     json_object_set_new(settings, "seed", b->has_seed ? json_integer((json_int_t)b->seed) : json_null());

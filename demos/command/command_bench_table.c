@@ -42,7 +42,9 @@ typedef struct {
     bool wanted[NUM_EFFECTS];
     int sizes_px[MOST_IN_LIST][2];
     double details_px[MOST_IN_LIST];
-    size_t num_sizes, num_details;
+    size_t num_sizes, num_details, num_done;
+    FILE *rows; /* where rows go as they are done; NULL: nowhere */
+    const bench_effect_outputs *out;
     cell cells[MOST_IN_LIST][MOST_IN_LIST][NUM_EFFECTS]; /* by detail and size */
     karst_stats stats;
     const char *doing;
@@ -142,13 +144,19 @@ static karst_engine *open_engine(const table *t, effect what, size_t detail, siz
     return karst_engine_create(&config, error);
 }
 
+static bool interrupted(const table *t, karst_error *error)
+{
+    return t->num_done ? karst_fail(error, KARST_FAILED, "interrupted after %zu rows, which were written", t->num_done)
+                       : bench_interrupted(error);
+}
+
 static bool settle(table *t, karst_engine *engine, karst_error *error)
 {
     bool settled = false;
     if (!karst_engine_settle(engine, (uint32_t)t->b->max_frames, note_frame, t, &settled, error))
         return false;
     if (command_interrupted())
-        return bench_interrupted(error);
+        return interrupted(t, error);
     return settled || karst_fail(error, KARST_FAILED, "a view did not settle within %u frames; raise --frames-max",
                                  (unsigned)t->b->max_frames);
 }
@@ -186,34 +194,14 @@ static bool measure(table *t, karst_engine *without, effect what, size_t detail,
         done = done && bench_time_frame(engine, &t->stats, &unused, error) &&
                bench_time_frame(engine, &t->stats, &ms[i], error);
         ratios[i] = what == NONE ? 1 : ms[i] / plain;
+        done = done && (!command_interrupted() || interrupted(t, error));
     }
-    if (done)
+    if (done) {
         t->cells[detail][size][what] = make_cell(&t->stats, ms, ratios, rounds);
+        t->num_done++;
+    }
     if (what != NONE)
         karst_engine_destroy(engine);
-    return done;
-}
-
-static bool measure_all(table *t, karst_error *error)
-{
-    char doing[96];
-    t->doing = doing;
-    bool done = true;
-    for (size_t detail = 0; done && detail < t->num_details; detail++)
-        for (size_t size = 0; done && size < t->num_sizes; size++) {
-            karst_engine *without = NULL;
-            for (int what = NONE; done && what < NUM_EFFECTS; what++) {
-                if (!t->wanted[what])
-                    continue;
-                snprintf(doing, sizeof doing, "%dx%d, detail %g: %s", t->sizes_px[size][0], t->sizes_px[size][1],
-                         t->details_px[detail], effects[what].name);
-                if (what == NONE)
-                    done = (without = open_engine(t, NONE, detail, size, error)) != NULL;
-                done = done && measure(t, without, (effect)what, detail, size, error);
-            }
-            karst_engine_destroy(without);
-        }
-    command_end_progress(t->talk);
     return done;
 }
 
@@ -228,7 +216,7 @@ static double thesis_megabytes(double detail_px)
     return 0;
 }
 
-static void print_table(FILE *file, const table *t)
+static void print_head(FILE *file, const table *t)
 {
     fprintf(file,
             "%s on %s: what effects cost, each alone, as ratio to a frame without, in turns\n"
@@ -236,20 +224,25 @@ static void print_table(FILE *file, const table *t)
             "%-7s %-10s %-13s %9s %7s %7s %10s %9s %9s\n",
             t->b->world, t->stats.device, "detail", "size", "effect", "frame ms", "ratio", "thesis", "rays",
             "in use MB", "thesis MB");
-    for (size_t detail = 0; detail < t->num_details; detail++)
-        for (size_t size = 0; size < t->num_sizes; size++)
-            for (int what = NONE; what < NUM_EFFECTS; what++) {
-                const cell *c = &t->cells[detail][size][what];
-                char pixels[32], megabytes[32] = "-";
-                if (!c->is_there)
-                    continue;
-                snprintf(pixels, sizeof pixels, "%dx%d", t->sizes_px[size][0], t->sizes_px[size][1]);
-                if (thesis_megabytes(t->details_px[detail]) > 0)
-                    snprintf(megabytes, sizeof megabytes, "%.0f", thesis_megabytes(t->details_px[detail]));
-                fprintf(file, "%-7g %-10s %-13s %9.2f %7.2f %7.2f %10.0f %9.1f %9s\n", t->details_px[detail], pixels,
-                        effects[what].name, c->frame_ms, c->ratio, effects[what].of_thesis, c->rays, c->memory_mb,
-                        megabytes);
-            }
+}
+
+static void print_row(FILE *file, const table *t, effect what, size_t detail, size_t size)
+{
+    const cell *c = &t->cells[detail][size][what];
+    char pixels[32], megabytes[32] = "-";
+    snprintf(pixels, sizeof pixels, "%dx%d", t->sizes_px[size][0], t->sizes_px[size][1]);
+    if (thesis_megabytes(t->details_px[detail]) > 0)
+        snprintf(megabytes, sizeof megabytes, "%.0f", thesis_megabytes(t->details_px[detail]));
+    fprintf(file, "%-7g %-10s %-13s %9.2f %7.2f %7.2f %10.0f %9.1f %9s\n", t->details_px[detail], pixels,
+            effects[what].name, c->frame_ms, c->ratio, effects[what].of_thesis, c->rays, c->memory_mb, megabytes);
+}
+
+static size_t num_cells(const table *t)
+{
+    size_t num_effects = 0;
+    for (int what = NONE; what < NUM_EFFECTS; what++)
+        num_effects += t->wanted[what];
+    return num_effects * t->num_details * t->num_sizes;
 }
 
 static char *as_json(const table *t)
@@ -269,8 +262,9 @@ static char *as_json(const table *t)
                                      effects[what].of_thesis, "rays", c->rays, "memory_mb", c->memory_mb,
                                      "thesis_memory_mb", megabytes > 0 ? json_real(megabytes) : json_null()));
             }
-    json_t *report = json_pack("{s:i, s:s, s:s, s:I, s:o}", "karst_bench_effects", 1, "world", t->b->world, "device",
-                               t->stats.device, "rounds", (json_int_t)t->b->num_rounds, "cells", cells);
+    json_t *report = json_pack("{s:i, s:s, s:s, s:I, s:b, s:o}", "karst_bench_effects", 1, "world", t->b->world,
+                               "device", t->stats.device, "rounds", (json_int_t)t->b->num_rounds, "complete",
+                               t->num_done == num_cells(t), "cells", cells);
     char *text = report ? bench_json_text(report, JSON_INDENT(2)) : NULL;
     json_decref(report);
     return text;
@@ -297,7 +291,8 @@ static char *as_svg(const table *t, karst_error *error)
         size_t num = 0;
         for (int what = NONE; what < NUM_EFFECTS; what++) {
             for (size_t size = 0; size < t->num_sizes; size++)
-                y[detail][what][size] = t->cells[detail][size][what].ratio;
+                y[detail][what][size] =
+                    t->cells[detail][size][what].is_there ? t->cells[detail][size][what].ratio : NAN;
             if (t->wanted[what])
                 series[detail][num++] = (plot_series){.name = effects[what].name,
                                                       .kind = PLOT_POINTS,
@@ -332,6 +327,57 @@ static bool write_text(const char *file, char *text, karst_error *error)
     return written && error->status == KARST_OK;
 }
 
+static bool is_stdout(const char *file) { return file && strcmp(file, "-") == 0; }
+
+/* Files, or what of them goes to stdout. */
+static bool write_outputs(const table *t, bool to_stdout, karst_error *error)
+{
+    const bench_effect_outputs *out = t->out;
+    command_hold_interrupts(true);
+    const bool written =
+        (!out->json || is_stdout(out->json) != to_stdout || write_text(out->json, as_json(t), error)) &&
+        (!out->plot || is_stdout(out->plot) != to_stdout || write_text(out->plot, as_svg(t, error), error));
+    command_hold_interrupts(false);
+    return written;
+}
+
+/* Once it is measured: a table takes long, and who ends it is to keep what there is. */
+static bool show_row(table *t, effect what, size_t detail, size_t size, karst_error *error)
+{
+    command_end_progress(t->talk);
+    if (t->rows) {
+        if (t->num_done == 1)
+            print_head(t->rows, t);
+        print_row(t->rows, t, what, detail, size);
+        fflush(t->rows);
+    }
+    return write_outputs(t, false, error);
+}
+
+static bool measure_all(table *t, karst_error *error)
+{
+    char doing[96];
+    t->doing = doing;
+    bool done = true;
+    for (size_t detail = 0; done && detail < t->num_details; detail++)
+        for (size_t size = 0; done && size < t->num_sizes; size++) {
+            karst_engine *without = NULL;
+            for (int what = NONE; done && what < NUM_EFFECTS; what++) {
+                if (!t->wanted[what])
+                    continue;
+                snprintf(doing, sizeof doing, "%dx%d, detail %g: %s", t->sizes_px[size][0], t->sizes_px[size][1],
+                         t->details_px[detail], effects[what].name);
+                if (what == NONE)
+                    done = (without = open_engine(t, NONE, detail, size, error)) != NULL;
+                done = done && measure(t, without, (effect)what, detail, size, error) &&
+                       show_row(t, (effect)what, detail, size, error);
+            }
+            karst_engine_destroy(without);
+        }
+    command_end_progress(t->talk);
+    return done;
+}
+
 bool bench_effects(bench *b, const bench_effect_lists *lists, const bench_effect_outputs *out, command_talk *talk,
                    karst_error *error)
 {
@@ -350,11 +396,10 @@ bool bench_effects(bench *b, const bench_effect_lists *lists, const bench_effect
     command_open_driver(talk);
     const karst_log log = command_log(talk);
     t.log = &log;
-    if (!measure_all(&t, error))
-        return false;
-    const bool has_stdout = (out->json && strcmp(out->json, "-") == 0) || (out->plot && strcmp(out->plot, "-") == 0);
-    if (!has_stdout)
-        print_table(stdout, &t);
-    return (!out->json || write_text(out->json, as_json(&t), error)) &&
-           (!out->plot || write_text(out->plot, as_svg(&t, error), error));
+    t.out = out;
+    t.rows = is_stdout(out->json) || is_stdout(out->plot) ? NULL : stdout;
+    const bool measured = measure_all(&t, error);
+    karst_error of_writing = {0};
+    const bool written = !t.num_done || write_outputs(&t, true, measured ? error : &of_writing);
+    return measured && written;
 }

@@ -68,7 +68,9 @@ static bool make_oracles(karst_world *world, karst_error *error)
 static bool open_models(karst_world *world, karst_error *error)
 {
     size_t num;
-    karst_model *models = karst_named_models(world->file->program, world->metadata.voxel_log2_m, &num, error);
+    const bool is_clear = world->file == world->whole->content[KARST_CONTENT_CLEAR];
+    karst_model *models =
+        karst_named_models(world->file->program, is_clear, world->metadata.voxel_log2_m, &num, error);
     bool done = models && (num == 0 || karst_model_list_init(&world->models, models, num, world->metadata.voxel_log2_m,
                                                              UINT64_MAX, NULL, error));
     karst_named_models_free(models, num);
@@ -141,7 +143,7 @@ karst_world *karst_world_open(const karst_world_config *config, karst_error *err
         return NULL;
     }
     if (find(world, config, error) && describe(world, config, error) && make_oracles(world, error) &&
-        (world->file != world->whole || open_models(world, error))) /* models stand in the land */
+        (world->file == world->whole->content[KARST_CONTENT_AIR] || open_models(world, error)))
         return world;
     karst_world_close(world);
     return NULL;

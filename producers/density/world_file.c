@@ -11,6 +11,7 @@
 #include "producers/language/tape/bounds_shared.h"
 #include "producers/language/oracle/look.h"
 #include "producers/language/oracle/oracle.h"
+#include "producers/points/points_kind.h"
 
 _Static_assert(sizeof(karst_data_header) == KARST_DATA_HEADER_WORDS * sizeof(uint64_t), "the header fits its words");
 
@@ -296,6 +297,12 @@ static void set_lights(karst_world_file *file)
     }
 }
 
+/* Colours of land whose text gives none. */
+/* clang-format off */
+#define PLAIN_FLAT {0.13f, 0.12f, 0.10f}
+#define PLAIN_STEEP {0.17f, 0.15f, 0.13f}
+/* clang-format on */
+
 /* What the header leaves out is taken from a summer's day. */
 static void set_info(karst_world_file *file)
 {
@@ -324,8 +331,8 @@ static void set_info(karst_world_file *file)
         .sun_elevation_deg = header->has_sun ? header->sun_elevation_deg : 40,
         .sky_zenith = {0.05f, 0.13f, 0.36f},
         .sky_horizon = {0.36f, 0.46f, 0.58f},
-        .ground_flat = {0.13f, 0.12f, 0.10f},
-        .ground_steep = {0.17f, 0.15f, 0.13f},
+        .ground_flat = PLAIN_FLAT,
+        .ground_steep = PLAIN_STEEP,
         .haze_distance_m = 0.6 * view_distance_m,
         .has_exposure = header->has_exposure,
         .exposure_stops = header->exposure_stops,
@@ -482,6 +489,10 @@ static karst_world_file *wrap(karst_program_graph *program, bool ok, char **diag
         return NULL;
     }
     file->program = program;
+    if (!karst_take_model_materials(program, (const float[2][3]){PLAIN_STEEP, PLAIN_FLAT}, error)) {
+        karst_world_file_destroy(file);
+        return NULL;
+    }
     karst_program_deepen(program, true); /* too large for it: flat air stays flat */
     look_around(file);
     if (complete(file, NULL) || (become_flat(file) && complete(file, error)))

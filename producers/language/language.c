@@ -159,6 +159,8 @@ static void resolve(compilation *c)
                                      .extent_m = p->header.extent_m};
     settings.parameter_min = low;
     settings.parameter_max = high;
+    if (p->num_materials)
+        karst_add_materials(&p->graph, p->header.voxel_log2_m, p->root, p->plain, p->materials, p->num_materials);
     const karst_expr density = p->root[KARST_ROOT_DENSITY];
     if (!p->num_written)
         p->num_written = p->graph.num_nodes;
@@ -333,6 +335,7 @@ static bool resolve_again(karst_program_graph *program, const karst_program_grap
     bool done = resolve_guarded(c);
     if (!done) {
         program->header = before->header;
+        memcpy(program->root, before->root, sizeof program->root);
         program->resolved = before->resolved;
         program->world = before->world;
         program->is_deepened = before->is_deepened;
@@ -356,6 +359,19 @@ bool karst_program_deepen(karst_program_graph *program, bool deepens)
     const karst_program_graph before = *program;
     program->is_deepened = deepens;
     return resolve_again(program, &before);
+}
+
+bool karst_program_add_materials(karst_program_graph *program, const karst_model_material *materials, size_t num,
+                                 const float plain[2][3])
+{
+    const karst_program_graph before = *program;
+    program->materials = materials;
+    program->num_materials = num;
+    memcpy(program->plain, plain, sizeof program->plain);
+    const bool done = resolve_again(program, &before);
+    program->materials = NULL;
+    program->num_materials = 0;
+    return done;
 }
 
 karst_program_graph *karst_language_compile_file(const char *path, const karst_parameter_value *given, size_t num_given,

@@ -4,6 +4,7 @@
 
 #include "karst/error.h"
 #include "producers/language/graph/data.h"
+#include "producers/language/graph/materials.h"
 #include "producers/language/front/images.h"
 #include "producers/language/base/source.h"
 
@@ -39,6 +40,9 @@ typedef struct {
     karst_expr deep;      /* in `graph`; KARST_NO_EXPR: not asked for yet */
     uint32_t num_written; /* nodes of `graph` before that */
     double text_range[2]; /* of world.text, over all space */
+    const karst_model_material *materials; /* only while karst_program_add_materials runs */
+    size_t num_materials;
+    float plain[2][3];
     uint32_t num_parameters;
     karst_world_parameter *parameters;
     uint32_t num_octaves;                /* of all noises together */
@@ -70,6 +74,11 @@ bool karst_program_set_voxel(karst_program_graph *program, int voxel_log2_m);
 /* Resolves a good program once more, with air that is exactly 0 made deep (deepen.h), as pictures need it, or flat
  * again. false: it stays as it was. As above. */
 bool karst_program_deepen(karst_program_graph *program, bool deepens);
+/* Resolves a good program once more, with materials of models laid over what its text says of surfaces (materials.h);
+ * `plain` is the colour of steep and of flat land without any. Once, and before it is deepened. false: it stays as it
+ * was, as the world would then be too large. As above. */
+bool karst_program_add_materials(karst_program_graph *program, const karst_model_material *materials, size_t num,
+                                 const float plain[2][3]);
 void karst_program_graph_destroy(karst_program_graph *program); /* NULL is fine */
 
 #endif

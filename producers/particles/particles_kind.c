@@ -100,4 +100,4 @@ static bool move(karst_layer *layer, const karst_layer_scene *scene, karst_error
 }
 
 const karst_layer_kind karst_particles_kind = {
-    .fills_air = true, .is_named = is_named, .create = create, .move = move};
+    .place = KARST_LAYER_AIR, .is_named = is_named, .create = create, .move = move};

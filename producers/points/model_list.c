@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "core/points/points_file.h"
+#include "producers/points/model_solid.h"
 #define POINTS_COLOURED
 #include "producers/points/points.clh"
 
@@ -28,6 +29,7 @@ typedef struct {
     size_t at;                                       /* where in the block that lies, bytes */
     double half[3];                                  /* the box of its points around the centre, units */
     karst_point_node roots[KARST_POINTS_MAX_LEVELS]; /* of the levels that are shown */
+    karst_model_solid solid;                         /* what is inside; no levels: nothing is */
 } model_file;
 
 static uint64_t page_bytes(void) { return (uint64_t)sysconf(_SC_PAGESIZE); }
@@ -79,10 +81,33 @@ static bool open_file(model_file *file, uint64_t *room_bytes, const karst_log *l
     return true;
 }
 
+/* What is inside is found at the finest level that is shown: the first one that it does not take too many cells for. */
+static bool plan_inside(model_file *file, const karst_log *log, karst_error *error)
+{
+    const uint32_t before = file->first;
+    for (; file->num; file->first++, file->num--) {
+        const karst_points_level *level = &file->head.levels[file->first];
+        const karst_point_node *root = &file->roots[file->first - before];
+        if (karst_solid_plan(&file->solid, file->half, root->reach, (double)level->spacing))
+            break;
+    }
+    if (file->num == 0)
+        return karst_fail(error, KARST_BAD_DATA, "%s: its points are too uneven to say what is inside: a model with "
+                                                 "\"mode\": \"clear\" is a closed surface",
+                          file->path);
+    memmove(file->roots, file->roots + (file->first - before), file->num * sizeof *file->roots);
+    file->begin = file->head.levels[file->first].offset / page_bytes() * page_bytes();
+    if (file->first > before)
+        karst_log_print(log, KARST_LOG_WARNING,
+                        "%s: as clear matter its points are shown %.3g of its lengths apart, since what they enclose "
+                        "is kept cell by cell",
+                        file->path, (double)file->head.levels[file->first].spacing * file->head.unit);
+    return true;
+}
+
 /* ---- where models stand ---- */
 
-/* From a model's axes to the world's: about x, then y, then z. */
-static void rotation(const double turn_deg[3], double r[3][3])
+void karst_model_rotation(const double turn_deg[3], double r[3][3])
 {
     double c[3], s[3];
     for (int a = 0; a < 3; a++) {
@@ -115,7 +140,7 @@ bool karst_model_place(const karst_model *model, const karst_points_head *head, 
     double r[3][3], m_per_unit = head->unit * model->scale, voxel_m = ldexp(1, voxel_log2_m);
     double units = voxel_m / m_per_unit, widest = 0;
     *record = (karst_model_record){.units_per_voxel = (float)units, .m_per_unit = (float)m_per_unit};
-    rotation(model->turn_deg, r);
+    karst_model_rotation(model->turn_deg, r);
     for (int a = 0; a < 3; a++) {
         double half = 0;
         for (int k = 0; k < 3; k++)
@@ -214,8 +239,24 @@ void karst_fill_linear(float linear[256])
     }
 }
 
+static bool fill_inside(karst_model_list *list, const model_file *file, const karst_model_level *level,
+                        const karst_log *log, karst_error *error)
+{
+    uint64_t num_inside;
+    if (file->solid.levels == 0)
+        return true;
+    if (!karst_solid_fill(list->data, level, &file->solid, &num_inside, error))
+        return false;
+    if (num_inside == 0)
+        karst_log_print(log, KARST_LOG_WARNING,
+                        "%s: its points enclose nothing that is wider than their crust: as clear matter it may be "
+                        "hollow",
+                        file->path);
+    return true;
+}
+
 static bool make_block(karst_model_list *list, model_file *files, uint32_t num_files, const karst_model_record *records,
-                       int voxel_log2_m, uint64_t most_read_bytes, karst_error *error)
+                       int voxel_log2_m, uint64_t most_read_bytes, const karst_log *log, karst_error *error)
 {
     uint32_t num_levels = 0;
     for (uint32_t f = 0; f < num_files; f++)
@@ -229,6 +270,11 @@ static bool make_block(karst_model_list *list, model_file *files, uint32_t num_f
         size = (size + page_bytes() - 1) / page_bytes() * page_bytes();
         files[f].at = size;
         size += (size_t)(files[f].end - files[f].begin);
+        if (files[f].solid.levels == 0)
+            continue;
+        size = (size + page_bytes() - 1) / page_bytes() * page_bytes();
+        files[f].solid.words = size / 8;
+        size += 8 * karst_solid_words(&files[f].solid);
     }
     list->maps = calloc(num_files + 1, sizeof *list->maps);
     void *memory = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
@@ -244,22 +290,29 @@ static bool make_block(karst_model_list *list, model_file *files, uint32_t num_f
         all_bytes += files[f].end - files[f].begin;
         if (!bring(list, &files[f], all_bytes <= most_read_bytes, error))
             return false;
+        const karst_model_level *finest = level;
         for (uint32_t i = 0; i < files[f].num; i++)
             fill_level(&files[f], files[f].first + i, level++);
+        if (!fill_inside(list, &files[f], finest, log, error))
+            return false;
+        const uint32_t first = (uint32_t)(finest - (karst_model_level *)(list->data + head.levels));
+        for (uint32_t i = 0; i < list->num_models; i++)
+            if (records[i].first_level == first)
+                ((karst_model_record *)(list->data + head.models))[i].solid = files[f].solid;
     }
     return true;
 }
 
 /* The file of a model, opened if no model before has the same. */
-static model_file *file_of(model_file *files, uint32_t *num_files, const char *path, uint64_t *room_bytes,
+static model_file *file_of(model_file *files, uint32_t *num_files, const karst_model *model, uint64_t *room_bytes,
                            const karst_log *log, karst_error *error)
 {
     for (uint32_t f = 0; f < *num_files; f++)
-        if (strcmp(files[f].path, path) == 0)
+        if (strcmp(files[f].path, model->path) == 0)
             return &files[f];
     model_file *file = &files[(*num_files)++];
-    *file = (model_file){.path = path, .fd = -1};
-    return open_file(file, room_bytes, log, error) ? file : NULL;
+    *file = (model_file){.path = model->path, .fd = -1};
+    return open_file(file, room_bytes, log, error) && (!model->is_whole || plan_inside(file, log, error)) ? file : NULL;
 }
 
 bool karst_model_list_init(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
@@ -281,7 +334,7 @@ bool karst_model_list_init_reading(karst_model_list *list, const karst_model *mo
     uint32_t num_files = 0;
     bool done = (files && records) || karst_fail(error, KARST_FAILED, "out of memory");
     for (size_t i = 0; done && i < num; i++) {
-        const model_file *file = file_of(files, &num_files, models[i].path, &max_bytes, log, error);
+        const model_file *file = file_of(files, &num_files, &models[i], &max_bytes, log, error);
         done = file && karst_model_place(&models[i], &file->head, file->half, voxel_log2_m, &records[i], error);
         if (!done)
             break;
@@ -289,7 +342,7 @@ bool karst_model_list_init_reading(karst_model_list *list, const karst_model *mo
             records[i].first_level += f->num;
         records[i].num_levels = file->num;
     }
-    done = done && make_block(list, files, num_files, records, voxel_log2_m, most_read_bytes, error);
+    done = done && make_block(list, files, num_files, records, voxel_log2_m, most_read_bytes, log, error);
     for (uint32_t f = 0; files && f < num_files; f++)
         if (files[f].fd >= 0)
             close(files[f].fd);

@@ -14,10 +14,13 @@ typedef struct {
     karst_position at;  /* of its centre */
     double turn_deg[3]; /* about the x, the y, then the z axis; about y as a camera's yaw turns */
     double scale;       /* of the file's lengths to metres, > 0 */
+    bool is_whole;      /* what its points enclose is matter, too (model_solid.h): all or none of a list */
 } karst_model;
 
 #define KARST_MAX_MODELS 256u
 
+/* From a model's axes to the world's: about x, then y, then z. Quarter turns are exact. */
+void karst_model_rotation(const double turn_deg[3], double r[3][3]);
 /* Where a model of a file with this head stands, whose points reach so far from its centre: all of the record but its
  * levels. Errors: KARST_USAGE (too large or too small for the world's voxels, too far out). */
 bool karst_model_place(const karst_model *model, const karst_points_head *head, const double half_units[3],
@@ -42,8 +45,9 @@ typedef struct {
 #define KARST_MODEL_MOST_READ_BYTES ((uint64_t)64 << 20)
 
 /* Opens the files of all models; models of one file share its points. Fine levels that do not fit max_bytes are left
- * out, which the log is told. Errors: KARST_BAD_DATA (files that are missing or damaged), KARST_USAGE (models too large
- * or too small for the world's voxels, too many), KARST_FAILED. */
+ * out, which the log is told; and so are those of whole models that would take too many cells. Errors: KARST_BAD_DATA
+ * (files that are missing or damaged), KARST_USAGE (models too large or too small for the world's voxels, too many),
+ * KARST_FAILED. */
 bool karst_model_list_init(karst_model_list *list, const karst_model *models, size_t num, int voxel_log2_m,
                            uint64_t max_bytes, const karst_log *log, karst_error *error);
 /* The same with another limit than KARST_MODEL_MOST_READ_BYTES for all files together: for tests. */

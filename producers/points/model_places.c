@@ -96,7 +96,13 @@ void karst_model_list_range(const karst_model_list *list, const karst_position *
                 (double)model->extent[a] + (fmax(of->cover, least + of->spread) + 4) / (double)model->units_per_voxel;
             meets = fabs((double)(centre->voxel[a] - model->at[a])) <= (side + half_voxels[a] + 2) * (1 + 0x1p-40);
         }
-        if (!meets || (box_in_units(model, centre, half_voxels, &box) && !points_next_leaf(data, of, &box, &leaf)))
+        if (!meets)
+            continue;
+        const bool fits = box_in_units(model, centre, half_voxels, &box);
+        if (model->solid.levels && (!fits || points_solid_box(data, &model->solid, box.min, box.max)))
+            range[1] = fmax(range[1], (double)(POINTS_MOST_VOXELS_OF_AIR * points_voxel(level_of(level))) *
+                                          (double)POINTS_HEAD(data)->voxel_m);
+        if (fits && !points_next_leaf(data, of, &box, &leaf))
             continue;
         /* No height is larger than the support that it is of. */
         range[1] = fmax(range[1], fmax(of->cover, least + of->spread) * (double)model->m_per_unit * (1 + 0x1p-20));

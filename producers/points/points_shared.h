@@ -20,6 +20,16 @@ typedef struct {
 } karst_model_level;
 K_ASSERT_SIZE(karst_model_level, 168);
 
+/* What is inside a model: cells of its places, a bit each (producers/points/model_solid.h). */
+typedef struct {
+    int at[3];    /* the corner of the first, units */
+    int shift;    /* a cell is 2^shift units wide */
+    uint size[3]; /* cells along each axis */
+    uint levels;  /* of cells, and of larger ones of eight each; 0: it is a crust */
+    ulong words;  /* where they begin, as offsets above */
+} karst_model_solid;
+K_ASSERT_SIZE(karst_model_solid, 40);
+
 /* A model that stands somewhere. Lengths are level-0 voxels but where it says units. */
 typedef struct {
     long at[3];     /* the voxel that its centre lies in */
@@ -30,8 +40,9 @@ typedef struct {
     uint first_level, num_levels; /* of karst_model_level */
     float units_per_voxel, m_per_unit;
     uint has_colours;
+    karst_model_solid solid;
 } karst_model_record;
-K_ASSERT_SIZE(karst_model_record, 168);
+K_ASSERT_SIZE(karst_model_record, 208);
 
 typedef struct {
     uint num_models, pad;

@@ -74,6 +74,15 @@ void karst_refiner_set_layer(karst_refiner *refiner, const karst_buffer *layer, 
     refiner->beneath = beneath ? beneath->mem : layer->mem;
 }
 
+/* The last two are those of a layer, which other refiners' kernels do not take. */
+static bool set(const karst_refiner *refiner, cl_kernel kernel, const karst_argument *arguments, size_t num,
+                karst_error *error)
+{
+    if (refiner->has_layer && !refiner->layer)
+        return karst_fail(error, KARST_FAILED, "a refiner with a layer was given no data of it");
+    return karst_arguments(kernel, arguments, num - (refiner->has_layer ? 0 : 2), error);
+}
+
 bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, const karst_pinhole *pinhole,
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
 {
@@ -89,10 +98,7 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, cons
                                         KARST_VALUE_ARG(footprint), KARST_VALUE_ARG(view->blend),
                                         KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(refiner->layer),
                                         KARST_VALUE_ARG(refiner->beneath)};
-    const size_t num_arguments = sizeof arguments / sizeof *arguments - (refiner->has_layer ? 0 : 2);
-    if (refiner->has_layer && !refiner->layer)
-        return karst_fail(error, KARST_FAILED, "a refiner with a layer was given no data of it");
-    return karst_arguments(refiner->hits, arguments, num_arguments, error) &&
+    return set(refiner, refiner->hits, arguments, sizeof arguments / sizeof *arguments, error) &&
            karst_launch(refiner->context, refiner->hits, KARST_STAGE_REFINE, across * down * local_size, local_size,
                         error);
 }
@@ -104,9 +110,16 @@ bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const k
     const size_t lanes = (size_t)refiner->context->lanes;
     if (!refiner->rays || hits->size_bytes / sizeof(karst_hit) < max_rays)
         return karst_fail(error, KARST_FAILED, "this refiner is not for %u rays", max_rays);
-    return KARST_ARGUMENTS(refiner->rays, error, KARST_BUFFER_ARG(rays), KARST_BUFFER_ARG(count),
-                           KARST_VALUE_ARG(*anchor), KARST_VALUE_ARG(refiner->data),
-                           KARST_VALUE_ARG(refiner->voxels_per_m), KARST_VALUE_ARG(moving), KARST_BUFFER_ARG(hits)) &&
+    const karst_argument arguments[] = {KARST_BUFFER_ARG(rays),
+                                        KARST_BUFFER_ARG(count),
+                                        KARST_VALUE_ARG(*anchor),
+                                        KARST_VALUE_ARG(refiner->data),
+                                        KARST_VALUE_ARG(refiner->voxels_per_m),
+                                        KARST_VALUE_ARG(moving),
+                                        KARST_BUFFER_ARG(hits),
+                                        KARST_VALUE_ARG(refiner->layer),
+                                        KARST_VALUE_ARG(refiner->beneath)};
+    return set(refiner, refiner->rays, arguments, sizeof arguments / sizeof *arguments, error) &&
            karst_launch(refiner->context, refiner->rays, KARST_STAGE_REFINE, (max_rays + lanes - 1) / lanes, 16,
                         error);
 }
@@ -122,9 +135,16 @@ bool karst_refine_camera(karst_refiner *refiner, const karst_pinhole *pinhole, b
     size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE;
     size_t local_size = KARST_PACKET_RAYS * KARST_GROUP_PACKETS / (size_t)refiner->context->lanes;
-    return KARST_ARGUMENTS(refiner->camera, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(inside),
-                           KARST_VALUE_ARG(*anchor), KARST_VALUE_ARG(refiner->data),
-                           KARST_VALUE_ARG(refiner->voxels_per_m), KARST_VALUE_ARG(moving), KARST_BUFFER_ARG(hits)) &&
+    const karst_argument arguments[] = {KARST_VALUE_ARG(*pinhole),
+                                        KARST_VALUE_ARG(inside),
+                                        KARST_VALUE_ARG(*anchor),
+                                        KARST_VALUE_ARG(refiner->data),
+                                        KARST_VALUE_ARG(refiner->voxels_per_m),
+                                        KARST_VALUE_ARG(moving),
+                                        KARST_BUFFER_ARG(hits),
+                                        KARST_VALUE_ARG(refiner->layer),
+                                        KARST_VALUE_ARG(refiner->beneath)};
+    return set(refiner, refiner->camera, arguments, sizeof arguments / sizeof *arguments, error) &&
            karst_launch(refiner->context, refiner->camera, KARST_STAGE_REFINE, across * down * local_size, local_size,
                         error);
 }

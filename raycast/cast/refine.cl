@@ -34,7 +34,9 @@ __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.
 #ifdef REFINE_LAYER
 #define LAYER_TAKEN , K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath
 #define LAYER_OF(field) , (field)->layer, (field)->beneath
+#define LAYER_GIVEN , layer, beneath
 #else
+#define LAYER_GIVEN
 #define LAYER_TAKEN
 #define LAYER_OF(field)
 #endif
@@ -48,12 +50,12 @@ typedef struct {
     int level;
     vint lanes;                       /* whose hits blend */
     float weight_slope, weight_start; /* the weight at t: slope * t + start, in [0, 1] */
-#ifdef REFINE_LAYER
-    K_GLOBAL const ulong *layer, *beneath;
-#endif
 #ifdef REFINE_STREAM
     const vector3 *origin; /* of the rays, from the anchor */
     vfloat sign;           /* -1 of rays that leave matter: to them it is air */
+#endif
+#ifdef REFINE_LAYER
+    K_GLOBAL const ulong *layer, *beneath;
 #endif
 } refine_field;
 
@@ -285,7 +287,7 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
 /* Hits of rays in lanes, at `at` in the list: where they are and their normals, or the latter alone. */
 RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction, vint back, vint at, vint valid,
                                  const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float voxels_per_m,
-                                 int moves, K_GLOBAL karst_hit *hits)
+                                 int moves, K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint record = at * (int)(sizeof(karst_hit) / sizeof(int));
     vint word = HIT_WORD(1), kind = word & 0xff, level = word >> 8 & 0xff;
@@ -300,7 +302,7 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
     while (v_any(left)) {
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
-        const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign};
+        const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign LAYER_GIVEN};
         refined r;
         if (moves) {
             r = refine_lanes(&field, t, voxels_per_m, mine);
@@ -327,7 +329,8 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
 
 /* Of the rays of a stream. */
 __kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count, karst_shade_anchor anchor,
-                                 K_GLOBAL const ulong *data, float voxels_per_m, int moves, K_GLOBAL karst_hit *hits)
+                                 K_GLOBAL const ulong *data, float voxels_per_m, int moves,
+                                 K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
     if (lowest >= num_rays)
@@ -342,12 +345,13 @@ __kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const 
                                v_gather_float(words, first + 6)};
     const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
     refine_ray_lanes(&origin, &direction, v_eq(side, (vint)((int)KARST_SIDE_BACK)), lane, valid, &anchor, data,
-                     voxels_per_m, moves, hits + lowest);
+                     voxels_per_m, moves, hits + lowest LAYER_GIVEN);
 }
 
 /* Of a camera's, in packet order. */
 __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_shade_anchor anchor,
-                                   K_GLOBAL const ulong *data, float voxels_per_m, int moves, K_GLOBAL karst_hit *hits)
+                                   K_GLOBAL const ulong *data, float voxels_per_m, int moves,
+                                   K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint x, y;
     vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
@@ -357,7 +361,7 @@ __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_s
     const vector3 origin = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     const vint at = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
     refine_ray_lanes(&origin, &direction, (vint)(is_inside ? -1 : 0), at, valid, &anchor, data, voxels_per_m, moves,
-                     hits);
+                     hits LAYER_GIVEN);
 }
 #else
 __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor anchor, K_GLOBAL const ulong *data,

@@ -28,7 +28,7 @@ typedef struct {
      *                          const world_point_at *place, int level, vfloat density);
      *     vfloat layer_surface(K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath,
      *                          const world_point_at *place, int level, vfloat density, vfloat gradient[3]);
-     * the density with the layers, the latter with its gradient in place of the density's. Not for rays. */
+     * the density with the layers, the latter with its gradient in place of the density's. */
     bool has_layer;
 } karst_refine_world;
 

@@ -1,5 +1,5 @@
 /* Launching the kernels of media. */
-#include "raycast/media/media_internal.h"
+#include "raycast/media/fluence.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -18,15 +18,17 @@ static bool build(karst_media *media, karst_error *error)
     char options[128];
     snprintf(options, sizeof options, "-DSEGMENTS=%u -DCAST_NO_BEAM %s%s", segments,
              karst_cache_brick_option(&media->air),
-             media->config.scattering == KARST_SCATTERING_ONCE ? " -DMEDIA_ONCE" : "");
+             karst_media_scatters_once(media) ? " -DMEDIA_ONCE" : "");
     media->marching = karst_program_build(context, "raycast/media/media.cl", options, NULL, 0, error);
     if (!media->marching || !(media->rays = karst_program_kernel(media->marching, "media_depths", error)) ||
         !(media->dim = karst_program_kernel(media->marching, "media_dim", error)) ||
         !(media->look = karst_program_kernel(media->marching, "media_ask", error)) ||
         !(media->sun = karst_program_kernel(media->marching, "media_sun", error)))
         return false;
-    return media->config.has_paths ? karst_media_build_paths(media, segments, error)
-                                   : karst_media_build_light(media, segments, error);
+    if (media->config.has_paths)
+        return karst_media_build_paths(media, segments, error);
+    return karst_media_build_light(media, segments, error) &&
+           (!karst_media_has_fluence(media) || (media->fluence = karst_fluence_create(media, error)));
 }
 
 karst_media *karst_media_create(karst_context *context, const karst_media_config *config, karst_error *error)
@@ -83,7 +85,13 @@ void karst_media_destroy(karst_media *media)
                                media->lamps};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
+    karst_fluence_destroy(media->fluence);
     free(media);
+}
+
+bool karst_media_find_fluence(karst_media *media, const karst_media_picture *picture, karst_error *error)
+{
+    return !media->fluence || karst_fluence_advance(media->fluence, picture, error);
 }
 
 bool karst_media_depths(karst_media *media, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,
@@ -164,7 +172,7 @@ bool karst_media_take_counts(karst_media *media, uint32_t *num_lacking, uint32_t
     uint32_t counts[KARST_MEDIA_COUNTERS];
     if (!karst_buffer_read(media->counters, 0, counts, sizeof counts, error))
         return false;
-    *num_lacking = counts[KARST_MEDIA_LACKING];
+    *num_lacking = counts[KARST_MEDIA_LACKING] + (media->fluence && karst_fluence_lacks(media->fluence) ? 1u : 0u);
     *num_made = counts[KARST_MEDIA_MADE];
     return karst_buffer_fill(media->counters, 0, 0, sizeof counts, error);
 }
@@ -173,9 +181,13 @@ void karst_media_age(karst_media *media)
 {
     if (media->sun_number && ++media->sun_number == 0)
         media->sun_number = 1;
+    if (media->fluence)
+        karst_fluence_change(media->fluence, false);
 }
 
 bool karst_media_forget(karst_media *media, karst_error *error)
 {
+    if (media->fluence)
+        karst_fluence_change(media->fluence, true);
     return karst_buffer_fill(media->states, 0, 0, media->states->size_bytes, error);
 }

@@ -4,7 +4,8 @@
  * Optical depth is exact for the samples that there are. Light that is scattered once is summed segment by segment by
  * the phase function of Henyey and Greenstein ("Diffuse radiation in the galaxy", 1941), with the depth towards the sun
  * of grids beside bricks; what is scattered more often is told by three octaves of it, after Wrenninge, Kulla and
- * Lundqvist ("Oz: the great and volumetric", 2013), or by paths, one a sample (scatter.clh). Not thread-safe. */
+ * Lundqvist ("Oz: the great and volumetric", 2013), by paths, one a sample (scatter.clh), or by a coarse grid of what
+ * goes to and fro in the medium (fluence.h). Not thread-safe. */
 #ifndef KARST_RAYCAST_MEDIA_H
 #define KARST_RAYCAST_MEDIA_H
 
@@ -28,6 +29,7 @@ typedef struct {
     karst_scattering scattering;
     bool has_atmosphere;             /* what is before media is as KARST_SHADE_ATMOSPHERE has it */
     bool glows;       /* the look has emission */
+    bool has_phase;   /* the look has g */
     bool has_lamps;   /* karst_media_add_lamps is wanted */
     bool has_streams; /* karst_media_stream_rays is wanted, and hits of clear matter */
     bool has_paths;   /* karst_media_meet_paths and karst_media_turn_paths are wanted, and nothing else that shades */
@@ -35,6 +37,7 @@ typedef struct {
     bool is_alone; /* pictures show media alone, lit by the sun alone, before a wall that glows as the sky's zenith */
     karst_shade_colour look; /* the air's albedo, g and emission, as colour, mirror and emission; source NULL: nothing
                               * is shaded, and only depths are asked for */
+    uint32_t fluence_packets; /* of light, that are followed for KARST_SCATTERING_FLUENCE; 0: a million */
     uint32_t groups;         /* 2 or more: when the sun or content moves, a picture makes this part of the grids anew,
                               * the oldest first and of these the most looked at; 0, 1: all of them */
 } karst_media_config;
@@ -72,6 +75,9 @@ typedef struct {
     bool makes_all;           /* without groups, as nobody watches */
 } karst_media_picture;
 
+/* Before the next: goes on with what KARST_SCATTERING_FLUENCE needs for it, and does nothing for others. What lacks
+ * counts in karst_media_take_counts. Waits. Errors: KARST_FAILED. */
+bool karst_media_find_fluence(karst_media *media, const karst_media_picture *picture, karst_error *error);
 /* Lays media before the sample. Asynchronous. Errors: KARST_FAILED. */
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error);
 /* After karst_media_pixels, with has_lamps: adds what media scatter once of the light of these lamps, suns, points and

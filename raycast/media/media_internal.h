@@ -4,6 +4,8 @@
 
 #include "raycast/media/media.h"
 
+typedef struct karst_fluence karst_fluence; /* raycast/media/fluence.h */
+
 struct karst_media {
     karst_context *context;
     karst_media_config config;
@@ -13,6 +15,7 @@ struct karst_media {
     cl_mem data;
     karst_buffer *view, *asked, *counters, *grids, *states, *used;
     karst_buffer *lamps; /* NULL without */
+    karst_fluence *fluence; /* likewise */
     karst_buffer *looks, *chosen; /* of groups alone: packets that looked at a slot; as `used`, what is made */
     karst_cast_view sent; /* what the queued write reads */
     float direction[3];
@@ -37,6 +40,9 @@ bool karst_media_build_paths(karst_media *media, uint32_t segments, karst_error 
  * Errors: KARST_FAILED. */
 bool karst_media_choose(karst_media *media, uint32_t serial, karst_error *error);
 /* media_launch.c */
+bool karst_media_has_fluence(const karst_media *media);
+/* What is scattered once is found along rays: of what comes more often nothing is told by octaves. */
+bool karst_media_scatters_once(const karst_media *media);
 bool karst_media_send_view(karst_media *media, const karst_cast_view *view, karst_error *error);
 karst_media_task karst_media_task_of(const karst_media *media, float metres, float detail, float most_depth);
 karst_shade_anchor karst_media_anchor(const karst_position *position);

@@ -3,6 +3,17 @@
 
 #include "raycast/media/media_internal.h"
 
+bool karst_media_has_fluence(const karst_media *media)
+{
+    const karst_media_config *c = &media->config;
+    return c->scattering == KARST_SCATTERING_FLUENCE && c->mode != KARST_MEDIA_BASIC && c->look.source && !c->has_paths;
+}
+
+bool karst_media_scatters_once(const karst_media *media)
+{
+    return media->config.scattering == KARST_SCATTERING_ONCE || media->config.scattering == KARST_SCATTERING_FLUENCE;
+}
+
 /* The view stays as it is until the queue has read it: a picture's casts have one. */
 bool karst_media_send_view(karst_media *media, const karst_cast_view *view, karst_error *error)
 {

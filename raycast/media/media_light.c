@@ -1,7 +1,7 @@
 /* Launching the kernel that lays media before a picture. */
 #include <stdio.h>
 
-#include "raycast/media/media_internal.h"
+#include "raycast/media/fluence.h"
 
 #define GPU_LOCAL_SIZE 64
 
@@ -9,9 +9,11 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
 {
     const karst_shade_colour *look = &media->config.look;
     char options[1024];
-    const char *scattering = media->config.scattering == KARST_SCATTERING_ONCE    ? " -DMEDIA_ONCE"
-                             : media->config.scattering == KARST_SCATTERING_PATHS ? " -DMEDIA_PATHS"
-                                                                                  : "";
+    const char *scattering = media->config.scattering == KARST_SCATTERING_PATHS ? " -DMEDIA_PATHS"
+                             : !karst_media_scatters_once(media)                  ? ""
+                             : !karst_media_has_fluence(media)                    ? " -DMEDIA_ONCE"
+                             : media->config.has_phase ? " -DMEDIA_ONCE -DMEDIA_FLUENCE -DMEDIA_FLUENCE_PHASE"
+                                                       : " -DMEDIA_ONCE -DMEDIA_FLUENCE";
     if (!look->source)
         return true;
     const karst_virtual_file world = {"world.clh", look->source};
@@ -32,21 +34,28 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
             (media->stream = karst_program_kernel(media->lighting, "media_stream", error)));
 }
 
-/* What all of a kernel's arguments end with: those of clear matter, then those of an atmosphere. */
+/* What all of a kernel's arguments end with: those of what is scattered often, of clear matter, of an atmosphere. */
 typedef struct {
     const karst_sky *sky;
     cl_mem table, over_hits;
     cl_float4 absorption;
+    karst_fluence_boxes boxes;
+    cl_mem words;
 } light_arguments;
 
-static light_arguments arguments_of(const karst_media_picture *picture)
+static light_arguments arguments_of(const karst_media *media, const karst_media_picture *picture)
 {
     static const karst_sky night;
     const float *a = picture->absorption;
-    return (light_arguments){.sky = picture->skies ? karst_skies_sky(picture->skies) : &night,
-                             .table = picture->skies ? karst_skies_buffer(picture->skies)->mem : NULL,
-                             .over_hits = picture->over_hits ? picture->over_hits->mem : NULL,
-                             .absorption = {{a[0], a[1], a[2], 0}}};
+    light_arguments more = {.sky = picture->skies ? karst_skies_sky(picture->skies) : &night,
+                            .table = picture->skies ? karst_skies_buffer(picture->skies)->mem : NULL,
+                            .over_hits = picture->over_hits ? picture->over_hits->mem : NULL,
+                            .absorption = {{a[0], a[1], a[2], 0}}};
+    if (media->fluence) {
+        more.boxes = karst_fluence_boxes_from(media->fluence, picture->anchor);
+        more.words = karst_fluence_words(media->fluence)->mem;
+    }
+    return more;
 }
 
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error)
@@ -58,7 +67,7 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                                       KARST_MEDIA_MOST_DEPTH);
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
     const cl_uint sun = picture->has_sun, mirror = picture->has_mirror;
-    const light_arguments more = arguments_of(picture);
+    const light_arguments more = arguments_of(media, picture);
     karst_argument arguments[64] = {POOL_ARGUMENTS(media->air, media->asked),
                                     KARST_BUFFER_ARG(media->view),
                                     KARST_VALUE_ARG(task),
@@ -76,11 +85,14 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                     KARST_BUFFER_ARG(media->looks),
                                     KARST_BUFFER_ARG(media->counters),
                                     KARST_VALUE_ARG(media->data)};
-    const karst_argument of_clear[] = {KARST_VALUE_ARG(more.over_hits), KARST_VALUE_ARG(more.absorption)},
+    const karst_argument of_fluence[] = {KARST_VALUE_ARG(more.boxes), KARST_VALUE_ARG(more.words)},
+                         of_clear[] = {KARST_VALUE_ARG(more.over_hits), KARST_VALUE_ARG(more.absorption)},
                          of_air[] = {KARST_VALUE_ARG(*more.sky), KARST_VALUE_ARG(more.table)};
     size_t num = 0;
     while (arguments[num].size_bytes)
         num++;
+    for (size_t i = 0; media->fluence && i < 2; i++)
+        arguments[num++] = of_fluence[i];
     for (size_t i = 0; media->config.has_streams && i < 2; i++)
         arguments[num++] = of_clear[i];
     for (size_t i = 0; media->config.has_atmosphere && i < 2; i++)
@@ -96,7 +108,7 @@ bool karst_media_add_lamps(karst_media *media, const karst_media_picture *pictur
     const karst_media_task task = karst_media_task_of(media, picture->metres, picture->view->detail * picture->detail,
                                                       KARST_MEDIA_MOST_DEPTH);
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
-    const light_arguments more = arguments_of(picture);
+    const light_arguments more = arguments_of(media, picture);
     const cl_uint with_land = media->config.land != NULL;
     if (!media->add_lamps || num == 0)
         return true;
@@ -131,7 +143,7 @@ bool karst_media_stream_rays(karst_media *media, const karst_media_picture *pict
     const karst_media_task task = karst_media_task_of(media, picture->metres, picture->view->detail * picture->detail,
                                                       KARST_MEDIA_MOST_DEPTH);
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
-    const light_arguments more = arguments_of(picture);
+    const light_arguments more = arguments_of(media, picture);
     const cl_uint adds = stream->adds;
     const cl_mem over_hits = stream->over_hits ? stream->over_hits->mem : NULL,
                  ways = stream->ways ? stream->ways->mem : NULL;
@@ -139,30 +151,35 @@ bool karst_media_stream_rays(karst_media *media, const karst_media_picture *pict
                  num_items = (stream->max_rays + lanes - 1) / lanes;
     if (!media->stream || num_items == 0)
         return true;
-    const karst_argument arguments[] = {POOL_ARGUMENTS(media->air, media->asked),
-                                        KARST_BUFFER_ARG(media->view),
-                                        KARST_VALUE_ARG(task),
-                                        KARST_VALUE_ARG(*picture->pinhole),
-                                        KARST_VALUE_ARG(*picture->light),
-                                        KARST_BUFFER_ARG(stream->rays),
-                                        KARST_BUFFER_ARG(stream->count),
-                                        KARST_BUFFER_ARG(stream->hits),
-                                        KARST_VALUE_ARG(over_hits),
-                                        KARST_VALUE_ARG(ways),
-                                        KARST_BUFFER_ARG(picture->parts),
-                                        KARST_VALUE_ARG(adds),
-                                        KARST_VALUE_ARG(at),
-                                        KARST_BUFFER_ARG(media->grids),
-                                        KARST_BUFFER_ARG(media->states),
-                                        KARST_BUFFER_ARG(media->air.brick_owner),
-                                        KARST_BUFFER_ARG(media->used),
-                                        KARST_BUFFER_ARG(media->looks),
-                                        KARST_BUFFER_ARG(media->counters),
-                                        KARST_VALUE_ARG(media->data),
-                                        /* of an atmosphere alone */
-                                        KARST_VALUE_ARG(*more.sky),
-                                        KARST_VALUE_ARG(more.table)};
-    const size_t num = sizeof arguments / sizeof *arguments - (media->config.has_atmosphere ? 0 : 2);
+    karst_argument arguments[64] = {POOL_ARGUMENTS(media->air, media->asked),
+                                    KARST_BUFFER_ARG(media->view),
+                                    KARST_VALUE_ARG(task),
+                                    KARST_VALUE_ARG(*picture->pinhole),
+                                    KARST_VALUE_ARG(*picture->light),
+                                    KARST_BUFFER_ARG(stream->rays),
+                                    KARST_BUFFER_ARG(stream->count),
+                                    KARST_BUFFER_ARG(stream->hits),
+                                    KARST_VALUE_ARG(over_hits),
+                                    KARST_VALUE_ARG(ways),
+                                    KARST_BUFFER_ARG(picture->parts),
+                                    KARST_VALUE_ARG(adds),
+                                    KARST_VALUE_ARG(at),
+                                    KARST_BUFFER_ARG(media->grids),
+                                    KARST_BUFFER_ARG(media->states),
+                                    KARST_BUFFER_ARG(media->air.brick_owner),
+                                    KARST_BUFFER_ARG(media->used),
+                                    KARST_BUFFER_ARG(media->looks),
+                                    KARST_BUFFER_ARG(media->counters),
+                                    KARST_VALUE_ARG(media->data)};
+    const karst_argument of_fluence[] = {KARST_VALUE_ARG(more.boxes), KARST_VALUE_ARG(more.words)},
+                         of_air[] = {KARST_VALUE_ARG(*more.sky), KARST_VALUE_ARG(more.table)};
+    size_t num = 0;
+    while (arguments[num].size_bytes)
+        num++;
+    for (size_t i = 0; media->fluence && i < 2; i++)
+        arguments[num++] = of_fluence[i];
+    for (size_t i = 0; media->config.has_atmosphere && i < 2; i++)
+        arguments[num++] = of_air[i];
     return karst_media_send_view(media, picture->view, error) &&
            karst_arguments(media->stream, arguments, num, error) &&
            karst_launch(media->context, media->stream, KARST_STAGE_MEDIA,

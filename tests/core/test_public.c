@@ -125,6 +125,7 @@ static void test_names(void **state)
     karst_scattering scattering = KARST_SCATTERING_OCTAVES;
     assert_true(karst_scattering_parse("paths", &scattering, NULL) && scattering == KARST_SCATTERING_PATHS);
     assert_true(karst_scattering_parse("once", &scattering, NULL) && scattering == KARST_SCATTERING_ONCE);
+    assert_true(karst_scattering_parse("fluence", &scattering, NULL) && scattering == KARST_SCATTERING_FLUENCE);
     assert_refused(karst_scattering_parse("twice", &scattering, &error), KARST_USAGE, "octaves, once, paths");
     assert_true(karst_points_is_name("a/b.karstpoints"));
     assert_false(karst_points_is_name("b.ply") || karst_points_is_name("a.karstpoints/b") || karst_points_is_name(""));

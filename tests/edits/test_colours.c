@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 #define WIDTH 160
 #define HEIGHT 120
@@ -20,13 +21,6 @@
 #define NUM_BYTES (NUM_PIXELS * 4)
 #define MAX_FRAMES 200
 #define VOXEL_M 0.125
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char world_path[] = "/tmp/karst-colours-XXXXXX.karst";
 
@@ -59,13 +53,6 @@ static karst_engine_config base_config(void)
                                  .height_px = HEIGHT,
                                  .samples = 2,
                                  .pool_bytes = (uint64_t)1 << 27};
-}
-
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_engine *engine;
-    assert_ok(engine = karst_engine_create(config, &error));
-    return engine;
 }
 
 static karst_stats take(karst_engine *engine, uint8_t *rgba)
@@ -122,7 +109,7 @@ static void paint_is_seen_at_every_level(void **state)
     static uint8_t rgba[NUM_BYTES];
     static float before[NUM_PIXELS * 3], albedo[NUM_PIXELS * 3], at[NUM_PIXELS * 3], level[NUM_PIXELS];
     karst_engine_config config = base_config();
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     take(engine, rgba);
     read_aov(engine, KARST_AOV_ALBEDO, before);
     const karst_edit edit = half_painted();
@@ -177,7 +164,7 @@ static void pictures_are_the_same_whatever_draws_them(void **state)
     karst_engine_config config = base_config();
     config.mirror = 0.3;
     config.lanes = 16;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     take(engine, plain);
     scatter(engine);
     take(engine, first);
@@ -186,7 +173,7 @@ static void pictures_are_the_same_whatever_draws_them(void **state)
     for (int way = 0; way < 2; way++) {
         config.lanes = way ? 16 : 1;
         config.max_segment_bytes = way ? config.pool_bytes / 5 : 0;
-        engine = create(&config);
+        engine = scene_open(&config);
         scatter(engine);
         take(engine, other);
         assert_memory_equal(other, first, NUM_BYTES);
@@ -201,7 +188,7 @@ static void who_does_not_paint_does_not_pay(void **state)
     (void)state;
     static uint8_t plain[NUM_BYTES], painted[NUM_BYTES], undone[NUM_BYTES];
     karst_engine_config config = base_config();
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const karst_edit hole = {.at = place(0, 0, 20), .mode = KARST_EDIT_REMOVE, .radius_m = 2};
     assert_ok(karst_engine_edit(engine, &hole, 1, &error));
     karst_stats stats = take(engine, plain);

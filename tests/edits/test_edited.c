@@ -16,18 +16,12 @@
 #include "karst/karst.h"
 #include "producers/edits/edit_list.h"
 #include "tests/noise/random.h"
+#include "tests/support/scene.h"
 
 #define WIDTH 160
 #define HEIGHT 120
 #define NUM_BYTES (WIDTH * HEIGHT * 4)
 #define MAX_FRAMES 200
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_engine_config base_config(const char *world)
 {
@@ -36,13 +30,6 @@ static karst_engine_config base_config(const char *world)
                                  .width_px = WIDTH,
                                  .height_px = HEIGHT,
                                  .pool_bytes = (uint64_t)1 << 28};
-}
-
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_engine *engine;
-    assert_ok(engine = karst_engine_create(config, &error));
-    return engine;
 }
 
 static karst_stats take(karst_engine *engine, uint8_t *rgba)
@@ -94,7 +81,7 @@ static void edits_one_by_one_are_edits_from_the_start(void **state)
     static uint8_t one_by_one[NUM_BYTES], at_once[NUM_BYTES], plain[NUM_BYTES], undone[NUM_BYTES];
     const int num_edits = getenv("KARST_TEST_QUICK") ? NUM_EDITS / 10 : NUM_EDITS;
     karst_engine_config config = base_config("hills");
-    karst_engine *engine = create(&config), *fresh = create(&config);
+    karst_engine *engine = scene_open(&config), *fresh = scene_open(&config);
     karst_edit *edits = calloc((size_t)num_edits, sizeof *edits);
     size_t num;
     random_state = 7;
@@ -139,7 +126,7 @@ static void an_edit_is_there_soon(void **state)
     (void)state;
     static uint8_t rgba[NUM_BYTES], after[NUM_BYTES], settled[NUM_BYTES];
     karst_engine_config config = base_config("hills");
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     karst_edit_report small, large;
     random_state = 8;
     karst_edit edit = random_edit(engine, 1, 2);
@@ -200,7 +187,7 @@ static void one_edit_among_many_is_there_soon(void **state)
     config.height_px = 600;
     config.pool_bytes = (uint64_t)1 << 29;
     const size_t num_bytes = 800 * 600 * 4;
-    karst_engine *plain = create(&config), *engine = create(&config);
+    karst_engine *plain = scene_open(&config), *engine = scene_open(&config);
     karst_edit *edits = calloc(MANY_EDITS, sizeof *edits);
     uint8_t *after = malloc(num_bytes), *at_rest = malloc(num_bytes);
     bool settled;
@@ -245,14 +232,14 @@ static void pools_of_any_size_come_to_rest(void **state)
     (void)state;
     static uint8_t rgba[NUM_BYTES];
     karst_engine_config config = base_config("hills");
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     karst_stats whole = take(engine, rgba);
     karst_engine_destroy(engine);
     static const int parts[] = {100, 50, 25, 10};
     for (int i = 0; i < 4; i++) {
         config.num_bricks = (uint32_t)(whole.bricks.num_used * (uint64_t)parts[i] / 100) + 16;
         config.num_tiles = 3 * config.num_bricks;
-        engine = create(&config);
+        engine = scene_open(&config);
         random_state = 9;
         for (int k = 0; k < 30; k++) {
             karst_edit edit = random_edit(engine, 1, 40);
@@ -284,7 +271,7 @@ static void edits_that_keep_coming_leave_it_calm(void **state)
     (void)state;
     static uint8_t rgba[NUM_BYTES];
     karst_engine_config config = base_config("hills");
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const int num_frames = PICTURES_A_SECOND * SECONDS / (getenv("KARST_TEST_QUICK") ? 5 : 1);
     karst_stats whole = take(engine, rgba);
     karst_engine_destroy(engine);
@@ -292,7 +279,7 @@ static void edits_that_keep_coming_leave_it_calm(void **state)
     for (int i = 0; i < 4; i++) {
         config.num_bricks = (uint32_t)(whole.bricks.num_used * (uint64_t)parts[i] / 100) + 16;
         config.num_tiles = 3 * config.num_bricks;
-        engine = create(&config);
+        engine = scene_open(&config);
         const karst_stats before = take(engine, rgba);
         karst_stats stats;
         double coarsest_px = 0;
@@ -347,7 +334,7 @@ static void far_out_as_at_the_origin(void **state)
     fclose(file);
     karst_engine_config config = base_config(path);
     for (int place = 0; place < 2; place++) {
-        karst_engine *engine = create(&config);
+        karst_engine *engine = scene_open(&config);
         karst_camera camera = karst_engine_camera(engine);
         const double base_m[3] = {place ? 0x1p50 : 0, 0, place ? -0x1p50 : 0};
         camera.position = karst_position_add_m(camera.position, base_m, -3);
@@ -433,7 +420,7 @@ static void look_at_slope(bool refine, double *at_surface, double *upright)
     karst_engine_config config = base_config(path);
     config.refine = refine;
     config.no_blend = config.no_shadows = true;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     unlink(path);
     karst_edit edits[8];
     const size_t num_edits = slope_edits(edits);

@@ -28,6 +28,7 @@ static int mutant = NONE;
 bool karst_edit_list_range(const karst_edit_list *list, const karst_position *centre, const double half_voxels[3],
                            int level, double range[2]);
 #include "producers/edits/edit_range.c"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-3)
 #define VOXEL_M 0.125
@@ -65,13 +66,6 @@ static karst_edit random_edit(const int64_t around[3], double spread_voxels)
     e.strength = random_below(2) ? 1 : random_magnitude(1e-3, 1);
     return e;
 }
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_edit_list random_list(int num, const int64_t around[3], double spread_voxels)
 {

@@ -11,15 +11,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 75, HEIGHT = 53, NUM = WIDTH * HEIGHT, MARGIN = KARST_ENGINE_WINDOW_MARGIN_PX };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* Mirrors look at pixels beside them; fog is laid before land, and its depths are sums whose lanes wait for others. */
 typedef struct {

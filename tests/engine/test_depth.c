@@ -15,13 +15,7 @@
 #include <GL/gl.h>
 
 #include "karst/karst.h"
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
+#include "tests/support/ok.h"
 
 enum { WIDTH = 400, HEIGHT = 300, NUM = WIDTH * HEIGHT, SMALL_WIDTH = 64, SMALL_HEIGHT = 48, OSMESA_RGBA = GL_RGBA };
 

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 #define WIDTH 320
 #define HEIGHT 240
@@ -45,22 +46,6 @@ static karst_engine_config base_config(const char *world)
                                  .pool_bytes = (uint64_t)1 << 29,
                                  .count_changed_pixels = true,
                                  .log = &log_to_test};
-}
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
-
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
 }
 
 static picture take(karst_engine *engine)
@@ -128,7 +113,7 @@ static int count_holes(const float *reference_m, const float *depth_m, int margi
 static void check_calm_at_pool_sizes(const char *world)
 {
     karst_engine_config config = base_config(world);
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture wanted = take(engine);
     assert_true(wanted.stats.detail_given_px == wanted.stats.detail_asked_px);
     assert_true(wanted.stats.num_hits > NUM_PIXELS / 10);
@@ -143,7 +128,7 @@ static void check_calm_at_pool_sizes(const char *world)
         config.num_bricks =
             (uint32_t)(wanted.stats.bricks.num_used * (uint64_t)percents[i] / 100) + SPARE_BRICKS + 1; /* and slot 0 */
         config.num_tiles = (uint32_t)(wanted.stats.tiles.num_used * (uint64_t)percents[i] / 100) + 1;
-        engine = create(&config);
+        engine = scene_open(&config);
         picture p = take(engine);
         print_message("%s, pools at %3d %%: %u frames, given %.3f of %.3f px, %llu bricks and %llu tiles used\n", world,
                       percents[i], p.num_frames, p.stats.detail_given_px, p.stats.detail_asked_px,
@@ -182,7 +167,7 @@ static void test_history_leaves_no_trace(void **state)
 {
     (void)state;
     karst_engine_config config = base_config("hills");
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture direct = take(engine);
     karst_camera home = karst_engine_camera(engine);
     int voxel_log2_m = karst_engine_voxel_log2_m(engine);
@@ -193,7 +178,7 @@ static void test_history_leaves_no_trace(void **state)
             release(&direct);
             config.num_bricks = (uint32_t)direct.stats.bricks.num_used / 3;
             config.num_tiles = (uint32_t)direct.stats.tiles.num_used;
-            engine = create(&config);
+            engine = scene_open(&config);
             direct = take(engine);
             assert_true(direct.stats.detail_given_px > direct.stats.detail_asked_px);
         }
@@ -225,11 +210,11 @@ static void test_segments_change_nothing(void **state)
     config.pool_bytes = 0;
     config.num_bricks = 6000;
     config.num_tiles = 12000;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture whole = take(engine);
     karst_engine_destroy(engine);
     config.max_segment_bytes = (size_t)1000 * 4928 * 2; /* 1000 bricks to a segment */
-    engine = create(&config);
+    engine = scene_open(&config);
     picture cut = take(engine);
     assert_memory_equal(cut.rgba, whole.rgba, NUM_PIXELS * 4);
     release(&cut);
@@ -244,11 +229,11 @@ static void test_lanes_change_nothing(void **state)
     karst_engine_config config = base_config("hills");
     config.detail_px = 3;
     config.lanes = 16;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture wide = take(engine);
     karst_engine_destroy(engine);
     config.lanes = 1;
-    engine = create(&config);
+    engine = scene_open(&config);
     picture narrow = take(engine);
     karst_engine_destroy(engine);
     assert_memory_equal(narrow.depth_m, wide.depth_m, NUM_PIXELS * sizeof(float));
@@ -266,7 +251,7 @@ static void test_displays_own_and_borrowed(void **state)
     karst_error error = {0};
     karst_engine_config config = base_config("hills");
     config.detail_px = 3;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture own = take(engine);
     assert_int_equal(karst_display_get_kind(karst_engine_display(engine)), KARST_DISPLAY_NONE);
     karst_engine_destroy(engine);
@@ -276,7 +261,7 @@ static void test_displays_own_and_borrowed(void **state)
     const karst_display_kind kind = karst_display_get_kind(display);
     config.in_display = display;
     for (int i = 0; i < 2; i++) { /* the second finds it as the first left it */
-        engine = create(&config);
+        engine = scene_open(&config);
         assert_ptr_equal(karst_engine_display(engine), display);
         picture borrowed = take(engine);
         karst_engine_destroy(engine);
@@ -294,12 +279,12 @@ static void check_looking_again(bool no_shadows, uint32_t num_frames)
 {
     karst_engine_config config = base_config("hills");
     config.no_shadows = no_shadows;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture looked_again = take(engine);
     karst_engine_destroy(engine);
     assert_int_equal(looked_again.num_frames, num_frames);
 
-    engine = create(&config);
+    engine = scene_open(&config);
     karst_stats stats = {0};
     while (!stats.settled && stats.frame < MAX_FRAMES) {
         assert_ok(karst_engine_frame(engine, &error));
@@ -321,11 +306,11 @@ static void check_vectors(const char *vectors)
     karst_engine_config config = base_config("hills");
     config.detail_px = 3;
     config.lanes = 16;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     picture fast = take(engine);
     karst_engine_destroy(engine);
     assert_int_equal(setenv("KARST_VECTORS", vectors, 1), 0);
-    engine = create(&config);
+    engine = scene_open(&config);
     picture plain = take(engine);
     karst_engine_destroy(engine);
     unsetenv("KARST_VECTORS");

@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 64, HEIGHT = 48 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 #define HEAD                                                                                           \
     "/*{ \"voxel\": 0.015625, \"view\": 400, \"sun\": { \"azimuth\": 60, \"elevation\": 40 },\n"       \

@@ -13,17 +13,11 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 #define NUM_FLIGHTS 5
 #define MAX_FRAMES 120
 #define CALM_FRAMES 3
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 typedef struct {
     int width_px, height_px;

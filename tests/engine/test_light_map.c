@@ -13,15 +13,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { SIDE = 32, BAKED = 48, MOST = 64 * 64 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[64];
 static float light[3 * MOST], other[3 * MOST], half[3 * MOST];

@@ -41,15 +41,6 @@ static karst_engine_config base_config(void)
                                  .pool_bytes = (uint64_t)64 << 20};
 }
 
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
-}
-
 static void settle(karst_engine *engine, uint8_t *rgba)
 {
     bool settled = false;
@@ -92,7 +83,7 @@ static void views_show_what_is_known(void **state)
     for (int lanes = 16; lanes; lanes = lanes == 16 && full ? 1 : 0) {
         karst_engine_config config = base_config();
         config.lanes = lanes;
-        karst_engine *engine = create(&config);
+        karst_engine *engine = scene_open(&config);
         settle(engine, before);
         assert_ok(karst_engine_read_aov(engine, KARST_AOV_ALBEDO, albedo, 3 * NUM, &error));
         assert_ok(karst_engine_read_aov(engine, KARST_AOV_OCCLUSION, open_share, NUM, &error));
@@ -136,7 +127,7 @@ static void what_there_is_none_of_is_not_shown(void **state)
     karst_error said = {0};
     karst_engine_config config = base_config();
     config.occlusion = KARST_OCCLUSION_OFF;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     assert_false(karst_engine_set_view(engine, KARST_VIEW_OCCLUSION, &said));
     assert_int_equal(said.status, KARST_USAGE);
     assert_non_null(strstr(said.message, "--occlusion"));
@@ -152,11 +143,11 @@ static void exposure_changes_at_once(void **state)
     double stops;
     config.samples = 3;
     config.exposure_stops = 1;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     settle(engine, before);
     karst_engine_destroy(engine);
     config.exposure_stops = 0;
-    engine = create(&config);
+    engine = scene_open(&config);
     settle(engine, after);
     assert_memory_not_equal(before, after, sizeof before);
     karst_engine_stats(engine, &stats);

@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT, SAMPLES = 4 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_engine_config base_config(const char *world)
 {
@@ -30,15 +24,6 @@ static karst_engine_config base_config(const char *world)
                                  .height_px = HEIGHT,
                                  .exposure = KARST_EXPOSURE_GIVEN,
                                  .pool_bytes = (uint64_t)64 << 20};
-}
-
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
 }
 
 typedef struct {
@@ -60,7 +45,7 @@ static void settle(karst_engine *engine, picture *p)
 
 static void take_from(const karst_engine_config *config, const char *position, picture *p)
 {
-    karst_engine *engine = create(config);
+    karst_engine *engine = scene_open(config);
     if (position) {
         karst_camera camera = karst_engine_default_camera(engine);
         assert_ok(karst_camera_parse(position, karst_engine_voxel_log2_m(engine), &camera, &error));
@@ -169,7 +154,7 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
 
     /* Elsewhere first, in less memory, and in two goes. */
     config.pool_bytes = (uint64_t)48 << 20;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const karst_camera there = karst_engine_default_camera(engine);
     karst_camera away = there;
     away.yaw_deg += 40;
@@ -249,7 +234,7 @@ static void little_memory_settles(void **state)
     config.num_tiles = 144;
     take_from(&config, NULL, &whole);
     assert_true(whole.stats.detail_given_px > 1);
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const karst_camera there = karst_engine_default_camera(engine);
     karst_camera away = there;
     away.yaw_deg += 90;
@@ -269,7 +254,7 @@ static void other_sizes_leave_no_trace(void **state)
     karst_engine_config config = base_config("hills");
     config.mirror = 0.7;
     config.view_distance_m = 1000;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     settle(engine, &whole);
     for (int i = 0; i < 2; i++) {
         bool settled = false;
@@ -280,7 +265,7 @@ static void other_sizes_leave_no_trace(void **state)
         assert_ok(karst_engine_read_pixels(engine, whole.bytes, size_bytes, &error));
         config.width_px = sizes[i][0];
         config.height_px = sizes[i][1];
-        karst_engine *fresh = create(&config);
+        karst_engine *fresh = scene_open(&config);
         assert_ok(karst_engine_settle(fresh, 400, NULL, NULL, &settled, &error));
         assert_true(settled);
         assert_ok(karst_engine_read_pixels(fresh, other.bytes, size_bytes, &error));
@@ -313,7 +298,7 @@ static void far_out_light_is_the_same(void **state)
     assert_int_equal(other.stats.num_rays[KARST_STREAM_MIRROR], 0);
     assert_memory_not_equal(whole.light, other.light, sizeof whole.light);
     config.exposure = KARST_EXPOSURE_OF_WORLD;
-    karst_engine *engine = create(&config); /* without mirrors a picture is bytes from the start */
+    karst_engine *engine = scene_open(&config); /* without mirrors a picture is bytes from the start */
     assert_false(karst_engine_keeps_radiance(engine));
     karst_engine_destroy(engine);
     unlink(path);

@@ -13,17 +13,11 @@
 
 #include "core/engine/engine_parts.h"
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 96, HEIGHT = 72, NUM = WIDTH * HEIGHT };
 enum { TRUE_WIDTH = 320, TRUE_HEIGHT = 240, TRUE_NUM = TRUE_WIDTH * TRUE_HEIGHT }; /* beside many rays */
 enum { BOUND_WIDTH = 40, BOUND_HEIGHT = 30, BOUND_NUM = BOUND_WIDTH * BOUND_HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_engine_config base_config(const char *world)
 {

@@ -13,15 +13,9 @@
 
 #include "karst/edit.h"
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 48, HEIGHT = 36, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char path[64];
 
@@ -41,15 +35,6 @@ static karst_engine_config config_of(const char *text, uint32_t samples)
                                  .pool_bytes = (uint64_t)48 << 20};
 }
 
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
-}
-
 static karst_stats stats;
 static void settle(karst_engine *engine, float light[3 * NUM])
 {
@@ -62,7 +47,7 @@ static void settle(karst_engine *engine, float light[3 * NUM])
 
 static void take(const karst_engine_config *config, float light[3 * NUM])
 {
-    karst_engine *engine = create(config);
+    karst_engine *engine = scene_open(config);
     settle(engine, light);
     karst_engine_destroy(engine);
 }
@@ -277,7 +262,7 @@ static void lamps_add_up(void **state)
             config.width_px = width_px;
             config.height_px = height_px;
             bool settled = false;
-            karst_engine *engine = create(&config);
+            karst_engine *engine = scene_open(&config);
             assert_ok(karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error));
             assert_ok(karst_engine_read_radiance(engine, light, num, &error));
             karst_engine_destroy(engine);
@@ -311,7 +296,7 @@ static void paint_is_lit(void **state)
                              .has_colour = true,
                              .colour = {0.7, 0.05, 0.2},
                              .strength = 1};
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     assert_ok(karst_engine_edit(engine, &edit, 1, &error));
     settle(engine, light);
     karst_engine_destroy(engine);
@@ -346,7 +331,7 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
         config.lanes = 0;
         /* Elsewhere first, in less memory, and in two goes. */
         config.pool_bytes = (uint64_t)32 << 20;
-        karst_engine *engine = create(&config);
+        karst_engine *engine = scene_open(&config);
         const karst_camera there = karst_engine_default_camera(engine);
         karst_camera away = there;
         away.yaw_deg += 30;
@@ -371,7 +356,7 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
         config.width_px = 21;
         config.height_px = 17;
         float part[3 * 21 * 17];
-        engine = create(&config);
+        engine = scene_open(&config);
         assert_ok(karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error));
         assert_ok(karst_engine_read_radiance(engine, part, 3 * 21 * 17, &error));
         karst_engine_destroy(engine);
@@ -393,7 +378,7 @@ static void little_memory_settles(void **state)
         take(&config, light);
         print_message("at %g pixels a voxel\n", stats.detail_given_px);
         assert_true(stats.detail_given_px > 1);
-        karst_engine *engine = create(&config);
+        karst_engine *engine = scene_open(&config);
         const karst_camera there = karst_engine_default_camera(engine);
         karst_camera away = there;
         away.yaw_deg += 20;

@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 64, HEIGHT = 48, NUM = WIDTH * HEIGHT, SAMPLES = 8 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_engine_config base_config(const char *world)
 {
@@ -29,15 +23,6 @@ static karst_engine_config base_config(const char *world)
                                  .width_px = WIDTH,
                                  .height_px = HEIGHT,
                                  .pool_bytes = (uint64_t)64 << 20};
-}
-
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
 }
 
 static void settle(karst_engine *engine, uint32_t samples)
@@ -63,7 +48,7 @@ static void read_picture(karst_engine *engine, picture *p)
 
 static void take(const karst_engine_config *config, picture *p)
 {
-    karst_engine *engine = create(config);
+    karst_engine *engine = scene_open(config);
     settle(engine, config->samples ? config->samples : 1);
     read_picture(engine, p);
     karst_engine_destroy(engine);
@@ -91,7 +76,7 @@ static void one_sample_gives_the_bytes_of_the_short_way(void **state)
         for (int no_shadows = 1; no_shadows >= 0; no_shadows--) {
             karst_engine_config config = base_config(worlds[i]);
             config.no_shadows = no_shadows;
-            karst_engine *engine = create(&config);
+            karst_engine *engine = scene_open(&config);
             settle(engine, 1);
             assert_ok(karst_engine_read_pixels(engine, bytes, sizeof bytes, &error));
             karst_error error = {0};
@@ -127,7 +112,7 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
 
     /* Elsewhere first, and in two goes. */
     config.pool_bytes = (uint64_t)48 << 20;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const karst_camera there = karst_engine_default_camera(engine);
     karst_camera away = there;
     away.yaw_deg += 40;
@@ -171,9 +156,9 @@ static void beams_leave_no_trace(void **state)
     config.detail_px = 2;
     config.view_distance_m = 2000;
     config.no_blend = true;
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     config.no_beam = true;
-    karst_engine *alone = create(&config);
+    karst_engine *alone = scene_open(&config);
     for (int i = 0; i < 4; i++) {
         char text[64];
         karst_camera camera = {.fov_deg = 60};
@@ -203,7 +188,7 @@ static void depth_is_settled_too(void **state)
     config.pool_bytes = (uint64_t)512 << 20;
     for (int many = 0; many < 2; many++) {
         config.samples = many ? 8 : 1;
-        karst_engine *engine = create(&config);
+        karst_engine *engine = scene_open(&config);
         for (int i = 0; i < NUM_VIEWS; i++) {
             char text[64];
             karst_camera camera = {.fov_deg = 60};

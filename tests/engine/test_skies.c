@@ -17,15 +17,9 @@
 #include "raycast/light/atmosphere.clh"
 #include "raycast/light/light.h"
 #include "raycast/light/skies.h"
+#include "tests/support/scene.h"
 
 enum { WIDTH = 48, HEIGHT = 32, NUM = WIDTH * HEIGHT };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static const char plain[] = "/*{ \"voxel\": 1, \"view\": 5000, \"sun\": { \"azimuth\": 30, \"elevation\": 12 },\n"
                             "\"camera\": { \"position\": [\"0\", \"900\", \"0\"], \"yaw\": 20, \"pitch\": 20 },\n"
@@ -60,15 +54,6 @@ static karst_engine_config base_config(void)
                                  .pool_bytes = (uint64_t)48 << 20};
 }
 
-static karst_engine *create(const karst_engine_config *config)
-{
-    karst_error error = {0};
-    karst_engine *engine = karst_engine_create(config, &error);
-    if (!engine)
-        fail_msg("%s", error.message);
-    return engine;
-}
-
 static void look(karst_engine *engine, const karst_camera *camera, float light[3 * NUM])
 {
     bool settled = false;
@@ -84,7 +69,7 @@ static void the_sky_is_the_tables(void **state)
 {
     (void)state;
     const karst_engine_config config = base_config();
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     const karst_camera camera = karst_engine_default_camera(engine);
     karst_light light = karst_light_of_sun(30, 12);
     karst_sky_view view = {.eye_m = {0, 900, 0}, .voxel_m = 1};
@@ -116,7 +101,7 @@ static void lanes_and_history_leave_no_trace(void **state)
 {
     (void)state;
     karst_engine_config config = base_config();
-    karst_engine *engine = create(&config);
+    karst_engine *engine = scene_open(&config);
     karst_camera camera = karst_engine_default_camera(engine), away = camera;
     camera.pitch_deg = -5;
     away.position.voxel[1] += 3000;
@@ -126,7 +111,7 @@ static void lanes_and_history_leave_no_trace(void **state)
     karst_engine_destroy(engine);
     for (int lanes = 0; lanes < 2; lanes++) {
         config.lanes = lanes;
-        engine = create(&config);
+        engine = scene_open(&config);
         look(engine, &camera, second);
         karst_engine_destroy(engine);
         assert_memory_equal(first, second, sizeof first);

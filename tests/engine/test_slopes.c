@@ -15,6 +15,7 @@
 #include "core/engine/engine_parts.h"
 #include "karst/karst.h"
 #include "raycast/cast/slopes_shared.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH_PX = 160, HEIGHT_PX = 120 };
 
@@ -22,13 +23,6 @@ static const char world_text[] =
     "/*{ \"voxel\": 0.25, \"view\": 200, \"camera\": { \"position\": [\"0\", \"14\", \"-20\"], \"pitch\": -20 } }*/\n"
     "float density(vec3 p) { return 4.0 * fbm(p / 16.0, 3) - p.y; }\n";
 static char world_path[] = "/tmp/karst-slopes-XXXXXX.karst";
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_engine *create(double budget_ms, uint32_t num_bricks)
 {

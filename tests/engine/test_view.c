@@ -13,6 +13,7 @@
 
 #include "core/engine/engine_internal.h"
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 #define WIDTH 160
 #define HEIGHT 120
@@ -21,13 +22,6 @@
 static karst_engine *engine;
 static uint8_t picture[NUM_PIXELS * 4], painted[NUM_PIXELS * 4];
 static float depth_m[NUM_PIXELS], normals[NUM_PIXELS * 3];
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static void settle(void)
 {

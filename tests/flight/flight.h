@@ -12,17 +12,11 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 #define FLIGHT_WIDTH 96
 #define FLIGHT_HEIGHT 72
 #define FLIGHT_PIXELS (FLIGHT_WIDTH * FLIGHT_HEIGHT)
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 typedef struct {
     uint8_t rgba[FLIGHT_PIXELS * 4];

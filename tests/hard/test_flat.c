@@ -1,7 +1,7 @@
 /* Air that is exactly 0, in pictures: shapes whose density is flattened in the ways in which people write it. Rays meet
  * what they meet of the signed shape, at the same places and facing the same way: in the reference, and with
  * KARST_TEST_FULL=1 in pictures of bricks, which lie no farther from the truth than those of the signed text.
- * FLAT_ONLY: worlds whose name holds this. */
+ * FLAT_ONLY: worlds whose name holds this; FLAT_TELL: which rays are wrong. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -125,11 +125,15 @@ static size_t num_wrong_rays(size_t *num_hits)
     for (int k = 0; k < width_px * height_px; k++) {
         const karst_reference_hit *a = &signed_one.hits[k], *b = &flat_one.hits[k];
         const bool is_hit = a->kind == KARST_REFERENCE_SURFACE;
+        const double turned_deg = is_hit ? angle_deg(a->normal, b->normal) : 0;
         *num_hits += is_hit;
-        if (a->kind != b->kind || (is_hit && (fabs(a->t_m - b->t_m) > 1e-3 * a->footprint_m)))
-            wrong++;
-        else if (is_hit && angle_deg(a->normal, b->normal) > 1)
-            wrong++;
+        if (a->kind == b->kind && !(is_hit && fabs(a->t_m - b->t_m) > 1e-3 * a->footprint_m) && turned_deg <= 1)
+            continue;
+        wrong++;
+        if (getenv("FLAT_TELL"))
+            print_message("  %d, %d: at %.9g m (%.3f %.3f %.3f), found at %.9g (%.3f %.3f %.3f), turned by %.3f\n",
+                          k % width_px, k / width_px, a->t_m, a->normal[0], a->normal[1], a->normal[2], b->t_m,
+                          b->normal[0], b->normal[1], b->normal[2], turned_deg);
     }
     return wrong;
 }
@@ -140,7 +144,9 @@ static bool is_wanted(size_t n, size_t every)
 {
     const char *only = getenv("FLAT_ONLY");
     snprintf(flat_name, sizeof flat_name, "%s: %s", shapes[shape_of(n)].name, forms[form_of(n)]);
-    return only ? strstr(flat_name, only) != NULL : n % every == 0;
+    /* what decides this one are floats, which jump now before and now behind where doubles do */
+    const bool is_jumpy = !strcmp(flat_name, "ball: return ceil(saturate(d));");
+    return only ? strstr(flat_name, only) != NULL : n % every == 0 || is_jumpy;
 }
 
 /* All in full; else every 20th, each of another shape and form, at few rays: they compile no kernels. */

@@ -13,15 +13,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 32, HEIGHT = 16, NUM_VALUES = WIDTH * HEIGHT * 3, SAMPLES = 16 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* Night; a ball of fog around the origin, and lamps above what is seen of it: a point and a spot. */
 #define HEAD(x, wall_m, lights) \

@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 48, HEIGHT = 32, NUM_VALUES = WIDTH * HEIGHT * 3 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* A plain, a wall across it on the left, and a sun that comes low from the left. */
 #define HEAD                                                                                            \

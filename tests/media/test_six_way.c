@@ -14,16 +14,10 @@
 
 #include "karst/karst.h"
 #include "karst/maps.h"
+#include "tests/support/ok.h"
 
 enum { SIDE = 32, NUM_PIXELS = SIDE * SIDE, NUM_VALUES = NUM_PIXELS * 4 };
 enum { RIGHT, ABOVE, FRONT, HIDDEN, LEFT, BELOW, BEHIND, GLOW, NUM_MAPS };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* A ball around the origin, 2 m in radius, its outermost eighth fading; the camera 10 m before it, on its axis. */
 #define HEAD                                                                                                \

@@ -16,15 +16,9 @@
 #include "karst/karst.h"
 #include "karst/medium.h"
 #include "raycast/media/media_internal.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 48, HEIGHT = 32, NUM_VALUES = WIDTH * HEIGHT * 3 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 #define HEAD(particles)                                                                                  \
     "/*{ \"voxel\": 0.25, \"view\": 300, \"sun\": { \"azimuth\": 270, \"elevation\": 40 },\n"            \

@@ -12,15 +12,9 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
 enum { WIDTH = 32, HEIGHT = 16, NUM_VALUES = WIDTH * HEIGHT * 3, MIDDLE = HEIGHT / 2 * WIDTH + WIDTH / 2 };
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* Night. The camera looks down, 20 m above the origin, by so little of a picture that its rays are all but one. */
 #define HEAD                                                                                                     \

@@ -44,10 +44,10 @@ clean()
 }
 cat > "$scratch/land.karst" << 'END'
 /*{ "voxel": 0.0625, "view": 200, "camera": { "position": ["0", "30", "0"], "pitch": -12 } }*/
-float density(vec3 p) { return 24.0 * fbm(p / 96.0, 2) + 6.0 * ridged(p.xz / 40.0, 2) - p.y; }
+float density(vec3 p) { return 24.0 * fbm(p / 96.0, 1) + 6.0 * ridged(p.xz / 40.0, 1) - p.y; }
 vec3 colour(vec3 p, vec3 n) { return mix(vec3(0.4, 0.3, 0.2), vec3(0.1, 0.3, 0.1), smoothstep(0.6, 0.9, n.y)); }
 END
-clean "land, tiny, under oclgrind" "$scratch/land.karst" --size 18x14 --detail 8 --pool 2 --samples 2
+clean "land, tiny, under oclgrind" "$scratch/land.karst" --size 14x10 --detail 8 --pool 2 --samples 2
 if [ -n "${KARST_TEST_FULL:-}" ]; then
     clean "hills, tiny, under oclgrind" hills --size 18x14 --detail 8 --view-distance 200 --pool 2 --samples 2
     clean "asteroid, tiny, under oclgrind" asteroid --size 14x10 --detail 8 --pool 2 --samples 2

@@ -21,16 +21,10 @@ static int mutant = NONE;
 #include "producers/particles/particles.h"
 #include "producers/steps/load_shared.h"
 #include "tests/noise/random.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-3)
 #define VOXEL_M 0x1p-3
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static karst_particle_group emitter(double count)
 {

@@ -10,13 +10,7 @@
 #include "core/files/point_source.h"
 #include "core/points/points_file.h"
 #include "tests/points/clouds.h"
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
+#include "tests/support/ok.h"
 
 static char folder[] = "/tmp/karst-import-XXXXXX";
 

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 #include <fcntl.h>
 
-/* One rule of the proofs broken at a time. */
-enum { NONE, COVER, LEAST, EXTENT, PARENT, NUM_MUTANTS };
+/* One rule of the proofs broken at a time; the last one is test_whole.c's. */
+enum { NONE, COVER, LEAST, EXTENT, PARENT, NUM_MUTANTS, WHOLE };
 static int mutant = NONE;
 #define POINTS_MUTANT(rule) (mutant == rule)
 
@@ -18,16 +18,10 @@ static int mutant = NONE;
 #include "producers/points/points.h"
 #include "producers/steps/load_shared.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-5)
 #define VOXEL_M 0x1p-5
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-points-XXXXXX";
 static char torus[64], cloud[64], uneven[64], strange[64];

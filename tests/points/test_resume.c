@@ -16,13 +16,7 @@
 
 #include "core/points/import_internal.h"
 #include "tests/points/clouds.h"
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
+#include "tests/support/ok.h"
 
 static char folder[] = "/tmp/karst-resume-XXXXXX";
 static char input[64], output[64], work[80];

@@ -10,18 +10,12 @@
 #include "karst/karst.h"
 #include "producers/points/model_list.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define WIDTH 128
 #define HEIGHT 96
 #define VOXEL_LOG2_M (-4)
 #define SCALE 10.0 /* of the torus, whose rings have radii of 1 and 0.4 */
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-shown-XXXXXX";
 static char model_path[64], world_path[64];

@@ -20,18 +20,12 @@ static int mutant = NONE;
 #include "raycast/cast/splats.clh"
 #include "raycast/cast/splats.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-4)
 #define VOXEL_M 0x1p-4
 #define SCALE 10.0
 #define NUM_POINTS 20000
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-splats-XXXXXX";
 /* A sphere, a torus, two small balls, and a sphere with noise of a quarter of its spacing. */

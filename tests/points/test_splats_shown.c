@@ -9,19 +9,13 @@
 
 #include "karst/karst.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define WIDTH 120
 #define HEIGHT 90
 #define NUM (WIDTH * HEIGHT)
 #define SCALE 10.0 /* of the torus, whose rings have radii of 1 and 0.4 */
 #define NUM_POINTS 20000
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-splats-XXXXXX";
 static char model_path[64], world_path[64];

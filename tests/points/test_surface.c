@@ -11,16 +11,10 @@
 #include "karst/query.h"
 #include "producers/points/model_list.h"
 #include "tests/points/clouds.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-8)
 #define VOXEL_M 0x1p-8
-
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 static char folder[] = "/tmp/karst-points-XXXXXX";
 

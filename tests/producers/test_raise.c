@@ -183,6 +183,7 @@ static void test_same_bits(void **state)
     static const device_shape others[] = {{1, KARST_SHAPE_ROWS, false},
                                           {1, KARST_SHAPE_GROUPS, false},
                                           {16, KARST_SHAPE_ROWS, true}};
+    enum { NUM_OTHERS = sizeof others / sizeof *others };
     static float grid[NUM_CELLS];
     karst_scrub sum, theirs;
     (void)state;
@@ -195,7 +196,10 @@ static void test_same_bits(void **state)
         assert_true(num_raised > 100);
         assert_int_equal(num_raised, sum.raised);
         assert_int_equal(join(samples, grid), 0);
-        for (size_t s = 0; s < sizeof others / sizeof *others; s++) {
+        for (size_t s = 0; s < NUM_OTHERS; s++) {
+            /* Drivers compile for seconds: each world in one of the shapes; all of all in full. */
+            if (s != w % NUM_OTHERS && !getenv("KARST_TEST_FULL"))
+                continue;
             float *other = evaluate(file, others[s], 3, "", &theirs);
             assert_memory_equal(&theirs, &sum, sizeof sum);
             for (int n = 0; n < NUM_LOADS; n++)

@@ -16,18 +16,13 @@
 #include <cmocka.h>
 
 #include "karst/saved.h"
+#include "tests/support/ok.h"
 
 #define RIG_VOXEL_LOG2_M (-4) /* hills */
 #ifndef RIG_IN_MEMORY
 #define RIG_IN_MEMORY false
 #endif
 
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 /* It fails with this code, and says this. */
 #define assert_fails(code, words, call)                                                                      \
     do {                                                                                                     \

@@ -4,6 +4,13 @@
 #include <string.h>
 #include <unistd.h>
 
+karst_engine *scene_open(const karst_engine_config *config)
+{
+    karst_engine *engine;
+    assert_ok(engine = karst_engine_create(config, &error));
+    return engine;
+}
+
 karst_engine *scene_create(const char *text, const karst_engine_config *like, int width_px, int height_px,
                            karst_error *error)
 {

@@ -10,14 +10,10 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/support/ok.h"
 
-/* Fails with the message of `call`, which may name &error. */
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
+/* An engine of a configuration that has to do. */
+karst_engine *scene_open(const karst_engine_config *config);
 
 /* An engine of the world `text` without a display, whose exposure does not follow the picture. Of `like` the world and
  * these are not looked at; its size is width_px x height_px, and its pools are 96 MiB if it says nothing of them. NULL

@@ -12,14 +12,9 @@
 #include "demos/view/stroke.c"
 #include "producers/edits/edit_list.h"
 #include "tests/noise/random.h"
+#include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-3)
-#define assert_ok(call)                               \
-    do {                                              \
-        karst_error error = {0};                      \
-        if (!(call))                                  \
-            fail_msg("%s: %s", #call, error.message); \
-    } while (0)
 
 /* A slope with bumps of 0.4 m, edited; its density is `steep` times metres. */
 typedef struct {

@@ -44,9 +44,13 @@ typedef enum {
     KARST_SCATTERING_ONCE,    /* once: what is scattered more often is lost */
     KARST_SCATTERING_PATHS,   /* as often as it is: by a path through the medium for each sample, whose mean tends to
                                * the truth. Land hides the sun from paths, and stands in the way of none */
+    KARST_SCATTERING_FLUENCE, /* the same, from a coarse grid: a million packets of light are followed through the
+                               * medium once, and again when light or medium change; pictures add what they left to
+                               * what is scattered once. Without noise, and blurred where a medium is thick within a
+                               * cell of the grid; with KARST_MEDIA_MODE_BASIC as KARST_SCATTERING_ONCE */
     KARST_NUM_SCATTERINGS
 } karst_scattering;
-/* "octaves", "once", "paths". Errors: KARST_USAGE listing the names. Thread-safe. */
+/* "octaves", "once", "paths", "fluence". Errors: KARST_USAGE listing the names. Thread-safe. */
 bool karst_scattering_parse(const char *name, karst_scattering *scattering, karst_error *error);
 /* How bright pictures are. */
 typedef enum {

@@ -411,11 +411,46 @@ static void read_voxel(reader *r, json_t *value)
     r->header->voxel_log2_m = k > 40 ? 40 : k;
 }
 
+/* Three numbers; one stands for all of them. */
+static void read_three(reader *r, json_t *object, const char *key, double low, double high, double to[3])
+{
+    json_t *v = json_object_get(object, key);
+    if (v && json_is_array(v) && json_array_size(v) != 3)
+        fail(r, key, "write [1, 2, 3]", karst_format(r->source->arena, "\"%s\" is three numbers", key));
+    for (size_t i = 0; v && i < 3; i++)
+        to[i] = number_of(r, json_is_array(v) ? json_array_get(v, i) : v, key, low, high);
+}
+
+static void read_one(reader *r, json_t *object, const char *key, double low, double high, double *to)
+{
+    json_t *v = json_object_get(object, key);
+    if (v)
+        *to = number_of(r, v, key, low, high);
+}
+
+static void read_material(reader *r, json_t *object, bool is_clear, karst_header_material *m)
+{
+    warn_unknown(r, object, is_clear ? "the material of clear matter" : "the material of a solid model",
+                 is_clear ? "ior absorption" : "colour mirror gloss emission");
+    m->has_colour = json_object_get(object, "colour") != NULL;
+    m->has_mirror = json_object_get(object, "mirror") != NULL;
+    m->has_gloss = json_object_get(object, "gloss") != NULL;
+    m->has_emission = json_object_get(object, "emission") != NULL;
+    m->has_ior = json_object_get(object, "ior") != NULL;
+    m->has_absorption = json_object_get(object, "absorption") != NULL;
+    read_three(r, object, "colour", 0, 1000, m->colour);
+    read_one(r, object, "mirror", 0, 1, &m->mirror);
+    read_one(r, object, "gloss", 0, 1, &m->gloss);
+    read_three(r, object, "emission", 0, 1e6, m->emission);
+    read_one(r, object, "ior", 1, 10, &m->ior);
+    read_three(r, object, "absorption", 0, 1e15, m->absorption);
+}
+
 static karst_header_model read_point_model(reader *r, json_t *object)
 {
     karst_header_model model = {.at = {"0", "0", "0"}, .scale = 1};
     json_t *v = json_object_get(object_of(r, object, "models"), "points");
-    warn_unknown(r, object, "a model", "points at turn scale as blend copies sides");
+    warn_unknown(r, object, "a model", "points at turn scale mode material as blend copies sides");
     if (!v)
         fail(r, "models", "write { \"points\": \"rabbit.karstpoints\", \"at\": [\"0\", \"1\", \"0\"] }",
              "a model has \"points\": the name of an imported file");
@@ -431,6 +466,11 @@ static karst_header_model read_point_model(reader *r, json_t *object)
     if ((v = json_object_get(object, "scale")))
         model.scale = number_of(r, v, "scale", 1e-30, 1e30);
     model.is_splats = is_second(r, object, "as", "surface", "splats");
+    model.is_clear = is_second(r, object, "mode", "solid", "clear");
+    if (model.is_clear && model.is_splats)
+        fail(r, "as", "leave \"as\" out", "clear matter has an inside, which \"splats\" have not");
+    if ((v = json_object_get(object, "material")))
+        read_material(r, object_of(r, v, "material"), model.is_clear, &model.material);
     model.is_shallow = is_second(r, object, "blend", "deep", "leaf");
     model.has_backs = is_second(r, object, "sides", "front", "both");
     model.culls = is_second(r, object, "copies", "all", "culled");
@@ -464,23 +504,6 @@ static karst_header_number number_or_parameter(reader *r, json_t *value, const c
         }
     fail(r, key, "name one of \"params\", or write a number",
          karst_format(r->source->arena, "\"%s\" is of a parameter \"%.60s\", which there is not", key, name));
-}
-
-/* Three numbers; one stands for all of them. */
-static void read_three(reader *r, json_t *object, const char *key, double low, double high, double to[3])
-{
-    json_t *v = json_object_get(object, key);
-    if (v && json_is_array(v) && json_array_size(v) != 3)
-        fail(r, key, "write [1, 2, 3]", karst_format(r->source->arena, "\"%s\" is three numbers", key));
-    for (size_t i = 0; v && i < 3; i++)
-        to[i] = number_of(r, json_is_array(v) ? json_array_get(v, i) : v, key, low, high);
-}
-
-static void read_one(reader *r, json_t *object, const char *key, double low, double high, double *to)
-{
-    json_t *v = json_object_get(object, key);
-    if (v)
-        *to = number_of(r, v, key, low, high);
 }
 
 static void read_emitter(reader *r, json_t *object, karst_header_particles *p)

@@ -31,12 +31,21 @@ typedef struct {
 
 #define KARST_HEADER_MAX_MODELS 256u
 
+/* What a model is made of; where nothing is given, it is what the text says. */
+typedef struct {
+    bool has_colour, has_mirror, has_gloss, has_emission; /* of land */
+    bool has_ior, has_absorption;                         /* of clear matter */
+    double colour[3], mirror, gloss, emission[3], ior, absorption[3];
+} karst_header_material;
+
 /* A model made of points (docs/POINTS.md). */
 typedef struct {
     const char *points; /* an imported file, as the header has it */
     const char *at[3];  /* of its centre: decimal text, metres; "0" */
     double turn_deg[3]; /* about x, then y, then z; 0 */
     double scale;       /* 1 */
+    bool is_clear;      /* clear matter, and not land */
+    karst_header_material material;
     bool is_splats;     /* shown as discs, not as a surface */
     bool is_shallow;    /* of discs: those of one leaf are blended, not of all that a ray meets there */
     bool has_backs;     /* of discs: backs are seen, too */

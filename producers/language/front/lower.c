@@ -264,6 +264,16 @@ static int find_replacement(karst_ast_function *const found[KARST_NUM_ENTRIES], 
     return later;
 }
 
+/* Models of clear matter stand in none where the text has none. */
+static void make_room_for_models(karst_lower_state *s)
+{
+    const karst_world_header *header = s->io->header;
+    karst_expr *clear = &s->io->root[KARST_ROOT_CLEAR];
+    for (uint32_t i = 0; i < header->num_models && !*clear; i++)
+        if (header->models[i].is_clear)
+            *clear = karst_graph_float(s->graph, -1);
+}
+
 static void run_entries(karst_lower_state *s)
 {
     karst_ast_function *found[KARST_NUM_ENTRIES];
@@ -309,4 +319,5 @@ void karst_lower(karst_lowering *io)
     s->yes = karst_graph_bool(s->graph, true);
     s->zero = karst_graph_float(s->graph, 0);
     run_entries(s);
+    make_room_for_models(s);
 }

@@ -82,9 +82,46 @@ static karst_expr above_one(const rewriter *r, karst_expr e)
     return KARST_NO_EXPR;
 }
 
+/* Whether `size` is the magnitude of x, or of -x: the graph writes both the same way. */
+static bool is_size_of(rewriter *r, karst_expr size, karst_expr x)
+{
+    return node(r, size)->op == KARST_OP_ABS && karst_expr_1(r->graph, KARST_OP_ABS, x) == size;
+}
+
+/* |x| + x */
+static karst_expr twice_what_is_positive(rewriter *r, karst_expr x)
+{
+    return two(r, KARST_OP_MULTIPLY, number(r, 2), two(r, KARST_OP_MAX, x, number(r, 0)));
+}
+
+static karst_expr negative(rewriter *r, karst_expr e) { return taken_from(r, number(r, 0), e, 0); }
+
+/* k |x| + k x and k |x| - k x as the graph has them, with one product in the sum. k is a power of 2, or rounding would
+ * leave something. */
+static karst_expr fused_sum(rewriter *r, const karst_expr arg[3])
+{
+    const karst_expr_node c = *node(r, arg[2]);
+    int exponent;
+    for (int i = 0; i < 4 && c.op == KARST_OP_MULTIPLY; i++) {
+        const karst_expr part[2] = {arg[i & 1], c.arg[i / 2]}, factor[2] = {arg[1 - (i & 1)], c.arg[1 - i / 2]};
+        const karst_number *k = karst_graph_constant(r->graph, factor[0]),
+                           *l = karst_graph_constant(r->graph, factor[1]);
+        if (!k || !l || fabs(k->value) != fabs(l->value) || frexp(fabs(k->value), &exponent) != 0.5)
+            continue;
+        const int size = is_size_of(r, part[1], part[0]);
+        if (!size && !is_size_of(r, part[0], part[1]))
+            continue;
+        const karst_expr x = k->value == l->value ? part[1 - size] : negative(r, part[1 - size]);
+        return two(r, KARST_OP_MULTIPLY, factor[size], twice_what_is_positive(r, x));
+    }
+    return KARST_NO_EXPR;
+}
+
 static karst_expr difference(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
 {
     const karst_expr_node n = *node(r, e);
+    if (is_size_of(r, a, b)) /* |x| - x */
+        return twice_what_is_positive(r, negative(r, b));
     if (is_number(r, a, 1) && faded(r, n.arg[1]) && is_share(r, faded(r, n.arg[1])))
         return with_depth_of(r, e, two(r, KARST_OP_SUBTRACT, a, b), rest_of(r, n.arg[1]));
     if (is_constant(r, a))
@@ -96,15 +133,14 @@ static karst_expr difference(rewriter *r, karst_expr e, karst_expr a, karst_expr
 
 static karst_expr sum(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
 {
-    const karst_expr_node *n = node(r, e);
+    const karst_expr_node sum = *node(r, e), *n = &sum;
     if (r->is_sign[e] && never_negative(r, n->arg[0]) && never_negative(r, n->arg[1]))
         return two(r, KARST_OP_MAX, a, b);
     for (int k = 0; k < 2; k++) {
-        const karst_expr_node *size = node(r, k ? b : a);
         karst_expr x = k ? a : b;
-        if (size->op == KARST_OP_ABS && size->arg[0] == x) /* |x| + x */
-            return two(r, KARST_OP_MULTIPLY, number(r, 2), two(r, KARST_OP_MAX, x, number(r, 0)));
-        const karst_expr_node *power = size;
+        if (is_size_of(r, k ? b : a, x))
+            return twice_what_is_positive(r, x);
+        const karst_expr_node *power = node(r, k ? b : a);
         if (is_number(r, x, -1) && power->op == KARST_OP_EXP2) /* 2^x - 1 */
             return with_depth_of(r, e, two(r, KARST_OP_ADD, a, b), power->arg[0]);
     }
@@ -269,6 +305,10 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
             return arg[0];
         return is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
     case KARST_OP_FMA:
+        x = fused_sum(r, arg);
+        if (x)
+            return x;
+        return is_same ? e : karst_expr_3(r->graph, n.op, arg[0], arg[1], arg[2]);
     case KARST_OP_SELECT:
         return is_same ? e : karst_expr_3(r->graph, n.op, arg[0], arg[1], arg[2]);
     default:

@@ -1,0 +1,222 @@
+/* Models of clear matter are whole: what their points enclose is matter at every level, hollows are not, and what is
+ * proved of a node holds. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+/* A rule of the proofs that is broken; the first ones are test_points.c's. */
+enum { NONE, COVER, LEAST, EXTENT, PARENT, WHOLE };
+static int mutant = NONE;
+#define POINTS_MUTANT(rule) (mutant == rule)
+
+#include "producers/points/model_list.h"
+#include "producers/points/points.clh"
+#include "producers/steps/load_shared.h"
+#include "tests/points/bodies.h"
+
+#define VOXEL_LOG2_M (-5)
+#define VOXEL_M 0x1p-5
+#define SCALE 16.0
+#define NUM_POINTS 6000
+enum { TORUS, HOLLOW, BALL, NUM_BODIES };
+
+#define assert_ok(call)                               \
+    do {                                              \
+        karst_error error = {0};                      \
+        if (!(call))                                  \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
+
+static char folder[] = "/tmp/karst-whole-XXXXXX";
+static char paths[NUM_BODIES][64];
+static const known_surface *const bodies[NUM_BODIES] = {&known_surfaces[1], &hollow_ball, &known_surfaces[0]};
+
+static karst_model_list load(int body, int64_t around, bool is_whole, karst_model *model)
+{
+    karst_model_list list;
+    *model = (karst_model){.path = paths[body], .turn_deg = {20, 35, 70}, .scale = SCALE, .is_whole = is_whole};
+    for (int a = 0; a < 3; a++)
+        model->at.voxel[a] = around;
+    assert_ok(karst_model_list_init(&list, model, 1, VOXEL_LOG2_M, UINT64_MAX, NULL, &error));
+    return list;
+}
+
+/* A place of the body's own, in voxels from where it stands; and the other way. */
+static void turn(const karst_model *model, const double p[3], double to_voxels[3], bool back)
+{
+    double r[3][3];
+    karst_model_rotation(model->turn_deg, r);
+    for (int a = 0; a < 3; a++) {
+        to_voxels[a] = 0;
+        for (int k = 0; k < 3; k++)
+            to_voxels[a] += back ? r[k][a] * p[k] * VOXEL_M / SCALE : r[a][k] * p[k] * SCALE / VOXEL_M;
+    }
+}
+
+/* How far a place lies inside the body, in its own lengths. */
+static double depth_of(int body, const double p[3])
+{
+    double gradient[3];
+    return bodies[body]->value(p, gradient);
+}
+
+/* ---- what is inside ---- */
+
+/* Of places that are a level's spacings away from the surface, those whose density has another sign than the body. */
+static int count_wrong(int body, int64_t around, bool is_whole, int level, int *num_inside)
+{
+    karst_model model;
+    karst_model_list list = load(body, around, is_whole, &model);
+    const double spacing = fmax(spacing_of(bodies[body], NUM_POINTS), exp2(level) * VOXEL_M / SCALE);
+    int num_wrong = 0;
+    random_state = 11;
+    *num_inside = 0;
+    for (int i = 0; i < 1000; i++) {
+        double p[3], voxels[3];
+        int64_t voxel[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = (2 * random_unit() - 1) * 1.6;
+        turn(&model, p, voxels, false);
+        for (int a = 0; a < 3; a++) {
+            voxel[a] = around + ((int64_t)rint(ldexp(voxels[a], -level)) << level);
+            voxels[a] = (double)(voxel[a] - around);
+        }
+        turn(&model, voxels, p, true);
+        const double depth = depth_of(body, p);
+        if (fabs(depth) < spacing)
+            continue;
+        *num_inside += depth > 0;
+        num_wrong += (karst_model_list_density(&list, voxel, level, -1) > 0) != (depth > 0);
+    }
+    karst_model_list_finish(&list);
+    return num_wrong;
+}
+
+static void what_points_enclose_is_matter(void **state)
+{
+    (void)state;
+    for (int body = 0; body < NUM_BODIES; body++)
+        for (int level = 0; level < 5; level += 2) {
+            int num_inside, of_crust;
+            const int64_t around = level == 2 ? ((int64_t)1 << 50) + 3 : 0;
+            assert_int_equal(count_wrong(body, around, true, level, &num_inside), 0);
+            assert_true(num_inside > 10);
+            /* A crust is all that there is otherwise. */
+            of_crust = count_wrong(body, around, false, level, &num_inside);
+            assert_true(level > 1 || of_crust > num_inside / 8);
+        }
+}
+
+static void exact_places_are_those_of_samples(void **state)
+{
+    (void)state;
+    karst_model model;
+    karst_model_list list = load(HOLLOW, 0, true, &model);
+    random_state = 12;
+    int num_deep = 0;
+    for (int i = 0; i < 1000; i++) {
+        karst_position at = {.fraction = {0}};
+        float gradient[3] = {7, 7, 7};
+        double range[2] = {-1, -1};
+        for (int a = 0; a < 3; a++)
+            at.voxel[a] = random_between(-600, 600);
+        const float sample = karst_model_list_density(&list, at.voxel, 0, -1),
+                    exact = karst_model_list_at(&list, &at, 0, -1, gradient);
+        assert_true(sample == exact || (sample < 0 && exact < 0));
+        num_deep += exact > 0 && gradient[0] == 0 && gradient[1] == 0 && gradient[2] == 0;
+        karst_model_list_range(&list, &at, (double[]){0.5, 0.5, 0.5}, 0, range);
+        assert_true(range[1] >= (double)exact);
+    }
+    assert_true(num_deep > 50);
+    karst_model_list_finish(&list);
+}
+
+/* ---- proofs ---- */
+
+/* A place's density at a footprint up to its node's parent's voxel. */
+static bool contradicts(const karst_model_list *list, const long origin[3], int level, uint state)
+{
+    for (int place = 0; place < 24; place++) {
+        const int of_place = (int)random_between(level > 5 ? level - 5 : 0, level + 1);
+        int64_t voxel[3], steps = (int64_t)KARST_BRICK_CELLS << level >> of_place;
+        for (int a = 0; a < 3; a++)
+            voxel[a] = origin[a] + (int64_t)((uint64_t)random_between(0, steps) << of_place);
+        if ((karst_model_list_density(list, voxel, of_place, -1) > 0) != (state == KARST_STATE_SOLID))
+            return true;
+    }
+    return false;
+}
+
+/* Of bodies from number `first` on, so far around where they stand. */
+static int count_wrong_proofs(int first, int64_t around, int num[3])
+{
+    int num_wrong = 0;
+    random_state = 13;
+    memset(num, 0, 3 * sizeof *num);
+    for (int body = first; body < NUM_BODIES; body++) {
+        karst_model model;
+        karst_model_list list = load(body, 5, true, &model);
+        for (int i = 0; i < 700 && !(mutant && num_wrong); i++) {
+            const int level = (int)random_below(6);
+            long origin[3];
+            for (int a = 0; a < 3; a++)
+                origin[a] =
+                    karst_node_origin((5 + random_between(-around, around)) >> (level + KARST_BRICK_CELLS_LOG2), level);
+            const uint state = points_node_state(list.data, KARST_STATE_AIR, origin, level);
+            num[state == KARST_STATE_SOLID ? 2 : state == KARST_STATE_AIR ? 0 : 1]++;
+            num_wrong += state != KARST_STATE_UNKNOWN && contradicts(&list, origin, level, state);
+        }
+        karst_model_list_finish(&list);
+    }
+    return num_wrong;
+}
+
+static void proofs_hold(void **state)
+{
+    (void)state;
+    int num[3];
+    mutant = NONE;
+    assert_int_equal(count_wrong_proofs(0, 800, num), 0);
+    print_message("# of 2,100 nodes %d are proved air, %d matter\n", num[0], num[2]);
+    assert_true(num[0] > 300 && num[2] > 20);
+    mutant = WHOLE;
+    const int num_wrong = count_wrong_proofs(HOLLOW, 800, num);
+    print_message("# with cells that are not all inside: %d wrong proofs\n", num_wrong);
+    assert_true(num_wrong > 0);
+    mutant = NONE;
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    if (!mkdtemp(folder))
+        return -1;
+    random_state = 3;
+    bool done = true;
+    for (int body = 0; body < NUM_BODIES && done; body++) {
+        snprintf(paths[body], sizeof paths[body], "%s/%d.karstpoints", folder, body);
+        done = make_body(paths[body], bodies[body], NUM_POINTS, NULL);
+    }
+    return done ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    for (int body = 0; body < NUM_BODIES; body++)
+        unlink(paths[body]);
+    return rmdir(folder);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_points_enclose_is_matter),
+        cmocka_unit_test(exact_places_are_those_of_samples),
+        cmocka_unit_test(proofs_hold),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
