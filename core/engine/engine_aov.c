@@ -21,6 +21,7 @@ static const struct {
     [KARST_AOV_SAMPLES] = {"samples", {"samples", NULL, NULL}},
     [KARST_AOV_SUMS] = {"sums", {"sum.R", "sum.G", "sum.B"}},
     [KARST_AOV_OCCLUSION] = {"occlusion", {"occlusion", NULL, NULL}},
+    [KARST_AOV_OPENNESS] = {"openness", {"open.least", "open.most", "open.likely"}},
 };
 
 bool karst_aov_parse(const char *name, karst_aov *aov, karst_error *error)
@@ -195,5 +196,6 @@ bool karst_engine_read_aov(karst_engine *engine, karst_aov aov, float *values, s
            : aov == KARST_AOV_NORMAL ? karst_engine_read_normals(engine, values, num_values, error)
            : aov == KARST_AOV_LEVEL  ? read_level(engine, values, error)
            : aov == KARST_AOV_OCCLUSION ? karst_engine_read_occlusion(engine, values, num_values, error)
+           : aov == KARST_AOV_OPENNESS  ? karst_engine_read_openness(engine, values, error)
                                      : read_position(engine, values, error);
 }

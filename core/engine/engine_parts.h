@@ -543,6 +543,8 @@ bool karst_engine_draw_occlusion(karst_engine *engine, const karst_cast_view *vi
                                  karst_error *error);
 bool karst_engine_look_at_occlusion(karst_engine *engine, const karst_cast_view *view, karst_error *error);
 bool karst_engine_read_occlusion(karst_engine *engine, float *open, size_t num_values, karst_error *error);
+/* engine_openness.c. Likewise: the least, the most, and what it is taken to be, of each pixel. */
+bool karst_engine_read_openness(karst_engine *engine, float *values, karst_error *error);
 
 /* engine_paths.c. What of a configuration concerns paths. Errors: KARST_USAGE. */
 bool karst_engine_check_paths(const karst_engine_config *config, karst_error *error);

@@ -135,8 +135,8 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
          KARST_ENGINE_MAX_SAMPLES, NULL},
         COMMAND_TONE_OPTIONS(&o->look),
         {"aov", 0, COMMAND_TEXT, "LIST",
-         "what an .exr holds: radiance,albedo,depth,normal,position,level,samples,sums,occlusion (default: "
-         "radiance,depth,normal; "
+         "what an .exr holds: radiance,albedo,depth,normal,position,level,samples,sums,occlusion,openness "
+         "(default: radiance,depth,normal; "
          "with --light full also sums, which --resume goes on from)",
          &o->aov, 0, 0, NULL},
         {"edits", 0, COMMAND_TEXT, "FILE", "show the world with the edits of a file: docs/EDITS.md", &o->edits, 0, 0,

@@ -204,7 +204,9 @@ bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view
 bool karst_occlusion_cast(karst_occlusion *occlusion, karst_caster *caster, const karst_cast_view *view, bool again,
                           karst_error *error)
 {
-    return karst_cast_rays(caster, view, occlusion->rays, karst_occlusion_num_cones(occlusion), true,
+    karst_cast_view wide = *view;
+    wide.blend_below = KARST_OCCLUSION_BLENDS_BELOW(view->detail);
+    return karst_cast_rays(caster, &wide, occlusion->rays, karst_occlusion_num_cones(occlusion), true,
                            again ? NULL : occlusion->ray_hits, error);
 }
 

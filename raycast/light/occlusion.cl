@@ -242,6 +242,10 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
     const vfloat part_x = v_to_float(in_x) * (1.0f / KARST_OCCLUSION_STEP),
                  part_y = v_to_float(in_y) * (1.0f / KARST_OCCLUSION_STEP);
     const vfloat per_far = 1.0f / lane_max(s.t * FAR_APART, (vfloat)(1.0e-30f));
+    /* What a probe counts, by the bits KNOWN, OPEN and BELOW of its word. A branch would cost more than the sum, as
+     * nothing foretells which way it goes. */
+    const float counts[8] = {0.0f, 1.0f, 0.0f, 1.0f, 0.0f, BELOW_SHARE, 0.0f, BELOW_SHARE};
+    const float counts_open[8] = {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     vfloat sum = (vfloat)(0.0f), total = (vfloat)(0.0f);
     for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
         const int row = probe_y + down;
@@ -254,8 +258,7 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
                 continue;
             const size_t probe = (size_t)row * (size_t)task.across + (size_t)column;
             const uint word = ((K_GLOBAL const uint *)planes)[task.plane + probe];
-            if (!(word & KARST_OCCLUSION_KNOWN))
-                continue;
+            const uint found = word / KARST_OCCLUSION_KNOWN & 7u;
             const float *way = task.cones[word & KARST_OCCLUSION_DIRECTION];
             const vfloat cosine = k_fma(s.normal.x, (vfloat)(way[0]),
                                         k_fma(s.normal.y, (vfloat)(way[1]), s.normal.z * way[2]));
@@ -264,12 +267,8 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
             vfloat k = lane_max(cosine, (vfloat)(0.0f)) * alike;
             if (right == -KARST_OCCLUSION_REACH || right == KARST_OCCLUSION_REACH)
                 k *= end_share(right, part_x);
-            if (word & KARST_OCCLUSION_OPEN) {
-                row_sum += k;
-                row_total += k;
-            } else {
-                row_total = k_fma(k, (vfloat)(word & KARST_OCCLUSION_BELOW ? BELOW_SHARE : 1.0f), row_total);
-            }
+            row_sum = k_fma(k, (vfloat)(counts_open[found]), row_sum);
+            row_total = k_fma(k, (vfloat)(counts[found]), row_total);
         }
         const vfloat share_y = end_share(down, part_y);
         sum = k_fma(row_sum, share_y, sum);

@@ -13,10 +13,12 @@
 
 #include "core/engine/engine_parts.h"
 #include "karst/karst.h"
+#include "raycast/light/openness.h"
 #include "tests/support/ok.h"
 
 enum { WIDTH = 96, HEIGHT = 72, NUM = WIDTH * HEIGHT };
 enum { TRUE_WIDTH = 320, TRUE_HEIGHT = 240, TRUE_NUM = TRUE_WIDTH * TRUE_HEIGHT }; /* beside many rays */
+enum { BOUND_WIDTH = 40, BOUND_HEIGHT = 30, BOUND_NUM = BOUND_WIDTH * BOUND_HEIGHT };
 
 static karst_engine_config base_config(const char *world)
 {
@@ -40,6 +42,7 @@ static karst_engine *create(const karst_engine_config *config)
 
 typedef struct {
     float open[TRUE_NUM], light[3 * TRUE_NUM], depth[TRUE_NUM], normal[3 * TRUE_NUM];
+    float bounds[3 * BOUND_NUM]; /* where they are asked for: the least, the most, the likely one */
     karst_stats stats;
 } picture;
 
@@ -138,6 +141,7 @@ static void cast_true(karst_engine *engine, karst_buffer *rays, karst_hit *hits,
         karst_work work;
         karst_engine_next_serial(engine);
         karst_engine_picture_view(engine, &view, &pinhole);
+        view.blend_below = KARST_OCCLUSION_BLENDS_BELOW(view.detail);
         assert_ok(karst_cast_rays(engine->caster, &view, rays, num, false, on_device, &error));
         assert_ok(karst_engine_answer_round(engine, &engine->camera.position, &left, &work, &error));
         if (work.num_loads + work.num_subdivides == 0)
@@ -149,67 +153,135 @@ static void cast_true(karst_engine *engine, karst_buffer *rays, karst_hit *hits,
 
 typedef struct {
     double square, bias, worst;
-    int num;
+    double likely_square; /* of the estimate within its bounds */
+    int num, outside;     /* pixels; whose truth the bounds do not hold */
+    float widths[BOUND_NUM];
 } off_by;
 
-static off_by compare_with_rays(const char *world, int num_pixels)
+/* Bounds by coarse cells, in packet order: what is proved of a cell wrongly is told best where it is large. */
+enum { COARSE_DEPTHS = 2 };
+static float coarse[COARSE_DEPTHS][2 * BOUND_NUM];
+
+static void bound_coarsely(karst_engine *engine)
 {
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    karst_openness *openness;
+    const size_t size_bytes = 2 * (size_t)engine->width_px * (size_t)engine->height_px * sizeof(float);
+    karst_buffer *bounds = karst_buffer_create(engine->context, "bounds", size_bytes, NULL, NULL);
+    assert_non_null(bounds);
+    assert_ok((openness = karst_openness_create(engine->context, karst_cache_get_buffers(engine->cache), &error)));
+    karst_engine_picture_view(engine, &view, &pinhole);
+    for (int depth = 0; depth < COARSE_DEPTHS; depth++) {
+        assert_ok(karst_openness_bound(openness, &view, &pinhole, engine->hits, KARST_OCCLUSION_CONE, depth, bounds,
+                                       &error));
+        assert_ok(karst_buffer_read(bounds, 0, coarse[depth], size_bytes, &error));
+    }
+    karst_buffer_destroy(bounds);
+    karst_openness_destroy(openness);
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* A pixel's rays; false: it has none, as it shows no surface. */
+static bool aim_true(const karst_engine *engine, int x, int y, const karst_hit *records, karst_ray *rays)
+{
+    karst_cast_view view;
+    karst_pinhole pinhole;
+    const int width_px = engine->width_px, height_px = engine->height_px;
+    const karst_hit *hit =
+        &records[karst_packet_order((uint32_t)x, (uint32_t)y, (uint32_t)width_px, (uint32_t)height_px)];
+    const float *n = one.normal + 3 * (y * width_px + x);
+    if (KARST_HIT_KIND(hit->kind) != KARST_HIT_SURFACE || !(n[0] * n[0] + n[1] * n[1] + n[2] * n[2] > 0.5f))
+        return false;
+    karst_engine_picture_view(engine, &view, &pinhole);
+    const float voxel_m = exp2f((float)karst_engine_voxel_log2_m(engine));
+    const float sx = ((x + 0.5f) * 2 / width_px - 1) * pinhole.half_width,
+                sy = (1 - (y + 0.5f) * 2 / height_px) * pinhole.half_height;
+    float d[3], origin[3], length = 0;
+    for (int i = 0; i < 3; i++) {
+        d[i] = pinhole.forward[i] + sx * pinhole.right[i] + sy * pinhole.up[i];
+        length += d[i] * d[i];
+    }
+    for (int i = 0; i < 3; i++)
+        origin[i] = d[i] / sqrtf(length) * one.depth[y * width_px + x] / voxel_m;
+    const float width = fmaxf(hit->t * pinhole.cone, ldexpf(1.0001f / view.detail, (int)KARST_HIT_LEVEL(hit->kind)));
+    true_rays(rays, origin, n, width, pinhole.t_max - hit->t);
+    return true;
+}
+
+/* The pixels `at`, whose rays those are. */
+static void compare_some(karst_engine *engine, const int *at, int num_at, const karst_ray *rays, karst_hit *hits,
+                         off_by *off)
+{
+    const uint32_t num = (uint32_t)(num_at * TRUE_RAYS);
+    if (num == 0)
+        return;
+    karst_buffer *stream = karst_buffer_create(engine->context, "rays", num * sizeof *rays, rays, NULL);
+    assert_non_null(stream);
+    cast_true(engine, stream, hits, num);
+    karst_buffer_destroy(stream);
+    for (int i = 0; i < num_at; i++) {
+        int misses = 0;
+        for (int r = 0; r < TRUE_RAYS; r++)
+            misses += KARST_HIT_KIND(hits[i * TRUE_RAYS + r].kind) == KARST_HIT_MISS;
+        const double truth = (double)misses / TRUE_RAYS, by = one.open[at[i]] - truth;
+        off->square += by * by;
+        off->bias += by;
+        off->worst = fmax(off->worst, fabs(by));
+        if (engine->width_px <= BOUND_WIDTH) {
+            const float *bounds = one.bounds + 3 * at[i];
+            off->widths[off->num % BOUND_NUM] = bounds[1] - bounds[0];
+            off->outside += truth < bounds[0] || truth > bounds[1];
+            const uint32_t width = (uint32_t)engine->width_px, height = (uint32_t)engine->height_px;
+            const uint32_t place = karst_packet_order((uint32_t)at[i] % width, (uint32_t)at[i] / width, width, height);
+            for (int depth = 0; depth < COARSE_DEPTHS; depth++)
+                off->outside += truth < coarse[depth][2 * place] || truth > coarse[depth][2 * place + 1];
+            off->likely_square += (bounds[2] - truth) * (bounds[2] - truth);
+        }
+        off->num++;
+    }
+}
+
+/* So many pixels of a world's picture, by chance; or of a small one, from corner to corner, with bounds. */
+static off_by compare_with_rays(const char *world, int num_pixels, int bounds_width_px)
+{
+    const bool bounds = bounds_width_px > 0;
     karst_engine_config config = base_config(world);
-    config.width_px = TRUE_WIDTH, config.height_px = TRUE_HEIGHT;
+    config.width_px = bounds ? bounds_width_px : TRUE_WIDTH;
+    config.height_px = bounds ? bounds_width_px * BOUND_HEIGHT / BOUND_WIDTH : TRUE_HEIGHT;
     config.pool_bytes = (uint64_t)512 << 20;
     karst_engine *engine = create(&config);
     settle(engine, &one);
-    karst_cast_view view;
-    karst_pinhole pinhole;
-    karst_engine_picture_view(engine, &view, &pinhole);
-    const float voxel_m = exp2f((float)karst_engine_voxel_log2_m(engine));
-    karst_hit *records = malloc(TRUE_NUM * sizeof *records), *hits = malloc(AT_ONCE * TRUE_RAYS * sizeof *hits);
+    const size_t num = (size_t)config.width_px * (size_t)config.height_px;
+    if (bounds) {
+        assert_ok(karst_engine_read_aov(engine, KARST_AOV_OPENNESS, one.bounds, 3 * num, &error));
+        bound_coarsely(engine);
+    }
+    karst_hit *records = malloc(num * sizeof *records), *hits = malloc(AT_ONCE * TRUE_RAYS * sizeof *hits);
     karst_ray *rays = malloc(AT_ONCE * TRUE_RAYS * sizeof *rays);
     assert_true(records && hits && rays);
-    assert_ok(karst_buffer_read(engine->hits, 0, records, TRUE_NUM * sizeof *records, &error));
+    assert_ok(karst_buffer_read(engine->hits, 0, records, num * sizeof *records, &error));
     off_by off = {0};
-    int at[AT_ONCE], num_at = 0, asked = 0;
+    int at[AT_ONCE], num_at = 0;
     uint32_t state = 12345;
-    while (asked < num_pixels) {
-        const int x = (int)((state = state * 1664525u + 1013904223u) >> 8) % TRUE_WIDTH,
-                  y = (int)((state = state * 1664525u + 1013904223u) >> 8) % TRUE_HEIGHT;
-        asked++;
-        const karst_hit *hit = &records[karst_packet_order((uint32_t)x, (uint32_t)y, TRUE_WIDTH, TRUE_HEIGHT)];
-        const float *n = one.normal + 3 * (y * TRUE_WIDTH + x);
-        if (KARST_HIT_KIND(hit->kind) == KARST_HIT_SURFACE && n[0] * n[0] + n[1] * n[1] + n[2] * n[2] > 0.5f) {
-            float d[3], origin[3], length = 0;
-            const float sx = ((x + 0.5f) * 2 / TRUE_WIDTH - 1) * pinhole.half_width,
-                        sy = (1 - (y + 0.5f) * 2 / TRUE_HEIGHT) * pinhole.half_height;
-            for (int i = 0; i < 3; i++) {
-                d[i] = pinhole.forward[i] + sx * pinhole.right[i] + sy * pinhole.up[i];
-                length += d[i] * d[i];
-            }
-            for (int i = 0; i < 3; i++)
-                origin[i] = d[i] / sqrtf(length) * one.depth[y * TRUE_WIDTH + x] / voxel_m;
-            const float width = fmaxf(hit->t * pinhole.cone, ldexpf(1.0001f, (int)KARST_HIT_LEVEL(hit->kind)));
-            true_rays(rays + num_at * TRUE_RAYS, origin, n, width, pinhole.t_max - hit->t);
-            at[num_at++] = y * TRUE_WIDTH + x;
+    for (int asked = 0; asked < num_pixels; asked++) {
+        const int each = (int)((long)asked * (long)num / num_pixels);
+        int x = each % config.width_px, y = each / config.width_px;
+        if (!bounds) {
+            x = (int)((state = state * 1664525u + 1013904223u) >> 8) % config.width_px;
+            y = (int)((state = state * 1664525u + 1013904223u) >> 8) % config.height_px;
         }
-        if (num_at < AT_ONCE && asked < num_pixels)
-            continue;
-        const uint32_t num = (uint32_t)(num_at * TRUE_RAYS);
-        karst_buffer *stream = karst_buffer_create(engine->context, "rays", num * sizeof *rays, rays, NULL);
-        if (num == 0)
-            continue;
-        assert_non_null(stream);
-        cast_true(engine, stream, hits, num);
-        karst_buffer_destroy(stream);
-        for (int i = 0; i < num_at; i++) {
-            int misses = 0;
-            for (int r = 0; r < TRUE_RAYS; r++)
-                misses += KARST_HIT_KIND(hits[i * TRUE_RAYS + r].kind) == KARST_HIT_MISS;
-            const double by = one.open[at[i]] - (double)misses / TRUE_RAYS;
-            off.square += by * by;
-            off.bias += by;
-            off.worst = fmax(off.worst, fabs(by));
-            off.num++;
+        if (aim_true(engine, x, y, records, rays + num_at * TRUE_RAYS))
+            at[num_at++] = y * config.width_px + x;
+        if (num_at == AT_ONCE || asked == num_pixels - 1) {
+            compare_some(engine, at, num_at, rays, hits, &off);
+            num_at = 0;
         }
-        num_at = 0;
     }
     free(records);
     free(hits);
@@ -218,20 +290,42 @@ static off_by compare_with_rays(const char *world, int num_pixels)
     return off;
 }
 
-static void estimates_are_near_many_rays(void **state)
+/* What is found of each world, and a little more: land as rough as its pixels are small is far from the court's. */
+static const struct {
+    const char *name;
+    double most_rms;
+} worlds[] = {{NULL, 0.05},    {"karst", 0.13},    {"hills", 0.13},
+              {"ruins", 0.17}, {"asteroid", 0.09}, {"canyons", 0.09}};
+enum { NUM_WORLDS = sizeof worlds / sizeof *worlds };
+
+static void bounds_hold_what_many_rays_see(void **state)
 {
     (void)state;
-    /* What is found of each world, and a little more: land as rough as its pixels are small is far from the court's. */
-    static const struct {
-        const char *name;
-        double most_rms;
-    } worlds[] = {{NULL, 0.05},    {"karst", 0.13},    {"hills", 0.13},
-                  {"ruins", 0.17}, {"asteroid", 0.09}, {"canyons", 0.09}};
     const bool full = getenv("KARST_TEST_FULL") != NULL;
     char path[64];
     write_world(court, path);
-    for (size_t i = 0; i < (full ? sizeof worlds / sizeof *worlds : 1); i++) {
-        const off_by off = compare_with_rays(worlds[i].name ? worlds[i].name : path, full ? 1000 : 40);
+    for (int i = 0; i < (full ? NUM_WORLDS : 1); i++) {
+        off_by off = compare_with_rays(worlds[i].name ? worlds[i].name : path, full ? BOUND_NUM : 100,
+                                       full ? BOUND_WIDTH : BOUND_WIDTH / 2);
+        qsort(off.widths, (size_t)off.num, sizeof off.widths[0], by_size);
+        print_message("%s: %d pixels, %d outside, as wide as %.3f (median), %.3f (worst); rms %.4f, within them %.4f\n",
+                      worlds[i].name ? worlds[i].name : "court", off.num, off.outside, off.widths[off.num / 2],
+                      off.widths[off.num - 1], sqrt(off.square / off.num), sqrt(off.likely_square / off.num));
+        assert_true(off.num >= (full ? 400 : 60));
+        assert_int_equal(off.outside, 0); /* in none, by none of the depths */
+        assert_true(off.widths[off.num / 2] <= 0.6f); /* what is found, and a little more */
+    }
+    unlink(path);
+}
+
+static void estimates_are_near_many_rays(void **state)
+{
+    (void)state;
+    const bool full = getenv("KARST_TEST_FULL") != NULL;
+    char path[64];
+    write_world(court, path);
+    for (int i = 0; i < (full ? NUM_WORLDS : 1); i++) {
+        const off_by off = compare_with_rays(worlds[i].name ? worlds[i].name : path, full ? 1000 : 40, 0);
         const double rms = sqrt(off.square / off.num);
         print_message("%s: %d pixels, rms %.4f, mean %+.4f, worst %.3f\n", worlds[i].name ? worlds[i].name : "court",
                       off.num, rms, off.bias / off.num, off.worst);
@@ -310,6 +404,29 @@ static void a_furnace_stays_white(void **state)
 
 /* ---- what it may not depend on ---- */
 
+static void bounds_do_not_depend_on_lanes(void **state)
+{
+    (void)state;
+    enum { SMALL_WIDTH = 20, SMALL_HEIGHT = 15, NUM_BOUNDS = 3 * SMALL_WIDTH * SMALL_HEIGHT };
+    static float bounds[2][NUM_BOUNDS];
+    char path[64];
+    write_world(court, path);
+    for (int i = 0; i < 2; i++) {
+        karst_engine_config config = base_config(path);
+        config.width_px = SMALL_WIDTH, config.height_px = SMALL_HEIGHT;
+        config.lanes = i ? 1 : 16;
+        karst_engine *engine = create(&config);
+        settle(engine, &one);
+        assert_ok(karst_engine_read_aov(engine, KARST_AOV_OPENNESS, bounds[i], NUM_BOUNDS, &error));
+        karst_engine_destroy(engine);
+    }
+    unlink(path);
+    for (int i = 0; i < NUM_BOUNDS; i += 3)
+        assert_true(0 <= bounds[0][i] && bounds[0][i] <= bounds[0][i + 2] && bounds[0][i + 2] <= bounds[0][i + 1] &&
+                    bounds[0][i + 1] <= 1);
+    assert_memory_equal(bounds[0], bounds[1], sizeof bounds[0]);
+}
+
 static void it_depends_on_the_view_alone(void **state)
 {
     (void)state;
@@ -380,6 +497,9 @@ static void what_is_not_there_is_said(void **state)
     said = (karst_error){0};
     assert_false(karst_engine_read_aov(engine, KARST_AOV_OCCLUSION, one.open, NUM, &said));
     assert_int_equal(said.status, KARST_USAGE);
+    said = (karst_error){0};
+    assert_false(karst_engine_read_aov(engine, KARST_AOV_OPENNESS, one.light, 3 * NUM, &said));
+    assert_int_equal(said.status, KARST_USAGE);
     karst_engine_destroy(engine);
     unlink(path);
     write_world(HEAD(", \"occlusion\": true") "float density(vec3 p) { return -p.y; }\n", path);
@@ -399,8 +519,10 @@ static void what_is_not_there_is_said(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bounds_hold_what_many_rays_see),
         cmocka_unit_test(estimates_are_near_many_rays), cmocka_unit_test(a_plane_is_open),
         cmocka_unit_test(a_closed_box_is_black),        cmocka_unit_test(a_furnace_stays_white),
+        cmocka_unit_test(bounds_do_not_depend_on_lanes),
         cmocka_unit_test(it_depends_on_the_view_alone), cmocka_unit_test(a_window_is_a_part_of_the_whole),
         cmocka_unit_test(what_is_not_there_is_said),
     };

@@ -67,7 +67,8 @@ static void draw(const karst_engine_config *config, picture *p)
     for (int i = 0; i < KARST_NUM_AOVS; i++) {
         const karst_aov aov = (karst_aov)i;
         const bool is_light = aov == KARST_AOV_RADIANCE || aov == KARST_AOV_ALBEDO || aov == KARST_AOV_SUMS;
-        if (aov != KARST_AOV_OCCLUSION && (!is_light || p->keeps_radiance) && /* that: test_occlusion.c */
+        /* What is not read: test_occlusion.c. */
+        if (aov != KARST_AOV_OCCLUSION && aov != KARST_AOV_OPENNESS && (!is_light || p->keeps_radiance) &&
             !karst_engine_read_aov(engine, aov, p->aovs[i], num * (size_t)karst_aov_width(aov), &error))
             fail_msg("%s: %s", config->world, error.message);
     }
@@ -100,7 +101,7 @@ static void test_windows_are_parts(void **state)
             draw(&config, &part);
             compare(ways[k].name, w, whole.rgba, part.rgba, 4, "colours");
             for (int a = 0; a < KARST_NUM_AOVS; a++)
-                if (a != KARST_AOV_OCCLUSION &&
+                if (a != KARST_AOV_OCCLUSION && a != KARST_AOV_OPENNESS &&
                     ((a != KARST_AOV_RADIANCE && a != KARST_AOV_ALBEDO && a != KARST_AOV_SUMS) || whole.keeps_radiance))
                     compare(ways[k].name, w, whole.aovs[a], part.aovs[a],
                             sizeof(float) * (size_t)karst_aov_width((karst_aov)a), karst_aov_channel((karst_aov)a, 0));
