@@ -22,7 +22,7 @@ typedef enum {
                           * engine with karst_engine_config.occlusion; occlusion */
     KARST_AOV_OPENNESS, /* the same, bounded: how much is open at least, and at most, as the bricks prove it, and what
                          * KARST_AOV_OCCLUSION says of it, within these bounds. What they need that is not there is
-                         * made first. Takes some 0.2 ms of a core a pixel; open.least, open.most, open.likely */
+                         * made first. Takes some 1 ms of a core a pixel; open.least, open.most, open.likely */
     KARST_NUM_AOVS
 } karst_aov;
 
