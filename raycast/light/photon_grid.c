@@ -103,7 +103,7 @@ static bool make_room(karst_photon_grid *grid, uint32_t num, karst_error *error)
 }
 
 bool karst_photon_grid_fill(karst_photon_grid *grid, const karst_photon_grid_task *given, const karst_buffer *photons,
-                            const karst_buffer *cells, karst_error *error)
+                            const karst_buffer *cells, const karst_buffer *lamps, karst_error *error)
 {
     const uint32_t blocks = (1u << grid->buckets_log2) / KARST_PHOTON_BUCKETS;
     karst_photon_grid_task task = *given;
@@ -116,7 +116,8 @@ bool karst_photon_grid_fill(karst_photon_grid *grid, const karst_photon_grid_tas
         karst_buffer_fill(grid->buckets, 0, 0, grid->buckets->size_bytes, error) &&
         karst_buffer_fill(grid->widths, 0, 0, sizeof(uint32_t), error) &&
         KARST_ARGUMENTS(grid->kernels[COUNT], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(photons),
-                        KARST_BUFFER_ARG(cells), KARST_BUFFER_ARG(grid->buckets), KARST_BUFFER_ARG(grid->widths)) &&
+                        KARST_BUFFER_ARG(cells), KARST_BUFFER_ARG(lamps), KARST_BUFFER_ARG(grid->buckets),
+                        KARST_BUFFER_ARG(grid->widths)) &&
         launch(grid, COUNT, task.num_records, error) &&
         KARST_ARGUMENTS(grid->kernels[SUMS], error, KARST_BUFFER_ARG(grid->buckets),
                         KARST_BUFFER_ARG(grid->block_sums), KARST_VALUE_ARG(blocks)) &&
@@ -132,8 +133,8 @@ bool karst_photon_grid_fill(karst_photon_grid *grid, const karst_photon_grid_tas
         return counted;
     if (!make_room(grid, num, error) ||
         !KARST_ARGUMENTS(grid->kernels[SORT], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(photons),
-                         KARST_BUFFER_ARG(cells), KARST_BUFFER_ARG(grid->buckets), KARST_BUFFER_ARG(grid->begins),
-                         KARST_BUFFER_ARG(grid->spots)) ||
+                         KARST_BUFFER_ARG(cells), KARST_BUFFER_ARG(lamps), KARST_BUFFER_ARG(grid->buckets),
+                         KARST_BUFFER_ARG(grid->begins), KARST_BUFFER_ARG(grid->spots)) ||
         !launch(grid, SORT, task.num_records, error))
         return false;
     grid->num_spots = num;

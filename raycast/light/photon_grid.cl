@@ -57,7 +57,7 @@ RAY_INLINE void add_neighbour(const karst_photon_grid_task *task, K_GLOBAL const
     if (record >= task->num_records)
         return;
     const karst_photon other = photons[record];
-    if (!other.normal || other.way != photon->way)
+    if (!other.normal || (other.way ^ photon->way) > KARST_PHOTON_FLOWN)
         return;
     const vector3 to = {other.place[0] - photon->place[0], other.place[1] - photon->place[1],
                         other.place[2] - photon->place[2]};
@@ -98,7 +98,8 @@ RAY_INLINE float longest_of(float pp, float ps, float ss)
 
 /* Where light of a record lies; false: it left none. */
 RAY_INLINE int spot_of(const karst_photon_grid_task *task, K_GLOBAL const karst_photon *photons,
-                       K_GLOBAL const karst_photon_cell *cells, uint record, karst_photon_spot *spot)
+                       K_GLOBAL const karst_photon_cell *cells, K_GLOBAL const karst_photon_lamp *lamps, uint record,
+                       karst_photon_spot *spot)
 {
     const karst_photon photon = photons[record];
     if (!photon.normal)
@@ -134,6 +135,13 @@ RAY_INLINE int spot_of(const karst_photon_grid_task *task, K_GLOBAL const karst_
         const float square = (u.pp + u.ss + v.pp + v.ss) * (SPREAD * SPREAD), reach = task->reach * far;
         pp = ss = u.num > 0.0f || v.num > 0.0f ? square : reach * reach;
         ps = 0.0f;
+    }
+    /* A sun's disc blurs what it lights as far off as it was turned: a disc has the variance of a kernel that is wider
+     * by the root of 3/2. */
+    K_GLOBAL const karst_photon_lamp *lamp = &lamps[cell.cell >> 16];
+    if (lamp->kind == KARST_LAMP_SUN) {
+        const float blur = lamp->axis[3] * karst_photon_flown(photon.way), square = 1.5f * blur * blur;
+        pp += square, ss += square;
     }
     float square = longest_of(pp, ps, ss);
     const float room = most * most - least * least, fits = square > room ? room / square : 1.0f;
@@ -188,12 +196,12 @@ RAY_INLINE grid_cell cell_of_spot(const karst_photon_spot *spot)
 
 /* How many of each bucket, and which widths of cells there are: both begin with zeros. */
 __kernel void photon_grid_count(karst_photon_grid_task task, K_GLOBAL const karst_photon *photons,
-                                K_GLOBAL const karst_photon_cell *cells, K_GLOBAL uint *buckets,
-                                K_GLOBAL uint *widths)
+                                K_GLOBAL const karst_photon_cell *cells, K_GLOBAL const karst_photon_lamp *lamps,
+                                K_GLOBAL uint *buckets, K_GLOBAL uint *widths)
 {
     const uint i = (uint)get_global_id(0);
     karst_photon_spot spot;
-    if (i >= task.num_records || !spot_of(&task, photons, cells, i, &spot))
+    if (i >= task.num_records || !spot_of(&task, photons, cells, lamps, i, &spot))
         return;
     const grid_cell c = cell_of_spot(&spot);
     const uint width = 1u << ((uint)c.exponent & 31u);
@@ -242,12 +250,13 @@ __kernel void photon_grid_begins(K_GLOBAL uint *buckets, K_GLOBAL const uint *su
 
 /* In any order within a bucket: what is gathered is summed in whole numbers. */
 __kernel void photon_grid_sort(karst_photon_grid_task task, K_GLOBAL const karst_photon *photons,
-                               K_GLOBAL const karst_photon_cell *cells, K_GLOBAL uint *buckets,
-                               K_GLOBAL const uint *begins, K_GLOBAL karst_photon_spot *spots)
+                               K_GLOBAL const karst_photon_cell *cells, K_GLOBAL const karst_photon_lamp *lamps,
+                               K_GLOBAL uint *buckets, K_GLOBAL const uint *begins,
+                               K_GLOBAL karst_photon_spot *spots)
 {
     const uint i = (uint)get_global_id(0);
     karst_photon_spot spot;
-    if (i >= task.num_records || !spot_of(&task, photons, cells, i, &spot))
+    if (i >= task.num_records || !spot_of(&task, photons, cells, lamps, i, &spot))
         return;
     const grid_cell c = cell_of_spot(&spot);
     const uint bucket = bucket_of(&c, task.mask);

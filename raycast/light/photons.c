@@ -529,7 +529,7 @@ bool karst_photons_sort(karst_photons *p, uint32_t num_batches, karst_error *err
                                         .reach = p->reach,
                                         .scale = p->scale,
                                         .whole = p->num_shown ? (float)((double)p->num_sent / p->num_shown) : 0};
-    return karst_photon_grid_fill(p->grid, &p->shown, p->photons, p->cells, error);
+    return karst_photon_grid_fill(p->grid, &p->shown, p->photons, p->cells, p->lamp_buffer, error);
 }
 
 bool karst_photons_gather(karst_photons *p, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,

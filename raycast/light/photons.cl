@@ -13,7 +13,7 @@
 #define PHOTON_PLACE 0x3c6ef372u
 #define PHOTON_CHOICE 0x5be0cd19u
 /* Powers of the root of x^3 = x + 1, below 1, in 2^32nds (M. Roberts' R-sequence of two numbers): their multiples are
- * spread evenly, together too. For the lamp's disc. */
+ * spread evenly, together too. For the disc of a lamp. */
 #define PHOTON_DISC_U 0xc13fa9a9u
 #define PHOTON_DISC_V 0x91e10da5u
 
@@ -103,10 +103,8 @@ RAY_INLINE sent send(const karst_photon_lamp *lamp, K_GLOBAL const float *table,
         const float inner = table[row], outer = table[row + 1];
         const float radius = k_sqrt(k_fma(at.u, k_fma(outer, outer, -inner * inner), inner * inner));
         s.from = combine(&a, radius * x, &b, radius * y, &axis, 0.0f);
-        const float disc = lamp->axis[3];
-        vector3 to = combine(&a, on.u * disc, &b, on.v * disc, &axis, 1.0f);
-        const float per = -1.0f / length_of(&to);
-        s.direction.x = to.x * per, s.direction.y = to.y * per, s.direction.z = to.z * per;
+        /* From the disc's middle: what light from all over it blurs, spots say (photon_grid.cl). */
+        s.direction.x = -axis.x, s.direction.y = -axis.y, s.direction.z = -axis.z;
         s.share = 1.0f;
         s.across = (outer - inner);
         return s;
@@ -149,7 +147,7 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
         return;
     const uint of_batch = task.num_listed ? list[i] : i;
     const uint photon = karst_photon_of(task.batch, task.num_batches, of_batch);
-    karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f, 0.0f};
+    karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f};
     if (task.is_probe != 1)
         cell = cells[cell_of(cells, task.num_cells, photon)];
     const uint number = photon - cell.first, of_lamp = cell.cell & 0xffffu;
@@ -172,9 +170,7 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
     uint side = KARST_SIDE_ANY;
     float t_max;
     if (lamp.kind == KARST_LAMP_SUN) {
-        /* Rays from all over the disc meet where the cell shines on something: there photons are a grid. */
-        const vector3 back = {-s.direction.x, -s.direction.y, -s.direction.z}, axis = vector_of(lamp.axis);
-        s.from = combine(&s.from, 1.0f, &axis, to_end(&s.from, &axis, task.t_max) - cell.t, &axis, 0.0f);
+        const vector3 back = vector_of(lamp.axis);
         s.from = combine(&s.from, 1.0f, &back, to_end(&s.from, &back, task.t_max), &back, 0.0f);
         t_max = to_end(&s.from, &s.direction, task.t_max);
     } else {
@@ -434,7 +430,8 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
                 born[to].t_max = 0.0f;
             continue;
         }
-        karst_photon_fate of = {t.end, 0, 0, 0, (fate.way + 2u * e.clear + part + 1u) * 0x9e3779b1u};
+        karst_photon_fate of = {t.end, 0, 0, 0,
+                                karst_photon_way(fate.way, 2u * e.clear + part, task.generation ? e.t : 0.0f)};
         for (int c = 0; c < 3; c++)
             out.throughput[c] = light[c] * t.share[part];
         const uint energy = quanta(&task, out.throughput);

@@ -145,8 +145,7 @@ uint32_t karst_photons_find_parts(const karst_photon_aim *aim, karst_photon_cell
             into[num++] = (karst_photon_cell){.cell = cell | aim->number << 16,
                                               .part = part >> log2 | (part & (side - 1)) << 8 | log2 << 16,
                                               .share = (float)measure,
-                                              .distance = (float)far,
-                                              .t = near.t};
+                                              .distance = (float)far};
         }
     }
     return num;

@@ -48,14 +48,13 @@ typedef struct {
     uint grid;      /* rows, and from bit 16 on columns */
     float share;    /* of the cell's area (level-0 voxels squared) or solid angle, that each stands for */
     float distance; /* of what it shines on from the eye, level-0 voxels */
-    float t;        /* and along the ray of a sun, from where the view begins */
 } karst_photon_cell;
-K_ASSERT_SIZE(karst_photon_cell, 28);
+K_ASSERT_SIZE(karst_photon_cell, 24);
 
 /* What a slot of a photon leaves on land. They lie batch by batch, slot by slot: karst_photon_record. */
 typedef struct {
     float place[3]; /* from the photons' anchor, level-0 voxels */
-    uint way;       /* what it met on its way: photons of a grid with the same have neighbours in the same light */
+    uint way;       /* karst_photon_way: photons of a grid that met the same have neighbours in the same light */
     float flux[3];  /* of red, green and blue: what falls on the land, though that may mirror a share of it */
     uint normal;    /* of the land, ten bits an axis; 0: it left nothing */
 } karst_photon;
@@ -132,6 +131,17 @@ K_INLINE uint karst_photons_of_batch(uint num_photons, uint batch, uint num_batc
     const uint runs = num_photons / KARST_PHOTON_RUN, rest = num_photons % KARST_PHOTON_RUN;
     const uint whole = runs > batch ? (runs - batch - 1) / num_batches + 1 : 0;
     return whole * KARST_PHOTON_RUN + (runs % num_batches == batch ? rest : 0);
+}
+
+/* What light met on its way, and, in the lowest bits, how far it has flown since the first surface. */
+#define KARST_PHOTON_FLOWN 0xfffu
+K_INLINE float karst_photon_flown(uint way) { return k_as_float((way & KARST_PHOTON_FLOWN) << 19); }
+
+/* It met `what` (0 to 3) after so many level-0 voxels more. */
+K_INLINE uint karst_photon_way(uint way, uint what, float more)
+{
+    const uint met = ((way >> 12) + what + 1u) * 0x9e3779b1u & ~KARST_PHOTON_FLOWN;
+    return met | k_as_uint(karst_photon_flown(way) + more) >> 19;
 }
 
 /* Where what a slot of a batch's place left is kept. */

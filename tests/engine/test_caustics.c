@@ -307,7 +307,7 @@ static void light_lands_where_rays_say(void **state)
     shine_on_ring();
     const double ring = rms_of_peak(&one, is_in_ring, 0, &ratio);
     print_message("ring: rms %.4f of the peak, light %.4f of the true\n", ring, ratio);
-    assert_true(ring <= most_error(0.013, num));
+    assert_true(ring <= most_error(0.007, num));
     assert_true(fabs(ratio - 1) < 0.03);
     /* The nephroid's cusp lies half a radius behind the middle. */
     int brightest = 0;
@@ -326,7 +326,7 @@ static void light_lands_where_rays_say(void **state)
     for (int c = 0; c < 3; c += 2) {
         const double ball = rms_of_peak(&other, is_behind_ball, c, &ratio);
         print_message("ball, channel %d: rms %.4f of the peak, light %.4f of the true\n", c, ball, ratio);
-        assert_true(ball <= most_error(0.045, num));
+        assert_true(ball <= most_error(0.008, num));
         assert_true(fabs(ratio - 1) < 0.05);
     }
     karst_engine_destroy(engine);
