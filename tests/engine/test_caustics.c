@@ -175,7 +175,7 @@ static void shine_of_lamp(void)
         }
 }
 
-/* Light from all over the sun's disc that the flat mirror throws at the floor, by place of the mirror and of the disc. */
+/* Light from all over the sun's disc that the flat mirror throws at the floor: by places of both. */
 static void shine_on_wall(void)
 {
     enum { UP = 200, ALONG = 200, DISC = 16 };
@@ -375,7 +375,7 @@ static void light_lands_where_rays_say(void **state)
     karst_engine_destroy(engine);
 }
 
-/* Behind a flat mirror spots are as wide as the sun's disc makes its light, so the patch has the soft edge that it has. */
+/* Behind a flat mirror spots are as wide as the sun's disc makes its light: the patch has soft edges. */
 static void a_wide_sun_makes_soft_edges(void **state)
 {
     (void)state;
