@@ -101,6 +101,8 @@ static void sample_some(karst_mesh_worker *worker, const int *corners, size_t nu
 {
     karst_position positions[AT_ONCE];
     float densities[AT_ONCE];
+    if (!num)
+        return;
     for (size_t i = 0; i < num; i++) {
         int at[3];
         karst_tile_corner_at(corners[i], at);
