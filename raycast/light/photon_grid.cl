@@ -75,20 +75,6 @@ RAY_INLINE void mean_of(differences *d)
     d->pp *= per, d->ps *= per, d->ss *= per;
 }
 
-/* The last cell that begins at or before a photon. */
-RAY_INLINE uint cell_of(K_GLOBAL const karst_photon_cell *cells, uint num_cells, uint photon)
-{
-    uint low = 0, high = num_cells;
-    while (high - low > 1) {
-        const uint middle = low + (high - low) / 2;
-        if (cells[middle].first <= photon)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 /* The larger eigenvalue. */
 RAY_INLINE float longest_of(float pp, float ps, float ss)
 {
@@ -107,7 +93,7 @@ RAY_INLINE int spot_of(const karst_photon_grid_task *task, K_GLOBAL const karst_
     const uint place = record % task->batch_rays, slot = record / task->batch_rays % KARST_PHOTON_SLOTS;
     const uint batch = record / task->batch_rays / KARST_PHOTON_SLOTS;
     const uint number = karst_photon_of(batch, task->num_batches, place);
-    const karst_photon_cell cell = cells[cell_of(cells, task->num_cells, number)];
+    const karst_photon_cell cell = cells[karst_photon_find(cells, task->num_cells, number)];
     const uint columns = cell.grid >> 16, rows = cell.grid & 0xffffu, of_grid = number - cell.first;
     const uint column = of_grid % columns, row = of_grid / columns;
     const vector3 n = unpack_normal(photon.normal), at = {photon.place[0], photon.place[1], photon.place[2]};

@@ -69,20 +69,6 @@ RAY_INLINE uint quanta(const karst_photon_task *task, const float flux[3])
 
 /* ---- from lamps ---- */
 
-/* The last cell that begins at or before a photon. */
-RAY_INLINE uint cell_of(K_GLOBAL const karst_photon_cell *cells, uint num_cells, uint photon)
-{
-    uint low = 0, high = num_cells;
-    while (high - low > 1) {
-        const uint middle = low + (high - low) / 2;
-        if (cells[middle].first <= photon)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 typedef struct {
     vector3 from, direction;
     float share;  /* of the lamp's colour that each unit of the cell's area or solid angle has there */
@@ -149,7 +135,7 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
     const uint photon = karst_photon_of(task.batch, task.num_batches, of_batch);
     karst_photon_cell cell = {photon, photon | task.lamp << 16, 0, 1u | 1u << 16, 1.0f, 0.0f};
     if (task.is_probe != 1)
-        cell = cells[cell_of(cells, task.num_cells, photon)];
+        cell = cells[karst_photon_find(cells, task.num_cells, photon)];
     const uint number = photon - cell.first, of_lamp = cell.cell & 0xffffu;
     const uint grid_rows = cell.grid & 0xffffu, grid_columns = cell.grid >> 16;
     const karst_photon_lamp lamp = lamps[cell.cell >> 16];

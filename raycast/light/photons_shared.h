@@ -133,6 +133,20 @@ K_INLINE uint karst_photons_of_batch(uint num_photons, uint batch, uint num_batc
     return whole * KARST_PHOTON_RUN + (runs % num_batches == batch ? rest : 0);
 }
 
+/* The last cell that begins at or before a photon. */
+K_INLINE uint karst_photon_find(K_GLOBAL const karst_photon_cell *cells, uint num_cells, uint photon)
+{
+    uint low = 0, high = num_cells;
+    while (high - low > 1) {
+        const uint middle = low + (high - low) / 2;
+        if (cells[middle].first <= photon)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
 /* What light met on its way, and, in the lowest bits, how far it has flown since the first surface. */
 #define KARST_PHOTON_FLOWN 0xfffu
 K_INLINE float karst_photon_flown(uint way) { return k_as_float((way & KARST_PHOTON_FLOWN) << 19); }
