@@ -3,7 +3,7 @@
 # beside what is to run alone.
 set -u
 . tests/tap.sh
-run="$PWD/tests/run.sh"
+run="$PWD/tests/run.sh" tap="$PWD/tests/tap.sh"
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 mkdir -p "$scratch/tests" && cd "$scratch" || exit 1
@@ -25,6 +25,13 @@ for letter in a b c d; do
 done
 printf '#!/bin/sh\n[ -n "$POCL_CACHE_DIR" ] && [ ! -e "$POCL_CACHE_DIR" ] && mkdir "$POCL_CACHE_DIR" && echo "ok 1 - a"\n' \
     > tests/store.sh
+cat > tests/leaks.sh << END
+. "$tap"
+cd "$scratch" && echo '==7==LeakSanitizer has encountered a fatal error.' > stderr
+case \$ASAN_OPTIONS in *intercept_tls_get_addr=0*) true ;; *) false ;; esac
+result "a script's program"
+finish
+END
 : > nobody
 
 # run_them PROGRAM...: leaves what it says in the file said, and $status.
@@ -54,6 +61,9 @@ for JOBS in 1 3; do
     run_them tests/interrupts
     [ $status -eq 1 ] && grep -q '^FAILED interrupts' said
     result "$JOBS at once: a program can be interrupted"
+    CONFIG=asan run_them tests/leaks.sh
+    [ $status -eq 0 ] && grep -q 'again: the leak checker had crashed' said
+    result "$JOBS at once: where the leak checker crashes in a script's program, the script runs again"
     run_them tests/store.sh
     [ $status -eq 0 ] && [ -z "$(find logs -name '*.store')" ]
     result "$JOBS at once: a script has a driver's store of its own, which goes with it"

@@ -13,6 +13,8 @@ result()
         echo "not ok $num_tests - $1"
         num_failures=$((num_failures + 1))
         [ -n "${detail:-}" ] && echo "$detail" | sed 's/^/# /'
+        # The leak checker itself may have crashed in a program whose words the detail has not whole: tests/run.sh asks.
+        grep -hs 'LeakSanitizer has encountered a fatal error' stdout stderr | sed 's/^/# /'
     fi
     detail=
 }
