@@ -76,7 +76,7 @@ static int count_wrong(int body, int64_t around, bool is_whole, int level, int *
             p[a] = (2 * random_unit() - 1) * 1.6;
         turn(&model, p, voxels, false);
         for (int a = 0; a < 3; a++) {
-            voxel[a] = around + ((int64_t)rint(ldexp(voxels[a], -level)) << level);
+            voxel[a] = around + (int64_t)ldexp(rint(ldexp(voxels[a], -level)), level);
             voxels[a] = (double)(voxel[a] - around);
         }
         turn(&model, voxels, p, true);
