@@ -58,6 +58,26 @@ static light_arguments arguments_of(const karst_media *media, const karst_media_
     return more;
 }
 
+/* Behind what kernels of light always take, which an empty argument ends: what these media's take besides. `more` has
+ * to outlive the arguments. Returns how many there are. */
+static size_t add_rest(const karst_media *media, const light_arguments *more, bool with_clear,
+                       karst_argument *arguments)
+{
+    const struct {
+        bool is_there;
+        karst_argument of[2];
+    } rest[] = {{media->fluence != NULL, {KARST_VALUE_ARG(more->boxes), KARST_VALUE_ARG(more->words)}},
+                {with_clear, {KARST_VALUE_ARG(more->over_hits), KARST_VALUE_ARG(more->absorption)}},
+                {media->config.has_atmosphere, {KARST_VALUE_ARG(*more->sky), KARST_VALUE_ARG(more->table)}}};
+    size_t num = 0;
+    while (arguments[num].size_bytes)
+        num++;
+    for (size_t i = 0; i < sizeof rest / sizeof *rest; i++)
+        for (size_t k = 0; rest[i].is_there && k < 2; k++)
+            arguments[num++] = rest[i].of[k];
+    return num;
+}
+
 bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, karst_error *error)
 {
     if (!media->pixels)
@@ -85,18 +105,7 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
                                     KARST_BUFFER_ARG(media->looks),
                                     KARST_BUFFER_ARG(media->counters),
                                     KARST_VALUE_ARG(media->data)};
-    const karst_argument of_fluence[] = {KARST_VALUE_ARG(more.boxes), KARST_VALUE_ARG(more.words)},
-                         of_clear[] = {KARST_VALUE_ARG(more.over_hits), KARST_VALUE_ARG(more.absorption)},
-                         of_air[] = {KARST_VALUE_ARG(*more.sky), KARST_VALUE_ARG(more.table)};
-    size_t num = 0;
-    while (arguments[num].size_bytes)
-        num++;
-    for (size_t i = 0; media->fluence && i < 2; i++)
-        arguments[num++] = of_fluence[i];
-    for (size_t i = 0; media->config.has_streams && i < 2; i++)
-        arguments[num++] = of_clear[i];
-    for (size_t i = 0; media->config.has_atmosphere && i < 2; i++)
-        arguments[num++] = of_air[i];
+    const size_t num = add_rest(media, &more, media->config.has_streams, arguments);
     return karst_media_send_view(media, picture->view, error) &&
            karst_arguments(media->pixels, arguments, num, error) &&
            karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_MEDIA, error);
@@ -171,15 +180,7 @@ bool karst_media_stream_rays(karst_media *media, const karst_media_picture *pict
                                     KARST_BUFFER_ARG(media->looks),
                                     KARST_BUFFER_ARG(media->counters),
                                     KARST_VALUE_ARG(media->data)};
-    const karst_argument of_fluence[] = {KARST_VALUE_ARG(more.boxes), KARST_VALUE_ARG(more.words)},
-                         of_air[] = {KARST_VALUE_ARG(*more.sky), KARST_VALUE_ARG(more.table)};
-    size_t num = 0;
-    while (arguments[num].size_bytes)
-        num++;
-    for (size_t i = 0; media->fluence && i < 2; i++)
-        arguments[num++] = of_fluence[i];
-    for (size_t i = 0; media->config.has_atmosphere && i < 2; i++)
-        arguments[num++] = of_air[i];
+    const size_t num = add_rest(media, &more, false, arguments);
     return karst_media_send_view(media, picture->view, error) &&
            karst_arguments(media->stream, arguments, num, error) &&
            karst_launch(media->context, media->stream, KARST_STAGE_MEDIA,

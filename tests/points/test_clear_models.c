@@ -50,17 +50,6 @@ static void draw(const char *models, const char *text, int lanes, uint8_t *rgba)
     assert_true(settled);
     assert_ok(karst_engine_read_pixels(engine, rgba, 4 * NUM, &error));
     karst_engine_destroy(engine);
-    const char *keep = getenv("KARST_KEEP_PICTURES"); /* a folder, to look at them */
-    static int number;
-    char path[256];
-    if (!keep)
-        return;
-    snprintf(path, sizeof path, "%s/clear%d.ppm", keep, number++);
-    FILE *file = fopen(path, "wb");
-    fprintf(file, "P6 %d %d 255\n", WIDTH, HEIGHT);
-    for (int i = 0; i < NUM; i++)
-        fwrite(rgba + 4 * i, 1, 3, file);
-    fclose(file);
 }
 
 /* The share of pixels whose values are all within so many of 255. */

@@ -57,17 +57,6 @@ static void draw(const char *models, const char *density, uint8_t *rgba)
     if (rgba == truth)
         assert_ok(karst_engine_read_aov(engine, KARST_AOV_POSITION, place, 3 * NUM, &error));
     karst_engine_destroy(engine);
-    const char *keep = getenv("KARST_KEEP_PICTURES"); /* a folder, to look at them */
-    static int number;
-    char file_name[256];
-    if (!keep)
-        return;
-    snprintf(file_name, sizeof file_name, "%s/room%d.ppm", keep, number++);
-    FILE *file = fopen(file_name, "wb");
-    fprintf(file, "P6 %d %d 255\n", WIDTH, HEIGHT);
-    for (int i = 0; i < NUM; i++)
-        fwrite(rgba + 4 * i, 1, 3, file);
-    fclose(file);
 }
 
 /* Of pixels that show a wall so near to another one, the share whose values are all within 2 of 255. */
