@@ -3,28 +3,8 @@
 # program.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst $*: exit $status; stdout: $(head -c 600 stdout); stderr: $(head -c 600 stderr)"
-}
-# complains CODE PATTERN NAME ARGUMENT...: fails so, prints nothing.
-complains()
-{
-    code=$1 pattern=$2 name=$3
-    shift 3
-    run "$@"
-    [ $status -eq "$code" ] && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
-    result "$name"
-}
 small="--size 75x53 --pool 64 --detail 2 --view-distance 2000 --samples 3 --display none -q"
 
 # ---- bands ----

@@ -2,29 +2,9 @@
 # karst bench from outside: its report, table, chart, trace and comparison. Nothing here depends on how fast anything is.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
 flatten="$PWD/tests/cli/flatten.awk"
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 quick="--size 160x120 --pool 64 --detail 2 --view-distance 2000 --rounds 3"
-
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst $*: exit $status; stderr: $(head -c 600 stderr)"
-}
-complains()
-{
-    code=$1 pattern=$2 name=$3
-    shift 3
-    run "$@"
-    [ $status -eq "$code" ] && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
-    result "$name"
-}
 
 complains 2 "which world" "no world" bench
 complains 4 "did you mean 'hills'" "a misspelt world" bench hils
@@ -150,7 +130,6 @@ detail=$(head -n 3 still.csv)
 [ "$(wc -l < still.csv)" -gt 12 ] && awk -F, 'NR == 1 { n = NF } NF != n || n < 20 { exit 1 }' still.csv &&
     [ "$(grep -c '^settled,' still.csv)" -eq 6 ] && grep -q '^settling,1,' still.csv
 result "a line for each frame, each with all columns"
-
 
 # ---- a second engine beside it ----
 # Shadow rays come to bricks that the camera's do not: those of the engine without are fewer.

@@ -3,22 +3,10 @@
 # that mean nothing. $KARST is the program.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 mkdir temporary && export TMPDIR="$scratch/temporary"
 echo 'float density(vec3 p) { return -p.y; }' > plain.karst
 quick="--size 32x24 --pool 64 --no-shadows --display none --camera 0,5,0,0,-20"
-
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < "${input:-/dev/null}"
-    status=$?
-    detail="karst $*: exit $status; stdout: $(head -c 300 stdout); stderr: $(head -c 600 stderr)"
-}
 
 # ---- names of the command's own ----
 run --version

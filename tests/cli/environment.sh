@@ -3,24 +3,13 @@
 # descriptors, signals, small stacks, little memory. $KARST is the program. KARST_TEST_FULL=1 tries every kind of damage.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
+. tests/cli/calls.sh
 mounted=
 trap '[ -n "$mounted" ] && umount "$mounted"; rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
 
 # A world whose kernels are compiled quickly, and a small picture of it.
 echo 'float density(vec3 p) { return -p.y; }' > plain.karst
 quick="render plain.karst --size 32x24 --pool 64 --no-shadows --display none --camera 0,5,0,0,-20"
-
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst $*: exit $status; stderr: $(head -c 900 stderr)"
-}
 
 # ---- a driver's store of Karst's own, beside its store of programs ----
 unset POCL_CACHE_DIR

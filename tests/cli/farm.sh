@@ -3,30 +3,9 @@
 # tiles; and the scripts of docs/FARM.md. $KARST is the program.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
 page="$PWD/docs/FARM.md"
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 export POCL_CACHE_DIR="${POCL_CACHE_DIR:-$PWD/store}"
-
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst $*: exit $status; stdout: $(head -c 600 stdout); stderr: $(head -c 600 stderr)"
-}
-# complains CODE PATTERN NAME ARGUMENT...: fails so, prints nothing.
-complains()
-{
-    code=$1 pattern=$2 name=$3
-    shift 3
-    run "$@"
-    [ $status -eq "$code" ] && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
-    result "$name"
-}
 
 echo '{"keyframes": [{"time": 0, "position": ["0", "320", "0"], "yaw": 0, "pitch": -10},
     {"time": 1, "position": ["30", "320", "0"], "yaw": 20, "pitch": -10}]}' > 'turn it.json'

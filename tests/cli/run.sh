@@ -2,25 +2,12 @@
 # The karst command from outside: what it prints, writes and returns. $KARST is the program.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
 flatten="$PWD/tests/cli/flatten.awk"
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 unset NO_COLOR
 
 # A picture that is quick to make.
 quick="--size 160x120 --pool 64 --detail 2 --view-distance 2000"
-
-# run ARGUMENT...: leaves stdout, stderr and $status.
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < /dev/null
-    status=$?
-    detail="karst $*: exit $status; stderr: $(head -c 600 stderr)"
-}
 
 # complains CODE PATTERN NAME ARGUMENT...: fails with this exit code and one line on stderr that matches; writes nothing.
 complains()

@@ -2,30 +2,11 @@
 # karst check and karst sample from outside: neither needs a device, though check asks its compiler where there is one.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 unset NO_COLOR
 : > stdin
+input=stdin
 
-run()
-{
-    "$karst" "$@" > stdout 2> stderr < stdin
-    status=$?
-    detail="karst $*: exit $status; stdout: $(head -c 600 stdout); stderr: $(head -c 600 stderr)"
-}
-# complains CODE PATTERN NAME ARGUMENT...: fails with this exit code, says why on stderr, and writes nothing.
-complains()
-{
-    code=$1 pattern=$2 name=$3
-    shift 3
-    run "$@"
-    [ $status -eq "$code" ] && grep -q '^karst: ' stderr && grep -qE -e "$pattern" stderr && [ ! -s stdout ]
-    result "$name"
-}
 # prints NAME PATTERN...: the last run succeeded, and each pattern is on stdout.
 prints()
 {
@@ -158,6 +139,7 @@ run sample plain.karst --json
 [ $status -eq 5 ] && [ "$(wc -l < stdout)" -eq 1 ] && grep -q 'stdin:2: a point is X,Y,Z' stderr
 result "sample: a line that is no point is named; what came before is there"
 : > stdin
+input=stdin
 complains 2 "no point was given" "sample: no point" sample plain.karst
 complains 2 "a point is X,Y,Z" "sample: a point of four" sample plain.karst --at 1,2,3,4
 complains 2 "y: .*not a decimal" "sample: a point with a gap" sample plain.karst --at 1,,3

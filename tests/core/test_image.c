@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "karst/image.h"
+#include "tests/support/files.h"
 
 static char folder[] = "/tmp/karst-image-XXXXXX";
 
@@ -75,25 +76,6 @@ static uint8_t *pattern(int width, int height, unsigned seed)
     return rgba;
 }
 
-static char *slurp(const char *path, size_t *size)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    char *bytes = malloc(1 << 24);
-    assert_non_null(bytes);
-    *size = fread(bytes, 1, 1 << 24, file);
-    fclose(file);
-    return bytes;
-}
-
-static void spill(const char *path, const void *bytes, size_t size)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, size, file), size);
-    fclose(file);
-}
-
 static void test_round_trip(void **state)
 {
     (void)state;
@@ -127,7 +109,7 @@ static void test_same_bytes_and_no_time(void **state)
         rgba[i] ^= 0x5A; /* alpha is not in the file */
     assert_true(karst_image_write_png(in_folder("b.png"), rgba, 65, 33, NULL));
     size_t size_a, size_b;
-    char *a = slurp(in_folder("a.png"), &size_a), *b = slurp(in_folder("b.png"), &size_b);
+    char *a = read_file(in_folder("a.png"), &size_a), *b = read_file(in_folder("b.png"), &size_b);
     assert_int_equal(size_a, size_b);
     assert_memory_equal(a, b, size_a);
     /* Only what a picture needs: IHDR, IDATs, IEND. */
@@ -176,7 +158,7 @@ static void test_unwritable(void **state)
     assert_write_fails(in_folder("none/a.png"), ENOENT);
     assert_write_fails(folder, EISDIR);
     assert_write_fails("", ENOENT);
-    spill(in_folder("file"), "x", 1);
+    write_file(in_folder("file"), "x", 1);
     assert_write_fails(in_folder("file/a.png"), ENOTDIR);
     assert_write_fails("/dev/full", ENOSPC);
     char name[400];
@@ -194,7 +176,7 @@ static void test_unwritable(void **state)
 static void test_failure_leaves_the_old_file(void **state)
 {
     (void)state;
-    spill(in_folder("a.png"), "old", 3);
+    write_file(in_folder("a.png"), "old", 3);
     pid_t child = fork();
     assert_true(child >= 0);
     if (child == 0) {
@@ -210,7 +192,7 @@ static void test_failure_leaves_the_old_file(void **state)
     assert_int_equal(waitpid(child, &status, 0), child);
     assert_int_equal(status, 0);
     size_t size;
-    char *bytes = slurp(in_folder("a.png"), &size);
+    char *bytes = read_file(in_folder("a.png"), &size);
     assert_int_equal(size, 3);
     assert_memory_equal(bytes, "old", 3);
     free(bytes);
@@ -221,7 +203,7 @@ static void test_links_and_devices_stay(void **state)
 {
     (void)state;
     const uint8_t pixel[4] = {1, 2, 3, 4};
-    spill(in_folder("real"), "old", 3);
+    write_file(in_folder("real"), "old", 3);
     assert_int_equal(symlink("real", in_folder("link.png")), 0);
     assert_true(karst_image_write_png(in_folder("link.png"), pixel, 1, 1, NULL));
     struct stat status;
@@ -265,23 +247,23 @@ static void test_bad_files(void **state)
 {
     (void)state;
     assert_unreadable(in_folder("none.png"), strerror(ENOENT));
-    spill(in_folder("text.png"), "not a picture", 13);
+    write_file(in_folder("text.png"), "not a picture", 13);
     assert_unreadable(in_folder("text.png"), "Not a PNG");
-    spill(in_folder("empty.png"), "", 0);
+    write_file(in_folder("empty.png"), "", 0);
     assert_unreadable(in_folder("empty.png"), "");
 
     uint8_t *rgba = pattern(50, 40, 1);
     assert_true(karst_image_write_png(in_folder("a.png"), rgba, 50, 40, NULL));
     free(rgba);
     size_t size;
-    char *bytes = slurp(in_folder("a.png"), &size);
+    char *bytes = read_file(in_folder("a.png"), &size);
     for (size_t cut = 1; cut < size; cut += 97) { /* cut short anywhere */
-        spill(in_folder("cut.png"), bytes, cut);
+        write_file(in_folder("cut.png"), bytes, cut);
         assert_unreadable(in_folder("cut.png"), "");
     }
     for (size_t at = 0; at < size - 12; at += 61) { /* a flipped bit anywhere: a checksum notices */
         bytes[at] ^= 4;
-        spill(in_folder("bad.png"), bytes, size);
+        write_file(in_folder("bad.png"), bytes, size);
         assert_unreadable(in_folder("bad.png"), "");
         bytes[at] ^= 4;
     }
@@ -293,7 +275,7 @@ static void test_bad_files(void **state)
         0,    0,    1,    0,    0,   0,   1,   8,    0,    0,    0,    0,   0x3A, 0x7E, 0x9B, 0x55, 0,
         0,    0,    10,   'I',  'D', 'A', 'T', 0x78, 0x9C, 0x63, 0x60, 0,   0,    0,    2,    0,    1,
         0x48, 0xAF, 0xA4, 0x71, 0,   0,   0,   0,    'I',  'E',  'N',  'D', 0xAE, 0x42, 0x60, 0x82};
-    spill(in_folder("grey.png"), grey, sizeof grey);
+    write_file(in_folder("grey.png"), grey, sizeof grey);
     assert_unreadable(in_folder("grey.png"), "not 8-bit RGB");
 }
 

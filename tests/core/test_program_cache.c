@@ -15,6 +15,7 @@
 #include <fcntl.h>
 
 #include "core/device/program_cache.h"
+#include "tests/support/files.h"
 
 typedef struct {
     karst_context *context;
@@ -133,27 +134,6 @@ static void test_what_was_kept_is_used(void **state)
     assert_true(build_and_run(f, 7));
 }
 
-static unsigned char *read_file(const char *path, long *size)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    fseek(file, 0, SEEK_END);
-    *size = ftell(file);
-    rewind(file);
-    unsigned char *data = malloc((size_t)*size);
-    assert_int_equal(fread(data, 1, (size_t)*size, file), (size_t)*size);
-    fclose(file);
-    return data;
-}
-
-static void write_file(const char *path, const unsigned char *data, long size)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, (size_t)size, file), (size_t)size);
-    fclose(file);
-}
-
 /* Whether the entry as it now stands is taken, judged without waiting for it to be made anew. */
 static bool is_taken(fixture *f, const char *path, const char *source, const char *options)
 {
@@ -183,29 +163,29 @@ static void test_what_is_damaged_is_built_anew(void **state)
     karst_program_cache_store(f->context, &key, program);
     karst_program_cache_finish(f->context);
     clReleaseProgram(program);
-    long size;
-    unsigned char *good = read_file(key.path, &size), *bad = malloc((size_t)size);
+    size_t size;
+    unsigned char *good = read_file(key.path, &size), *bad = malloc(size);
     assert_true(is_taken(f, key.path, source, options));
 
     /* Cut off anywhere, and longer than it says. */
-    const long lengths[] = {0, 1, 39, 40, 41, 100, size / 2, size - 1};
+    const size_t lengths[] = {0, 1, 39, 40, 41, 100, size / 2, size - 1};
     for (size_t i = 0; i < sizeof lengths / sizeof *lengths; i++) {
         write_file(key.path, good, lengths[i]);
         assert_false(is_taken(f, key.path, source, options));
         assert_int_equal(access(key.path, F_OK), lengths[i] == 0 ? 0 : -1); /* deleted; an empty one is just replaced */
     }
     FILE *longer = fopen(key.path, "wb");
-    fwrite(good, 1, (size_t)size, longer);
+    fwrite(good, 1, size, longer);
     fputc(0, longer);
     fclose(longer);
     assert_false(is_taken(f, key.path, source, options));
     /* One bit anywhere: header, key, binary. */
-    for (long at = 0; at < size; at += at < 200 ? 1 : 1 + size / 97) {
-        memcpy(bad, good, (size_t)size);
+    for (size_t at = 0; at < size; at += at < 200 ? 1 : 1 + size / 97) {
+        memcpy(bad, good, size);
         bad[at] ^= (unsigned char)(1 << at % 8);
         write_file(key.path, bad, size);
         if (is_taken(f, key.path, source, options))
-            fail_msg("byte %ld of %ld changed, and the entry is taken", at, size);
+            fail_msg("byte %zu of %zu changed, and the entry is taken", at, size);
     }
     /* As it was. */
     write_file(key.path, good, size);

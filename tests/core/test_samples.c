@@ -10,13 +10,13 @@
 
 #include <cmocka.h>
 #include <math.h>
-#include <sys/stat.h>
 #include <tiffio.h>
 #include <unistd.h>
 #include <zlib.h>
 
 #include "core/files/samples.h"
 #include "karst/image.h"
+#include "tests/support/files.h"
 
 static char folder[512];
 
@@ -32,27 +32,6 @@ static const char *path_of(const char *name)
     static char path[1200];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     return path;
-}
-
-static void write_bytes(const char *name, const void *bytes, size_t length)
-{
-    FILE *file = fopen(path_of(name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, length, file), length);
-    fclose(file);
-}
-
-static void *read_bytes(const char *name, size_t *length)
-{
-    struct stat status;
-    assert_int_equal(stat(path_of(name), &status), 0);
-    *length = (size_t)status.st_size;
-    void *bytes = malloc(*length);
-    FILE *file = fopen(path_of(name), "rb");
-    assert_non_null(file);
-    assert_int_equal(fread(bytes, 1, *length, file), *length);
-    fclose(file);
-    return bytes;
 }
 
 static void write_tiff(const char *name, int bits, int format, int channels, int tile)
@@ -162,18 +141,18 @@ static void test_damaged_files_are_told(void **state)
 {
     static const char *const names[] = {"a.png", "a.tif", "a.exr", "deep.png"};
     (void)state;
-    write_bytes("deep.png", "", 0);
+    write_file(path_of("deep.png"), "", 0);
     size_t length;
     FILE *file = fopen("demos/worlds/data/survey.png", "rb");
     assert_non_null(file);
     unsigned char *deep = malloc(1 << 20);
     length = fread(deep, 1, 1 << 20, file);
     fclose(file);
-    write_bytes("deep.png", deep, length);
+    write_file(path_of("deep.png"), deep, length);
     free(deep);
     random_state = 31;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        unsigned char *bytes = read_bytes(names[i], &length);
+        unsigned char *bytes = read_file(path_of(names[i]), &length);
         int refused = 0;
         for (int n = 0; n < 60; n++) {
             unsigned char *changed = malloc(length);
@@ -185,7 +164,7 @@ static void test_damaged_files_are_told(void **state)
                 for (uint32_t k = 1 + random_below(8); k > 0; k--)
                     changed[random_below((uint32_t)(length < 400 || n % 4 ? length : 400))] ^=
                         (unsigned char)(1 + random_below(255));
-            write_bytes("changed", changed, kept);
+            write_file(path_of("changed"), changed, kept);
             free(changed);
             karst_samples samples;
             karst_error error = {0};
@@ -206,14 +185,14 @@ static void test_a_header_that_lies_costs_nothing(void **state)
 {
     (void)state;
     size_t length;
-    unsigned char *bytes = read_bytes("a.png", &length);
+    unsigned char *bytes = read_file(path_of("a.png"), &length);
     static const unsigned char sides[8] = {0, 0, 0x40, 0, 0, 0, 0x40, 0};
     memcpy(bytes + 16, sides, sizeof sides);
     bytes[25] = 0; /* grey: of one channel 2^28 samples are not too many */
     const unsigned long sum = crc32(0, bytes + 12, 17);
     for (int i = 0; i < 4; i++)
         bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
-    write_bytes("changed", bytes, length);
+    write_file(path_of("changed"), bytes, length);
     free(bytes);
     karst_samples samples;
     karst_error error = {0};

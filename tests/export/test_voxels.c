@@ -9,6 +9,7 @@
 #include "core/files/volume.h"
 #include "karst/query.h"
 #include "karst/voxels.h"
+#include "tests/support/files.h"
 
 static char path[] = "/tmp/karst_voxels_XXXXXX.nvdb";
 
@@ -43,7 +44,7 @@ static karst_voxels_config near_box(void)
     return config;
 }
 
-static void write_file(const karst_world *world, karst_voxels_kind kind, const karst_voxels_config *config)
+static void write_voxels(const karst_world *world, karst_voxels_kind kind, const karst_voxels_config *config)
 {
     karst_error error = {0};
     const karst_voxels_grid grid = {.world = world, .name = "one", .kind = kind};
@@ -81,7 +82,7 @@ static void test_values_come_back_bit_for_bit(void **state)
     for (int i = 0; i < 2; i++) {
         karst_voxels_config config = i ? box : near_box();
         config.footprint_m = i;
-        write_file(world, KARST_VOXELS_DENSITY, &config);
+        write_voxels(world, KARST_VOXELS_DENSITY, &config);
         assert_holds_densities(world, &config);
     }
     karst_world_close(world);
@@ -98,7 +99,7 @@ static void test_parts_of_a_world(void **state)
     (void)state;
     assert_true(karst_query_densities(clear, &(karst_query_config){0}, &inside, 1, &value[0], NULL) && value[0] == 2);
     config.corner.voxel[0] = -20;
-    write_file(air, KARST_VOXELS_FOG, &config);
+    write_voxels(air, KARST_VOXELS_FOG, &config);
     assert_true(karst_volume_read(path, NULL, &volume, NULL));
     /* what is 0 takes no place: the box begins where there is fog */
     assert_int_equal(volume.size[0], 11);
@@ -119,7 +120,7 @@ static void test_distances_have_both_sides(void **state)
     karst_voxels_config config = {.corner = {{-60, -60, -60}, {0, 0, 0}}, .num_voxels = {60, 60, 60}, .voxel_m = 0.5};
     karst_volume volume;
     (void)state;
-    write_file(world, KARST_VOXELS_DISTANCE, &config);
+    write_voxels(world, KARST_VOXELS_DISTANCE, &config);
     assert_true(karst_volume_read(path, NULL, &volume, NULL));
     const size_t middle = ((size_t)volume.size[2] / 2 * volume.size[1] + volume.size[1] / 2) * volume.size[0];
     /* through the middle: far in air, nearer by half a metre from voxel to voxel, far in matter, and back */
@@ -138,27 +139,6 @@ static void test_distances_have_both_sides(void **state)
 
 /* ---- files of strangers ---- */
 
-static unsigned char *read_file(size_t *num_bytes)
-{
-    FILE *file = fopen(path, "rb");
-    assert_non_null(file);
-    assert_int_equal(fseek(file, 0, SEEK_END), 0);
-    *num_bytes = (size_t)ftell(file);
-    rewind(file);
-    unsigned char *bytes = malloc(*num_bytes);
-    assert_int_equal(fread(bytes, 1, *num_bytes, file), *num_bytes);
-    fclose(file);
-    return bytes;
-}
-
-static void write_bytes(const unsigned char *bytes, size_t num_bytes)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, num_bytes, file), num_bytes);
-    fclose(file);
-}
-
 static void test_compressed_files(void **state)
 {
     karst_world *world = part_of(KARST_WORLD_LAND);
@@ -166,8 +146,8 @@ static void test_compressed_files(void **state)
     const size_t head_bytes = sizeof(karst_nano_segment) + sizeof(karst_nano_record) + sizeof "one";
     size_t num_bytes;
     (void)state;
-    write_file(world, KARST_VOXELS_DENSITY, &config);
-    unsigned char *bytes = read_file(&num_bytes);
+    write_voxels(world, KARST_VOXELS_DENSITY, &config);
+    unsigned char *bytes = read_file(path, &num_bytes);
     uLongf packed_bytes = compressBound(num_bytes);
     unsigned char *packed = malloc(head_bytes + 8 + packed_bytes);
     assert_int_equal(compress(packed + head_bytes + 8, &packed_bytes, bytes + head_bytes, num_bytes - head_bytes),
@@ -178,10 +158,10 @@ static void test_compressed_files(void **state)
     memcpy(packed + head_bytes, &length, 8);
     memcpy(packed + offsetof(karst_nano_segment, codec), &codec, 2);
     memcpy(packed + sizeof(karst_nano_segment) + offsetof(karst_nano_record, file_bytes), &file_bytes, 8);
-    write_bytes(packed, head_bytes + 8 + packed_bytes);
+    write_file(path, packed, head_bytes + 8 + packed_bytes);
     assert_holds_densities(world, &config);
     packed[head_bytes + 8 + packed_bytes / 2] ^= 0xff;
-    write_bytes(packed, head_bytes + 8 + packed_bytes);
+    write_file(path, packed, head_bytes + 8 + packed_bytes);
     karst_volume volume;
     karst_error error = {0};
     assert_true(!karst_volume_read(path, NULL, &volume, &error) && strstr(error.message, "damaged"));
@@ -199,8 +179,8 @@ static void test_damaged_files_are_told_or_read(void **state)
     size_t num_bytes;
     int num_told = 0, num_read = 0;
     (void)state;
-    write_file(world, KARST_VOXELS_DENSITY, &config);
-    unsigned char *bytes = read_file(&num_bytes);
+    write_voxels(world, KARST_VOXELS_DENSITY, &config);
+    unsigned char *bytes = read_file(path, &num_bytes);
     uint32_t random_state = 5;
     for (int n = 0; n < 1200; n++) {
         random_state = random_state * 1664525u + 1013904223u;
@@ -210,7 +190,7 @@ static void test_damaged_files_are_told_or_read(void **state)
         karst_volume volume = {0};
         karst_error error = {0};
         bytes[at] ^= (unsigned char)(n % 3 == 0 ? 0xff : 1 << random_state % 8);
-        write_bytes(bytes, n % 10 == 9 ? at : num_bytes);
+        write_file(path, bytes, n % 10 == 9 ? at : num_bytes);
         bytes[at] = kept;
         if (karst_volume_read(path, NULL, &volume, &error)) {
             num_read++;

@@ -9,10 +9,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include <cmocka.h>
 #include <math.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 /* Every rule that can be broken. */
@@ -28,6 +28,7 @@ static enum broken broken;
 #include "producers/language/tape/tape.clh"
 #include "tests/language/field_file.h"
 #include "tests/language/random_graph.h"
+#include "tests/support/files.h"
 
 enum { MOST_SLOTS = 64, NUM_BOXES = 400, NUM_SAMPLES = 12, TEXT_BYTES = 4096 };
 
@@ -110,27 +111,6 @@ static const char *path_of(const char *name)
     return path;
 }
 
-static void write_bytes(const char *name, const void *bytes, size_t length)
-{
-    FILE *file = fopen(path_of(name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, length, file), length);
-    fclose(file);
-}
-
-static void *read_bytes(const char *name, size_t *length)
-{
-    struct stat status;
-    assert_int_equal(stat(path_of(name), &status), 0);
-    *length = (size_t)status.st_size;
-    void *bytes = malloc(*length);
-    FILE *file = fopen(path_of(name), "rb");
-    assert_non_null(file);
-    assert_int_equal(fread(bytes, 1, *length, file), *length);
-    fclose(file);
-    return bytes;
-}
-
 /* Rough samples, some with cliffs. */
 static void write_samples(int width, int height, bool cliffs)
 {
@@ -138,7 +118,7 @@ static void write_samples(int width, int height, bool cliffs)
     for (int i = 0; i < width * height; i++)
         values[i] = (float)(cliffs ? (random_chance(3) ? 90 : -10) + random_unit()
                                    : 20 * sin(0.3 * (i % width)) + 15 * cos(0.2 * (i / width)) + 4 * random_unit());
-    write_bytes("samples.raw", values, (size_t)width * (size_t)height * sizeof *values);
+    write_file(path_of("samples.raw"), values, (size_t)width * (size_t)height * sizeof *values);
     free(values);
 }
 
@@ -378,7 +358,7 @@ static void test_the_surface_goes_through_the_samples(void **state)
         size_t length;
         random_state = 17;
         write_samples(16, 8, true);
-        float *samples = read_bytes("samples.raw", &length);
+        float *samples = read_file(path_of("samples.raw"), &length);
         open_world(&w, world_text(16, 8, wraps[i], "[64, 32]", plain));
         for (int y = 0; y < 8; y++)
             for (int x = 0; x < 16; x++) {
@@ -435,7 +415,7 @@ static void test_coarse_levels_show_less(void **state)
     (void)state;
     random_state = 23;
     write_samples(32, 32, true);
-    float *samples = read_bytes("samples.raw", &length);
+    float *samples = read_file(path_of("samples.raw"), &length);
     for (int i = 0; i < 1024; i++)
         mean += (double)samples[i] / 1024;
     open_world(&w, world_text(32, 32, "repeat", "[128, 128]", plain));
@@ -618,7 +598,7 @@ static void test_hostile_texts_are_told(void **state)
     const float values[6] = {1, 2, 3, 4, 5, 7};
     const karst_image_channel one = {"Z", values, 1};
     assert_true(karst_image_write_channels(path_of("a.exr"), &one, 1, 3, 2, NULL));
-    write_bytes("text", "hello", 5);
+    write_file(path_of("text"), "hello", 5);
     assert_int_equal(mkfifo(path_of("pipe"), 0600), 0);
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         bool ok;

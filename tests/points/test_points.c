@@ -18,6 +18,7 @@ static int mutant = NONE;
 #include "producers/points/points.h"
 #include "producers/steps/load_shared.h"
 #include "tests/points/clouds.h"
+#include "tests/support/files.h"
 #include "tests/support/ok.h"
 
 #define VOXEL_LOG2_M (-5)
@@ -25,22 +26,6 @@ static int mutant = NONE;
 
 static char folder[] = "/tmp/karst-points-XXXXXX";
 static char torus[64], cloud[64], uneven[64], strange[64];
-
-static char *read_file(const char *path, size_t *num)
-{
-    FILE *file = fopen(path, "rb");
-    char *bytes = malloc(1 << 20);
-    *num = fread(bytes, 1, 1 << 20, file);
-    fclose(file);
-    return bytes;
-}
-
-static void write_file(const char *path, const char *bytes, size_t num)
-{
-    FILE *file = fopen(path, "wb");
-    fwrite(bytes, 1, num, file);
-    fclose(file);
-}
 
 /* The trees of a file whose points were changed. */
 static bool rebuild_trees(const char *path)

@@ -1,34 +1,13 @@
 /* Files that are damaged, and files by who means harm: what is lost is named, the rest is there, and nothing else
  * happens. Every byte of every page with KARST_TEST_FULL=1. */
 #include <sqlite3.h>
-#include <sys/stat.h>
 
 #define RIG_IN_MEMORY true
 #include "tests/saved/rig.h"
+#include "tests/support/files.h"
 
 #define PAGE_BYTES 4096
 #define NUM_EDITS 300
-
-static uint8_t *read_bytes(const char *path, size_t *size_bytes)
-{
-    FILE *file = fopen(path, "rb");
-    struct stat info;
-    assert_non_null(file);
-    assert_int_equal(fstat(fileno(file), &info), 0);
-    uint8_t *bytes = malloc((size_t)info.st_size + 1);
-    assert_non_null(bytes);
-    *size_bytes = fread(bytes, 1, (size_t)info.st_size, file);
-    fclose(file);
-    return bytes;
-}
-
-static void write_bytes(const char *path, const void *bytes, size_t size_bytes)
-{
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(bytes, 1, size_bytes, file), size_bytes);
-    assert_int_equal(fclose(file), 0);
-}
 
 /* ---- damage ---- */
 
@@ -101,14 +80,14 @@ static void a_wrong_byte_costs_what_it_hits(void **state)
     assert_ok(karst_saved_set_bookmark(saved, 0, "1,2,3,4,5", &error));
     assert_ok(karst_saved_commit(saved, &error));
     karst_saved_close(saved);
-    uint8_t *bytes = read_bytes(path, &size_bytes);
+    uint8_t *bytes = read_file(path, &size_bytes);
     assert_true(size_bytes >= 5 * PAGE_BYTES);
     /* The heads of pages, where numbers of places stand, in full; then a spread. */
     size_t step = rig_number(1, 97, 907);
     for (size_t at = 0; at < size_bytes; at += at % PAGE_BYTES < (step == 1 ? 1u : 16u) || step == 1 ? 1 : step) {
         uint8_t was = bytes[at];
         bytes[at] ^= (uint8_t)(1u << rig_mix(at) % 8);
-        write_bytes(broken, bytes, size_bytes);
+        write_file(broken, bytes, size_bytes);
         bytes[at] = was;
         size_t num_lost = look_at(broken, at);
         most_lost = num_lost > most_lost ? num_lost : most_lost;
@@ -128,14 +107,14 @@ static void a_lost_page_costs_its_edits(void **state)
     (void)state;
     const char *path = rig_path("whole.karstdb"), *broken = rig_path("broken.karstdb");
     size_t size_bytes;
-    uint8_t *bytes = read_bytes(path, &size_bytes);
+    uint8_t *bytes = read_file(path, &size_bytes);
     for (size_t page = 1; page < size_bytes / PAGE_BYTES; page++) {
         uint8_t *copy = malloc(size_bytes);
         assert_non_null(copy);
         memcpy(copy, bytes, size_bytes);
         for (int i = 0; i < PAGE_BYTES; i++)
             copy[page * PAGE_BYTES + (size_t)i] = (uint8_t)rig_mix(page * PAGE_BYTES + (size_t)i);
-        write_bytes(broken, copy, size_bytes);
+        write_file(broken, copy, size_bytes);
         size_t num_lost = look_at(broken, page * PAGE_BYTES);
         if (page == 2) { /* which leads to all edits: they are found without it */
             const char *new_path = rig_path("recovered.karstdb");
@@ -216,11 +195,11 @@ static void other_files_are_refused(void **state)
         karst_error error = {0};
         for (int for_writing = 0; for_writing < 2; for_writing++) {
             size_t size_bytes, size_after;
-            uint8_t *before = read_bytes(path, &size_bytes);
+            uint8_t *before = read_file(path, &size_bytes);
             karst_saved *saved = karst_saved_open(path, for_writing, NULL, &error);
             if (saved || error.status != KARST_BAD_DATA || !strstr(error.message, cases[i].words))
                 fail_msg("%s: %d, %s", cases[i].sql, (int)error.status, saved ? "opened" : error.message);
-            uint8_t *after = read_bytes(path, &size_after);
+            uint8_t *after = read_file(path, &size_after);
             assert_int_equal(size_bytes, size_after);
             assert_memory_equal(before, after, size_bytes);
             free(before);
@@ -234,7 +213,7 @@ static void other_files_are_refused(void **state)
         for (size_t k = 0; k < sizeof noise; k++)
             noise[k] = (uint8_t)rig_mix(k);
         memcpy(noise, "SQLite format 3", i == 3 ? 16 : 0);
-        write_bytes(path, i == 1 ? (const void *)"float density(vec3 p) { return -p.y; }\n" : noise,
+        write_file(path, i == 1 ? (const void *)"float density(vec3 p) { return -p.y; }\n" : noise,
                     (size_t[]){0, 38, 50, sizeof noise}[i]);
         karst_error error = {0};
         assert_null(karst_saved_open(path, true, NULL, &error));
