@@ -3,11 +3,8 @@
 
 #include <math.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "producers/language/oracle/oracle.h"
 #include "producers/density/world_file.h"
@@ -18,9 +15,9 @@
 #include "raycast/cast/pinhole.h"
 #include "raycast/cast/rays.clh"
 #include "reference/open.h"
+#include "reference/rows.h"
 #include "reference/trace.h"
 
-#define MAX_THREADS 256
 #define DEFAULT_MAX_INTERVALS (1u << 20)
 
 typedef struct {
@@ -31,13 +28,12 @@ typedef struct {
     double voxel_m;
     karst_reference_ray ray;   /* all but the direction */
     karst_reference_hit *hits; /* or */
-    uint8_t *rgba;             /* of a picture of num_columns x num_rows, rays_px^2 rays a pixel */
-    int rays_px, num_columns, num_rows;
+    uint8_t *rgba;             /* of a picture of num_columns x rows.num_rows, rays_px^2 rays a pixel */
+    int rays_px, num_columns;
+    karst_rows rows;
     karst_light light;
-    karst_skies *skies; /* NULL: the world has no atmosphere */
+    karst_skies *skies;   /* NULL: the world has no atmosphere */
     karst_number *values; /* of the parameters */
-    atomic_int next_row, rows_done;
-    atomic_bool stop;
     karst_reference_stats stats;
     pthread_mutex_t lock; /* of stats */
 } picture;
@@ -248,15 +244,15 @@ static void *trace_rows(void *user)
     worker *w = user;
     picture *p = w->picture;
     karst_reference_stats stats = {0};
-    for (int y; !atomic_load(&p->stop) && (y = atomic_fetch_add(&p->next_row, 1)) < p->num_rows;) {
-        for (int x = 0; x < p->num_columns && !atomic_load(&p->stop); x++) {
+    for (int y; (y = karst_rows_take(&p->rows)) >= 0;) {
+        for (int x = 0; x < p->num_columns && !atomic_load(&p->rows.stop); x++) {
             size_t pixel = (size_t)y * (size_t)p->num_columns + (size_t)x;
             if (p->hits)
                 trace_ray(w, pinhole_direction(&p->pinhole, x, y), &p->hits[pixel], &stats);
             else
                 shade_pixel(w, x, y, p->rgba + 4 * pixel, &stats);
         }
-        atomic_fetch_add(&p->rows_done, 1);
+        karst_rows_finish(&p->rows);
     }
     pthread_mutex_lock(&p->lock);
     p->stats.num_intervals += stats.num_intervals;
@@ -277,8 +273,8 @@ static bool check_config(const karst_reference_config *c, karst_error *error)
         return karst_fail(error, KARST_USAGE, "detail %g: must be 0.25 to 64 pixels per voxel", c->detail_px);
     if (!(c->view_distance_m >= 0) || !isfinite(c->view_distance_m))
         return karst_fail(error, KARST_USAGE, "view distance %g m: must be positive", c->view_distance_m);
-    if (c->num_threads < 0 || c->num_threads > MAX_THREADS)
-        return karst_fail(error, KARST_USAGE, "%d threads: must be 0 to %d", c->num_threads, MAX_THREADS);
+    if (c->num_threads < 0 || c->num_threads > KARST_ROWS_MAX_THREADS)
+        return karst_fail(error, KARST_USAGE, "%d threads: must be 0 to %d", c->num_threads, KARST_ROWS_MAX_THREADS);
     return true;
 }
 
@@ -323,7 +319,7 @@ static bool prepare(picture *p, karst_error *error)
     p->voxel_m = ldexp(1, voxel_log2_m);
     double view_m = c->view_distance_m > 0 ? c->view_distance_m : p->file->info.view_distance_m;
     p->num_columns = c->width_px;
-    p->num_rows = c->height_px;
+    p->rows.num_rows = c->height_px;
     karst_pinhole_init(&p->pinhole, &p->camera, c->width_px * p->rays_px, c->height_px * p->rays_px,
                        view_m / p->voxel_m);
     p->ray.t_max = (double)p->pinhole.t_max;
@@ -354,28 +350,12 @@ static bool make_worker(picture *p, worker *w, karst_error *error)
     return w->ranger != NULL;
 }
 
-/* Until all rows are done, or `progress` has had enough. */
-static bool watch(picture *p, bool (*progress)(void *user, double share), void *user, karst_error *error)
-{
-    const struct timespec pause = {.tv_nsec = 20000000};
-    while (atomic_load(&p->rows_done) < p->num_rows && !atomic_load(&p->stop)) {
-        if (progress && !progress(user, (double)atomic_load(&p->rows_done) / p->num_rows)) {
-            atomic_store(&p->stop, true);
-            return karst_fail(error, KARST_FAILED, "interrupted");
-        }
-        nanosleep(&pause, NULL);
-    }
-    return true;
-}
-
 static bool run(picture *p, bool (*progress)(void *user, double share), void *user, karst_reference_stats *stats,
                 karst_error *error)
 {
     const karst_reference_config *config = p->config;
-    worker workers[MAX_THREADS] = {{NULL, NULL, NULL}};
-    pthread_t threads[MAX_THREADS];
-    int num_threads = config->num_threads ? config->num_threads : (int)sysconf(_SC_NPROCESSORS_ONLN), started = 0;
-    num_threads = num_threads < 1 ? 1 : num_threads > MAX_THREADS ? MAX_THREADS : num_threads;
+    worker workers[KARST_ROWS_MAX_THREADS] = {{NULL, NULL, NULL}};
+    const int num_threads = karst_rows_num_threads(config->num_threads);
     if (!check_config(config, error))
         return false;
     bool good = prepare(p, error);
@@ -383,14 +363,7 @@ static bool run(picture *p, bool (*progress)(void *user, double share), void *us
     for (int i = 0; good && i < num_threads; i++)
         good = make_worker(p, &workers[i], error);
     pthread_mutex_init(&p->lock, NULL);
-    for (; good && started < num_threads; started++)
-        if (pthread_create(&threads[started], NULL, trace_rows, &workers[started]) != 0)
-            break;
-    if (good && started == 0)
-        good = karst_fail(error, KARST_FAILED, "no thread could be started");
-    good = good && watch(p, progress, user, error);
-    for (int i = 0; i < started; i++)
-        pthread_join(threads[i], NULL);
+    good = good && karst_rows_run(&p->rows, trace_rows, workers, sizeof *workers, num_threads, progress, user, error);
     pthread_mutex_destroy(&p->lock);
     for (int i = 0; i < num_threads; i++) {
         karst_ranger_destroy(workers[i].ranger);

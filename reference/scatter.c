@@ -1,19 +1,16 @@
 /* What media show of the light, over a picture: its scene, threads, and sums. */
 #include <math.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "producers/density/world_internal.h"
 #include "raycast/cast/pinhole.h"
 #include "raycast/light/light.h"
 #include "reference/open.h"
+#include "reference/rows.h"
 #include "reference/scatter_path.h"
 
-#define MAX_THREADS 256
 #define MOST_PATHS (1u << 24)
 #define MOST_NODES (1u << 24)
 #define MOST_VOXEL ((int64_t)1 << 61) /* as engines have it */
@@ -29,8 +26,7 @@ typedef struct {
     karst_scatter_scene scene;
     double from[3];
     double *rgb, *deviation;
-    atomic_int next_row, rows_done;
-    atomic_bool stop;
+    karst_rows rows;
     pthread_mutex_t lock; /* of what follows */
     karst_reference_light_stats stats;
     double exceeded;
@@ -87,10 +83,10 @@ static void *trace_rows(void *user)
 {
     worker *w = user;
     picture *p = w->picture;
-    for (int y; !atomic_load(&p->stop) && (y = atomic_fetch_add(&p->next_row, 1)) < p->config->height_px;) {
-        for (int x = 0; x < p->config->width_px && !atomic_load(&p->stop); x++)
+    for (int y; (y = karst_rows_take(&p->rows)) >= 0;) {
+        for (int x = 0; x < p->config->width_px && !atomic_load(&p->rows.stop); x++)
             trace_pixel(w, x, y);
-        atomic_fetch_add(&p->rows_done, 1);
+        karst_rows_finish(&p->rows);
     }
     pthread_mutex_lock(&p->lock);
     p->stats.num_lookups += w->walker.num_lookups;
@@ -119,8 +115,8 @@ static bool check(const karst_reference_config *c, const karst_reference_light *
                           c->height_px);
     if (!(c->view_distance_m >= 0) || !isfinite(c->view_distance_m))
         return karst_fail(error, KARST_USAGE, "view distance %g m: must be positive", c->view_distance_m);
-    if (c->num_threads < 0 || c->num_threads > MAX_THREADS)
-        return karst_fail(error, KARST_USAGE, "%d threads: must be 0 to %d", c->num_threads, MAX_THREADS);
+    if (c->num_threads < 0 || c->num_threads > KARST_ROWS_MAX_THREADS)
+        return karst_fail(error, KARST_USAGE, "%d threads: must be 0 to %d", c->num_threads, KARST_ROWS_MAX_THREADS);
     if (light->paths_px > MOST_PATHS)
         return karst_fail(error, KARST_USAGE, "%u paths a pixel: must be 1 to %u", light->paths_px, MOST_PATHS);
     if (light->max_nodes != 0 && (light->max_nodes < 9 || light->max_nodes > MOST_NODES))
@@ -182,8 +178,7 @@ static void set_scene(picture *p)
     const double sun_share = p->light.no_sun ? 0 : 0.5 * fmax(p->scene.to_sun[1], 0);
     for (int c = 0; c < 3; c++) {
         p->scene.sky[c] = 0.5 * ((double)info->sky_zenith[c] + (double)info->sky_horizon[c]);
-        p->scene.ground[c] =
-            (double)info->ground_flat[c] * (p->scene.sky[c] + sun_share * p->scene.sun_colour[c]);
+        p->scene.ground[c] = (double)info->ground_flat[c] * (p->scene.sky[c] + sun_share * p->scene.sun_colour[c]);
     }
     p->scene.has_emission =
         karst_has_output(p->file->content[KARST_CONTENT_AIR]->program->world.root, KARST_OUTPUT_EMISSION);
@@ -224,40 +219,17 @@ static bool make_worker(picture *p, worker *w, karst_error *error)
     return w->walker.oracle != NULL;
 }
 
-/* Until all rows are done, or `progress` has had enough. */
-static bool watch(picture *p, bool (*progress)(void *user, double share), void *user, karst_error *error)
-{
-    const struct timespec pause = {.tv_nsec = 5000000};
-    while (atomic_load(&p->rows_done) < p->config->height_px) {
-        if (progress && !progress(user, (double)atomic_load(&p->rows_done) / p->config->height_px)) {
-            atomic_store(&p->stop, true);
-            return karst_fail(error, KARST_FAILED, "interrupted");
-        }
-        nanosleep(&pause, NULL);
-    }
-    return true;
-}
-
 static bool trace(picture *p, bool (*progress)(void *user, double share), void *user, karst_error *error)
 {
-    worker *workers = calloc(MAX_THREADS, sizeof *workers);
-    pthread_t threads[MAX_THREADS];
-    int num_threads = p->config->num_threads ? p->config->num_threads : (int)sysconf(_SC_NPROCESSORS_ONLN), started = 0;
-    num_threads = num_threads < 1 ? 1 : num_threads > MAX_THREADS ? MAX_THREADS : num_threads;
+    worker *workers = calloc(KARST_ROWS_MAX_THREADS, sizeof *workers);
+    const int num_threads = karst_rows_num_threads(p->config->num_threads);
     if (!workers)
         return karst_fail(error, KARST_FAILED, "out of memory");
     bool good = true;
     for (int i = 0; good && i < num_threads; i++)
         good = make_worker(p, &workers[i], error);
     pthread_mutex_init(&p->lock, NULL);
-    for (; good && started < num_threads; started++)
-        if (pthread_create(&threads[started], NULL, trace_rows, &workers[started]) != 0)
-            break;
-    if (good && started == 0)
-        good = karst_fail(error, KARST_FAILED, "no thread could be started");
-    good = good && watch(p, progress, user, error);
-    for (int i = 0; i < started; i++)
-        pthread_join(threads[i], NULL);
+    good = good && karst_rows_run(&p->rows, trace_rows, workers, sizeof *workers, num_threads, progress, user, error);
     pthread_mutex_destroy(&p->lock);
     for (int i = 0; i < num_threads; i++) {
         karst_sampler_destroy(workers[i].walker.sampler);
@@ -274,7 +246,8 @@ bool karst_reference_scatter(const karst_reference_config *config, const karst_r
                              double *deviation, bool (*progress)(void *user, double share), void *user,
                              karst_reference_light_stats *stats, karst_error *error)
 {
-    picture p = {.config = config, .light = *light, .rgb = rgb, .deviation = deviation};
+    picture p = {
+        .config = config, .rows.num_rows = config->height_px, .light = *light, .rgb = rgb, .deviation = deviation};
     if (!check(config, light, error))
         return false;
     p.light.paths_px = light->paths_px ? light->paths_px : 64;
