@@ -108,7 +108,8 @@ static void pictures_depend_on_the_view_alone(void **state)
     assert_memory_equal(other, first, sizeof first);
 }
 
-/* A puff so small that coarse voxels miss it: what is empty from afar is looked into from near, whatever a cache has. */
+/* A puff so small that coarse voxels miss it: what is empty from afar is looked into from near, whatever was seen
+ * before. */
 static void empty_from_afar_is_not_empty_near(void **state)
 {
     (void)state;
