@@ -138,7 +138,7 @@ bool karst_media_look(karst_media *media, const karst_media_picture *picture, ka
            KARST_ARGUMENTS(media->look, error, POOL_ARGUMENTS(media->air, media->asked), KARST_BUFFER_ARG(media->view),
                            KARST_VALUE_ARG(task), KARST_VALUE_ARG(*picture->pinhole),
                            KARST_BUFFER_ARG(picture->hits), KARST_BUFFER_ARG(media->used)) &&
-           karst_media_launch_picture(media, media->look, picture->pinhole, KARST_STAGE_MEDIA, error);
+           karst_media_launch_picture(media, media->look, picture->pinhole, KARST_MEDIA_BEAM, error);
 }
 
 bool karst_media_survey_sun(karst_media *media, const karst_media_picture *picture, karst_error *error)

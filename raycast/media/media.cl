@@ -82,32 +82,42 @@ __kernel K_WIDE void media_dim(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *
 #define SUN_DEPTH_CONE 0.06f
 #endif
 
-/* What the pixels of a picture ask for, with nothing drawn; it counts as looked at. */
+/* What the pixels of a picture ask for, with nothing drawn; it counts as looked at. Of MEDIA_BEAM packets. */
 __kernel K_WIDE void media_ask(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
                                 karst_pinhole pinhole, K_GLOBAL const karst_hit *hits, K_GLOBAL uint *used)
 {
     const pools pool = POOL_FIELDS;
-    vint x, y;
-    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
-    if (!v_any(valid))
-        return;
-    const vint order = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0)) *
-                       (int)(sizeof(karst_hit) / sizeof(float));
     const vfloat none = (vfloat)(0.0f);
-    const media_rays way = {{none, none, none},
-                            pinhole_direction(&pinhole, x, y),
-                            none,
-                            v_gather_float((K_GLOBAL const float *)hits, order),
-                            none,
-                            (vfloat)(pinhole.cone * task.detail)};
+    media_rays ways[MEDIA_BEAM];
+    media_sums sums[MEDIA_BEAM];
+    vint lanes[MEDIA_BEAM];
+    uint num = 0; /* packets that lie in the picture */
+    for (uint p = 0; p < MEDIA_BEAM; p++) {
+        vint x, y;
+        const media_sums empty = EMPTY_SUMS;
+        const vint valid = packet_pixels((uint)get_global_id(0) * MEDIA_BEAM + p, pinhole.width_px, pinhole.height_px,
+                                         &x, &y);
+        if (!v_any(valid))
+            continue;
+        const vint order = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0)) *
+                           (int)(sizeof(karst_hit) / sizeof(float));
+        const media_rays way = {{none, none, none},
+                                pinhole_direction(&pinhole, x, y),
+                                none,
+                                v_gather_float((K_GLOBAL const float *)hits, order),
+                                none,
+                                (vfloat)(pinhole.cone * task.detail)};
+        ways[num] = way;
+        sums[num] = empty;
+        lanes[num++] = valid;
+    }
     media_frame frame;
-    media_sums sums = EMPTY_SUMS;
     media_lighting light;
     light.most_depth = task.most_depth;
     light.metres = task.metres;
     light.used = used;
     media_frame_of_view(&frame, view);
-    walk_depth(&pool, &frame, &way, valid, &light, &sums);
+    walk_depths(&pool, &frame, ways, lanes, num, &light, sums);
 }
 
 /* Bricks that a picture looked at and whose grids are not whole: each is made by one work-item. */
@@ -139,27 +149,39 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     light.metres = task.metres;
     light.used = 0;
     vint missing = (vint)(0);
-    for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += LANES) {
-        const vint lanes = v_lt(V_LANE + first, (vint)(KARST_SUN_DEPTH_PLACES));
-        const vint place = v_select(lanes, V_LANE + first, (vint)(0)), row = place / KARST_SUN_DEPTH_SIDE;
-        const media_rays way = {{v_to_float(place - row * KARST_SUN_DEPTH_SIDE) * apart,
-                                 v_to_float(row % KARST_SUN_DEPTH_SIDE) * apart,
-                                 v_to_float(row / KARST_SUN_DEPTH_SIDE) * apart},
-                                {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
-                                (vfloat)(0.0f),
-                                (vfloat)(most_t),
-                                (vfloat)(apart),
-                                (vfloat)(SUN_DEPTH_CONE)};
-        media_sums sums = EMPTY_SUMS, hidden = EMPTY_SUMS;
-        walk_depth(&pool, &frame, &way, lanes, &light, &sums);
+    for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += MEDIA_BEAM * LANES) {
+        media_rays ways[MEDIA_BEAM];
+        media_sums sums[MEDIA_BEAM], hidden[MEDIA_BEAM];
+        vint lanes[MEDIA_BEAM];
+        uint num = 0;
+        for (; num < MEDIA_BEAM && first + (int)num * LANES < KARST_SUN_DEPTH_PLACES; num++) {
+            const media_sums empty = EMPTY_SUMS;
+            const vint number = V_LANE + (first + (int)num * LANES);
+            lanes[num] = v_lt(number, (vint)(KARST_SUN_DEPTH_PLACES));
+            const vint place = v_select(lanes[num], number, (vint)(0)), row = place / KARST_SUN_DEPTH_SIDE;
+            const media_rays way = {{v_to_float(place - row * KARST_SUN_DEPTH_SIDE) * apart,
+                                     v_to_float(row % KARST_SUN_DEPTH_SIDE) * apart,
+                                     v_to_float(row / KARST_SUN_DEPTH_SIDE) * apart},
+                                    {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
+                                    (vfloat)(0.0f),
+                                    (vfloat)(most_t),
+                                    (vfloat)(apart),
+                                    (vfloat)(SUN_DEPTH_CONE)};
+            ways[num] = way;
+            sums[num] = hidden[num] = empty;
+        }
+        walk_depths(&pool, &frame, ways, lanes, num, &light, sums);
         if (with_land)
-            walk_land(&land, &frame, &way, lanes, &light, &hidden);
-        missing |= (sums.missing | hidden.missing) & lanes;
-        const vint word = (v_as_int(sums.tau) & ~1) | (~hidden.done & 1);
-        int words[LANES];
-        v_store_int(word, words);
-        for (int lane = 0; lane < LANES && first + lane < KARST_SUN_DEPTH_PLACES; lane++)
-            grids[(size_t)slot * KARST_SUN_DEPTH_PLACES + (size_t)(first + lane)] = (uint)words[lane];
+            walk_lands(&land, &frame, ways, lanes, num, &light, hidden);
+        for (uint p = 0; p < num; p++) {
+            missing |= (sums[p].missing | hidden[p].missing) & lanes[p];
+            const vint word = (v_as_int(sums[p].tau) & ~1) | (~hidden[p].done & 1);
+            const int at = first + (int)p * LANES;
+            int words[LANES];
+            v_store_int(word, words);
+            for (int lane = 0; lane < LANES && at + lane < KARST_SUN_DEPTH_PLACES; lane++)
+                grids[(size_t)slot * KARST_SUN_DEPTH_PLACES + (size_t)(at + lane)] = (uint)words[lane];
+        }
     }
     state.owner = owner.owner;
     state.owner_generation = owner.owner_generation;

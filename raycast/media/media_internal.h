@@ -46,8 +46,8 @@ bool karst_media_scatters_once(const karst_media *media);
 bool karst_media_send_view(karst_media *media, const karst_cast_view *view, karst_error *error);
 karst_media_task karst_media_task_of(const karst_media *media, float metres, float detail, float most_depth);
 karst_shade_anchor karst_media_anchor(const karst_position *position);
-/* A work-item for each packet of a picture. */
-bool karst_media_launch_picture(karst_media *media, cl_kernel kernel, const karst_pinhole *pinhole, karst_stage stage,
+/* A work-item for `beam` packets of a picture, or for each of its rays where kernels have one lane. */
+bool karst_media_launch_picture(karst_media *media, cl_kernel kernel, const karst_pinhole *pinhole, uint32_t beam,
                                 karst_error *error);
 
 #endif

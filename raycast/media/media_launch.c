@@ -48,13 +48,13 @@ void karst_media_aim(karst_media *media, const float direction[3])
         media->sun_number = 1;
 }
 
-/* A work-item for each packet. */
-bool karst_media_launch_picture(karst_media *media, cl_kernel kernel, const karst_pinhole *pinhole, karst_stage stage,
+bool karst_media_launch_picture(karst_media *media, cl_kernel kernel, const karst_pinhole *pinhole, uint32_t beam,
                                 karst_error *error)
 {
     const size_t across = ((size_t)pinhole->width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  down = ((size_t)pinhole->height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
-                 num_items = across * down * KARST_GROUP_PACKETS * KARST_PACKET_RAYS / (size_t)media->context->lanes,
+                 num_rays = across * down * KARST_GROUP_PACKETS * KARST_PACKET_RAYS,
+                 num_items = media->context->lanes == 1 ? num_rays : num_rays / KARST_PACKET_RAYS / beam,
                  local_size = media->context->lanes == 1 ? KARST_PACKET_RAYS * KARST_GROUP_PACKETS : 1;
-    return karst_launch(media->context, kernel, stage, num_items, local_size, error);
+    return karst_launch(media->context, kernel, KARST_STAGE_MEDIA, num_items, local_size, error);
 }

@@ -108,7 +108,7 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
     const size_t num = add_rest(media, &more, media->config.has_streams, arguments);
     return karst_media_send_view(media, picture->view, error) &&
            karst_arguments(media->pixels, arguments, num, error) &&
-           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_STAGE_MEDIA, error);
+           karst_media_launch_picture(media, media->pixels, picture->pinhole, KARST_MEDIA_BEAM, error);
 }
 
 bool karst_media_add_lamps(karst_media *media, const karst_media_picture *picture, const karst_lamp *lamps,
@@ -143,7 +143,7 @@ bool karst_media_add_lamps(karst_media *media, const karst_media_picture *pictur
     return karst_media_send_view(media, picture->view, error) &&
            karst_buffer_write(media->lamps, 0, lamps, num * sizeof *lamps, error) &&
            karst_arguments(media->add_lamps, arguments, num_arguments, error) &&
-           karst_media_launch_picture(media, media->add_lamps, picture->pinhole, KARST_STAGE_MEDIA, error);
+           karst_media_launch_picture(media, media->add_lamps, picture->pinhole, 1, error);
 }
 
 bool karst_media_stream_rays(karst_media *media, const karst_media_picture *picture, const karst_media_stream *stream,

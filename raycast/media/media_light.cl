@@ -17,10 +17,10 @@
 #include "raycast/cast/exact.clh"
 #include "raycast/media/look.clh"
 
-MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
-                               const media_lighting *light, media_sums *sums)
+MEDIA_FUNCTION void walk_light(const pools *pool, const media_frame *frame, const media_rays *rays, const vint *lanes,
+                               uint num, const media_lighting *light, media_sums *sums)
 {
-    walk_rays(WALK_LIGHT, pool, frame, rays, lanes, light, sums);
+    walk_rays(WALK_LIGHT, pool, frame, rays, lanes, num, light, sums);
 }
 
 #ifdef MEDIA_FREE
@@ -53,7 +53,110 @@ RAY_INLINE void lay_alone(const media_sums *sums, const karst_light *light, floa
 }
 #endif
 
-/* Lays the media before the pixels of a sample, part by part (raycast/light/radiance_shared.h). */
+/* A packet of a picture. */
+typedef struct {
+    vint x, y, valid, order;
+    vint lit; /* land that faces the sun */
+    vector3 direction;
+    vfloat t, end; /* of the hit; of the ray */
+    vfloat from_sun;
+} media_pixel;
+
+/* Fills in what follows from x, y and valid. */
+RAY_INLINE void begin_pixel(const karst_pinhole *pinhole, K_GLOBAL const karst_cast_view *view,
+                            const karst_light *light, K_GLOBAL const karst_hit *hits,
+                            K_GLOBAL const karst_hit *over_hits, media_pixel *at)
+{
+    at->order = packet_order(at->x, at->y, pinhole->width_px, pinhole->height_px);
+    at->direction = pinhole_direction(pinhole, at->x, at->y);
+    const surface_hits s =
+        load_surface(hits, at->order, at->valid, &at->direction, pinhole->cone * view->detail, view->blend);
+    at->t = s.t;
+    at->from_sun = (vfloat)(1.0f);
+#ifdef MEDIA_ALONE
+    vint hit = (vint)(0);
+#else
+    vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & at->valid;
+#endif
+    at->end = v_select(hit, s.t, (vfloat)(pinhole->t_max));
+#ifdef MEDIA_STREAMS
+    /* Behind clear matter a stream goes on. */
+    if (over_hits) {
+        const surface_hits over = load_surface(over_hits, at->order, at->valid, &at->direction, 0.0f, 0.0f);
+        const vint covered = v_mask(v_ne(over.kind, (vint)((int)KARST_HIT_MISS))) & at->valid & v_lt(over.t, at->end);
+        at->end = v_select(covered, over.t, at->end);
+        hit &= ~covered;
+    }
+#else
+    (void)over_hits;
+#endif
+    at->lit = hit & v_gt(dot3(&s.normal, light->sun_direction), (vfloat)(0.0f));
+}
+
+#if MEDIA_MODE == KARST_MEDIA_FULL
+/* What is left of the sun where it shines on land: of packets with `lanes`, `num` of them. */
+RAY_INLINE void dim_sun(const pools *pool, const media_frame *frame, const karst_light *light, float detailed_cone,
+                        const media_lighting *lighting, uint num, media_pixel *pixels, vint *missing)
+{
+    media_rays ways[MEDIA_BEAM];
+    media_sums sums[MEDIA_BEAM];
+    vint lanes[MEDIA_BEAM], any = (vint)(0);
+    media_lighting above = *lighting;
+    for (uint p = 0; p < num; p++) {
+        const media_pixel *at = pixels + p;
+        const media_sums empty = EMPTY_SUMS;
+        const media_rays to_sun = {{at->direction.x * at->t, at->direction.y * at->t, at->direction.z * at->t},
+                                   {(vfloat)(light->sun_direction[0]), (vfloat)(light->sun_direction[1]),
+                                    (vfloat)(light->sun_direction[2])},
+                                   (vfloat)(0.0f),
+                                   (vfloat)(light->shadow_distance),
+                                   lane_max(at->t * (2.0f * detailed_cone), (vfloat)(1.0f)),
+                                   (vfloat)(LAND_CONE)};
+        lanes[p] = at->lit;
+        any |= at->lit;
+        ways[p] = to_sun;
+        sums[p] = empty;
+    }
+    if (!v_any(any))
+        return;
+    above.most_depth = 16.0f;
+    above.used = 0;
+    walk_depths(pool, frame, ways, lanes, num, &above, sums);
+    for (uint p = 0; p < num; p++) {
+        missing[p] |= sums[p].missing & lanes[p];
+        pixels[p].from_sun =
+            v_select(lanes[p], tone_exp2_minus(sums[p].tau * LOG2_E), pixels[p].from_sun);
+    }
+}
+#endif
+
+/* own: what is seen of the medium, through what is before it. */
+RAY_INLINE void store_pixel(const media_pixel *at, const media_sums *sums, const colour *own, float most_depth,
+                            size_t plane, uint has_sun, uint has_mirror, vint veiled, K_GLOBAL float *parts)
+{
+    const vfloat kept =
+        v_select(v_gt(sums->tau, (vfloat)(most_depth)), (vfloat)(0.0f), tone_exp2_minus(sums->tau * LOG2_E));
+    const vfloat added[3] = {own->r * sums->weight, own->g * sums->weight, own->b * sums->weight};
+    K_UNROLL
+    for (int c = 0; c < 3; c++) {
+        K_GLOBAL float *part = parts + (size_t)c * plane;
+        store_ordered(part, at->order, veiled, k_fma(load_ordered(part, at->order, veiled), kept, added[c]));
+        if (has_sun) {
+            part += 3 * plane;
+            store_ordered(part, at->order, veiled, load_ordered(part, at->order, veiled) * kept * at->from_sun);
+        }
+    }
+    if (has_mirror) {
+        K_GLOBAL float *part = parts + KARST_RADIANCE_MIRROR_PLANE * plane;
+        store_ordered(part, at->order, veiled, load_ordered(part, at->order, veiled) * kept);
+#ifdef MEDIA_PASSES
+        part = parts + KARST_RADIANCE_PASS_PLANE * plane;
+        store_ordered(part, at->order, veiled, load_ordered(part, at->order, veiled) * kept);
+#endif
+    }
+}
+
+/* Lays the media before the pixels of a sample, part by part (raycast/light/radiance_shared.h): MEDIA_BEAM packets. */
 __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_media_task task,
                                   karst_pinhole pinhole, karst_light light, K_GLOBAL const karst_hit *hits,
                                   K_GLOBAL float *parts, uint has_sun, uint has_mirror, karst_shade_anchor anchor,
@@ -80,144 +183,114 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as shade.cl */
     world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
     barrier(CLK_LOCAL_MEM_FENCE);
-    vint x, y;
-    const vint valid = packet_pixels((uint)get_global_id(0), pinhole.width_px, pinhole.height_px, &x, &y);
-    if (!v_any(valid))
-        return;
-    const vint order = packet_order(x, y, pinhole.width_px, pinhole.height_px);
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
-    const vector3 direction = pinhole_direction(&pinhole, x, y);
-    const surface_hits s = load_surface(hits, order, valid, &direction, pinhole.cone * view->detail, view->blend);
-#ifdef MEDIA_ALONE
-    vint hit = (vint)(0);
-#else
-    vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & valid;
-#endif
-    vfloat end = v_select(hit, s.t, (vfloat)(pinhole.t_max));
-#ifdef MEDIA_STREAMS
-    /* Behind clear matter a stream goes on. */
-    if (over_hits) {
-        const surface_hits over = load_surface(over_hits, order, valid, &direction, 0.0f, 0.0f);
-        const vint covered = v_mask(v_ne(over.kind, (vint)((int)KARST_HIT_MISS))) & valid & v_lt(over.t, end);
-        end = v_select(covered, over.t, end);
-        hit &= ~covered;
-    }
-#endif
     const vfloat none = (vfloat)(0.0f);
     media_frame frame;
-    media_sums sums = EMPTY_SUMS;
-    media_lighting lighting;
-    lighting.most_depth = task.most_depth;
-    lighting.metres = task.metres;
-    lighting.grids = grids;
-    lighting.grid_states = states;
-    lighting.owners = owners;
-    lighting.used = used;
-    lighting.looks = looks;
-    lighting.serial = view->serial;
-    lighting.sun = task.sun;
-    lighting.sun_colour = uniform_colour(light.sun_colour);
-#ifdef MEDIA_ALONE
-    lighting.sky_colour.r = lighting.sky_colour.g = lighting.sky_colour.b = none;
-#else
-    lighting.sky_colour = light_all_around(&light);
-#endif
-    lighting.to_sun = dot3(&direction, light.sun_direction);
-    lighting.direction = &direction;
-    lighting.data = data;
-    lighting.anchor = &anchor;
-    lighting.octaves = octaves;
-#ifdef MEDIA_FLUENCE
-    lighting.fluence.words = fluence_words;
-    lighting.fluence.boxes = fluence_boxes;
-#endif
-    media_frame_of_view(&frame, view);
-    const media_rays way = {{none, none, none},
-                            direction,
-                            none,
-                            end,
-                            none,
-                            (vfloat)(pinhole.cone * task.detail)};
+    media_pixel pixels[MEDIA_BEAM];
+    media_rays ways[MEDIA_BEAM];
+    media_sums sums[MEDIA_BEAM];
+    media_lighting lighting[MEDIA_BEAM];
+    vint lanes[MEDIA_BEAM], missing[MEDIA_BEAM];
+    uint num = 0; /* packets that lie in the picture */
+    for (uint p = 0; p < MEDIA_BEAM; p++) {
+        media_pixel *at = pixels + num;
+        const media_sums empty = EMPTY_SUMS;
+        media_lighting *lit = lighting + num;
+        at->valid = packet_pixels((uint)get_global_id(0) * MEDIA_BEAM + p, pinhole.width_px, pinhole.height_px, &at->x,
+                                  &at->y);
+        if (!v_any(at->valid))
+            continue;
 #ifdef MEDIA_STREAMS
-    lighting.origin = 0;
+        begin_pixel(&pinhole, view, &light, hits, over_hits, at);
+#else
+        begin_pixel(&pinhole, view, &light, hits, 0, at);
 #endif
-    walk_light(&pool, &frame, &way, valid, &lighting, &sums);
-
+        lit->most_depth = task.most_depth;
+        lit->metres = task.metres;
+        lit->grids = grids;
+        lit->grid_states = states;
+        lit->owners = owners;
+        lit->used = used;
+        lit->looks = looks;
+        lit->serial = view->serial;
+        lit->sun = task.sun;
+        lit->sun_colour = uniform_colour(light.sun_colour);
+#ifdef MEDIA_ALONE
+        lit->sky_colour.r = lit->sky_colour.g = lit->sky_colour.b = none;
+#else
+        lit->sky_colour = light_all_around(&light);
+#endif
+        lit->to_sun = dot3(&at->direction, light.sun_direction);
+        lit->direction = &at->direction;
+        lit->data = data;
+        lit->anchor = &anchor;
+        lit->octaves = octaves;
+#ifdef MEDIA_FLUENCE
+        lit->fluence.words = fluence_words;
+        lit->fluence.boxes = fluence_boxes;
+#endif
+#ifdef MEDIA_STREAMS
+        lit->origin = 0;
+#endif
+        const media_rays way = {{none, none, none},    at->direction, none,
+                                at->end, none, (vfloat)(pinhole.cone * task.detail)};
+        ways[num] = way;
+        sums[num] = empty;
+        lanes[num] = at->valid;
+        num++;
+    }
+    if (!num)
+        return;
+    media_frame_of_view(&frame, view);
+    walk_light(&pool, &frame, ways, lanes, num, lighting, sums);
+    for (uint p = 0; p < num; p++) {
+        const media_pixel *at = pixels + p;
 #ifdef MEDIA_FREE
-    const scatter_pixel pixel = {x + pinhole.x0_px, y + pinhole.y0_px, pinhole.sample};
+        const scatter_pixel pixel = {at->x + pinhole.x0_px, at->y + pinhole.y0_px, pinhole.sample};
 #endif
 #ifdef MEDIA_ONCE
-    mend_once(&pool, &frame, &way, valid, &lighting, &light, &pixel, &sums);
+        mend_once(&pool, &frame, ways + p, at->valid, lighting + p, &light, &pixel, sums + p);
 #endif
-    vint missing = sums.missing;
+        missing[p] = sums[p].missing;
 #ifdef MEDIA_PATHS
-    const colour scattered = scattered_light(&pool, &frame, &way, valid, &lighting, &light, sums.tau, &pixel, &missing);
-    sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
+        const colour scattered = scattered_light(&pool, &frame, ways + p, at->valid, lighting + p, &light, sums[p].tau,
+                                                 &pixel, missing + p);
+        sums[p].light = add_colour(sums[p].light, scattered, (vfloat)(1.0f));
 #endif
-    vfloat from_sun = (vfloat)(1.0f);
-#if MEDIA_MODE == KARST_MEDIA_FULL
-    /* What is left of the sun where it shines on land. */
-    const vint lit = hit & v_gt(dot3(&s.normal, light.sun_direction), none);
-    if (has_sun && v_any(lit)) {
-        const media_rays to_sun = {{direction.x * s.t, direction.y * s.t, direction.z * s.t},
-                                   {(vfloat)(light.sun_direction[0]), (vfloat)(light.sun_direction[1]),
-                                    (vfloat)(light.sun_direction[2])},
-                                   none,
-                                   (vfloat)(light.shadow_distance),
-                                   lane_max(s.t * (2.0f * pinhole.cone * task.detail), (vfloat)(1.0f)),
-                                   (vfloat)(LAND_CONE)};
-        media_sums above = EMPTY_SUMS;
-        lighting.most_depth = 16.0f;
-        lighting.used = 0;
-        walk_depth(&pool, &frame, &to_sun, lit, &lighting, &above);
-        missing |= above.missing & lit;
-        from_sun = v_select(lit, tone_exp2_minus(above.tau * LOG2_E), from_sun);
     }
+#if MEDIA_MODE == KARST_MEDIA_FULL
+    if (has_sun)
+        dim_sun(&pool, &frame, &light, pinhole.cone * task.detail, lighting, num, pixels, missing);
 #endif
+    uint num_missing = 0;
+    for (uint p = 0; p < num; p++) {
+        const media_pixel *at = pixels + p;
+        num_missing += (uint)count_lanes(missing[p] & at->valid);
 #ifdef MEDIA_ALONE
-    lay_alone(&sums, &light, task.most_depth, order, valid, plane, has_sun, has_mirror, parts);
-    const vint veiled = (vint)(0);
+        lay_alone(sums + p, &light, task.most_depth, at->order, at->valid, plane, has_sun, has_mirror, parts);
+        const vint veiled = (vint)(0);
 #else
-    const vint veiled = valid & (v_gt(sums.tau, none) | v_lt(from_sun, (vfloat)(1.0f)));
+        const vint veiled = at->valid & (v_gt(sums[p].tau, none) | v_lt(at->from_sun, (vfloat)(1.0f)));
 #endif
-    if (v_any(veiled)) {
-        const vfloat kept =
-            v_select(v_gt(sums.tau, (vfloat)(task.most_depth)), none, tone_exp2_minus(sums.tau * LOG2_E));
+        if (!v_any(veiled))
+            continue;
         /* As far as its light comes from, in the mean, the medium is seen through the air before it. */
-        const vfloat mean_t = sums.reach / lane_max(sums.weight, (vfloat)(1.0e-12f));
-        const vfloat share = lane_max(sums.weight, (vfloat)(1.0e-6f));
-        colour own = {sums.light.r / share, sums.light.g / share, sums.light.b / share};
+        const vfloat mean_t = sums[p].reach / lane_max(sums[p].weight, (vfloat)(1.0e-12f));
+        const vfloat share = lane_max(sums[p].weight, (vfloat)(1.0e-6f));
+        colour own = {sums[p].light.r / share, sums[p].light.g / share, sums[p].light.b / share};
 #ifdef SHADE_ATMOSPHERE
-        const air_way way = air_way_of(&sky, sky_table, &direction, lighting.to_sun, mean_t);
+        const air_way way = air_way_of(&sky, sky_table, &at->direction, lighting[p].to_sun, mean_t);
         own = air_through(&way, own);
 #else
-        own = hazy_colour(&light, own, &direction, lighting.to_sun, mean_t);
+        own = hazy_colour(&light, own, &at->direction, lighting[p].to_sun, mean_t);
 #endif
 #ifdef MEDIA_STREAMS
         own.r *= tone_exp2_minus(mean_t * (absorption.x * LOG2_E));
         own.g *= tone_exp2_minus(mean_t * (absorption.y * LOG2_E));
         own.b *= tone_exp2_minus(mean_t * (absorption.z * LOG2_E));
 #endif
-        const vfloat added[3] = {own.r * sums.weight, own.g * sums.weight, own.b * sums.weight};
-        K_UNROLL
-        for (int c = 0; c < 3; c++) {
-            K_GLOBAL float *part = parts + (size_t)c * plane;
-            store_ordered(part, order, veiled, k_fma(load_ordered(part, order, veiled), kept, added[c]));
-            if (has_sun) {
-                part += 3 * plane;
-                store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept * from_sun);
-            }
-        }
-        if (has_mirror) {
-            K_GLOBAL float *part = parts + KARST_RADIANCE_MIRROR_PLANE * plane;
-            store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
-#ifdef MEDIA_PASSES
-            part = parts + KARST_RADIANCE_PASS_PLANE * plane;
-            store_ordered(part, order, veiled, load_ordered(part, order, veiled) * kept);
-#endif
-        }
+        store_pixel(at, sums + p, &own, task.most_depth, plane, has_sun, has_mirror, veiled, parts);
     }
-    const uint num_missing = (uint)count_lanes(missing & valid);
     if (num_missing)
         atomic_add(counters + KARST_MEDIA_LACKING, num_missing);
 }
@@ -299,7 +372,7 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 #endif
     media_frame_of_view(&frame, view);
     const media_rays way = {*origin, *direction, (vfloat)(0.0f), end, r.width * task.detail, r.cone * task.detail};
-    walk_light(&pool, &frame, &way, r.valid, &lighting, &sums);
+    walk_light(&pool, &frame, &way, &r.valid, 1u, &lighting, &sums);
 #ifdef MEDIA_FREE
     const scatter_pixel pixel = {(r.pixel & 0xffff) + pinhole.x0_px, (r.pixel >> 16) + pinhole.y0_px, pinhole.sample};
 #endif
@@ -350,7 +423,7 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 MEDIA_FUNCTION void walk_lamps(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
                                const media_lighting *light, media_sums *sums)
 {
-    walk_rays(WALK_LAMPS, pool, frame, rays, lanes, light, sums);
+    walk_rays(WALK_LAMPS, pool, frame, rays, &lanes, 1u, light, sums);
 }
 
 /* Adds what media before the pixels of a sample scatter of the lamps' light. */

@@ -26,7 +26,7 @@
 MEDIA_FUNCTION void walk_track(const pools *pool, const media_frame *frame, const media_rays *rays, vint lanes,
                                const media_lighting *light, media_sums *sums)
 {
-    walk_rays(WALK_TRACK, pool, frame, rays, lanes, light, sums);
+    walk_rays(WALK_TRACK, pool, frame, rays, &lanes, 1u, light, sums);
 }
 
 RAY_INLINE media_lighting lighting_of(const karst_media_task *task, K_GLOBAL const ulong *data,

@@ -24,6 +24,9 @@ K_ASSERT_SIZE(karst_sun_depth, 16);
 
 /* How often light is scattered: MEDIA_ONCE, MEDIA_PATHS, or neither of them, for octaves. */
 
+/* How many packets of 16 lanes, neighbours in a picture's group, go through the tree together. */
+#define KARST_MEDIA_BEAM 8
+
 /* What a marching kernel counts. */
 #define KARST_MEDIA_LACKING 0u /* rays that met what is not there yet */
 #define KARST_MEDIA_MADE 1u    /* grids that were made */

@@ -1,5 +1,6 @@
 /* Media in pictures: they depend on the view alone, land shadows them, and they shadow land; worlds without them know
  * nothing of them. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -107,6 +108,38 @@ static void pictures_depend_on_the_view_alone(void **state)
     assert_memory_equal(other, first, sizeof first);
 }
 
+/* A puff so small that coarse voxels miss it: what is empty from afar is looked into from near, whatever was seen
+ * before. */
+static void empty_from_afar_is_not_empty_near(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "/*{ \"voxel\": 0.03125, \"view\": 600, \"sky\": { \"haze\": 1e12 },\n"
+        "\"camera\": { \"position\": [\"0\", \"20\", \"-200\"], \"fov\": 60 } }*/\n"
+        "float density(vec3 p) { return -p.y; }\n"
+        "medium air(vec3 p) { medium m; m.extinction = max(1.0 - length(p - vec3(0.3, 20.3, 0.3)) / 0.25,\n"
+        "2.0 - length(p - vec3(0.0, 10.0, 0.0)) / 4.0); return m; }\n";
+    static float afar[NUM_VALUES], near[NUM_VALUES], other[NUM_VALUES];
+    karst_engine *engine = create(text, NULL);
+    const karst_camera back = karst_engine_default_camera(engine);
+    karst_camera forth = back;
+    forth.position = karst_position_add_m(forth.position, (double[]){0, 0.3, 198}, karst_engine_voxel_log2_m(engine));
+    settle(engine, afar);
+    assert_ok(karst_engine_set_camera(engine, &forth, &error));
+    settle(engine, other);
+    karst_engine_destroy(engine);
+    engine = create(text, NULL);
+    assert_ok(karst_engine_set_camera(engine, &forth, &error));
+    settle(engine, near);
+    karst_engine_destroy(engine);
+    assert_memory_equal(other, near, sizeof near);
+    /* In the middle the puff is seen against what is beside it. */
+    const double middle = mean_green(near, WIDTH / 2, WIDTH / 2 + 2, HEIGHT / 2 - 1, HEIGHT / 2 + 1),
+                 aside = mean_green(near, 2, 4, HEIGHT / 2 - 1, HEIGHT / 2 + 1);
+    print_message("# in the puff %.4f, beside it %.4f\n", middle, aside);
+    assert_true(fabs(middle - aside) > 0.05 * aside);
+}
+
 /* A picture that rests stays at rest, and a sun or a parameter that comes back brings its picture back. */
 static void changes_leave_no_trace(void **state)
 {
@@ -211,6 +244,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pictures_depend_on_the_view_alone), cmocka_unit_test(changes_leave_no_trace),
+        cmocka_unit_test(empty_from_afar_is_not_empty_near),
         cmocka_unit_test(light_in_three_modes), cmocka_unit_test(land_shadows_media),
         cmocka_unit_test(worlds_without_media_have_none_of_it)};
     return cmocka_run_group_tests(tests, NULL, NULL);
