@@ -46,6 +46,8 @@ static const struct {
     {"KARST_BENCH_SPANS", ANY, NULL},
     {"KARST_CHROOT", ANY, NULL},
     {"KARST_DEBS", ANY, NULL},
+    {"KARST_DEVICE", ANY, NULL},
+    {"KARST_FULL", ANY, NULL},
     {"KARST_GPU_BENCH", ANY, NULL},
     {"KARST_GPU_BUILD", ANY, NULL},
     {"KARST_GPU_LIMIT_S", NUMBER, NULL},
@@ -55,10 +57,14 @@ static const struct {
     {"KARST_LIBRARY", ANY, NULL},
     {"KARST_MIRROR", ANY, NULL},
     {"KARST_PREFIX", ANY, NULL},
+    {"KARST_SCAN_FILE", ANY, NULL},
+    {"KARST_SCAN_FOLDER", ANY, NULL},
     {"KARST_SCAN_POINTS", NUMBER, NULL},
     {"KARST_SCAN_WRITE", ANY, NULL},
     {"KARST_SHARED", ANY, NULL},
     {"KARST_UNSHARED", ANY, NULL},
+    {"KARST_VERBOSE", ANY, NULL},
+    {"KARST_WRITE_PATHS", ANY, NULL},
 };
 #define NUM_KNOWN (sizeof known / sizeof *known)
 
