@@ -346,7 +346,7 @@ void command_print_worlds(FILE *file);
 
 /* ---- command_environment.c ---- */
 
-/* Warns of variables KARST_... that are misspelt, or whose values mean nothing. */
+/* Warns of variables KARST_... that nobody reads, or whose values mean nothing. */
 void command_check_environment(command_talk *talk);
 
 /* ---- command_interrupt.c ---- */
@@ -494,6 +494,8 @@ typedef struct {
 
 bool command_render(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_view(int argc, char **argv, command_talk *talk, karst_error *error);
+/* Whether a variable KARST_VIEW_... stands for one of its options. */
+bool command_view_has_variable(const char *name);
 bool command_bench(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_accuracy(int argc, char **argv, command_talk *talk, karst_error *error);
 bool command_check(int argc, char **argv, command_talk *talk, karst_error *error);

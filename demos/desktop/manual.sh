@@ -37,11 +37,25 @@ cat << 'END'
 not exist, 5 other data that cannot be read, 75 a part of a job that SIGTERM ended and that is to be run again.
 .SH ENVIRONMENT
 .TP
+.B KARST_CACHE_DIR
+Karst's store, instead of ~/.cache/karst; off: without built programs
+.TP
 .B KARST_DATA_DIR
 where worlds and paths that come with Karst are looked for first
 .TP
 .B KARST_VIEW_\fIOPTION\fR
 an option of karst view, such as KARST_VIEW_FPS=60
+.TP
+.B KARST_VECTORS
+avx2 or plain: kernels as on a CPU without AVX-512, or without AVX2
+.TP
+.B KARST_KERNEL_DIR
+where kernel sources are read instead of from the library
+.TP
+.B KARST_TEST_FULL=1\fR, \fBKARST_TEST_QUICK=1
+tests in full, or shorter; there are more, in the tests that read them
+.TP
+Other variables that begin with KARST_, and values that mean nothing, are warned of.
 .TP
 .B NO_COLOR
 no colours in messages

@@ -139,14 +139,34 @@ static bool set_from_text(option_table *table, const char *name, const char *val
     return karst_fail(error, KARST_USAGE, "%s: %s", where, *reason.message ? reason.message : "out of memory");
 }
 
+#define VARIABLE_SIZE 64
+static void name_variable(const char *option, char name[VARIABLE_SIZE])
+{
+    size_t length = (size_t)snprintf(name, VARIABLE_SIZE, ENVIRONMENT);
+    for (; *option && length + 1 < VARIABLE_SIZE; option++)
+        name[length++] = *option == '-' ? '_' : (char)toupper((unsigned char)*option);
+    name[length] = 0;
+}
+
+bool command_view_has_variable(const char *name)
+{
+    static view_settings nobody;
+    command_talk talk = {0};
+    const option_table table = make_table(&nobody, &talk);
+    bool found = false;
+    for (size_t i = 0; i < table.num && !found; i++) {
+        char variable[VARIABLE_SIZE];
+        name_variable(table.options[i].name, variable);
+        found = strcmp(variable, name) == 0;
+    }
+    return found;
+}
+
 static bool read_environment(option_table *table, karst_error *error)
 {
     for (size_t i = 0; i < table->num; i++) {
-        char name[64] = ENVIRONMENT;
-        size_t length = strlen(name);
-        for (const char *p = table->options[i].name; *p && length + 1 < sizeof name; p++)
-            name[length++] = *p == '-' ? '_' : (char)toupper((unsigned char)*p);
-        name[length] = 0;
+        char name[VARIABLE_SIZE];
+        name_variable(table->options[i].name, name);
         const char *value = getenv(name);
         if (value && *value && !set_from_text(table, table->options[i].name, value, name, error))
             return false;

@@ -3,6 +3,9 @@
 # that mean nothing. $KARST is the program.
 set -u
 . tests/tap.sh
+# Variables that tests and the program ask for, by their sources.
+sources=$(grep -rhoE '(getenv|is_set|piece)\("KARST_[A-Z_]+"' core demos producers raycast cache tests |
+    sed 's/.*"\(.*\)"/\1/' | sort -u | grep -v HELPER)
 . tests/cli/calls.sh
 mkdir temporary && export TMPDIR="$scratch/temporary"
 echo 'float density(vec3 p) { return -p.y; }' > plain.karst
@@ -74,16 +77,21 @@ result "an unknown parameter: those that there are"
 
 # ---- variables without a meaning ----
 for pair in "KARST_VECTORS=avx3|avx2 or plain" "KARST_CACHEDIR=/tmp|did you mean KARST_CACHE_DIR" \
-    "KARST_KERNEL_DIR=/nonexistent|no folder" "KARST_DATA_DIR=/nonexistent|no folder"; do
-    (export "${pair%%|*}"; exec "$karst" sample plain.karst --at 0,0,0) > stdout 2> stderr
+    "KARST_FOO=1|KARST_FOO means nothing" "KARST_LANES=x|KARST_LANES means nothing" "KARST_VIEW_FOO=1|KARST_VIEW_FOO means" \
+    "KARST_TEST_FULL=yes|may be: 1" "KARST_TEST_STEP=x|a whole number" "KARST_KERNEL_DIR=/nonexistent|no folder" "KARST_DATA_DIR=/nonexistent|no folder"; do
+    (export "${pair%%|*}"; exec "$karst" check -q plain.karst) > stdout 2> stderr
     status=$? detail="exit $status: $(cat stderr)"
     [ $status -eq 0 ] && grep -q "warning: .*${pair#*|}" stderr
     result "${pair%%|*} is told to mean nothing"
 done
-(export KARST_TEST_QUICK=1 KARST=x KARST_VECTORS=plain; exec "$karst" sample plain.karst --at 0,0,0) > stdout 2> stderr
+(export KARST_TEST_QUICK=1 KARST=x KARST_VECTORS=plain KARST_VIEW_FPS=60 KARST_TEST_STEP=24; exec "$karst" sample plain.karst --at 0,0,0) > stdout 2> stderr
 detail=$(cat stderr)
 [ ! -s stderr ]
 result "other variables are left alone"
+(for name in $sources; do export "$name=1"; done; exec "$karst" sample plain.karst --at 0,0,0) > stdout 2> stderr
+detail=$(grep 'the variable' stderr)
+[ "$(echo "$sources" | wc -l)" -gt 10 ] && [ -z "$detail" ]
+result "all variables that sources read are known"
 
 # ---- names as long as the system allows ----
 longest=$(printf 'n%.0s' $(seq 251))
