@@ -7,8 +7,8 @@ set -u
 karst=${KARST:-build/karst} python=${PYTHON:-python3} points=${POINTS:-100000}
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
-if ! "$python" -c 'import numpy, open3d' 2> /dev/null; then
-    skip "Open3D" "$python has no numpy and open3d: python3 -m venv ENV; ENV/bin/pip install open3d; PYTHON=ENV/bin/python"
+if ! "$python" -c 'import numpy, open3d' 2> "$scratch/why"; then
+    skip "Open3D" "$(tail -n 1 "$scratch/why"): python3 -m venv ENV; ENV/bin/pip install open3d; PYTHON=ENV/bin/python"
     finish
 fi
 cat > "$scratch/compare.py" << 'END'
