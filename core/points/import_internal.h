@@ -64,6 +64,7 @@ typedef struct {
     uint64_t most_in_memory;      /* points that are sorted at once; a multiple of 1024 */
     uint64_t most_between;        /* points between two checkpoints of a step; a multiple of 4096 */
     uint64_t most_resident_bytes; /* files that are mapped are let go of beyond that */
+    bool has_no_vectors;          /* neighbours are found as on a processor without wide ones */
 } points_limits;
 extern const points_limits karst_points_usual_limits;
 

@@ -16,12 +16,35 @@
 #define MAX_TREE_LEVELS 12
 #define BLOCK 4096u /* points that a thread takes at a time */
 #define VECTOR 8u   /* candidates that are looked at together */
+#define MOST_RANKED 64u /* a multiple of VECTOR */
+#define MOST_RANKED 64u /* a multiple of VECTOR */
+#define ALWAYS_INLINE static inline __attribute__((always_inline))
 typedef float vector __attribute__((vector_size(VECTOR * sizeof(float))));
+typedef int32_t whole_vector __attribute__((vector_size(VECTOR * sizeof(int32_t))));
+typedef int32_t whole_vector __attribute__((vector_size(VECTOR * sizeof(int32_t))));
 #define MANY_CANDIDATES 6000u /* more than that, and a leaf is looked at point by point */
 
 typedef struct {
     int32_t min[3], max[3];
 } box;
+
+/* Points in a box, as offsets from a place. */
+typedef struct {
+    float *at[3], *square;
+    uint32_t *index, *close;
+    uint32_t num, capacity;
+    int32_t origin[3];
+    float likely; /* squares beyond this are hardly those of the nearest: a guess */
+} candidates;
+
+/* The nearest of them, in order. */
+typedef struct {
+    float square[POINTS_NEAREST + 1];
+    uint32_t candidate[POINTS_NEAREST + 1];
+    uint32_t num;
+} nearest;
+
+typedef void (*finder)(candidates *c, const float at[3], nearest *n);
 
 typedef struct {
     karst_point *points;
@@ -30,6 +53,7 @@ typedef struct {
     uint32_t counts[MAX_TREE_LEVELS];
     box *nodes[MAX_TREE_LEVELS]; /* level 0: of leaves */
     float first_reach;
+    finder find;
     bool failed; /* memory: set by any thread, never cleared */
 } surroundings;
 
@@ -84,15 +108,6 @@ static bool build_tree(const points_import *import, surroundings *s, karst_error
 }
 
 /* ---- candidates ---- */
-
-/* Points in a box, as offsets from a place. */
-typedef struct {
-    float *at[3], *square;
-    uint32_t *index, *close;
-    uint32_t num, capacity;
-    int32_t origin[3];
-    float likely; /* squares beyond this are hardly those of the nearest: a guess */
-} candidates;
 
 static bool make_room(candidates *c, uint32_t num)
 {
@@ -192,14 +207,8 @@ static void least_direction(const double m[6], double direction[3])
     }
 }
 
-typedef struct {
-    float square[POINTS_NEAREST + 1];
-    uint32_t candidate[POINTS_NEAREST + 1];
-    uint32_t num;
-} nearest;
-
 /* Those whose squares are at most so large, in their order; returns how many. */
-static uint32_t pick_close(candidates *c, float most)
+ALWAYS_INLINE uint32_t pick_close(candidates *c, float most)
 {
     const float *restrict square = c->square;
     uint32_t *restrict close = c->close, num = 0;
@@ -210,7 +219,56 @@ static uint32_t pick_close(candidates *c, float most)
     return num;
 }
 
-static void find_nearest(candidates *c, const float at[3], nearest *n)
+/* Of those that are close the nearest, in their order: each is put before those that are farther. */
+ALWAYS_INLINE void insert_close(const candidates *c, uint32_t num_close, nearest *n)
+{
+    const float *restrict square = c->square;
+    n->num = 0;
+    for (uint32_t k_close = 0; k_close < num_close; k_close++) {
+        const uint32_t i = c->close[k_close];
+        if (n->num == POINTS_NEAREST + 1 && square[i] >= n->square[POINTS_NEAREST])
+            continue;
+        uint32_t k = n->num < POINTS_NEAREST + 1 ? n->num++ : POINTS_NEAREST;
+        for (; k > 0 && n->square[k - 1] > square[i]; k--) {
+            n->square[k] = n->square[k - 1];
+            n->candidate[k] = n->candidate[k - 1];
+        }
+        n->square[k] = square[i];
+        n->candidate[k] = i;
+    }
+}
+
+/* The same of at most MOST_RANKED: each goes where the number of those that are nearer says, again without branches.
+ * It pays where a vector is one register. */
+ALWAYS_INLINE void rank_close(const candidates *c, uint32_t num_close, nearest *n)
+{
+    float squares[MOST_RANKED];
+    const uint32_t num_vectors = (num_close + VECTOR - 1) / VECTOR;
+    for (uint32_t k = 0; k < num_vectors * VECTOR; k++)
+        squares[k] = k < num_close ? c->square[c->close[k]] : INFINITY;
+    n->num = num_close < POINTS_NEAREST + 1 ? num_close : POINTS_NEAREST + 1;
+    for (uint32_t k = 0; k <= POINTS_NEAREST; k++)
+        n->square[k] = -1; /* nobody's yet */
+    for (uint32_t k = 0; k < num_close; k++) {
+        whole_vector counts = {0};
+        uint32_t rank = 0;
+        for (uint32_t i = 0; i < num_vectors; i++) {
+            vector some;
+            memcpy(&some, squares + i * VECTOR, sizeof some);
+            counts -= (whole_vector)(some < squares[k]);
+        }
+        for (uint32_t i = 0; i < VECTOR; i++)
+            rank += (uint32_t)counts[i];
+        while (rank <= POINTS_NEAREST && n->square[rank] >= 0) /* those before that are as far */
+            rank++;
+        if (rank <= POINTS_NEAREST) {
+            n->square[rank] = squares[k];
+            n->candidate[rank] = c->close[k];
+        }
+    }
+}
+
+ALWAYS_INLINE void find_nearest(candidates *c, const float at[3], nearest *n, bool ranks)
 {
     float *restrict square = c->square;
     for (uint32_t i = 0; i < c->num; i += VECTOR) { /* there is room behind the last one */
@@ -225,21 +283,32 @@ static void find_nearest(candidates *c, const float at[3], nearest *n)
     uint32_t num_close = pick_close(c, c->likely);
     if (num_close < POINTS_NEAREST + 1)
         num_close = pick_close(c, INFINITY);
-    n->num = 0;
-    for (uint32_t k_close = 0; k_close < num_close; k_close++) {
-        const uint32_t i = c->close[k_close];
-        if (n->num == POINTS_NEAREST + 1 && square[i] >= n->square[POINTS_NEAREST])
-            continue;
-        uint32_t k = n->num < POINTS_NEAREST + 1 ? n->num++ : POINTS_NEAREST;
-        for (; k > 0 && n->square[k - 1] > square[i]; k--) {
-            n->square[k] = n->square[k - 1];
-            n->candidate[k] = n->candidate[k - 1];
-        }
-        n->square[k] = square[i];
-        n->candidate[k] = i;
-    }
+    if (ranks && num_close <= MOST_RANKED)
+        rank_close(c, num_close, n);
+    else
+        insert_close(c, num_close, n);
     if (n->num == POINTS_NEAREST + 1)
         c->likely = 1.6f * n->square[POINTS_NEAREST];
+}
+
+static void find_nearest_plain(candidates *c, const float at[3], nearest *n) { find_nearest(c, at, n, false); }
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void find_nearest_avx2(candidates *c, const float at[3], nearest *n)
+{
+    find_nearest(c, at, n, true);
+}
+#endif
+
+/* Whichever this processor is good at; both find the same. */
+static finder best_finder(const points_limits *limits)
+{
+#if defined(__x86_64__)
+    if (!limits->has_no_vectors && __builtin_cpu_supports("avx2"))
+        return find_nearest_avx2;
+#endif
+    (void)limits;
+    return find_nearest_plain;
 }
 
 static void fit_plane(const candidates *c, const nearest *n, int16_t normal[3])
@@ -317,7 +386,7 @@ static bool look_around(surroundings *s, uint32_t begin, uint32_t end, float *re
             for (int a = 0; a < 3; a++)
                 at[a] = (float)(s->points[i].at[a] - c->origin[a]);
             nearest *of = &n[i - begin];
-            find_nearest(c, at, of);
+            s->find(c, at, of);
             is_enough = is_all || (of->num >= wanted && of->square[wanted - 1] <= guess * guess);
             farthest = of->num && of->square[of->num - 1] > farthest ? of->square[of->num - 1] : farthest;
         }
@@ -367,7 +436,7 @@ bool karst_points_look_around(points_import *import, karst_error *error)
 {
     const uint32_t num = (uint32_t)import->now.num;
     const bool anew = import->now.done == 0;
-    surroundings s = {.num = num};
+    surroundings s = {.num = num, .find = best_finder(&import->limits)};
     s.points = karst_points_map_file(import, karst_points_in_order(import), num * sizeof *s.points, false, error);
     s.links =
         s.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *s.links, anew, error)

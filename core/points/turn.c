@@ -8,8 +8,8 @@
 #include "core/points/import_internal.h"
 
 #define NUM_STEPS 256u
-#define OFTEN 65536u         /* points between two looks at progress and memory */
-#define OFTEN_ANYWHERE 1024u /* the latter where points follow one another anywhere: most touch pages of their own */
+#define OFTEN 65536u        /* points between two looks at progress and memory */
+#define OFTEN_ANYWHERE 256u /* the latter where points follow one another anywhere: each may map 1 MiB of pages */
 
 typedef struct {
     uint32_t topmost;

@@ -7,13 +7,21 @@ set -u
 karst=${KARST:-build/karst} python=${PYTHON:-python3} points=${POINTS:-100000}
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
-if ! "$python" -c 'import numpy, open3d' 2> /dev/null; then
-    skip "Open3D" "$python has no numpy and open3d: python3 -m venv ENV; ENV/bin/pip install open3d; PYTHON=ENV/bin/python"
+if ! "$python" -c 'import numpy, open3d' 2> "$scratch/why"; then
+    skip "Open3D" "$(tail -n 1 "$scratch/why"): python3 -m venv ENV; ENV/bin/pip install open3d; PYTHON=ENV/bin/python"
     finish
 fi
 cat > "$scratch/compare.py" << 'END'
 """compare.py KARST FOLDER SURFACE POINTS NOISE: rms of both in spacings, and the MiB that both took, on one line."""
 import json, os, resource, subprocess, sys
+
+def run(*command):
+    """What it prints, and its MiB. A process of little memory starts it: what one that starts another has counts as that one's, too."""
+    small = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True); " \
+            "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    told = subprocess.run([sys.executable, "-S", "-c", small, *command], check=True, capture_output=True, text=True).stdout
+    return told[: told.rstrip().rfind("\n") + 1], float(told.split()[-1]) / 1024
+
 import numpy
 
 karst, folder, surface, num, noise = sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]), float(sys.argv[5])
@@ -37,7 +45,7 @@ area = {"sphere": 4 * numpy.pi, "torus": 1.6 * numpy.pi**2, "gyroid": 3.0915 * (
 spacing = (area / num) ** 0.5
 random, places = numpy.random.default_rng(1), []
 while sum(map(len, places)) < num: # from a layer of even thickness along the gradient, so that they are spread evenly
-    p = random.uniform(-half, half, (20 * num, 3))
+    p = random.uniform(-half, half, (5 * num, 3))
     for step in range(6):
         value, gradient = truth(p)
         square = (gradient**2).sum(1)
@@ -54,44 +62,43 @@ with open(path, "wb") as file:
     file.write(b"property double x\nproperty double y\nproperty double z\nend_header\n")
     file.write(p.astype("<f8").tobytes())
 
-def rms(at, facing):
-    """Of what faces outwards and is not at the edges of an open surface; away from it counts, up to where it is no part of it."""
+def rms(at):
+    """Of what is not at the edges of an open surface; away from it counts, up to where it is no part of it."""
     value, gradient = truth(at)
     length = numpy.linalg.norm(gradient, axis=1)
     near = abs(value / length) < 10 * spacing
     if surface == "gyroid":
         near &= (abs(at) < half - 0.06).all(1)
-    if facing is not None:
-        near &= (facing * -gradient).sum(1) > 0
     assert near.sum() > 1000
     return float(numpy.sqrt(((value / length)[near] ** 2).mean()) / spacing)
 
 def mib(who):
     return resource.getrusage(who).ru_maxrss / 1024
 
-# Karst: imported, and points on what a world shows of it, at voxels of a spacing.
-model = os.path.join(folder, "cloud.karstpoints")
-subprocess.run([karst, "import", path, "--axes", "karst", "-q", "-o", model], check=True)
-ours_mib = mib(resource.RUSAGE_CHILDREN)
-about = subprocess.run([karst, "info", model, "--json"], check=True, capture_output=True, text=True).stdout
-centre = json.loads(about)["centre"]
-world = os.path.join(folder, "world.karst")
-with open(world, "w") as file:
-    file.write('/*{ "voxel": 0.0009765625, "models": [{ "points": "cloud.karstpoints", "at": ["%.12f", "%.12f", "%.12f"] }] }*/\n'
-               "float density(vec3 p) { return -1.0; }\n" % tuple(centre))
-found, box = os.path.join(folder, "found.ply"), half + 0.05
-subprocess.run([karst, "points", world, "--box", ",".join(["%g" % -box] * 3 + ["%g" % box] * 3), "--spacing", "%g" % spacing, "-q",
-                "-o", found], check=True)
-head, data = open(found, "rb").read().split(b"end_header\n", 1)
-properties = [line.split() for line in head.decode().splitlines() if line.startswith("property")]
-layout = numpy.dtype([(name, {"float": "<f4", "double": "<f8", "uchar": "u1"}[kind]) for word, kind, name in properties])
-record = numpy.frombuffer(data, layout)
-at = numpy.stack([record[a].astype(float) for a in "xyz"], 1) - box
-facing = numpy.stack([record["n" + a].astype(float) for a in "xyz"], 1)
-if surface == "gyroid": # which side of an open surface is the outer one, points do not tell
-    ours = min(rms(at, facing), rms(at, -facing))
-else:
-    ours = rms(at, facing)
+# Karst: imported, and points on what a world shows of it. A model is a crust, so the world's text has what is inside, but for a layer of a spacing
+# and a half: where crusts end, there is no surface. Which side of an open surface is the outer one, points do not tell.
+bodies = {"sphere": "1.0 - length(p)", "torus": "0.4 - length(vec2(length(p.xz) - 1.0, p.y))",
+          "gyroid": "%d.0 * (sin(3.0 * p.x) * cos(3.0 * p.y) + sin(3.0 * p.y) * cos(3.0 * p.z) + sin(3.0 * p.z) * cos(3.0 * p.x))"}
+slopes = {"gyroid": "3.0 * length(vec3(cos(3.0 * p.x) * cos(3.0 * p.y) - sin(3.0 * p.z) * sin(3.0 * p.x), "
+                    "cos(3.0 * p.y) * cos(3.0 * p.z) - sin(3.0 * p.x) * sin(3.0 * p.y), "
+                    "cos(3.0 * p.z) * cos(3.0 * p.x) - sin(3.0 * p.y) * sin(3.0 * p.z)))"}
+model, world, found = (os.path.join(folder, name) for name in ("cloud.karstpoints", "world.karst", "found.ply"))
+_, ours_mib = run(karst, "import", path, "--axes", "karst", "-q", "-o", model)
+centre = json.loads(run(karst, "info", model, "--json")[0])["centre"]
+box, errors = half + 0.05, []
+for side in (1, -1) if surface == "gyroid" else (1,):
+    with open(world, "w") as file:
+        file.write('/*{ "voxel": 0.0009765625, "models": [{ "points": "cloud.karstpoints", "at": ["%.12f", "%.12f", "%.12f"] }] }*/\n'
+                   % tuple(centre))
+        file.write("float density(vec3 p) { return %s - %.9f * %s; }\n" % (
+            bodies[surface] % side if surface == "gyroid" else bodies[surface], 1.5 * spacing, slopes.get(surface, "1.0")))
+    run(karst, "points", world, "--box", ",".join(["%g" % -box] * 3 + ["%g" % box] * 3), "--spacing", "%g" % spacing, "-q", "-o", found)
+    head, data = open(found, "rb").read().split(b"end_header\n", 1)
+    properties = [line.split() for line in head.decode().splitlines() if line.startswith("property")]
+    layout = numpy.dtype([(name, {"float": "<f4", "double": "<f8", "uchar": "u1"}[kind]) for word, kind, name in properties])
+    record = numpy.frombuffer(data, layout)
+    errors.append(rms(numpy.stack([record[a].astype(float) for a in "xyz"], 1) - box))
+ours = min(errors)
 
 # Open3D, whose own weight before it has any points is not counted.
 import open3d
@@ -100,7 +107,7 @@ cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(p))
 cloud.normals = open3d.utility.Vector3dVector(normals)
 mesh, weights = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=9)
 theirs_mib = mib(resource.RUSAGE_SELF) - before_mib
-theirs = rms(numpy.asarray(mesh.vertices), None)
+theirs = rms(numpy.asarray(mesh.vertices))
 print("%.4f %.4f %.1f %.1f" % (ours, theirs, ours_mib, theirs_mib))
 END
 for noise in 0 0.25; do

@@ -64,7 +64,10 @@ static bool say_step(void *user, const char *what, double share)
     double *start = user;
     (void)share;
     if (strcmp(last, what) != 0) {
-        printf("  %6.1f s, CPU %6.1f s  %s\n", now_s() - *start, cpu_s(), what);
+        struct rusage usage;
+        getrusage(RUSAGE_SELF, &usage);
+        printf("  %6.1f s, CPU %6.1f s, at most %ld MiB so far  %s\n", now_s() - *start, cpu_s(),
+               usage.ru_maxrss / 1024, what);
         fflush(stdout);
     }
     last = what;

@@ -112,6 +112,37 @@ static void memory_leaves_no_trace(void **state)
     assert_true(f.reads && f.calls > 50);
 }
 
+/* A lattice, where many neighbours are equally far, so that it counts which of them come first. */
+static void vectors_leave_no_trace(void **state)
+{
+    (void)state;
+    char lattice[80];
+    fate f = {0};
+    points_limits plain = small;
+    plain.has_no_vectors = true;
+    snprintf(lattice, sizeof lattice, "%s/lattice.xyz", folder);
+    FILE *file = fopen(lattice, "w");
+    assert_non_null(file);
+    for (int i = 0; i < 90; i++)
+        for (int j = 0; j < 90; j++)
+            fprintf(file, "%d %d %d\n", 4 * i, (3 * i + 5 * j) % 7, 4 * j);
+    assert_int_equal(fclose(file), 0);
+    karst_points_import_config config = config_of(&f);
+    config.input = lattice;
+    size_t num_plain, num;
+    assert_ok(karst_points_import_within(&config, &plain, NULL, &error));
+    char *bytes_plain = bytes_of(output, &num_plain);
+    unlink(output);
+    assert_ok(karst_points_import_within(&config, &small, NULL, &error));
+    char *bytes = bytes_of(output, &num);
+    assert_int_equal(num, num_plain);
+    assert_memory_equal(bytes, bytes_plain, num);
+    free(bytes);
+    free(bytes_plain);
+    unlink(output);
+    unlink(lattice);
+}
+
 static void dying_at_any_call_leaves_no_trace(void **state)
 {
     (void)state;
@@ -252,6 +283,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(memory_leaves_no_trace),
+        cmocka_unit_test(vectors_leave_no_trace),
         cmocka_unit_test(dying_at_any_call_leaves_no_trace),
         cmocka_unit_test(dying_at_any_moment_leaves_no_trace),
         cmocka_unit_test(what_is_of_another_import_is_not_used),
