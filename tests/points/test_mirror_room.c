@@ -37,8 +37,9 @@ static const char world[] =
     "float density(vec3 p) { %s }\n"
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.mirror = 0.7;\n"
     "    m.emission = vec3(0.2) + 0.15 * sin(3.0 * p.zxy + vec3(0.0, 1.0, 2.0)); return m; }\n";
-static const char as_function[] = "return max(max(max(abs(p.x - 0.0013), abs(p.y - 0.0021)), abs(p.z + 0.0017)) - 1.0,\n"
-                                  "    0.35 - length(p - vec3(0.4513, -0.6479, 0.4983)));";
+static const char as_function[] =
+    "return max(max(max(abs(p.x - 0.0013), abs(p.y - 0.0021)), abs(p.z + 0.0017)) - 1.0,"
+    "    0.35 - length(p - vec3(0.4513, -0.6479, 0.4983)));";
 
 /* Where it stands: not so that its walls lie on samples, as they would at 0. */
 static const double room_at[3] = {0.0013, 0.0021, -0.0017};

@@ -193,14 +193,16 @@ static edge_errors errors_beside_edges(const karst_model_list *list, const karst
         }
         sum.turned_deg += acos(fmin(dot / sqrt(square), 1)) * 180 / PI / NUM;
         for (int a = 0; a < 3; a++) {
-            const karst_position low = karst_position_add_m(
-                                     at, (double[]){a == 0 ? -step * SCALE : 0, a == 1 ? -step * SCALE : 0,
-                                                    a == 2 ? -step * SCALE : 0},
-                                     VOXEL_LOG2_M),
-                                 high = karst_position_add_m(
-                                     at, (double[]){a == 0 ? step * SCALE : 0, a == 1 ? step * SCALE : 0,
-                                                    a == 2 ? step * SCALE : 0},
-                                     VOXEL_LOG2_M);
+            const karst_position low = karst_position_add_m(at,
+                                                            (double[]){a == 0 ? -step * SCALE : 0,
+                                                                       a == 1 ? -step * SCALE : 0,
+                                                                       a == 2 ? -step * SCALE : 0},
+                                                            VOXEL_LOG2_M),
+                                 high = karst_position_add_m(at,
+                                                             (double[]){a == 0 ? step * SCALE : 0,
+                                                                        a == 1 ? step * SCALE : 0,
+                                                                        a == 2 ? step * SCALE : 0},
+                                                             VOXEL_LOG2_M);
             const double rise = (double)karst_model_list_at(list, &high, 0, -1, NULL) -
                                 (double)karst_model_list_at(list, &low, 0, -1, NULL);
             apart = fmax(apart, fabs(rise / (2 * step * SCALE) - (double)gradient[a]));
@@ -210,8 +212,8 @@ static edge_errors errors_beside_edges(const karst_model_list *list, const karst
     return sum;
 }
 
-/* Edges are sharp: half a spacing from one a wall is as flat as anywhere. With means of all points it is 0.1 spacings off
- * there, and turned by 20 degrees. Gradients are those of the function. */
+/* Edges are sharp: half a spacing from one a wall is as flat as anywhere. With means of all points it is 0.1 spacings
+ * off there, and turned by 20 degrees. Gradients are those of the function. */
 static void edges_are_sharp(void **state)
 {
     (void)state;
