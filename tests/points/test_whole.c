@@ -212,8 +212,8 @@ static edge_errors errors_beside_edges(const karst_model_list *list, const karst
     return sum;
 }
 
-/* Edges are sharp: half a spacing from one a wall is as flat as anywhere. With means of all points it is 0.1 spacings
- * off there, and turned by 20 degrees. Gradients are those of the function. */
+/* Edges are sharp: half a spacing from one a wall is as flat as anywhere. With means of all points it is 0.2 spacings
+ * off there, and turned by 23 degrees. Gradients are those of the function. */
 static void edges_are_sharp(void **state)
 {
     (void)state;
