@@ -89,6 +89,25 @@ sed 's/"at": .0, 0, 0./"as": "splats", "blend": 3/' sub/air.karst > bad.karst
 refused 4 '"blend" is a text' "render: splats blended by a number" render bad.karst -q --size 64x48 --display none -o x.png
 sed 's/"at": .0, 0, 0./"as": "splats", "copies": "none"/' sub/air.karst > bad.karst
 refused 4 '"copies" cannot be "none"' "render: splats without a way to copy" render bad.karst -q --size 64x48 --display none -o x.png
+# says WHAT CODE PATTERN: of a model with these fields, and where.
+says()
+{
+    sed "s/\"at\": .0, 0, 0./$1/" sub/air.karst > sub/bad.karst
+    timeout 20 "$karst" sample sub/bad.karst --at 0,0,0 > stdout 2> stderr
+    code=$?
+    [ $code -eq "$2" ] && grep -q "^sub/bad.karst:2:[0-9]*: .*$3" stderr
+    detail="$code; $(cat stderr)" result "a model with $1: $3"
+}
+says '"mode": "glass"' 4 'error: "mode" cannot be "glass"'
+says '"mode": 3' 4 'error: "mode" is a text in quotes'
+says '"mode": "clear", "as": "splats"' 4 'error: clear matter has an inside'
+says '"material": "glass"' 4 'error: "material" is an object'
+says '"material": { "mirror": 2 }' 4 'error: "mirror" is a number from 0 to 1$'
+says '"material": { "colour": [1, 2] }' 4 'error: "colour" is three numbers'
+says '"mode": "clear", "material": { "ior": 0.5 }' 4 'error: "ior" is a number from 1 to 10'
+says '"mode": "clear", "material": { "absorption": [0, -1, 0] }' 4 'error: "absorption" is a number from 0 to'
+says '"material": { "ior": 1.5 }' 0 'warning: the material of a solid model has no key "ior"'
+says '"mode": "clear", "material": { "mirror": 1 }' 0 'warning: the material of clear matter has no key "mirror"'
 sed 's/"points": "ball/"as": "splats", "points": "gone/' sub/air.karst > sub/lost.karst
 refused 5 "gone.karstpoints: its head and its length" "render: splats of a model that was cut" render sub/lost.karst -q --size 64x48 --pool 64 --display none -o x.png
 sed 's/"at": .0, 0, 0./"as": "splats"/' sub/air.karst > sub/splats.karst

@@ -33,7 +33,7 @@ END
 cat > "$scratch/ball.pov" << 'END'
 #version 3.7;
 #declare Elevation = radians(40);
-global_settings { assumed_gamma 1 max_trace_level 12 #if (Photons > 0) photons { count Photons gather 20, Most } #end }
+global_settings { assumed_gamma 1 max_trace_level 12 adc_bailout 0.001 #if (Photons > 0) photons { count Photons gather 20, Most } #end }
 camera { location <0, 20, 0> direction -y up z right x angle 7.5 }
 light_source { 100 * <-cos(Elevation), sin(Elevation), 0> rgb 1 parallel point_at <0, 0, 0> }
 plane { y, 0 pigment { rgb 1 } finish { ambient 0 diffuse 0.5 } }
