@@ -5,6 +5,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* By measuring: docs/performance/shading.md. */
 #define ITEMS_PER_UNIT 4u /* drivers may hand several to one core */
@@ -176,6 +177,17 @@ static size_t add_last(const karst_shader *shader, const cl_mem *sky_mem, karst_
     return num;
 }
 
+/* The light that surfaces are shaded in: none faces a sun that sends none, so no rays are cast to it. An atmosphere
+ * looks at where it stands. */
+static karst_light light_on_surfaces(const karst_shader *shader, const karst_light *light)
+{
+    karst_light on = *light;
+    const float *sun = light->sun_colour;
+    if (!shader->atmosphere && sun[0] == 0 && sun[1] == 0 && sun[2] == 0)
+        memset(on.sun_direction, 0, 3 * sizeof *on.sun_direction);
+    return on;
+}
+
 bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const karst_pinhole *pinhole,
                         const karst_light *light, karst_buffer *hits, karst_buffer *shadow_rays, cl_mem pixels,
                         karst_buffer *depth, karst_buffer *counters, karst_error *error)
@@ -200,9 +212,10 @@ bool karst_shade_pixels(karst_shader *shader, const karst_cast_view *view, const
         counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : across * down * local_size;
     const cl_mem rays_mem = shadow_rays ? shadow_rays->mem : NULL, depth_mem = depth ? depth->mem : NULL;
     const cl_mem sky_mem = sky_table(shader);
+    const karst_light on = light_on_surfaces(shader, light);
     const cl_mem open_mem = shader->open ? shader->open->mem : NULL;
     karst_argument arguments[15 + MAX_LAST_ARGUMENTS + 1] = {
-        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(on),
         KARST_BUFFER_ARG(hits), KARST_VALUE_ARG(rays_mem), KARST_VALUE_ARG(pixels), KARST_VALUE_ARG(depth_mem),
         KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),
         KARST_VALUE_ARG(view->own_detail), KARST_BUFFER_ARG(shader->taken), KARST_VALUE_ARG(num_packets),
@@ -241,8 +254,9 @@ bool karst_shade_rays(karst_shader *shader, const karst_cast_view *view, const k
     const size_t global_size = counted ? ITEMS_PER_UNIT * (size_t)shader->context->compute_units : max_rays;
     const cl_mem shadow_mem = shadow_rays ? shadow_rays->mem : NULL, suns_mem = suns ? suns->mem : NULL;
     const cl_mem sky_mem = sky_table(shader);
+    const karst_light on = light_on_surfaces(shader, light);
     karst_argument arguments[17 + MAX_LAST_ARGUMENTS] = {
-        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(*light),
+        KARST_VALUE_ARG(view->detail), KARST_VALUE_ARG(view->blend), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(on),
         KARST_BUFFER_ARG(stream->rays), KARST_BUFFER_ARG(stream->count), KARST_BUFFER_ARG(stream->hits),
         KARST_VALUE_ARG(shadow_mem), KARST_VALUE_ARG(suns_mem), KARST_VALUE_ARG(room), KARST_BUFFER_ARG(parts),
         KARST_BUFFER_ARG(counters), KARST_VALUE_ARG(shader->anchor), KARST_VALUE_ARG(shader->data),

@@ -227,6 +227,40 @@ static void lights_are_as_bright_as_they_say(void **state)
     }
 }
 
+#define FIRST_LAMP "{ \"position\": [0.5, 2, 0], \"colour\": [4, 2, 1], \"radius\": 0 }"
+
+/* Rays go to lamps that reach what is seen, and to those places alone. */
+static void only_lamps_that_reach_are_cast(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name, *text;
+        int num_rays; /* -1: fewer than pixels, and some */
+    } cases[] = {
+        {"one", LIT(FIRST_LAMP), NUM},
+        {"and one below the ground", LIT(FIRST_LAMP ", { \"position\": [0, -2, 0] }"), NUM},
+        {"and one that is black", LIT(FIRST_LAMP ", { \"position\": [0, 3, 0], \"colour\": [0, 0, 0] }"), NUM},
+        {"and one far away", LIT(FIRST_LAMP ", { \"position\": [0, 3000, 0] }"), NUM},
+        {"and a sun that has set", LIT(FIRST_LAMP ", { \"kind\": \"sun\", \"elevation\": -5 }"), NUM},
+        {"and one without shadows", LIT(FIRST_LAMP ", { \"position\": [0, 2, 0], \"shadow\": false }"), NUM},
+        {"and two more", LIT(FIRST_LAMP ", { \"position\": [0, 3, 0] }, { \"position\": [1, 3, 0] }"), 3 * NUM},
+        {"a spot on a part", LIT("{ \"kind\": \"spot\", \"position\": [0.5, 2, 0], \"angle\": 60, \"soft\": 0 }"), -1},
+        {"none", LIT(""), 0},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        karst_engine_config config = config_of(cases[i].text, 1);
+        config.integrator = KARST_INTEGRATOR_DIRECT;
+        take(&config, light);
+        unlink(path);
+        const int num = (int)stats.num_rays[KARST_STREAM_SHADOW];
+        print_message("%s: %d rays to lamps of %d pixels\n", cases[i].name, num, NUM);
+        if (cases[i].num_rays < 0)
+            assert_true(num > NUM / 20 && num < NUM / 2);
+        else
+            assert_int_equal(num, cases[i].num_rays);
+    }
+}
+
 #define LAMPS 9
 /* The text of SHAPES with the lamps whose bits are set, every third of which casts no shadow. */
 static void lamps_text(char *text, size_t size_bytes, unsigned which)
@@ -420,6 +454,7 @@ int main(void)
         cmocka_unit_test(light_adds_up_in_a_hollow),
         cmocka_unit_test(a_wall_takes_its_share),
         cmocka_unit_test(lights_are_as_bright_as_they_say),
+        cmocka_unit_test(only_lamps_that_reach_are_cast),
         cmocka_unit_test(lamps_add_up),
         cmocka_unit_test(paint_is_lit),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
