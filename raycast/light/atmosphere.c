@@ -31,7 +31,7 @@ static const double dust_scattering = 3.996e-3, dust_extinction = 4.440e-3;
 #define AGAIN_STEPS 14
 #define AGAIN_ORDERS 3
 /* Of each part of a ray. */
-#define SKY_STEPS 20
+#define SKY_STEPS 32
 #define MOST_STEPS (2 * SKY_STEPS)
 
 struct karst_atmosphere {

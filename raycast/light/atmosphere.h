@@ -32,7 +32,7 @@ void karst_atmosphere_destroy(karst_atmosphere *atmosphere); /* NULL is fine */
 void karst_atmosphere_sunlight(const karst_atmosphere *atmosphere, double height_m, double sun_cosine, double rgb[3]);
 
 /* The sky of an eye: what kernels look up, for `sun` times the sun's irradiance above the air. `up` and `to_sun` are
- * unit vectors. Some 2 ms. Thread-safe. */
+ * unit vectors. Some 7 ms. Thread-safe. */
 void karst_atmosphere_sky(const karst_atmosphere *atmosphere, double height_m, const double up[3],
                           const double to_sun[3], double voxel_m, double sun, karst_sky *sky,
                           float table[KARST_SKY_FLOATS]);

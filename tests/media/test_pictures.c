@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "karst/karst.h"
+#include "tests/language/field_file.h"
 #include "tests/support/ok.h"
 
 enum { WIDTH = 48, HEIGHT = 32, NUM_VALUES = WIDTH * HEIGHT * 3 };
@@ -226,6 +227,36 @@ static void land_shadows_media(void **state)
     assert_true(in_shadow < 0.3 * lit && in_mode_shadow > 2 * in_shadow);
 }
 
+/* A grid of samples that are all the same, and that value in the text: the same light in every bit. */
+static void a_uniform_grid_is_its_value(void **state)
+{
+    (void)state;
+    static const char form[] =
+        "/*{ \"voxel\": 0.25, \"view\": 200, \"sun\": { \"azimuth\": 270, \"elevation\": 30 },\n"
+        "\"sky\": { \"haze\": 1e12 }, \"camera\": { \"position\": [\"0\", \"20\", \"-70\"], \"fov\": 60 },\n"
+        "\"data\": { \"fog\": { \"file\": \"%s\" } } }*/\n"
+        "float density(vec3 p) { return max(-p.y, min(30.0 - p.y, 4.0 - abs(p.x + 40.0))); }\n"
+        "medium air(vec3 p) { medium m; m.albedo = vec3(0.9); m.extinction = %s; return m; }\n";
+    static float of_grid[NUM_VALUES], of_value[NUM_VALUES], of_other[NUM_VALUES];
+    const int size[3] = {8, 8, 8};
+    char path[] = "/tmp/karst-fog-XXXXXX.nvdb", text[1024];
+    float samples[512];
+    const karst_engine_config coarse = {.detail_px = 4};
+    for (int i = 0; i < 512; i++)
+        samples[i] = 0.0043f;
+    close(mkstemps(path, 5));
+    assert_true(write_field_file(path, samples, size, 3));
+    snprintf(text, sizeof text, form, path, "field(fog, p)");
+    picture_of(text, &coarse, of_grid);
+    snprintf(text, sizeof text, form, path, "0.0043");
+    picture_of(text, &coarse, of_value);
+    snprintf(text, sizeof text, form, path, "0.00430001");
+    picture_of(text, &coarse, of_other);
+    unlink(path);
+    assert_memory_equal(of_grid, of_value, sizeof of_grid);
+    assert_memory_not_equal(of_value, of_other, sizeof of_value);
+}
+
 static void worlds_without_media_have_none_of_it(void **state)
 {
     (void)state;
@@ -244,7 +275,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pictures_depend_on_the_view_alone), cmocka_unit_test(changes_leave_no_trace),
-        cmocka_unit_test(empty_from_afar_is_not_empty_near),
+        cmocka_unit_test(empty_from_afar_is_not_empty_near), cmocka_unit_test(a_uniform_grid_is_its_value),
         cmocka_unit_test(light_in_three_modes), cmocka_unit_test(land_shadows_media),
         cmocka_unit_test(worlds_without_media_have_none_of_it)};
     return cmocka_run_group_tests(tests, NULL, NULL);
