@@ -247,7 +247,8 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
     const vfloat zero = (vfloat)(0.0f);
     /* Of what is open, of all that cones looked at, and the same less what lies away from them. */
     vfloat open_sum = zero, sum = zero, signed_sum = zero;
-    for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
+    const int last = v_any(hit) ? KARST_OCCLUSION_REACH : -KARST_OCCLUSION_REACH - 1; /* in the sky there is no sum */
+    for (int down = -KARST_OCCLUSION_REACH; down <= last; down++) {
         const int row = probe_y + down;
         if (row < 0 || row >= task.down)
             continue;
