@@ -272,7 +272,7 @@ lint:
 root  = $(DESTDIR)$(PREFIX)
 below = $(call quoted,$(root)/$(1))
 
-define KARST_PC
+define PKG_CONFIG_FILE
 prefix=$(PREFIX)
 includedir=$${prefix}/include
 libdir=$${prefix}/$(LIBDIR)
@@ -285,7 +285,7 @@ Libs: -L"$${libdir}" -lkarst
 Libs.private: -lOpenEXRCore -lOpenCL -ldl -lm -pthread
 Cflags: -I"$${includedir}"
 endef
-export KARST_PC
+export PKG_CONFIG_FILE
 
 # Where the desktop and the shells look: FILE:FOLDER/NAME.
 DESKTOP := $(OUT)/karst.1:man/man1/karst.1 demos/desktop/karst.desktop:applications/karst.desktop \
@@ -308,7 +308,7 @@ install: all $(OUT)/karst.1
 	$(Q)install -m 644 $(HEADERS) $(call below,include/karst)
 	$(Q)install -m 644 $(LIBRARY) $(SHARED) $(call below,$(LIBDIR))
 	$(Q)ln -sf libkarst.so.$(SOVERSION) $(call below,$(LIBDIR)/libkarst.so)
-	$(Q)printf '%s\n' "$$KARST_PC" > $(call below,$(LIBDIR)/pkgconfig/karst.pc) && chmod 644 $(call below,$(LIBDIR)/pkgconfig/karst.pc)
+	$(Q)printf '%s\n' "$$PKG_CONFIG_FILE" > $(call below,$(LIBDIR)/pkgconfig/karst.pc) && chmod 644 $(call below,$(LIBDIR)/pkgconfig/karst.pc)
 	$(Q)for file in karst-config.cmake karst-config-version.cmake; do \
 	    sed '$(CMAKE_VALUES)' core/package/$$file.in > $(call below,$(LIBDIR)/cmake/karst/)$$file && \
 	    chmod 644 $(call below,$(LIBDIR)/cmake/karst/)$$file || exit; done
