@@ -259,29 +259,6 @@ static void test_ordinary(void **state)
     }
 }
 
-/* Edges of thick matter, of 90 degrees and thereabouts: few samples are raised there, or they would have teeth. */
-static void test_edges(void **state)
-{
-    static const char *const worlds[] = {
-        "return min(20.0 - abs(length(p) - 130.0), 0.36 * p.x - 0.8 * p.y + 0.48 * p.z);", /* a bowl */
-        "vec3 q = vec3(0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y, p.z); q = vec3(q.x, 0.8 * q.y - 0.6 * q.z, 0.6 * "
-        "q.y + 0.8 * q.z); return 90.0 - max(abs(q.x), max(abs(q.y), abs(q.z)));"};
-    static const char *const options[] = {"", "-DRAISE_MUTANT_EDGES"};
-    (void)state;
-    for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++) {
-        unsigned num[2];
-        for (int mutant = 0; mutant < 2; mutant++) {
-            karst_world_file *file = open_text(worlds[w], true);
-            karst_scrub sum;
-            free(evaluate(file, rows, 3, options[mutant], &sum));
-            num[mutant] = sum.raised;
-            karst_world_file_destroy(file);
-        }
-        print_message("%u samples raised at edges, %u by what does not know them\n", num[0], num[1]);
-        assert_true(num[1] > 50 && num[0] * 5 < num[1]);
-    }
-}
-
 /* Worlds without thin matter of their own have no code for it. */
 static void test_which(void **state)
 {
@@ -329,7 +306,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
                                        cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
-                                       cmocka_unit_test(test_boards), cmocka_unit_test(test_edges),
+                                       cmocka_unit_test(test_boards),
                                        cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
