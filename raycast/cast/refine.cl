@@ -7,22 +7,18 @@
 
 #include "raycast/cast/exact.clh"
 
-/* Farther than this from where the brick had it, in voxels of its level, a root is another one: behind it, and ahead,
- * where the way leads through air, in which matter may stand that is too thin for any look. */
+/* Farther than this from where the brick had it, in voxels of its level, a root is another one. */
 #define REFINE_REACH 2.0f
-#define REFINE_REACH_AHEAD 0.5f
 /* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
 #define REFINE_CLOSE 0.015625f
 /* Longer steps ahead, in voxels, are taken only if all is air at so many places: parts of the way, and as many parts of
  * the voxel behind. */
-#define REFINE_AHEAD 0.0625f
+#define REFINE_AHEAD 0.25f
 #define REFINE_LOOKS 4
 /* Where Newton's step does not lead nearer: steps towards the other sign, in voxels, and so many to narrow what they
  * find. */
 #define REFINE_SEARCH_STEPS 5
-#define REFINE_NARROW_STEPS 10
-/* A little past where the density would be 0 if it went on straight. */
-#define REFINE_PAST 1.03125f
+#define REFINE_NARROW_STEPS 5
 /* Of the step between two places of different signs: what is left of it after that many is a jump. */
 #define REFINE_JUMP 0.25f
 __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
@@ -177,10 +173,10 @@ RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat 
         return r;
     const vfloat step = k_fabs(at_near - at_far);
     vfloat before = at_near, behind = at_far; /* the densities themselves */
-    /* False position that halves the weight of an end that stays (Illinois), and halves, since there may be kinks. */
+    /* False position that halves the weight of an end that stays (Illinois). */
     for (int i = 0; i < REFINE_NARROW_STEPS; i++) {
         vfloat share = at_near / (at_near - at_far);
-        share = v_select(v_gt(share, zero) & v_lt(share, (vfloat)(1.0f)) & (vint)(-(i % 3 != 2)), share, one_half);
+        share = v_select(v_gt(share, zero) & v_lt(share, (vfloat)(1.0f)), share, one_half);
         vfloat next = k_fma(far - near, share, near);
         vfloat d = field_density(field, v_select(r.found, next, t));
         vint as_far = is_positive(d) ^ is_positive(at_near);
@@ -198,35 +194,17 @@ RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat 
     return r;
 }
 
-RAY_INLINE vfloat slope_along(const refine_field *field, const vfloat gradient[3])
-{
-    const vector3 *d = field->direction;
-    return k_fma(gradient[0], d->x, k_fma(gradient[1], d->y, gradient[2] * d->z));
-}
-
-/* For lanes of `m`: whether they left matter within `reach` behind `t`, in air, where the density is d and falls by
- * `slope`. *at: a place in it. */
-RAY_INLINE vint left_matter(const refine_field *field, vfloat t, vfloat d, vfloat slope, float voxels_per_m,
-                            float reach, vint m, vfloat *at)
-{
-    const vfloat back = d * voxels_per_m / slope * (vfloat)(REFINE_PAST);
-    vint left = m & v_lt(slope, (vfloat)(0.0f)) & ~is_positive(d) & v_le(back, (vfloat)(reach)) & v_le(back, t);
-    *at = v_select(left, t - back, t);
-    if (v_any(left))
-        left &= is_positive(field_density(field, *at));
-    return left;
-}
-
 /* The lanes of `m`, which hit at t. */
 RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxels_per_m, vint m)
 {
     const vfloat zero = (vfloat)(0.0f);
     const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    const vector3 *direction = field->direction;
     refined r;
     r.jumps = (vint)(0);
     vfloat d0 = field_surface(field, t, r.gradient);
     /* Into solid the density rises. */
-    vfloat slope = slope_along(field, r.gradient);
+    vfloat slope = k_fma(r.gradient[0], direction->x, k_fma(r.gradient[1], direction->y, r.gradient[2] * direction->z));
     vfloat voxels_per_unit = voxels_per_m / slope;
     vfloat step = -d0 * voxels_per_unit, t1 = t, d1 = d0;
     /* What is exact stays; only its normal may be wanted, if it looks back along the ray. */
@@ -248,14 +226,7 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     }
     vint rest = m & ~r.found & ~exact & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
     if (v_any(rest)) {
-        /* What was just passed has a surface before it. */
-        vfloat from;
-        const vint passed = left_matter(field, t, d0, slope, voxels_per_m, voxel, rest, &from);
-        vfloat d = d0;
-        if (v_any(passed))
-            d = v_select(passed, field_density(field, from), d0);
-        refined searched =
-            refine_by_search(field, from, d, v_select(passed, from, t1), v_select(passed, d, d1), rest);
+        refined searched = refine_by_search(field, t, d0, t1, d1, rest);
         r.t = v_select(searched.found, searched.t, r.t);
         for (int i = 0; i < 3; i++)
             r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);
@@ -263,16 +234,12 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
         r.jumps = searched.jumps;
     }
     /* Whoever would go ahead looks on the way, and back: the surface may be there, and this one another. */
-    r.found &= v_le(r.t - t, (vfloat)(REFINE_REACH_AHEAD * voxel));
+    r.found &= v_le(r.t - t, (vfloat)(REFINE_REACH * voxel));
     vint ahead = r.found & v_gt(r.t - t, (vfloat)(REFINE_AHEAD * voxel));
     for (int i = 1; i < 2 * REFINE_LOOKS && v_any(ahead); i++) {
         const float part = (float)i / REFINE_LOOKS;
         vfloat at = part < 1.0f ? k_fma(r.t - t, (vfloat)(part), t) : lane_max(t - (part - 0.75f) * voxel, zero);
-        vfloat gradient[3], inside;
-        const vfloat d = field_surface(field, at, gradient);
-        vint solid = ahead & is_positive(d);
-        solid |= left_matter(field, at, d, slope_along(field, gradient), voxels_per_m, voxel / REFINE_LOOKS,
-                             ahead & ~solid, &inside);
+        vint solid = ahead & is_positive(field_density(field, at));
         r.found &= ~solid;
         ahead &= ~solid;
     }

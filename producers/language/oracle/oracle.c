@@ -15,7 +15,7 @@ static void mark_halves(const karst_oracle *o, uint8_t *halves)
         const karst_expr_node *n = &o->graph->nodes[e];
         if (!halves[e] || o->known[e])
             continue;
-        if (n->kind == KARST_KIND_STEPS || karst_oracle_rounds(o, e))
+        if (n->kind == KARST_KIND_STEPS)
             halves[e] |= KARST_ORACLE_DEVICE;
         for (int k = 0; k < 4; k++)
             halves[n->arg[k]] |= halves[e];

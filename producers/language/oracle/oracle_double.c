@@ -205,11 +205,6 @@ static double noise_double(const karst_oracle *o, karst_expr e)
 
 /* ---- places ---- */
 
-static double cells_off(const karst_oracle *o, karst_expr e, double cells)
-{
-    return karst_oracle_rounds(o, e) ? karst_oracle_cells_off(o, e, cells) : floor(cells);
-}
-
 static double place_double(const karst_oracle *o, karst_expr e)
 {
     const karst_expr_node *n = node_of(o, e), *a = node_of(o, n->arg[0]);
@@ -225,12 +220,12 @@ static double place_double(const karst_oracle *o, karst_expr e)
     switch (n->op) {
     case KARST_OP_FRACT:
         t = fraction + offset;
-        return t - cells_off(o, e, t);
+        return t - floor(t);
     case KARST_OP_FLOOR:
         return (double)at.cell + floor(fraction + offset);
     default:
         t = b == 0 ? 0 : fraction + offset / b;
-        return b == 0 ? 0 : b * (t - cells_off(o, e, t));
+        return b * (t - floor(t));
     }
 }
 
@@ -244,9 +239,8 @@ static double length(const karst_oracle *o, const karst_expr_node *n)
     return sqrt(sum);
 }
 
-static double plain_double(const karst_oracle *o, karst_expr e)
+static double plain_double(const karst_oracle *o, const karst_expr_node *n)
 {
-    const karst_expr_node *n = node_of(o, e);
     double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
     switch ((karst_op)n->op) {
     case KARST_OP_FOOTPRINT:
@@ -273,9 +267,9 @@ static double plain_double(const karst_oracle *o, karst_expr e)
     case KARST_OP_ABS:
         return fabs(a);
     case KARST_OP_FRACT:
-        return a - cells_off(o, e, a);
+        return a - floor(a);
     case KARST_OP_MOD:
-        return b == 0 ? 0 : a - b * cells_off(o, e, a / b);
+        return b == 0 ? 0 : a - b * floor(a / b);
     case KARST_OP_MIX:
         return fma(c, b, fma(-c, a, a));
     case KARST_OP_SQRT:
@@ -332,5 +326,5 @@ void karst_oracle_step_double(karst_oracle *o, karst_expr e)
     else if (karst_takes_place(&o->layout, e, 0))
         s->d = place_double(o, e);
     else
-        s->d = plain_double(o, e);
+        s->d = plain_double(o, n);
 }

@@ -48,14 +48,6 @@ static inline void *karst_oracle_record(const karst_oracle *oracle, karst_expr e
 void karst_oracle_step_float(karst_oracle *oracle, karst_expr e);
 /* oracle_double.c: fills d; the node's floats are there. */
 void karst_oracle_step_double(karst_oracle *oracle, karst_expr e);
-/* Whether a node is a FRACT or MOD that jumps where a float says so. Those of an exact place jump where it does. */
-bool karst_oracle_rounds(const karst_oracle *oracle, karst_expr e);
-/* What such a node takes off, in cells, of an argument of so many. Near a tie the device's floats decide, as they do
- * for what is piecewise constant: so floor and mod of one argument jump at the same place, and their sum may pass it
- * unharmed. A float that is farther off than KARST_NEAR_TIE cells is none to go by. The node's arguments have floats.
- */
-#define KARST_NEAR_TIE 0.0625
-double karst_oracle_cells_off(const karst_oracle *oracle, karst_expr e, double cells);
 /* A coordinate in a noise's lattice. */
 typedef struct {
     uint cell;
