@@ -13,7 +13,8 @@
 #include "producers/language/check.h"
 #include "producers/density/world_file.h"
 
-enum { MOST_MS = 2000, MOST_MIB = 500 };
+/* CPU time of one text: 2 s is what is promised, and machines differ by two. */
+enum { MOST_MS = 4000, MOST_MIB = 500 };
 
 static double milliseconds(void)
 {
