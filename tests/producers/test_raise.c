@@ -49,6 +49,38 @@ static int count_lost(const float *grid)
     return num_lost;
 }
 
+/* By how many degrees the surface around `centre` (in voxels) leans, in the mean square, as seen from there. */
+static double roughness(const float *grid, const double centre[3], double from)
+{
+    const double step = 1.0 / 32, golden = 2.399963229728653, beside = 1.0 / 256;
+    double sum = 0;
+    int num = 0;
+    for (int i = 0; i < NUM_RAYS; i++) {
+        double up = 1 - (2 * i + 1.0) / NUM_RAYS, out = sqrt(1 - up * up);
+        const double way[3] = {out * cos(golden * i), up, out * sin(golden * i)};
+        for (double t = from; t < from + 8; t += step) {
+            double at[3], slope[3], square = 0, along = 0;
+            for (int axis = 0; axis < 3; axis++)
+                at[axis] = SIDE / 2 + centre[axis] + t * way[axis];
+            if (interpolant(grid, at) <= 0)
+                continue;
+            for (int axis = 0; axis < 3; axis++) {
+                double there[3] = {at[0], at[1], at[2]};
+                there[axis] += beside;
+                slope[axis] = interpolant(grid, there) - interpolant(grid, at);
+                square += slope[axis] * slope[axis];
+                along += slope[axis] * way[axis];
+            }
+            const double leans = 57.29577951308232 * acos(fmin(along / sqrt(square), 1));
+            sum += leans * leans;
+            num++;
+            break;
+        }
+    }
+    assert_true(num > NUM_RAYS * 9 / 10);
+    return sqrt(sum / num);
+}
+
 /* Closed surfaces some 20 voxels of 8 m from the origin, `t` metres thick. */
 static const char *const closed[] = {
     "return %.6f - abs(length(p - vec3(1.3, -2.1, 0.7)) - 161.0);",
@@ -93,6 +125,29 @@ static void test_closed(void **state)
             karst_world_file_destroy(file);
             karst_world_file_destroy(plain);
         }
+    }
+}
+
+/* A sphere's shell is smooth, whatever part of a voxel it is thick; where samples outside it do not move, it is not. */
+static void test_smooth(void **state)
+{
+    static float grid[NUM_CELLS];
+    static const double of_voxel[] = {0.9, 0.5, 0.03125};
+    static const char *const options[] = {"", "-DRAISE_OUTSIDE=0.0f"};
+    static const double centre[3] = {1.3 / 8, -2.1 / 8, 0.7 / 8};
+    karst_scrub sum;
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        karst_world_file *file = open_closed(0, of_voxel[i], true);
+        for (int broken = 0; broken < (i == 2 ? 2 : 1); broken++) {
+            float *samples = evaluate(file, rows, 3, options[broken], &sum);
+            assert_int_equal(join(samples, grid), 0);
+            free(samples);
+            const double degrees = roughness(grid, centre, 16);
+            print_message("%g voxels thick: leans by %.1f degrees %s\n", of_voxel[i], degrees, options[broken]);
+            assert_true(broken ? degrees > 11 : degrees < 8);
+        }
+        karst_world_file_destroy(file);
     }
 }
 
@@ -328,6 +383,7 @@ static void test_which(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
+                                       cmocka_unit_test(test_smooth),
                                        cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
                                        cmocka_unit_test(test_boards), cmocka_unit_test(test_edges),
                                        cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
