@@ -14,9 +14,9 @@ static bool has_window(const karst_engine *engine) { return engine->window.whole
 
 /* What a window looks at on an axis: from the probe that lies as far before it as neighbours count, to the one that far
  * behind, or the whole's last pixel. */
-static void look_around(int first_px, int num_px, int whole_px, int *begin_px, int *end_px)
+static void look_around(int first_px, int num_px, int whole_px, int step, int *begin_px, int *end_px)
 {
-    const int step = KARST_OCCLUSION_STEP, reach = KARST_OCCLUSION_REACH * step;
+    const int reach = KARST_OCCLUSION_REACH * step;
     const int begin = first_px / step * step - reach, last = (first_px + num_px - 1 + step - 1) / step * step + reach;
     *begin_px = begin > 0 ? begin : 0;
     *end_px = (last < whole_px - 1 ? last : whole_px - 1) + 1;
@@ -31,8 +31,8 @@ static karst_pinhole what_is_seen(const karst_engine *engine, const karst_pinhol
     *left_px = *top_px = 0;
     if (!has_window(engine))
         return seen;
-    look_around(w->x0_px, engine->width_px, w->whole_width_px, &left, &right);
-    look_around(w->y0_px, engine->height_px, w->whole_height_px, &top, &below);
+    look_around(w->x0_px, engine->width_px, w->whole_width_px, KARST_OCCLUSION_STEP_X, &left, &right);
+    look_around(w->y0_px, engine->height_px, w->whole_height_px, KARST_OCCLUSION_STEP_Y, &top, &below);
     *left_px = w->x0_px - left;
     *top_px = w->y0_px - top;
     karst_pinhole_init(&seen, &engine->drawn, w->whole_width_px, w->whole_height_px, engine->view_distance_voxels);

@@ -16,7 +16,8 @@ static bool look(karst_engine *engine, karst_openness *openness, int depth, kars
     engine->camera = engine->drawn;
     karst_engine_picture_view(engine, &view, &pinhole);
     engine->camera = camera;
-    return karst_openness_bound(openness, &view, &pinhole, engine->hits, KARST_OCCLUSION_CONE, depth, bounds, error) &&
+    return karst_openness_bound(openness, &view, &pinhole, engine->hits, KARST_OCCLUSION_CONE, depth, bounds, NULL,
+                                error) &&
            karst_cast_pinhole(engine->caster, &view, &pinhole, NULL, error);
 }
 

@@ -66,29 +66,34 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 /* ---- room ---- */
 
 /* Of what is looked at, for a picture of a size: at most. */
-static size_t seen_px(int side_px, bool has_window)
+static size_t seen_px(int side_px, int step_px, bool has_window)
 {
-    return (size_t)side_px +
-           (has_window ? 2 * (KARST_OCCLUSION_REACH * KARST_OCCLUSION_STEP + KARST_OCCLUSION_STEP - 1) : 0);
+    return (size_t)side_px + (has_window ? (size_t)(2 * (KARST_OCCLUSION_REACH * step_px + step_px - 1)) : 0);
 }
 
 /* On a side: the last pixel's, too. */
-static size_t probes(size_t side_px) { return (side_px + KARST_OCCLUSION_STEP - 2) / KARST_OCCLUSION_STEP + 1; }
+static size_t probes(size_t side_px, size_t step_px) { return (side_px + step_px - 2) / step_px + 1; }
+
+static size_t probes_across(size_t width_px) { return probes(width_px, KARST_OCCLUSION_STEP_X); }
+static size_t probes_down(size_t height_px) { return probes(height_px, KARST_OCCLUSION_STEP_Y); }
 
 static size_t squares(size_t width_px, size_t height_px)
 {
-    return (probes(width_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE *
-           ((probes(height_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE);
+    return (probes_across(width_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE *
+           ((probes_down(height_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE);
 }
 
 /* Of what is known of probes. */
-#define PROBE_BYTES (2 * sizeof(float))
+#define PROBE_BYTES (KARST_OCCLUSION_PLANES * sizeof(float))
 
-static size_t all_probes(size_t width_px, size_t height_px) { return probes(width_px) * probes(height_px); }
+static size_t all_probes(size_t width_px, size_t height_px) { return probes_across(width_px) * probes_down(height_px); }
+
+static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
 double karst_occlusion_bytes(int width_px, int height_px, bool has_window)
 {
-    const size_t width = seen_px(width_px, has_window), height = seen_px(height_px, has_window);
+    const size_t width = seen_px(width_px, KARST_OCCLUSION_STEP_X, has_window),
+                 height = seen_px(height_px, KARST_OCCLUSION_STEP_Y, has_window);
     return (double)squares(width, height) * KARST_OCCLUSION_SQUARE_RAYS * (sizeof(karst_ray) + sizeof(karst_hit)) +
            (double)all_probes(width, height) * PROBE_BYTES +
            (double)width_px * height_px * sizeof(float) +
@@ -107,12 +112,14 @@ bool karst_occlusion_set_room(karst_occlusion *occlusion, int width_px, int heig
         occlusion->has_window == has_window)
         return true;
     free_room(occlusion);
-    const size_t width = seen_px(width_px, has_window), height = seen_px(height_px, has_window);
+    const size_t width = seen_px(width_px, KARST_OCCLUSION_STEP_X, has_window),
+                 height = seen_px(height_px, KARST_OCCLUSION_STEP_Y, has_window);
     /* A smaller picture may be as wide as this is high. */
-    const size_t room = squares(width, height), most = room > squares(height, width) ? room : squares(height, width);
+    const size_t most = larger(squares(width, height), squares(height, width)),
+                 most_probes = larger(all_probes(width, height), all_probes(height, width));
     if (!(occlusion->rays = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_ray), error)) ||
         !(occlusion->ray_hits = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_hit), error)) ||
-        !(occlusion->planes = make(occlusion, all_probes(width, height), PROBE_BYTES, error)) ||
+        !(occlusion->planes = make(occlusion, most_probes, PROBE_BYTES, error)) ||
         !(occlusion->open = make(occlusion, (size_t)width_px * (size_t)height_px, sizeof(float), error)) ||
         (has_window && !(occlusion->hits = make(occlusion, width * height, sizeof(karst_hit), error))))
         return false;
@@ -185,8 +192,8 @@ bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view
     occlusion->seen = *seen;
     occlusion->task = (karst_occlusion_task){.plane = (uint32_t)all_probes(width, height),
                                              .detail = view->detail,
-                                             .across = (int)probes(width),
-                                             .down = (int)probes(height)};
+                                             .across = (int)probes_across(width),
+                                             .down = (int)probes_down(height)};
     spread_cones(&occlusion->task, seen->sample);
     const uint32_t items = num_items(occlusion);
     if (!occlusion->open || hits->size_bytes / sizeof(karst_hit) < width * height ||
@@ -220,10 +227,10 @@ bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *pic
 {
     karst_occlusion_task *task = &occlusion->task;
     const uint32_t lanes = (uint32_t)occlusion->context->lanes, items = num_items(occlusion);
-    const uint32_t right = (uint32_t)(left_px + picture->width_px - 1) / KARST_OCCLUSION_STEP,
-                   below = (uint32_t)(top_px + picture->height_px - 1) / KARST_OCCLUSION_STEP;
-    const uint32_t blocks = (right - (uint32_t)left_px / KARST_OCCLUSION_STEP + 1) *
-                            (below - (uint32_t)top_px / KARST_OCCLUSION_STEP + 1) * KARST_OCCLUSION_BLOCK / lanes;
+    const uint32_t right = (uint32_t)(left_px + picture->width_px - 1) / KARST_OCCLUSION_STEP_X,
+                   below = (uint32_t)(top_px + picture->height_px - 1) / KARST_OCCLUSION_STEP_Y;
+    const uint32_t blocks = (right - (uint32_t)left_px / KARST_OCCLUSION_STEP_X + 1) *
+                            (below - (uint32_t)top_px / KARST_OCCLUSION_STEP_Y + 1) * KARST_OCCLUSION_BLOCK / lanes;
     task->left_px = left_px;
     task->top_px = top_px;
     task->width_px = picture->width_px;

@@ -6,9 +6,10 @@
 
 /* A probe counts for a pixel as their distances from the eye are alike: not from this share of the pixel's on. */
 #define FAR_APART 0.25f
-/* Of surfaces that are farther apart: where none is near, they say what is known. */
+/* Of those that are: where no other is near, they say what is known. */
 #define LEAST_KINSHIP 1.0e-4f
-/* What lies below a probe's surface may be open to a pixel that looks another way: it counts less as hidden. */
+/* Away from its cone a probe has only its own surface, which may not be a pixel's that looks another way: it counts
+ * less as hidden. */
 #define BELOW_SHARE 0.5f
 /* Cones start so many voxels of its level above a surface, as rays to the sun do: its own roughness does not stop them
  * (raycast/cast/graze.clh). Rays that start exactly on it cost eight times as much. */
@@ -45,16 +46,16 @@ RAY_INLINE cell_probes probes_of_item(uint item, int across_probes, int down_pro
 }
 
 /* The pixel of a probe, on an axis. */
-RAY_INLINE vint pixel_of(vint probe, int side_px)
+RAY_INLINE vint pixel_of(vint probe, int step_px, int side_px)
 {
-    return lane_min_int(probe * KARST_OCCLUSION_STEP, (vint)(side_px - 1));
+    return lane_min_int(probe * step_px, (vint)(side_px - 1));
 }
 
 /* Which direction is a probe's, by its place in the whole: as Bayer's matrix orders them, so that those of probes next
  * to one another differ most. */
 RAY_INLINE vint direction_of(const karst_pinhole *seen, uint turn, vint x, vint y)
 {
-    const vint v = y + seen->y0_px / KARST_OCCLUSION_STEP, u = (x + seen->x0_px / KARST_OCCLUSION_STEP) ^ v;
+    const vint v = y + seen->y0_px / KARST_OCCLUSION_STEP_Y, u = (x + seen->x0_px / KARST_OCCLUSION_STEP_X) ^ v;
     const vint number =
         (u & 1) << 5 | (v & 1) << 4 | (u & 2) << 2 | (v & 2) << 1 | (u & 4) >> 1 | (v & 4) >> 2;
     return (number + (int)turn) & (KARST_OCCLUSION_CONES - 1);
@@ -127,8 +128,7 @@ RAY_INLINE void store_rise(K_GLOBAL karst_ray *rays, const path_rays *r, vfloat 
         rays[index[l]].rise = value[l];
 }
 
-/* Makes the cones, which are idle where nothing is hit or they do not leave the surface; and says what is known
- * of probes. */
+/* Makes the cones, which are idle where nothing is hit or they do not leave the surface; and says where probes look. */
 __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task task, float cone,
                                     K_GLOBAL const karst_hit *hits, K_GLOBAL karst_ray *rays, K_GLOBAL float *planes,
                                     uint num_items)
@@ -143,7 +143,8 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
     r.valid = (vint)(-1);
     r.lanes = mask_bits(r.valid);
     r.index = ray_of(&p, number);
-    const vint x = pixel_of(p.x, seen.width_px), y = pixel_of(p.y, seen.height_px);
+    const vint x = pixel_of(p.x, KARST_OCCLUSION_STEP_X, seen.width_px),
+               y = pixel_of(p.y, KARST_OCCLUSION_STEP_Y, seen.height_px);
     r.pixel = y << 16 | x;
     r.flags = (vint)(0);
     r.throughput.r = r.throughput.g = r.throughput.b = zero;
@@ -161,28 +162,30 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
         const uint inside = mask_bits(p.inside);
         const vector3 to = {direction.x * s.t, direction.y * s.t, direction.z * s.t};
         const vfloat voxel = v_as_float((s.level + 127) << 23), width = s.t * seen.cone;
-        vint word = number;
+        vector3 way = {zero, zero, zero};
         if (v_any(hit)) {
-            const vector3 way = cone_of(&task, number);
-            const vfloat cosine = dot_of(&way, &s.normal);
+            way = cone_of(&task, number);
+            const vfloat to_number = dot_of(&way, &s.normal), cosine = k_fabs(to_number);
             const vint leaves = hit & v_gt(cosine, (vfloat)(LEAST_COSINE));
-            const vint below = hit & v_lt(cosine, (vfloat)(-LEAST_COSINE));
-            word |= (leaves & (int)KARST_OCCLUSION_KNOWN) |
-                    (below & (int)(KARST_OCCLUSION_KNOWN | KARST_OCCLUSION_BELOW));
+            const vfloat sign =
+                v_select(leaves, v_select(v_mask(v_lt(to_number, zero)), (vfloat)(-1.0f), (vfloat)(1.0f)), zero);
+            way.x *= sign, way.y *= sign, way.z *= sign;
             const vfloat up = voxel * (vfloat)(OFFSET_VOXELS);
             rise = lane_max(cosine, (vfloat)(LEAST_COSINE));
             r.origin.x = v_select(hit, k_fma(s.normal.x, up, to.x), zero);
             r.origin.y = v_select(hit, k_fma(s.normal.y, up, to.y), zero);
             r.origin.z = v_select(hit, k_fma(s.normal.z, up, to.z), zero);
-            r.direction.x = v_select(hit, way.x, zero);
-            r.direction.y = v_select(hit, way.y, (vfloat)(1.0f));
-            r.direction.z = v_select(hit, way.z, zero);
+            r.direction.x = v_select(leaves, way.x, zero);
+            r.direction.y = v_select(leaves, way.y, (vfloat)(1.0f));
+            r.direction.z = v_select(leaves, way.z, zero);
             r.width = v_select(hit, lane_max(width, voxel * (vfloat)(1.0001f / task.detail)) * START_PIXELS, r.width);
             r.t_max = v_select(leaves, to_end(&to, &way, seen.t_max), zero);
         }
         const vint place = p.y * task.across + p.x;
-        scatter(planes, place, inside, s.t);
-        scatter(planes + task.plane, place, inside, v_as_float(word));
+        scatter(planes + KARST_OCCLUSION_T * task.plane, place, inside, s.t);
+        scatter(planes + KARST_OCCLUSION_WAY * task.plane, place, inside, way.x);
+        scatter(planes + (KARST_OCCLUSION_WAY + 1) * task.plane, place, inside, way.y);
+        scatter(planes + (KARST_OCCLUSION_WAY + 2) * task.plane, place, inside, way.z);
     }
     store_paths(rays, &r, KARST_SIDE_ANY);
     store_rise(rays, &r, rise);
@@ -202,10 +205,8 @@ __kernel K_WIDE void occlusion_see(karst_pinhole seen, karst_occlusion_task task
     const vint kind =
         v_gather_int((K_GLOBAL const int *)hits, ray * (int)(sizeof(karst_hit) / sizeof(int)) + 1) & 0xff;
     const vint place = v_select(p.inside, p.y * task.across + p.x, (vint)(0));
-    const vint word = v_gather_int((K_GLOBAL const int *)(planes + task.plane), place);
-    const vint open = v_eq(kind, (vint)((int)KARST_HIT_MISS)) & v_eq(word & (int)KARST_OCCLUSION_BELOW, (vint)(0));
-    scatter(planes + task.plane, place, mask_bits(p.inside),
-            v_as_float(word | (open & (int)KARST_OCCLUSION_OPEN)));
+    scatter(planes + KARST_OCCLUSION_OPEN * task.plane, place, mask_bits(p.inside),
+            v_select(v_mask(v_eq(kind, (vint)((int)KARST_HIT_MISS))), (vfloat)(1.0f), (vfloat)(0.0f)));
 }
 
 /* A column or a row of probes about a pixel: those at both ends, which look the same way, share one probe's weight. */
@@ -223,13 +224,14 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
     const uint item = (uint)get_global_id(0);
     if (item >= num_items)
         return;
-    const int first_x = task.left_px / KARST_OCCLUSION_STEP, first_y = task.top_px / KARST_OCCLUSION_STEP;
-    const uint across = (uint)((task.left_px + task.width_px - 1) / KARST_OCCLUSION_STEP - first_x + 1);
+    const int first_x = task.left_px / KARST_OCCLUSION_STEP_X, first_y = task.top_px / KARST_OCCLUSION_STEP_Y;
+    const uint across = (uint)((task.left_px + task.width_px - 1) / KARST_OCCLUSION_STEP_X - first_x + 1);
     const uint block = item / (KARST_OCCLUSION_BLOCK / LANES);
     const vint lane = V_LANE + (int)(item % (KARST_OCCLUSION_BLOCK / LANES) * LANES);
     const int probe_x = first_x + (int)(block % across), probe_y = first_y + (int)(block / across);
-    const vint in_x = lane & (KARST_OCCLUSION_STEP - 1), in_y = lane / KARST_OCCLUSION_STEP;
-    const vint x = in_x + probe_x * KARST_OCCLUSION_STEP, y = in_y + probe_y * KARST_OCCLUSION_STEP;
+    const vint in_x = (lane & (KARST_PACKET_SIDE - 1)) + lane / KARST_PACKET_RAYS * KARST_PACKET_SIDE,
+               in_y = lane / KARST_PACKET_SIDE & (KARST_OCCLUSION_STEP_Y - 1); /* packets beside one another */
+    const vint x = in_x + probe_x * KARST_OCCLUSION_STEP_X, y = in_y + probe_y * KARST_OCCLUSION_STEP_Y;
     const vint shown_x = x - task.left_px, shown_y = y - task.top_px;
     const vint inside = v_mask(v_ge(shown_x, (vint)(0))) & v_mask(v_lt(shown_x, (vint)(task.width_px))) &
                         v_mask(v_ge(shown_y, (vint)(0))) & v_mask(v_lt(shown_y, (vint)(task.height_px)));
@@ -239,45 +241,45 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
     const vint order = v_select(inside, packet_order(x, y, seen.width_px, seen.height_px), (vint)(0));
     const surface_hits s = load_surface(hits, order, inside, &direction, 0.0f, 0.0f); /* of one packet */
     const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & inside;
-    const vfloat part_x = v_to_float(in_x) * (1.0f / KARST_OCCLUSION_STEP),
-                 part_y = v_to_float(in_y) * (1.0f / KARST_OCCLUSION_STEP);
-    const vfloat per_far = 1.0f / lane_max(s.t * FAR_APART, (vfloat)(1.0e-30f));
-    /* What a probe counts, by the bits KNOWN, OPEN and BELOW of its word. A branch would cost more than the sum, as
-     * nothing foretells which way it goes. */
-    const float counts[8] = {0.0f, 1.0f, 0.0f, 1.0f, 0.0f, BELOW_SHARE, 0.0f, BELOW_SHARE};
-    const float counts_open[8] = {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-    vfloat sum = (vfloat)(0.0f), total = (vfloat)(0.0f);
-    for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
+    const vfloat part_x = v_to_float(in_x) * (1.0f / KARST_OCCLUSION_STEP_X),
+                 part_y = v_to_float(in_y) * (1.0f / KARST_OCCLUSION_STEP_Y);
+    const vfloat per_far = 1.0f / lane_max(s.t * FAR_APART, (vfloat)(1.0e-30f)), from = s.t * per_far;
+    const vfloat zero = (vfloat)(0.0f);
+    /* Of what is open, of all that cones looked at, and the same less what lies away from them. */
+    vfloat open_sum = zero, sum = zero, signed_sum = zero;
+    const int last = v_any(hit) ? KARST_OCCLUSION_REACH : -KARST_OCCLUSION_REACH - 1; /* in the sky there is no sum */
+    for (int down = -KARST_OCCLUSION_REACH; down <= last; down++) {
         const int row = probe_y + down;
         if (row < 0 || row >= task.down)
             continue;
-        vfloat row_sum = (vfloat)(0.0f), row_total = (vfloat)(0.0f);
+        vfloat row_open = zero, row_sum = zero, row_signed = zero;
         for (int right = -KARST_OCCLUSION_REACH; right <= KARST_OCCLUSION_REACH; right++) {
             const int column = probe_x + right;
             if (column < 0 || column >= task.across)
                 continue;
-            const size_t probe = (size_t)row * (size_t)task.across + (size_t)column;
-            const uint word = ((K_GLOBAL const uint *)planes)[task.plane + probe];
-            const uint found = word / KARST_OCCLUSION_KNOWN & 7u;
-            const float *way = task.cones[word & KARST_OCCLUSION_DIRECTION];
-            const vfloat cosine = k_fma(s.normal.x, (vfloat)(way[0]),
-                                        k_fma(s.normal.y, (vfloat)(way[1]), s.normal.z * way[2]));
-            const vfloat alike =
-                lane_max(k_fma(k_fabs(s.t - planes[probe]), -per_far, (vfloat)(1.0f)), (vfloat)(LEAST_KINSHIP));
-            vfloat k = lane_max(cosine, (vfloat)(0.0f)) * alike;
+            K_GLOBAL const float *probe = planes + ((uint)row * (uint)task.across + (uint)column);
+            const vfloat cosine = k_fma(s.normal.x, (vfloat)(probe[KARST_OCCLUSION_WAY * task.plane]),
+                                        k_fma(s.normal.y, (vfloat)(probe[(KARST_OCCLUSION_WAY + 1) * task.plane]),
+                                              s.normal.z * probe[(KARST_OCCLUSION_WAY + 2) * task.plane]));
+            const vfloat apart = k_fma((vfloat)(probe[KARST_OCCLUSION_T * task.plane]), per_far, -from);
+            vfloat alike = lane_max(k_fma(-apart, apart, (vfloat)(1.0f)), (vfloat)(LEAST_KINSHIP));
             if (right == -KARST_OCCLUSION_REACH || right == KARST_OCCLUSION_REACH)
-                k *= end_share(right, part_x);
-            row_sum = k_fma(k, (vfloat)(counts_open[found]), row_sum);
-            row_total = k_fma(k, (vfloat)(counts[found]), row_total);
+                alike *= end_share(right, part_x);
+            const vfloat share = cosine * alike, k = lane_max(share, zero);
+            row_open = k_fma(k, (vfloat)(probe[KARST_OCCLUSION_OPEN * task.plane]), row_open);
+            row_sum += k;
+            row_signed += share;
         }
         const vfloat share_y = end_share(down, part_y);
+        open_sum = k_fma(row_open, share_y, open_sum);
         sum = k_fma(row_sum, share_y, sum);
-        total = k_fma(row_total, share_y, total);
+        signed_sum = k_fma(row_signed, share_y, signed_sum);
     }
+    const vfloat total = k_fma(sum - signed_sum, (vfloat)(BELOW_SHARE), sum);
     /* Where no probe is near nothing is known, and nothing is hidden. */
     const vint known = hit & v_mask(v_gt(total, (vfloat)(0.0f)));
     const vfloat share =
-        v_select(known, lane_unit(sum / lane_max(total, (vfloat)(1.0e-30f))), (vfloat)(1.0f));
+        v_select(known, lane_unit(open_sum / lane_max(total, (vfloat)(1.0e-30f))), (vfloat)(1.0f));
     if (task.left_px == 0 && task.top_px == 0) /* the order is the same, of whole packets */
         store_ordered(open, packet_order(shown_x, shown_y, task.width_px, task.height_px), inside, share);
     else

@@ -1,13 +1,13 @@
 /* Occlusion: how much of all that a surface looks up to is open, weighted by the cosine to its normal.
  *
- * There are 64 directions, spread over the sphere. Of every sixteen pixels one is a probe: it casts one cone, in one
- * direction, if that leaves its surface: a ray whose footprint grows by KARST_OCCLUSION_CONE of its way, so that it
- * goes through ever coarser bricks. Which direction follows from the probe's place: any 8x8 probes have one each
- * (interleaved sampling: A. Keller and W. Heidrich, 2001). A pixel takes what the probes around it found, one of each
- * direction, as far as they are about as far from the eye; what a direction counts follows from the pixel's own normal,
- * so that rough land is as dark as it is turned away. What lies below a probe's own surface counts as hidden, at half
- * the weight. So some thirty cones cost a thirtieth of a ray for each pixel; those of an octant from near one another
- * travel together. Samples of a picture turn the sphere.
+ * There are 64 directions, spread over the sphere. Of every 32 pixels (8x4) one is a probe: it casts one cone, in one
+ * direction, or away from it, if it would lead into its surface: a ray whose footprint grows by KARST_OCCLUSION_CONE of
+ * its way, so that it goes through ever coarser bricks. Which direction follows from the probe's place: any 8x8 probes
+ * have one each (interleaved sampling: A. Keller and W. Heidrich, 2001). A pixel takes what the probes around it
+ * found, 36 of them, as far as they are about as far from the eye; what a direction counts follows from the pixel's own
+ * normal, so that rough land is as dark as it is turned away. Away from its cone a probe's own surface hides what there
+ * is, at half the weight. So 36 cones cost a thirtieth of a ray for each pixel; those of an octant from near one
+ * another travel together. Samples of a picture turn the sphere.
  *
  * Cones are rays as all others are: they start a little above the surface as those to the sun do, ask for what they
  * lack, and stamp what they use; a settled picture knows nothing of its history. Windows of a picture look at some

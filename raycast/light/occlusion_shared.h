@@ -5,10 +5,12 @@
 #include "core/device/dialect.h"
 
 /* Probes are pixels that cast a cone: in the whole picture those of every so many columns and rows, and of its last. */
-#define KARST_OCCLUSION_STEP 4
-#define KARST_OCCLUSION_BLOCK (KARST_OCCLUSION_STEP * KARST_OCCLUSION_STEP) /* pixels between four probes */
+#define KARST_OCCLUSION_STEP_X 8
+#define KARST_OCCLUSION_STEP_Y 4
+#define KARST_OCCLUSION_BLOCK (KARST_OCCLUSION_STEP_X * KARST_OCCLUSION_STEP_Y) /* pixels between four probes */
 
-/* Directions all around, each of as much of the sphere as any other: any 8x8 probes look in one each. */
+/* Directions all around, each of as much of the sphere as any other: any 8x8 probes look in one each, or away from it,
+ * if it would lead into their surface. */
 #define KARST_OCCLUSION_CONES 64
 
 /* Rays of directions in one octant, from near one another, are neighbours: of a square of so many probes. */
@@ -16,16 +18,16 @@
 #define KARST_OCCLUSION_CELLS 8 /* of 8x8 probes, on a side of that */
 #define KARST_OCCLUSION_SQUARE_RAYS (KARST_OCCLUSION_SQUARE * KARST_OCCLUSION_SQUARE)
 
-#define KARST_OCCLUSION_REACH 4 /* probes that count for a pixel: of those around it, each way */
+#define KARST_OCCLUSION_REACH 3 /* probes that count for a pixel: of those around it, each way */
 
-/* What is known of a probe: a distance, in level-0 voxels, and a word. */
-#define KARST_OCCLUSION_DIRECTION 63u /* which one is its cone's */
-#define KARST_OCCLUSION_KNOWN 64u     /* there is a surface, and a cone says something of it */
-#define KARST_OCCLUSION_OPEN 128u     /* the cone met nothing */
-#define KARST_OCCLUSION_BELOW 256u    /* it would have gone into the surface, so none was cast */
+/* What is known of probes, one plane after another. */
+#define KARST_OCCLUSION_T 0    /* how far from the eye, level-0 voxels */
+#define KARST_OCCLUSION_WAY 1  /* and the two that follow: a cone's direction, unit, world axes; 0 if there is none */
+#define KARST_OCCLUSION_OPEN 4 /* 1: it met nothing; else 0 */
+#define KARST_OCCLUSION_PLANES 5
 
 typedef struct {
-    uint plane;              /* probes: words follow so many distances */
+    uint plane;              /* probes: of one plane */
     uint turn;               /* added to which direction is a probe's */
     float detail;            /* as karst_cast_view.detail */
     int across, down;        /* probes of the window that is looked at */

@@ -58,18 +58,20 @@ void karst_openness_destroy(karst_openness *openness)
 }
 
 bool karst_openness_bound(karst_openness *openness, const karst_cast_view *view, const karst_pinhole *pinhole,
-                          const karst_buffer *hits, float cone, int depth, karst_buffer *bounds, karst_error *error)
+                          const karst_buffer *hits, float cone, int depth, karst_buffer *bounds, karst_buffer *cells,
+                          karst_error *error)
 {
     const karst_cache_buffers *c = &openness->cache;
     const size_t num = (size_t)pinhole->width_px * (size_t)pinhole->height_px;
-    if (hits->size_bytes / sizeof(karst_hit) < num || bounds->size_bytes / (2 * sizeof(float)) < num)
+    if (hits->size_bytes / sizeof(karst_hit) < num || bounds->size_bytes / (2 * sizeof(float)) < num ||
+        (cells && cells->size_bytes / KARST_OPENNESS_CELLS < num))
         return karst_fail(error, KARST_FAILED, "there is no room for the openness of a picture of %dx%d",
                           pinhole->width_px, pinhole->height_px);
     if (depth < 0 || depth > KARST_OPENNESS_DEPTH || !(cone > 0))
         return karst_fail(error, KARST_FAILED, "openness has no cells of depth %d, or a cone of %g", depth, cone);
     if (!karst_buffer_write(openness->view, 0, view, sizeof *view, error))
         return false;
-    karst_openness_task task = {.depth = depth, .cone = cone};
+    karst_openness_task task = {.depth = depth, .cone = cone, .tells_cells = cells != NULL};
     for (size_t first = 0; first < num; first += AT_ONCE) {
         const size_t left = num - first, here = left < AT_ONCE ? left : AT_ONCE;
         task.first_pixel = (uint32_t)first;
@@ -83,7 +85,8 @@ bool karst_openness_bound(karst_openness *openness, const karst_cast_view *view,
                 KARST_BUFFER_ARG(c->want_brick), KARST_BUFFER_ARG(c->want_children), KARST_BUFFER_ARG(c->want_chunk),
                 KARST_BUFFER_ARG(c->want_rays), KARST_BUFFER_ARG(c->tile_info), KARST_BUFFER_ARG(openness->asked),
                 KARST_BUFFER_ARG(openness->view), KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(task),
-                KARST_BUFFER_ARG(openness->turns), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(bounds)) ||
+                KARST_BUFFER_ARG(openness->turns), KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(bounds),
+                KARST_BUFFER_ARG(cells ? cells : bounds)) ||
             !karst_launch(openness->context, openness->kernel, KARST_STAGE_SHADE, here, LOCAL_SIZE, error))
             return false;
     }

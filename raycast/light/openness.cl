@@ -16,10 +16,6 @@
 /* Of what a voxel may change: falling less is not told from the differences between bricks. */
 #define LEAST_FALL 0.05f
 
-#define IS_OPEN 0
-#define IS_COVERED 1
-#define IS_UNDECIDED 2
-
 #define STACK_CELLS (KARST_OPENNESS_AROUND * KARST_OPENNESS_UP + 3 * KARST_OPENNESS_DEPTH)
 
 /* Directions: those whose angles to a middle one are below `wide`, in radians as chords have it. */
@@ -212,7 +208,7 @@ RAY_INLINE int look_along(const lookout *w, const near_field near[NEAR_LEVELS], 
     int level = w->first_level;
     for (int step = 0; step < MOST_STEPS; step++) {
         if (t >= w->t_max)
-            return IS_OPEN;
+            return KARST_OPENNESS_OPEN;
         level = level_at(w, t, level);
         const float voxel = level_voxel(level), cells = t / voxel, end = level_end(w, level);
         const int from_first = level - w->first_level;
@@ -240,11 +236,23 @@ RAY_INLINE int look_along(const lookout *w, const near_field near[NEAR_LEVELS], 
         t = k_min(k_fma(room, voxel, t), end);
     }
     *start = t;
-    return t >= w->t_max ? IS_OPEN : is_covered(w, c, t) ? IS_COVERED : IS_UNDECIDED;
+    return t >= w->t_max          ? KARST_OPENNESS_OPEN
+           : is_covered(w, c, t) ? KARST_OPENNESS_HIDDEN
+                                 : KARST_OPENNESS_UNDECIDED;
 }
 
-/* Shares of what the surface looks up to that are open, and that are hidden, for sure. */
-RAY_INLINE float2 look_up(const lookout *w, const near_field near[NEAR_LEVELS], const hemisphere *h, int finest)
+/* Says what was found of a cell to all of the finest ones that it holds. */
+RAY_INLINE void tell_cell(K_GLOBAL uchar *cells, int depth, int around, int up, int found)
+{
+    const int finer = KARST_OPENNESS_DEPTH - depth, parts = 1 << finer;
+    for (int a = around << finer; a < (around << finer) + parts; a++)
+        for (int u = up << finer; u < (up << finer) + parts; u++)
+            cells[a * KARST_OPENNESS_FINEST_UP + u] = (uchar)found;
+}
+
+/* Shares of what the surface looks up to that are open, and that are hidden, for sure. cells: of a pixel, or 0. */
+RAY_INLINE float2 look_up(const lookout *w, const near_field near[NEAR_LEVELS], const hemisphere *h, int finest,
+                          K_GLOBAL uchar *cells)
 {
     int codes[STACK_CELLS]; /* depth | around << 4 | up << 16 */
     float starts[STACK_CELLS];
@@ -261,9 +269,11 @@ RAY_INLINE float2 look_up(const lookout *w, const near_field near[NEAR_LEVELS], 
         const float weight = 1.0f / (float)(KARST_OPENNESS_AROUND * KARST_OPENNESS_UP << 2 * depth);
         const direction_cell c = cell_of(h, depth, around, up);
         const int found = look_along(w, near, h, &c, &start);
-        if (found == IS_OPEN) {
+        if (cells)
+            tell_cell(cells, depth, around, up, found);
+        if (found == KARST_OPENNESS_OPEN) {
             open += weight;
-        } else if (found == IS_COVERED) {
+        } else if (found == KARST_OPENNESS_HIDDEN) {
             hidden += weight;
         } else if (depth < finest && (start > 0.0f || !is_stuck(&near[0], h, &c))) {
             for (int part = 0; part < 4; part++) {
@@ -315,7 +325,7 @@ RAY_INLINE int begin_lookout(lookout *w, const pools *pool, K_GLOBAL const karst
 /* The least and the most of what each pixel looks up to that is open. */
 __kernel K_WIDE void openness_bounds(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_pinhole pinhole,
                                      karst_openness_task task, K_GLOBAL const float *turns,
-                                     K_GLOBAL const karst_hit *hits, K_GLOBAL float *bounds)
+                                     K_GLOBAL const karst_hit *hits, K_GLOBAL float *bounds, K_GLOBAL uchar *cells)
 {
     const pools pool = POOL_FIELDS;
     const uint pixel = task.first_pixel + (uint)get_global_id(0);
@@ -326,6 +336,10 @@ __kernel K_WIDE void openness_bounds(POOL_PARAMETERS, K_GLOBAL const karst_cast_
     const float4 normal = (float4)(hit.normal[0], hit.normal[1], hit.normal[2], 0.0f);
     float2 found = (float2)(kind == KARST_HIT_MISS ? 1.0f : 0.0f, 0.0f);
     lookout w;
+    node_memo memo;
+    for (int i = 0; i < MEMO_NODES; i++)
+        memo.asked[i] = (int4)(0, 0, 0, KARST_MAX_LEVELS);
+    w.memo = &memo;
     if (kind == KARST_HIT_SURFACE && dot_product(normal, normal) > 0.5f &&
         begin_lookout(&w, &pool, view, &pinhole, task.cone, &hit, ray_in_order(&pinhole, pixel))) {
         const hemisphere h = hemisphere_of(normal, turns);
@@ -338,7 +352,8 @@ __kernel K_WIDE void openness_bounds(POOL_PARAMETERS, K_GLOBAL const karst_cast_
                 look_near(&w, level, &near[i]);
         }
         if (near[0].is_known)
-            found = look_up(&w, near, &h, task.depth);
+            found = look_up(&w, near, &h, task.depth,
+                            task.tells_cells ? cells + (size_t)pixel * KARST_OPENNESS_CELLS : 0);
     }
     bounds[2 * pixel] = found.x;
     bounds[2 * pixel + 1] = 1.0f - found.y;

@@ -26,8 +26,10 @@ karst_openness *karst_openness_create(karst_context *context, const karst_cache_
 void karst_openness_destroy(karst_openness *openness); /* NULL is fine */
 
 /* Of the picture's hits. depth: of the finest cells, 0 to KARST_OPENNESS_DEPTH. bounds: two floats a pixel, in packet
- * order: the least and the most; 1 where nothing is hit. Asynchronous. Errors: KARST_FAILED. */
+ * order: the least and the most; 1 where nothing is hit. cells: what was found of each pixel's KARST_OPENNESS_CELLS, a
+ * byte each, which nothing is written of where no surface is hit; or NULL. Asynchronous. Errors: KARST_FAILED. */
 bool karst_openness_bound(karst_openness *openness, const karst_cast_view *view, const karst_pinhole *pinhole,
-                          const karst_buffer *hits, float cone, int depth, karst_buffer *bounds, karst_error *error);
+                          const karst_buffer *hits, float cone, int depth, karst_buffer *bounds, karst_buffer *cells,
+                          karst_error *error);
 
 #endif

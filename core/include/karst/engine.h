@@ -163,7 +163,7 @@ typedef struct {
      * it is without. 0: what the world says when the engine is made; below 0: none. Without any nothing is spent on it.
      */
     double mirror;
-    /* KARST_OCCLUSION_OF_WORLD. One more ray for sixteen pixels; what is seen in mirrors and through clear matter is
+    /* KARST_OCCLUSION_OF_WORLD. One more ray for 32 pixels; what is seen in mirrors and through clear matter is
      * as without. KARST_INTEGRATOR_FULL has no use for it. */
     karst_occlusion_mode occlusion;
     karst_integrator integrator; /* KARST_INTEGRATOR_DIRECT; the other one takes no no_shadows */
