@@ -20,7 +20,7 @@ static const golden_hashes golden[] = {
     {"glass", 0x0cdde755679f3985, 0x3e1f7c0e54664a65},
     {"hills", 0x99693168f9bf77f8, 0x2c5c0d99ef88c20b},
     {"ice", 0xa06f3de92a4f782b, 0x382face1785841b9},
-    {"islands", 0xa8d2ed1dec98662c, 0xc69a1c4c8f490229},
+    {"islands", 0x847a82b562378561, 0x9eb9b97f4c07293f},
     {"karst", 0xc83c2d09163d38cb, 0x336e1c38159e2673},
     {"lake", 0xfc0fcc15eee89d6c, 0x620c307d0a6b3319},
     {"lanterns", 0xa167af5b4c2c646b, 0xbd1053268c2198c6},
