@@ -54,7 +54,7 @@ refused()
 {
     code=$1 pattern=$2 name=$3
     shift 3
-    timeout 20 "$karst" "$@" > stdout 2> stderr
+    timeout 200 "$karst" "$@" > stdout 2> stderr
     [ $? -eq "$code" ] && grep -q -e "$pattern" stderr
     detail=$(cat stderr) result "$name"
 }
@@ -93,7 +93,7 @@ refused 4 '"copies" cannot be "none"' "render: splats without a way to copy" ren
 says()
 {
     sed "s/\"at\": .0, 0, 0./$1/" sub/air.karst > sub/bad.karst
-    timeout 20 "$karst" sample sub/bad.karst --at 0,0,0 > stdout 2> stderr
+    timeout 200 "$karst" sample sub/bad.karst --at 0,0,0 > stdout 2> stderr
     code=$?
     [ $code -eq "$2" ] && grep -q "^sub/bad.karst:2:[0-9]*: .*$3" stderr
     detail="$code; $(cat stderr)" result "a model with $1: $3"
