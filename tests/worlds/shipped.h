@@ -160,16 +160,17 @@ static inline bool shipped_to_surface(shipped_world *world, int64_t voxel[3], in
 }
 
 /* Runs `test` once for each shipped world, or for $KARST_TEST_WORLD alone; the state is the world's name. Under
- * KARST_TEST_QUICK three that have little in common must do. */
-static inline int shipped_run(const char *what, CMUnitTestFunction test)
+ * KARST_TEST_QUICK three that have little in common must do; else every `step`th, or all with KARST_TEST_FULL. */
+static inline int shipped_run(const char *what, CMUnitTestFunction test, size_t step)
 {
     static char names[SHIPPED_MAX][KARST_DATA_NAME_BYTES];
     struct CMUnitTest tests[SHIPPED_MAX];
     const char *only = getenv("KARST_TEST_WORLD");
     size_t num_names = karst_data_list("worlds", ".karst", names, SHIPPED_MAX), num_tests = 0;
     for (size_t i = 0; i < num_names; i++)
-        if (only ? !strcmp(only, names[i])
-                 : !getenv("KARST_TEST_QUICK") || strstr(" hills lattice planet ", names[i]) != NULL)
+        if (only                         ? !strcmp(only, names[i])
+            : getenv("KARST_TEST_QUICK") ? strstr(" hills lattice planet ", names[i]) != NULL
+                                         : i % step == 0 || getenv("KARST_TEST_FULL") != NULL)
             tests[num_tests++] = (struct CMUnitTest){.name = names[i], .test_func = test, .initial_state = names[i]};
     if (num_tests == 0) {
         fprintf(stderr, "%s: no world to test\n", what);

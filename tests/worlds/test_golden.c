@@ -95,4 +95,4 @@ static void test_golden(void **state)
     shipped_close(&world);
 }
 
-int main(void) { return shipped_run("golden", test_golden); }
+int main(void) { return shipped_run("golden", test_golden, 1); }

@@ -425,7 +425,7 @@ int main(void)
         if (!only || strcmp(only, names[i]) == 0)
             of_clear[num++] =
                 (struct CMUnitTest){names[i], test_nothing_lost_of_clear_matter, NULL, NULL, names[i]};
-    int failed = shipped_run("surface lost by samples alone is found", test_sampling_alone_is_caught);
-    failed += shipped_run("nothing is lost", test_nothing_lost);
+    int failed = shipped_run("surface lost by samples alone is found", test_sampling_alone_is_caught, 1);
+    failed += shipped_run("nothing is lost", test_nothing_lost, 1);
     return failed + (num ? _cmocka_run_group_tests("nothing is lost of clear matter", of_clear, num, NULL, NULL) : 0);
 }
