@@ -2,12 +2,7 @@
 # karst ... --edits FILE from outside: what a file may hold, and what is said of one that is wrong.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 
 cat > flat.karst << 'END'
 /*{ "voxel": 0.125, "camera": { "position": ["0", "6", "-10"], "yaw": 0, "pitch": -20 } }*/

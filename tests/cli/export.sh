@@ -1,12 +1,7 @@
 # What tests of karst $subcommand share, which writes a file of a world, to be sourced: from then on they are in a folder
 # of their own. $KARST is the program.
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 
 run()
 {

@@ -3,12 +3,7 @@
 # seconds of CPU and 500 MB, and leave nothing behind. $KARST is the program.
 set -u
 . tests/tap.sh
-karst=${KARST:-build/karst}
-case $karst in /*) ;; *) karst="$PWD/$karst" ;; esac
-export KARST_DATA_DIR="$PWD/demos"
-scratch=$(mktemp -d) || exit 1
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 1
+. tests/cli/calls.sh
 
 # metered.py COMMAND...: its exit status, CPU seconds and MiB resident go to the file figures; a minute at most.
 cat > metered.py << 'EOF'
