@@ -2,9 +2,11 @@
 # Runs tests and counts them: tests/run.sh LOG_FOLDER PROGRAM...
 # A program prints TAP lines ("ok 1 - name", "not ok 2 - name", "ok 3 # SKIP why") and exits non-zero if one failed;
 # cmocka does so when asked to. The last line is the sum. Several programs run at once, and are told of in their order;
-# those named in tests/alone run by themselves, last. tests/run_selftest.sh shows that whatever goes wrong is told.
+# those named in tests/alone run by themselves, last; those named in tests/unsanitized are left out under the sanitizers.
+# tests/run_selftest.sh shows that whatever goes wrong is told.
 # Variables: JOBS (programs at once, default: as many as there are cores), ONLY (run programs whose path holds it),
-# CONFIG (asan sets the sanitizers' options), TEST_TIMEOUT_S (of one program), ALONE (another list than tests/alone),
+# CONFIG (asan sets the sanitizers' options), TEST_TIMEOUT_S (of one program), ALONE and UNSANITIZED
+# (other lists than tests/alone and tests/unsanitized),
 # STORE (a folder: what drivers have built for scripts; most of a script's time goes into that).
 set -u
 logs=$1
@@ -12,6 +14,7 @@ shift
 mkdir -p "$logs" && logs=$(cd "$logs" && pwd) || exit 1
 jobs=${JOBS:-$(nproc)}
 alone=${ALONE:-tests/alone}
+unsanitized=
 
 export CMOCKA_MESSAGE_OUTPUT=TAP
 # Tests build from source: what one of them kept must not hide what is wrong with another. The cache's own test says else.
@@ -22,6 +25,7 @@ if [ "${CONFIG:-release}" = asan ]; then
     export ASAN_OPTIONS="abort_on_error=0:detect_stack_use_after_return=0"
     export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1"
     export KARST_TEST_QUICK=1
+    [ -n "${KARST_TEST_FULL:-}" ] || unsanitized=${UNSANITIZED:-tests/unsanitized}
 fi
 
 # In it: lists NUMBER PROGRAM of those that run together and of those that run alone; NUMBER.taken, whose maker runs the
@@ -144,14 +148,18 @@ run_all()
     : > "$work/$1.over"
 }
 
-num=0
+# is_in LIST PROGRAM
+is_in() { [ -n "$1" ] && grep -qxE "$(name_of "$2")( .*)?" "$1" 2> /dev/null; }
+
+num=0 left_out=0
 : > "$work/together"
 : > "$work/by_itself"
 for program; do
     case $program in *"${ONLY:-}"*) ;; *) continue ;; esac
+    is_in "$unsanitized" "$program" && left_out=$((left_out + 1)) && continue
     num=$((num + 1))
     kind=together
-    grep -qxE "$(name_of "$program")( .*)?" "$alone" 2> /dev/null && kind=by_itself
+    is_in "$alone" "$program" && kind=by_itself
     echo "$num $program" >> "$work/$kind"
 done
 
@@ -175,6 +183,7 @@ for kind in together by_itself; do
     wait $runners
     runners=
 done
+[ $left_out -gt 0 ] && echo "$left_out programs left out: $unsanitized says why"
 if [ $skipped -gt 0 ]; then
     echo "$passed passed, $failed failed, $skipped skipped"
 else

@@ -3,11 +3,11 @@
 # beside what is to run alone.
 set -u
 . tests/tap.sh
-run="$PWD/tests/run.sh" tap="$PWD/tests/tap.sh"
+root=$PWD run="$PWD/tests/run.sh" tap="$PWD/tests/tap.sh"
 scratch=$(mktemp -d) || exit 1
 trap 'rm -rf "$scratch"' EXIT
 mkdir -p "$scratch/tests" && cd "$scratch" || exit 1
-unset ONLY TEST_TIMEOUT_S STORE
+unset ONLY TEST_TIMEOUT_S STORE CONFIG KARST_TEST_FULL
 
 # program NAME TEXT
 program() { printf '#!/bin/sh\n%s\n' "$2" > "tests/$1" && chmod +x "tests/$1"; }
@@ -99,6 +99,17 @@ printf 'pair_d\n' > list
 alone=list run_them tests/pair_d tests/good tests/bad
 [ "$(awk '/^(ok|FAILED) / { printf "%s ", $2 }' said)" = "good bad pair_d " ]
 result "and they come last"
+CONFIG=asan UNSANITIZED=list run_them tests/pair_d tests/good
+[ $status -eq 0 ] && [ "$(last)" = "2 passed, 0 failed" ] && grep -q '^1 programs left out: list' said
+result "what sanitizers need not look at is left out, with a word"
+CONFIG=asan UNSANITIZED=list KARST_TEST_FULL=1 run_them tests/pair_d tests/good
+[ "$(last)" = "3 passed, 0 failed" ] && UNSANITIZED=list run_them tests/pair_d tests/good && [ "$(last)" = "3 passed, 0 failed" ]
+result "and is not in full, nor without them"
+detail=$(cd "$root" && sed -nE 's/^([a-z]+\/[a-z_]+)( .*)?$/\1/p' tests/alone tests/unsanitized | while read -r name; do
+    [ -e "tests/$name.c" ] || [ -e "tests/$name.sh" ] || echo "$name is no test"
+done)
+[ -z "$detail" ]
+result "both lists name tests"
 
 # Programs of this scratch folder that run now; the pattern is none itself.
 running() { grep -la "$scratch/tests/[l]ate" /proc/[0-9]*/cmdline 2> /dev/null; }

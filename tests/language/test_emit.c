@@ -412,7 +412,7 @@ static void test_random_graphs(void **state)
 {
     uint32_t first = setting("EMIT_FIRST", 0), count = setting("EMIT_GRAPHS", getenv("KARST_TEST_FULL")    ? 100
                                                                               : getenv("KARST_TEST_QUICK") ? 3
-                                                                                                           : 12);
+                                                                                                           : 6);
     (void)state;
     for (uint32_t i = first; i < first + count; i++) {
         karst_arena arena;

@@ -289,4 +289,4 @@ static void test_same_bits(void **state)
 }
 
 /* A world takes 17 s of CPU time in all shapes; tests/worlds/test_golden has the bits of all worlds in one. */
-int main(void) { return shipped_run("the same bits", test_same_bits, 2); }
+int main(void) { return shipped_run("the same bits", test_same_bits, 5); }
