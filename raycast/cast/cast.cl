@@ -463,6 +463,7 @@ RAY_INLINE void cast_rays_of(const pools *pool, K_GLOBAL const karst_cast_view *
         b.states.pending[p] = b.states.fresh[p] = mask_bits(m & v_ne(side, (vint)((int)KARST_SIDE_ANY)));
         b.states.back[p] = mask_bits(m & v_eq(side, (vint)((int)KARST_SIDE_BACK)));
         v_store_float(RAY_WORD(15), b.states.rise + p * LANES);
+        v_store_float((vfloat)(0.0f), b.states.left + p * LANES);
     }
     begin_without_hints(&b.hints);
     b.blend_below = view->blend_below > 0.0f ? view->blend_below : 3.0e38f;

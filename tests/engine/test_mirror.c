@@ -304,6 +304,55 @@ static void far_out_light_is_the_same(void **state)
     unlink(path);
 }
 
+/* A room of sides of 2 around the origin, which shines and mirrors: its walls lie on samples and between nodes, so that
+ * all nodes within are known to be air without a look, and on which side of zero rays start is rounding. */
+static const char room[] =
+    "/*{ \"voxel\": 0.015625, \"view\": 20, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
+    "\"camera\": { \"position\": [\"-0.6\", \"0.3\", \"-0.8\"], \"yaw\": 30, \"pitch\": -12, \"fov\": 75 } }*/\n"
+    "float density(vec3 p) { return max(max(abs(p.x), abs(p.y)), abs(p.z)) - 1.0; }\n"
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.mirror = 0.7;\n"
+    "    m.emission = vec3(0.2) + 0.15 * sin(3.0 * p.zxy + vec3(0.0, 1.0, 2.0)); return m; }\n";
+
+static double shine(const double p[3], int c) { return 0.2 + 0.15 * sin(3 * p[(c + 2) % 3] + c); }
+
+static void walls_between_nodes_are_met_where_they_are(void **state)
+{
+    (void)state;
+    static float place[3 * NUM];
+    const double eye[3] = {-0.6, 0.3, -0.8};
+    const karst_engine_config like = {.exposure = KARST_EXPOSURE_GIVEN};
+    karst_engine *engine = scene_create(room, &like, WIDTH, HEIGHT, NULL);
+    settle(engine, &whole);
+    assert_ok(karst_engine_read_aov(engine, KARST_AOV_POSITION, place, 3 * NUM, &error));
+    karst_engine_destroy(engine);
+    int num = 0, num_off = 0;
+    for (int i = 0; i < NUM; i++) {
+        const float *p = place + 3 * (size_t)i;
+        const double at[3] = {(double)p[0], (double)p[1], (double)p[2]};
+        int wall = 0;
+        double way[3], to = INFINITY, second = 0;
+        for (int a = 1; a < 3; a++)
+            wall = fabs(at[a]) > fabs(at[wall]) ? a : wall;
+        for (int a = 0; a < 3; a++) {
+            way[a] = (a == wall ? -1 : 1) * (at[a] - eye[a]);
+            second = a == wall ? second : fmax(second, fabs(at[a]));
+            to = fmin(to, ((way[a] > 0 ? 1 : -1) - at[a]) / way[a]);
+        }
+        if (second > 0.98 || fabs(fabs(at[wall]) - 1) > 1e-3) /* beside a corner starts may be of either wall */
+            continue;
+        num++;
+        double most = 0;
+        const double there[3] = {at[0] + to * way[0], at[1] + to * way[1], at[2] + to * way[2]};
+        for (int c = 0; c < 3; c++)
+            most = fmax(most, fabs((double)whole.light[3 * i + c] - shine(at, c) - 0.7 * shine(there, c)));
+        num_off += most > 1e-3;
+    }
+    print_message("of %d pixels of walls %d mirror what is not there\n", num, num_off);
+    assert_true(num > NUM * 9 / 10);
+    assert_int_equal(num_off, 0);
+}
+
 static void what_is_out_of_range_is_said(void **state)
 {
     (void)state;
@@ -330,6 +379,7 @@ int main(void)
         cmocka_unit_test(little_memory_settles),
         cmocka_unit_test(other_sizes_leave_no_trace),
         cmocka_unit_test(far_out_light_is_the_same),
+        cmocka_unit_test(walls_between_nodes_are_met_where_they_are),
         cmocka_unit_test(what_is_out_of_range_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
