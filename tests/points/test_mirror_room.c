@@ -1,5 +1,6 @@
 /* A room of points whose walls mirror: its corners show what those of the same room as a function do. Rays that are
- * mirrored beside a corner start within the crusts of two or three walls, and must meet the right one, far or near. */
+ * mirrored beside a corner start within the crusts of two or three walls, and must meet the right one, far or near.
+ * Walls lie on samples. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,11 +39,8 @@ static const char world[] =
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.mirror = 0.7;\n"
     "    m.emission = vec3(0.2) + 0.15 * sin(3.0 * p.zxy + vec3(0.0, 1.0, 2.0)); return m; }\n";
 static const char as_function[] =
-    "return max(max(max(abs(p.x - 0.0013), abs(p.y - 0.0021)), abs(p.z + 0.0017)) - 1.0,"
-    "    0.35 - length(p - vec3(0.4513, -0.6479, 0.4983)));";
-
-/* Where it stands: not so that its walls lie on samples, as they would at 0. */
-static const double room_at[3] = {0.0013, 0.0021, -0.0017};
+    "return max(max(max(abs(p.x), abs(p.y)), abs(p.z)) - 1.0,"
+    "    0.35 - length(p - vec3(0.45, -0.65, 0.5)));";
 
 static uint8_t truth[4 * NUM], seen[4 * NUM];
 static float place[3 * NUM];
@@ -71,7 +69,7 @@ static double share_right(double least_m, double most_m, int *num)
     for (int i = 0; i < NUM; i++) {
         double away[3];
         for (int a = 0; a < 3; a++)
-            away[a] = 1 - fabs((double)place[3 * i + a] - room_at[a]);
+            away[a] = 1 - fabs((double)place[3 * i + a]);
         /* The second nearest wall: the nearest is the one that is seen. */
         const double low = fmin(away[0], fmin(away[1], away[2])), high = fmax(away[0], fmax(away[1], away[2]));
         const double second = away[0] + away[1] + away[2] - low - high;
@@ -104,7 +102,7 @@ static void corners_are_those_of_the_room(void **state)
     int num_beside, num_all;
     draw("", as_function, truth);
     snprintf(models, sizeof models,
-             ", \"models\": [{ \"points\": \"%s\", \"at\": [\"0.0013\", \"0.0021\", \"-0.0017\"] }]", path);
+             ", \"models\": [{ \"points\": \"%s\", \"at\": [\"0\", \"0\", \"0\"] }]", path);
     draw(models, "return -1.0;", seen);
     const double beside = share_right(0.02, 0.25, &num_beside), all = share_right(0, 2, &num_all);
     print_message("# %.4f of %d pixels beside corners are within 2 of 255, %.4f of all %d of walls; %d see no wall\n",

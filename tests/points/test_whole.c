@@ -129,28 +129,34 @@ static void exact_places_are_those_of_samples(void **state)
     karst_model_list_finish(&list);
 }
 
-/* Behind an edge between two walls there is a crust as behind each of them: a ray that goes there meets it. */
+/* Behind an edge between two walls there is a crust as behind each of them: a ray that goes there meets it. So there is
+ * where one of them ends, in its plane: samples may lie there. */
 static void edges_have_no_holes(void **state)
 {
     (void)state;
     karst_model model;
     karst_model_list list = load(ROOM, 0, false, &model);
     const double spacing = spacing_of(bodies[ROOM], NUM_POINTS);
-    int num_holes = 0;
+    int num_holes = 0, num = 0;
     random_state = 14;
-    for (int i = 0; i < 500; i++) {
-        const int along = i % 3;
-        double p[3], voxels[3];
-        for (int a = 0; a < 3; a++)
-            p[a] = a == along ? 1.8 * random_unit() - 0.9 : (random_below(2) ? 1 : -1) * (1 + 0.7 * spacing);
-        turn(&model, p, voxels, false);
-        const karst_position at = karst_position_add_m(
-            (karst_position){.voxel = {0}}, (double[]){voxels[0] * VOXEL_M, voxels[1] * VOXEL_M, voxels[2] * VOXEL_M},
-            VOXEL_LOG2_M);
-        num_holes += !(karst_model_list_at(&list, &at, 0, -1, NULL) > 0);
+    for (int level = 0; level < 8; level++) {
+        const double voxel = ldexp(VOXEL_M / SCALE, level), off = fmax(0.7 * spacing, voxel);
+        for (int i = 0; i < 400; i++, num++) {
+            const int along = i % 3, in_plane = i % 2 ? (along + 1) % 3 : -1;
+            double p[3], voxels[3];
+            for (int a = 0; a < 3; a++)
+                p[a] = a == along ? 1.8 * random_unit() - 0.9
+                                  : (random_below(2) ? 1 : -1) * (1 + (a == in_plane ? 0 : off));
+            turn(&model, p, voxels, false);
+            const karst_position at = karst_position_add_m(
+                (karst_position){.voxel = {0}},
+                (double[]){voxels[0] * VOXEL_M, voxels[1] * VOXEL_M, voxels[2] * VOXEL_M}, VOXEL_LOG2_M);
+            num_holes += !(karst_model_list_at(&list, &at, level, -1, NULL) > 0);
+        }
     }
-    print_message("# %d of 500 places behind edges are not matter\n", num_holes);
-    assert_true(num_holes <= 15);
+    print_message("# %d of %d places behind edges are not matter\n", num_holes, num);
+    assert_true(num_holes <= num / 400); /* points lie as chance has it; there are six times as many if places must not
+                                          * lie aside of both walls */
     karst_model_list_finish(&list);
 }
 
