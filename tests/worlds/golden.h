@@ -33,7 +33,7 @@ static const golden_hashes golden[] = {
     {"ruins", 0x211628742251bd8d, 0xbd68fb8ded0ae487},
     {"scan", 0xdaca2bc2f63d58f1, 0x2482fc4434631914},
     {"smoke", 0xe8cf6e2f2978d60d, 0xb38fe124d956da94},
-    {"sunbeams", 0xa3156bb3e03346f0, 0x47a20f67d7f66ff9},
+    {"sunbeams", 0x9985cc0199a5ef77, 0xc59efbaedfec7f83},
     {"survey", 0x737a2faf390fcab2, 0xc3e6357a1c01a74c},
     {"thesis", 0x14f12d3d02c31b8b, 0x08fd86af7b1c978c},
 };
