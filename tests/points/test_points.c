@@ -206,7 +206,7 @@ static int count_wrong_proofs(int num_lists, int *num_proofs)
 static void proofs_hold(void **state)
 {
     (void)state;
-    int num_proofs, num_lists = getenv("KARST_TEST_FULL") ? 20000 : getenv("KARST_TEST_QUICK") ? 50 : 120;
+    int num_proofs, num_lists = getenv("KARST_TEST_FULL") ? 20000 : getenv("KARST_TEST_QUICK") ? 20 : 120;
     random_state = 1;
     mutant = NONE;
     assert_int_equal(count_wrong_proofs(num_lists, &num_proofs), 0);

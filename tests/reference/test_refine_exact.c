@@ -154,7 +154,7 @@ static size_t num_worse(size_t i)
 /* REFINE_ONLY: those whose name holds this. All, if in full; else some, since each compiles its kernels. */
 static void test_never_worse(void **state)
 {
-    static const char *const some[] = {"menger", "stairs", "sierpinski", "slopes"};
+    static const char *const some[] = {"menger", "stairs"};
     const size_t num_some = getenv("KARST_TEST_QUICK") ? 1 : sizeof some / sizeof *some;
     const char *only = getenv("REFINE_ONLY");
     size_t worse = 0;
