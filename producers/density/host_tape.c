@@ -336,9 +336,20 @@ K_INLINE void run_block(block *b, const uint *steps, uint count)
 #endif
 #endif
 
-/* All that it calls becomes part of it, and so is compiled for its width. */
+/* All that it calls becomes part of it, and so is compiled for its width. With a sanitizer's checks in it compilers
+ * take minutes for that; then what it calls stays as it is. */
+#ifdef __has_feature
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define IS_SANITIZED
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(IS_SANITIZED)
+#define AS_ONE noinline
+#else
+#define AS_ONE noinline, flatten
+#endif
 #define RUN_BLOCK(name, attributes)                                                                             \
-    static __attribute__((noinline, flatten)) attributes void name(block *b, const uint *steps, uint count) \
+    static __attribute__((AS_ONE)) attributes void name(block *b, const uint *steps, uint count)                \
     {                                                                                                           \
         run_block(b, steps, count);                                                                             \
     }
