@@ -13,6 +13,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -90,7 +91,10 @@ static bool start_process(karst_helper *helper)
     posix_spawn_file_actions_init(&files);
     bool good = all && length > 0;
     if (good) {
-        memcpy(all, environ, num * sizeof *all);
+        num = 0;
+        for (char **entry = environ; *entry; entry++)
+            if (strncmp(*entry, VARIABLE "=", sizeof VARIABLE) != 0) /* what a user set would be found first */
+                all[num++] = *entry;
         snprintf(variable, sizeof variable, VARIABLE "=%d:%ld", TABLE_FD, (long)getpid());
         all[num] = variable;
         all[num + 1] = NULL;
@@ -245,14 +249,27 @@ void karst_helper_set_task(karst_helper *helper, const karst_engine_config *conf
 
 /* ---- in the helper ---- */
 
-bool karst_helper_is_this_process(void) { return getenv(VARIABLE) != NULL; }
+/* What the variable says; false: it is not there, or was not set by start_process. */
+static bool read_variable(int *fd, long *parent)
+{
+    struct stat info;
+    const char *text = getenv(VARIABLE);
+    return text && sscanf(text, "%d:%ld", fd, parent) == 2 && fstat(*fd, &info) == 0 &&
+           info.st_size == (off_t)sizeof(shared_table);
+}
+
+bool karst_helper_is_this_process(void)
+{
+    int fd;
+    long parent;
+    return read_variable(&fd, &parent);
+}
 
 karst_helper *karst_helper_attach(karst_engine_config *config)
 {
     int fd;
     long parent;
-    const char *text = getenv(VARIABLE);
-    bool known = text && sscanf(text, "%d:%ld", &fd, &parent) == 2;
+    bool known = read_variable(&fd, &parent);
     unsetenv(VARIABLE);
     /* PoCL compiles in its workers: bound to CPUs, both processes' might sit on one. */
     unsetenv("POCL_AFFINITY");

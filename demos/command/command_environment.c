@@ -23,7 +23,6 @@ static const struct {
     {"KARST_DATA_DIR", FOLDER, "worlds and paths are looked for where they come with Karst"},
     {"KARST_KERNEL_DIR", FOLDER, "the kernels inside the program are used"},
     {"KARST_VECTORS", WORD, "avx2 or plain"},
-    {"KARST_HELPER", ANY, NULL},
     {"KARST_TEST_FULL", WORD, "1"},
     {"KARST_TEST_QUICK", WORD, "1"},
     {"KARST_TEST_FIRST", NUMBER, NULL},

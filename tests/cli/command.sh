@@ -78,6 +78,7 @@ result "an unknown parameter: those that there are"
 # ---- variables without a meaning ----
 for pair in "KARST_VECTORS=avx3|avx2 or plain" "KARST_CACHEDIR=/tmp|did you mean KARST_CACHE_DIR" \
     "KARST_FOO=1|KARST_FOO means nothing" "KARST_LANES=x|KARST_LANES means nothing" "KARST_VIEW_FOO=1|KARST_VIEW_FOO means" \
+    "KARST_HELPER=1|KARST_HELPER means nothing" \
     "KARST_TEST_FULL=yes|may be 1" "KARST_TEST_STEP=x|a whole number" "KARST_KERNEL_DIR=/nonexistent|no folder" "KARST_DATA_DIR=/nonexistent|no folder"; do
     (export "${pair%%|*}"; exec "$karst" check -q plain.karst) > stdout 2> stderr
     status=$? detail="exit $status: $(cat stderr)"

@@ -150,6 +150,19 @@ static void test_share(void **state)
     karst_helper_destroy(helper);
 }
 
+/* A variable that somebody has set makes no process a helper, and the helper still finds its own. */
+static void test_variable_of_others(void **state)
+{
+    (void)state;
+    const char *const values[] = {"", "1", "0:1", "3:1", "-1:1", "999999:1"};
+    for (size_t i = 0; i < sizeof values / sizeof *values; i++) {
+        setenv("KARST_HELPER", values[i], 1);
+        assert_false(karst_helper_is_this_process());
+    }
+    test_share(state);
+    unsetenv("KARST_HELPER");
+}
+
 /* What it did before it ended is not done again, however late this side comes to it. */
 static void test_late(void **state)
 {
@@ -250,6 +263,7 @@ int main(void)
         cmocka_unit_test(test_no_need), cmocka_unit_test(test_no_task), cmocka_unit_test(test_share),
         cmocka_unit_test(test_late),    cmocka_unit_test(test_die),     cmocka_unit_test(test_hang),
         cmocka_unit_test(test_end),     cmocka_unit_test(test_parent_killed),
+        cmocka_unit_test(test_variable_of_others),
     };
     return cmocka_run_group_tests_name("helper process", tests, NULL, NULL);
 }
