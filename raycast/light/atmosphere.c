@@ -25,7 +25,7 @@ static const double dust_scattering = 3.996e-3, dust_extinction = 4.440e-3;
 #define SUNLIGHT_HEIGHTS 48
 #define SUNLIGHT_STEPS 64
 /* What is scattered more than once, over the sun's cosine and height: radiance of an even sky, for a sun of 1. */
-#define AGAIN_COSINES 56
+#define AGAIN_COSINES 84
 #define AGAIN_HEIGHTS 20
 #define AGAIN_DIRECTIONS 8 /* above the horizon, below it, and around */
 #define AGAIN_STEPS 14
@@ -33,6 +33,7 @@ static const double dust_scattering = 3.996e-3, dust_extinction = 4.440e-3;
 /* Of each part of a ray. */
 #define SKY_STEPS 32
 #define MOST_STEPS (2 * SKY_STEPS)
+#define MOST_KM 200.0
 
 struct karst_atmosphere {
     double globe, dust;
@@ -409,15 +410,20 @@ void karst_atmosphere_sky(const karst_atmosphere *a, double height_m, const doub
             cell[11] = 0;
         }
     }
+    /* As far as places lie whose own light is looked up. */
+    const double per_column = fmin(2, MOST_KM / a->globe) / ((KARST_SKY_SUNS - 1) / 2);
     for (int row = 0; row < KARST_SKY_HEIGHTS; row++) {
         const level l = level_of(a, a->globe + height_of_row(row, KARST_SKY_HEIGHTS));
-        double again[3];
-        float *at = table + KARST_SKY_LIGHTS + 6 * row;
-        find_sunlight(a, &l, sun_cosine, light);
-        find_again(a->again, &l, sun_cosine, again);
-        for (int c = 0; c < 3; c++) {
-            at[c] = (float)(sun * light[c]);
-            at[3 + c] = (float)(sun * again[c]);
+        for (int column = 0; column < KARST_SKY_SUNS; column++) {
+            double again[3], there = sun_cosine + (column - (KARST_SKY_SUNS - 1) / 2) * per_column;
+            float *at = table + KARST_SKY_LIGHTS + 6 * (row * KARST_SKY_SUNS + column);
+            there = fmin(1, fmax(-1, there));
+            find_sunlight(a, &l, there, light);
+            find_again(a->again, &l, there, again);
+            for (int c = 0; c < 3; c++) {
+                at[c] = (float)(sun * light[c]);
+                at[3 + c] = (float)(sun * again[c]);
+            }
         }
     }
     *sky = (karst_sky){
@@ -431,6 +437,8 @@ void karst_atmosphere_sky(const karst_atmosphere *a, double height_m, const doub
         .above = (float)(1 / (top - horizon)),
         .below = (float)(1 / (1 + horizon)),
         .globe_km = (float)a->globe,
+        .per_sun = (float)(1 / per_column),
+        .to_sun = {(float)to_sun[0], (float)to_sun[1], (float)to_sun[2], 0},
     };
     for (int c = 0; c < 3; c++) {
         sky->up[c] = (float)up[c];

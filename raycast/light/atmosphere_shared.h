@@ -11,12 +11,13 @@
 #define KARST_SKY_ROWS 56
 #define KARST_SKY_COLUMNS 40
 #define KARST_SKY_CELL 12
-/* After the cells: what there is to scatter at heights above the eye's place on the globe, closer together at the
- * ground: sunlight (RGB), and the mean of the light from everywhere (RGB). */
-#define KARST_SKY_HEIGHTS 32
+/* After the cells: what there is to scatter at heights, closer together at the ground, and at places where the sun's
+ * cosine is that at the eye, less or more: sunlight (RGB), and the mean of the light from everywhere (RGB). */
+#define KARST_SKY_HEIGHTS 64
+#define KARST_SKY_SUNS 13 /* the middle one is that at the eye */
 #define KARST_SKY_TOP_KM 100.0f
 #define KARST_SKY_LIGHTS (2 * KARST_SKY_ROWS * KARST_SKY_COLUMNS * KARST_SKY_CELL)
-#define KARST_SKY_FLOATS (KARST_SKY_LIGHTS + 6 * KARST_SKY_HEIGHTS)
+#define KARST_SKY_FLOATS (KARST_SKY_LIGHTS + 6 * KARST_SKY_SUNS * KARST_SKY_HEIGHTS)
 
 /* Lengths are in km, coefficients 1/km at the ground. */
 typedef struct {
@@ -28,10 +29,11 @@ typedef struct {
     float voxel_km;     /* a level-0 voxel's width */
     float horizon;      /* its cosine to up */
     float above, below; /* 1 over the cosines that rows above and below the horizon are for */
-    float globe_km;   /* radius of the ground */
-    float from_sun; /* 1 over the sun's sine */
-    float pad;
+    float globe_km;     /* radius of the ground */
+    float from_sun;     /* 1 over the sun's sine */
+    float per_sun;      /* 1 over the sun's cosine between two places of the table */
+    float to_sun[4];    /* a direction; [3] unused */
 } karst_sky;
-K_ASSERT_SIZE(karst_sky, 96);
+K_ASSERT_SIZE(karst_sky, 112);
 
 #endif
