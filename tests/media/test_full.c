@@ -166,6 +166,10 @@ static void media_take_what_lamps_send(void **state)
 
 /* ---- often ---- */
 
+/* Of the sun's light, what the sky's glow around it adds (sun_glow in raycast/light/light.clh), which truths leave out:
+ * 2 pi of 0.06 / 9, 0.08 / 33 and 0.25 / 257 beside pi. */
+#define GLOW 0.0201
+
 static void light_scattered_often_is_right(void **state)
 {
     (void)state;
@@ -203,15 +207,16 @@ static void light_scattered_often_is_right(void **state)
             fail_msg("%s", error.message);
         double mean = 0, off = 0, squares = 0, noise = 0;
         for (int k = 0; k < 3 * NUM; k++) {
-            const double d = (double)one[k] - truth[k];
-            mean += truth[k] / (3 * NUM);
+            const double right = (1 + GLOW) * truth[k], d = (double)one[k] - right;
+            mean += right / (3 * NUM);
             off += d / (3 * NUM);
             squares += d * d / (3 * NUM);
             noise += deviation[k] * deviation[k] / (3 * NUM);
         }
+        const double rms = sqrt(fmax(squares - noise, 0)) / mean; /* nearly all of it the engine's own noise */
         print_message("# depth %g, g %g: mean %.4f, bias %+.2f %%, rms %.1f %%\n", depths[i], forward[i], mean,
-                      100 * off / mean, 100 * sqrt(fmax(squares - noise, 0)) / mean);
-        assert_true(fabs(off / mean) < (full ? 0.02 : 0.05));
+                      100 * off / mean, 100 * rms);
+        assert_true(fabs(off / mean) < (full ? 0.01 + 3 * rms / sqrt(NUM) : 0.05));
     }
 }
 
