@@ -95,6 +95,10 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
     karst_text *text = &emit->text;
+    if (karst_graph_is_texture(emit->graph, e) && emit->block.is_point) {
+        karst_emit_texture_lines(emit, e);
+        return;
+    }
     if (noise->image) {
         image_lines(emit, e);
         return;
@@ -150,8 +154,11 @@ void karst_emit_near_octaves(karst_emit *emit)
         const karst_expr *arg = emit->graph->nodes[e].arg;
         const uint32_t octaves = noise_of(emit, e)->num_octaves;
         int axis[3];
-        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES && !noise_of(emit, e)->image;
-        for (int i = 0; i < 3; i++) {
+        const bool is_texture = emit->nodes[e].texture == e;
+        bool is_near =
+            num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES && (!noise_of(emit, e)->image || is_texture);
+        axis[2] = 2;
+        for (int i = 0; i < (is_texture ? 2 : 3); i++) {
             axis[i] = karst_emit_axis_of(emit, arg[i], i);
             is_near = is_near && axis[i] >= 0;
         }

@@ -79,7 +79,7 @@ int karst_emit_axis_of(const karst_emit *emit, karst_expr argument, int otherwis
 }
 
 /* Where one argument lies in the octave's lattice, as the brick form steps there or the point form computes it. */
-static void coordinate(karst_emit *emit, karst_expr noise, int i)
+void karst_emit_coordinate(karst_emit *emit, karst_expr noise, int i)
 {
     karst_text *text = &emit->text;
     uint8_t axes = emit->block.axes;
@@ -90,7 +90,8 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     const char *at = by && !by_pair ? "noise_coordinate_from" : "noise_coordinate_split";
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_near && emit->nodes[noise].near)
-        karst_text_add(text, "near_coordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])", i,
+        karst_text_add(text, "near_%scoordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])",
+                       noise_of(emit, noise)->image ? "texture_" : "", i,
                        karst_emit_axis_of(emit, emit->graph->nodes[noise].arg[i], i), i);
     else if (is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
@@ -119,7 +120,7 @@ void karst_emit_place(karst_emit *emit, karst_expr e)
 {
     karst_text_add(&emit->text, "        noise_position q;\n");
     for (int i = 0; i < 3; i++)
-        coordinate(emit, e, i);
+        karst_emit_coordinate(emit, e, i);
 }
 
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)
