@@ -101,8 +101,8 @@ bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 /* The beginning of a loop over octaves, up to its `weight`. */
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
-/* Where argument i lies: "        q.axis[i] = ...;". */
-void karst_emit_coordinate(karst_emit *emit, karst_expr e, int i);
+/* What of an image or a texture is known at the anchor, where it is: `near_octave`. */
+void karst_emit_near_image(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */
 void karst_emit_place(karst_emit *emit, karst_expr e);
 

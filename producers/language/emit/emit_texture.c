@@ -27,12 +27,8 @@ void karst_emit_texture_lines(karst_emit *emit, karst_expr e)
                    "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u);\n"
                    "        const octave_weight weight = octave_weight_at(octave, level);\n",
                    emit->layout->word[e]);
-    if (emit->block.is_near && emit->nodes[e].near)
-        karst_text_add(text, "        __local const near_octave *near_octave = octaves + %u;\n",
-                       emit->nodes[e].near - 1);
-    karst_text_add(text, "        noise_position q;\n");
-    for (int i = 0; i < 2; i++)
-        karst_emit_coordinate(emit, e, i);
+    karst_emit_near_image(emit, e);
+    karst_emit_place(emit, e);
     karst_text_add(text,
                    "        vfloat channels[TEXTURE_MOST_CHANNELS];\n"
                    "        texture_values(weight.image, weight.image_level, &q.axis[0], &q.axis[1], channels);\n");
