@@ -55,7 +55,7 @@ static size_t lay_out(karst_image_header *header, const karst_image_header *spli
             l->size[axis] = 2 * spline->level[i].size[axis];
         l->size[2] = l->tiles[0] = l->tiles[1] = l->tiles[2] = 1;
         l->values = (uint)at;
-        at += (size_t)TEXTURE_ROW_WORDS(l->size[0]) * (size_t)l->size[1];
+        at += (size_t)TEXTURE_ROW_WORDS(l->size[0]) * (size_t)TEXTURE_ROW_WORDS(l->size[1]);
     }
     return at;
 }
@@ -101,7 +101,7 @@ bool karst_samples_image_pack(karst_samples_image *texture, const karst_samples_
         codes[c] = (karst_texture_channel){(float)code.low, (float)(code.range / (TEXTURE_MOST * TEXTURE_MOST))};
         for (uint32_t level = 0; level < header.num_levels; level++) {
             const karst_image_level *l = &header.level[level];
-            for (size_t y = 0; y < (size_t)l->size[1]; y++)
+            for (size_t y = 0; y <= (size_t)l->size[1]; y++)
                 pack_row(&channels[c], level, y, code, TEXTURE_BITS * c, line,
                          (uint32_t *)texture->words + l->values + y * (size_t)TEXTURE_ROW_WORDS(l->size[0]));
         }

@@ -61,9 +61,9 @@ K_ASSERT_SIZE(karst_image_header, 560);
 
 /* What follows the header of a texture: of each channel what 0 stands for, and what is added times the square of a
  * number. Its levels have no tiles, and `values` are words, twice as many along each axis as the spline's coefficients,
- * and one more in a row, which is the first again: what the splines are at every half of a coordinate, each a number of
- * TEXTURE_BITS. Coordinates are those of level 0 of the splines. `low`, `high` and `slope` are of all channels. The
- * octave's amplitude says which one is meant. */
+ * and one more in a row, and one more row, which are the first again: what the splines are at every half of a
+ * coordinate, each a number of TEXTURE_BITS. Coordinates are those of level 0 of the splines. `low`, `high` and `slope`
+ * are of all channels. The octave's amplitude says which one is meant. */
 typedef struct {
     float low, step;
 } karst_texture_channel;
