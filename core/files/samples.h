@@ -27,6 +27,7 @@ typedef struct {
     uint32_t width, height, num_channels;
     float *values;       /* finite; malloc'ed, or mapped */
     size_t mapped_bytes; /* 0: they are malloc'ed */
+    uint32_t num_bits;   /* of whole numbers in the file; 0: it has others */
     const char *kind;    /* "PNG, 16 bits" and so on, for people */
     char kind_text[40];
 } karst_samples;

@@ -75,6 +75,7 @@ static bool decode(png_structp png, png_infop info, png_state *state)
         take_row(state, bits, table);
         karst_samples_row_done(r, state->y);
     }
+    r->samples->num_bits = (uint32_t)bits;
     snprintf(r->samples->kind_text, sizeof r->samples->kind_text, "PNG, %d bits", bits);
     return true;
 }

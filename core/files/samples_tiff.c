@@ -154,6 +154,7 @@ static bool decode(tiff_state *s)
         return karst_fail(r->error, KARST_FAILED, "out of memory");
     bool done = is_tiled ? read_tiles(s, buffer, tile_width, tile_height) : read_rows(s, buffer);
     free(buffer);
+    r->samples->num_bits = s->format == SAMPLEFORMAT_IEEEFP ? 0 : s->bits;
     snprintf(r->samples->kind_text, sizeof r->samples->kind_text, "TIFF, %u bits%s", s->bits,
              s->format == SAMPLEFORMAT_IEEEFP ? " float" : "");
     return done;

@@ -116,6 +116,7 @@ static void say_data(const report *r)
             bytes += 8.0 * i->channel[c].num_words;
             bound_bytes += i->channel[c].bound_bytes;
         }
+        bytes += 8.0 * i->texture.num_words;
         char apart[64] = "", deep[16] = "";
         if (i->depth) {
             snprintf(deep, sizeof deep, " x %u", i->depth);

@@ -51,6 +51,8 @@ static void put_node(writer *to, const karst_graph *graph, const karst_expr_node
         put(to, fields, sizeof fields);
         if (noise->image)
             put_word(to, noise->image->digest);
+        if (noise->channel && !noise->texture) /* of a texture; a density has none */
+            put_word(to, noise->channel);
         break;
     }
     default:

@@ -20,7 +20,7 @@ float density(vec3 p)
     return 300.0 * fbm(q / 1024.0, 8) - p.y;
 }
 END
-parts=${PARTS:-settled light media points flight size pool distance lanes production bounds start collect}
+parts=${PARTS:-settled light media points textures flight size pool distance lanes production bounds start collect}
 wants() { case " $parts " in *" $1 "*) ;; *) return 1 ;; esac; }
 
 # bench NAME ARGUMENT...: leaves NAME.json and NAME.flat; says why not.
@@ -123,6 +123,28 @@ END
     else
         echo "    no $scan"
     fi
+fi
+
+# Files of three channels over all of hills, one and two, against hills: shading alone. As for media, they take turns.
+if wants textures; then
+    echo; echo "Textures in colours: hills, 800x600, no shadows"
+    data='"data": { "rock": { "file": "rock.png", "wrap": "repeat" }, "turf": { "file": "turf.png", "wrap": "repeat" } },'
+    cp demos/worlds/data/rock.png demos/worlds/data/turf.png "$out"
+    more=
+    for texture in "rock, p, n, 9.0" "turf, p, n, 4.0"; do
+        more="$more * (0.5 + texture($texture))"
+        sed -e "s|\"seed\": 1,|& $data|" -e "s|return mix(stone, grass.*n.y))|&$more|" demos/worlds/hills.karst > \
+            "$out/textured-${texture%%,*}.karst"
+    done
+    shading() { bench textures "$1" --size 800x600 --no-shadows $one && get textures settled.time_ms.shade.median; }
+    added() # WORLD
+    {
+        for turn in 1 2 3 4 5; do
+            without=$(shading hills) && with=$(shading "$1") && calc "$with / $without - 1" && echo
+        done | sort -n | awk '{ ratio[NR] = $1 } END { if (NR < 5) exit 1; print ratio[3] }'
+    }
+    share=$(added "$out/textured-rock.karst") && line "one" "$share" "of shading" 0.25 at-most
+    share=$(added "$out/textured-turf.karst") && line "two" "$share" "of shading"
 fi
 
 # Media, settled, and smoke whose particles all move. Without particles the air is empty.

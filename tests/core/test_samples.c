@@ -97,6 +97,7 @@ static void test_tiffs_are_read(void **state)
             fail_msg("kind %zu: %s", k, error.message);
         assert_true(samples.width == 40 && samples.height == 24);
         assert_int_equal(samples.num_channels, kinds[k].channels > 1 ? 3 : 1);
+        assert_int_equal(samples.num_bits, kinds[k].format == SAMPLEFORMAT_IEEEFP ? 0 : kinds[k].bits);
         for (int y = 0; y < 24; y++)
             for (int x = 0; x < 40; x++)
                 for (int c = 0; c < (int)samples.num_channels; c++)

@@ -533,6 +533,40 @@ static void test_surfaces(void **state)
     }
 }
 
+/* Files of 8 bits in colours: on their own axes and on others, moved, mirrored, finer than voxels and much coarser, one
+ * channel alone, and on either side of what a packet may leave out. */
+static void test_textures(void **state)
+{
+    static const char head[] = "/*{ \"data\": { \"rock\": { \"file\": \"data/rock.png\", \"wrap\": \"repeat\" },\n"
+                               "    \"turf\": { \"file\": \"data/turf.png\", \"wrap\": \"mirror\" } } }*/\n"
+                               "float density(vec3 p) { return -p.y; }\n";
+    static const char *const bodies[] = {
+        "vec3 colour(vec3 p, vec3 n) {\n"
+        "    vec3 q = p + 3.0 * vec3(noise(p / 9.0), 0.0, 0.0);\n"
+        "    vec3 a = texture(rock, q, n, 900.0), b = texture(turf, vec3(-p.x, p.y, p.x - p.z), n, 0.6);\n"
+        "    return mix(a, b, smoothstep(0.2, 0.7, n.y));\n"
+        "}",
+        /* one file's channels wait for different sides */
+        "vec3 colour(vec3 p, vec3 n) {\n"
+        "    vec3 a = texture(rock, p, vec3(0.0, 1.0, 0.0), 9.0);\n"
+        "    float s = smoothstep(0.2, 0.7, n.y), t = smoothstep(0.2, 0.7, n.x);\n"
+        "    return vec3(mix(0.2, a.x * n.x, s), mix(0.3, a.y * n.y, t), mix(a.z * n.z, noise(p), s)) +\n"
+        "        texture(turf, p * length(p) / 50.0, vec3(0.0, 0.0, 1.0), 3.0).yyz;\n"
+        "}",
+    };
+    char text[2048];
+    (void)state;
+    for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
+        karst_error error = {0};
+        bool ok;
+        snprintf(text, sizeof text, "%s%s\n", head, bodies[i]);
+        karst_program_graph *program =
+            karst_language_compile("demos/worlds/textures", text, strlen(text), NULL, 0, &ok, &error);
+        expect(program && ok, &error);
+        check_program(program, "textures", false);
+    }
+}
+
 /* Every function of the language, a few dozen a world: the density is a hash of all their bits. */
 static void test_every_function(void **state)
 {
@@ -597,7 +631,7 @@ int main(void)
         cmocka_unit_test(test_means_of_noise), cmocka_unit_test(test_random_graphs),
         cmocka_unit_test(test_shipped_worlds), cmocka_unit_test(test_pasted_worlds),
         cmocka_unit_test(test_noises),         cmocka_unit_test(test_surfaces),
-        cmocka_unit_test(test_every_function),
+        cmocka_unit_test(test_textures),       cmocka_unit_test(test_every_function),
     };
     return cmocka_run_group_tests(tests, open_devices, close_devices);
 }

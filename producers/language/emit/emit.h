@@ -48,6 +48,7 @@ typedef struct {
 #define KARST_EMIT_ONLY_GRADIENT "#define OCTAVE_ONLY_GRADIENT\n"
 /* And of worlds with images; as options of a build have it, too. */
 #define KARST_EMIT_HAS_IMAGES "#define OCTAVE_HAS_IMAGES 1\n"
+#define KARST_EMIT_HAS_TEXTURES "#define OCTAVE_HAS_TEXTURES 1\n"
 #define KARST_EMIT_HAS_FIELDS KARST_EMIT_HAS_IMAGES "#define IMAGE_MOST_AXES 3\n"
 
 /* Whether the density is too large for text, so that karst_emit_world writes the tape's interpreter. Errors:

@@ -24,6 +24,7 @@ typedef struct {
     guard *guard;  /* of each node: what it waits for */
     uint8_t *seen; /* 0: no user yet; of a node, and of the sides of a t, in bits: */
     uint8_t *has_noise, *begun, *done;
+    uint8_t *apart; /* channels of a texture that do not wait for the same */
     bool failed;
     bool writes; /* else it is only tried whether there is an order */
 } choices;
@@ -39,8 +40,8 @@ static karst_expr chooses_by(const karst_emit *emit, karst_expr e, uint32_t side
     karst_expr what = n->arg[side], t = n->arg[2];
     if (n->arg[0] == n->arg[1] || what == t || emit->layout->is_known[what] || emit->layout->is_known[t] ||
         emit->graph->nodes[t].op == KARST_OP_CONSTANT || emit->graph->nodes[what].op == KARST_OP_CONSTANT ||
-        emit->nodes[what].needs != KARST_PART_VALUE)
-        return ALWAYS;
+        emit->nodes[what].needs != KARST_PART_VALUE || emit->nodes[what].texture)
+        return ALWAYS; /* textures see to it themselves (emit_texture.c) */
     return t;
 }
 
@@ -50,22 +51,40 @@ static bool waits_for(const choices *c, karst_expr e, karst_expr t, uint32_t sid
 }
 
 /* Nodes that declare something for others, or share their code with others, stay where all can see them. */
-static bool is_shared(const karst_emit *emit, karst_expr e)
+static bool is_shared(const choices *c, karst_expr e)
 {
+    const karst_emit *emit = c->emit;
     bool is_noise = emit->graph->nodes[e].op == KARST_OP_NOISE;
-    return emit->nodes[e].partner || (!is_noise && karst_takes_place(emit->layout, e, 0));
+    return emit->nodes[e].partner || c->apart[e] || (!is_noise && karst_takes_place(emit->layout, e, 0));
 }
 
 static void add_user(choices *c, karst_expr e, guard by)
 {
-    if (is_shared(c->emit, e) || (c->seen[e] && !waits_for(c, e, by.t, by.side)))
+    if (is_shared(c, e) || (c->seen[e] && !waits_for(c, e, by.t, by.side)))
         by.t = ALWAYS;
     c->guard[e] = by;
     c->seen[e] = 1;
 }
 
+/* Channels of a texture share their code. True: some do not wait for the same side, which is noted. */
+static bool part_channels(choices *c)
+{
+    const karst_emit *emit = c->emit;
+    bool found = false;
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++) {
+        const karst_expr first = emit->nodes[e].texture;
+        if (first && !c->apart[first] && !waits_for(c, e, c->guard[first].t, c->guard[first].side) &&
+            (c->guard[e].t != ALWAYS || c->guard[first].t != ALWAYS))
+            c->apart[first] = found = true;
+    }
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].texture)
+            c->apart[e] = c->apart[emit->nodes[e].texture];
+    return found;
+}
+
 /* Users come after what they use, so one pass from the end tells. False: there is nothing to leave out. */
-static bool find_guards(choices *c, const karst_expr *roots, size_t num_roots)
+static bool find_guards_once(choices *c, const karst_expr *roots, size_t num_roots)
 {
     const karst_emit *emit = c->emit;
     const uint32_t num_nodes = emit->graph->num_nodes;
@@ -93,7 +112,20 @@ static bool find_guards(choices *c, const karst_expr *roots, size_t num_roots)
             found = true;
         }
     }
-    for (karst_expr e = 1; e < num_nodes; e++)
+    return found;
+}
+
+static bool find_guards(choices *c, const karst_expr *roots, size_t num_roots)
+{
+    const uint32_t num_nodes = c->emit->graph->num_nodes;
+    bool found;
+    do {
+        memset(c->guard, 0, num_nodes * sizeof *c->guard);
+        memset(c->seen, 0, num_nodes);
+        memset(c->has_noise, 0, num_nodes);
+        found = find_guards_once(c, roots, num_roots);
+    } while (found && part_channels(c));
+    for (karst_expr e = 1; e < num_nodes && found; e++)
         if (c->guard[e].t != ALWAYS && !(c->has_noise[c->guard[e].t] & SIDE_BIT(c->guard[e].side)))
             c->guard[e].t = ALWAYS;
     return found;
@@ -168,9 +200,9 @@ static void visit(choices *c, karst_expr e)
     }
     c->begun[e] |= 1;
     visit_inputs(c, e);
-    karst_expr partner = c->emit->nodes[e].partner;
+    karst_expr partner = c->emit->nodes[e].texture ? c->emit->nodes[e].texture : c->emit->nodes[e].partner;
     if (partner && partner < e)
-        visit(c, partner); /* which has the code of both */
+        visit(c, partner); /* which has the code of all */
     for (uint32_t side = 0; side < 2; side++) {
         karst_expr t = chooses_by(c->emit, e, side);
         if (t != ALWAYS && waits_for(c, c->emit->graph->nodes[e].arg[side], t, side))
@@ -196,13 +228,14 @@ bool karst_emit_choice_lines(karst_emit *emit, const karst_expr *roots, size_t n
 {
     const uint32_t num_nodes = emit->graph->num_nodes;
     choices c = {.emit = emit, .guard = calloc(num_nodes, sizeof *c.guard)};
-    uint8_t *bytes = calloc(num_nodes, 4);
+    uint8_t *bytes = calloc(num_nodes, 5);
     bool written = false;
     if (c.guard && bytes) {
         c.seen = bytes;
         c.has_noise = bytes + num_nodes;
         c.begun = bytes + 2 * (size_t)num_nodes;
         c.done = bytes + 3 * (size_t)num_nodes;
+        c.apart = bytes + 4 * (size_t)num_nodes;
         if (find_guards(&c, roots, num_roots)) {
             visit_all(&c, false);
             written = !c.failed;

@@ -28,7 +28,8 @@ typedef struct {
     uint8_t has_rows;      /* such a noise whose octaves are added to all rows of a plane at once */
     uint8_t is_gathered;   /* see emit_brick.c */
     uint32_t near;         /* of a noise: 1 + the number of its first octave among `octaves`; 0: it has none there */
-    karst_expr partner;    /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
+    karst_expr texture; /* of a NOISE of one: the first that is wanted of those that are the same but for the channel */
+    karst_expr partner; /* of F1 the F2 of the same call, and back; KARST_NO_EXPR if only one is wanted */
 } karst_emit_node;
 
 /* A node's value is v12, or, for nodes of kind WIDE, the pair h12 and l12. AFFINE and SHIFTED have both, where wanted.
@@ -100,6 +101,8 @@ bool karst_emit_is_gradient(const karst_emit *emit, karst_expr e);
 bool karst_emit_may_be_tensor(const karst_emit *emit, karst_expr e);
 /* The beginning of a loop over octaves, up to its `weight`. */
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e);
+/* What of an image or a texture is known at the anchor, where it is: `near_octave`. */
+void karst_emit_near_image(karst_emit *emit, karst_expr e);
 /* `q`: where the octave's arguments lie, in each lane. */
 void karst_emit_place(karst_emit *emit, karst_expr e);
 
@@ -110,6 +113,10 @@ bool karst_emit_slope_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_worley.c ---- */
 void karst_emit_worley_lines(karst_emit *emit, karst_expr e);
+
+/* ---- emit_texture.c ---- */
+/* All channels of a texture that are wanted, with the first of them; no lines with the others. */
+void karst_emit_texture_lines(karst_emit *emit, karst_expr e);
 
 /* ---- emit_noise.c ---- */
 void karst_emit_noise_lines(karst_emit *emit, karst_expr e);

@@ -86,6 +86,21 @@ static void mark_pairs(karst_emit *emit)
     }
 }
 
+/* Sets the first of each texture's channels. */
+static void mark_textures(karst_emit *emit)
+{
+    const karst_graph *graph = emit->graph;
+    for (karst_expr e = 1; e < graph->num_nodes; e++) {
+        if (!emit->nodes[e].needs || emit->nodes[e].texture || !karst_graph_is_texture(graph, e))
+            continue;
+        for (karst_expr f = e; f < graph->num_nodes; f++)
+            if (emit->nodes[f].needs && graph->nodes[f].op == KARST_OP_NOISE &&
+                graph->noises[graph->nodes[f].extra].image == graph->noises[graph->nodes[e].extra].image &&
+                !memcmp(graph->nodes[f].arg, graph->nodes[e].arg, sizeof graph->nodes[e].arg))
+                emit->nodes[f].texture = e;
+    }
+}
+
 uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_roots)
 {
     uint32_t count = 0, num_nodes = emit->graph->num_nodes;
@@ -104,6 +119,7 @@ uint32_t karst_emit_mark(karst_emit *emit, const karst_expr *roots, size_t num_r
         count++;
     }
     mark_pairs(emit);
+    mark_textures(emit);
     return count;
 }
 

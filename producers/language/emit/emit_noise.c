@@ -87,6 +87,7 @@ static void image_lines(karst_emit *emit, karst_expr e)
                    "        K_GLOBAL const karst_octave *octave = EMIT_OCTAVE(data, %u);\n"
                    "        const octave_weight weight = octave_weight_at(octave, %s);\n",
                    e, emit->layout->word[e], emit->block.is_point ? "level" : "axes->level");
+    karst_emit_near_image(emit, e);
     karst_emit_place(emit, e);
     karst_text_add(text, "        v%u = octave_image(&q, &weight, %u);\n    }\n", e, noise_of(emit, e)->derivative);
 }
@@ -95,6 +96,10 @@ void karst_emit_noise_lines(karst_emit *emit, karst_expr e)
 {
     const karst_noise *noise = noise_of(emit, e);
     karst_text *text = &emit->text;
+    if (karst_graph_is_texture(emit->graph, e) && emit->block.is_point) {
+        karst_emit_texture_lines(emit, e);
+        return;
+    }
     if (noise->image) {
         image_lines(emit, e);
         return;
@@ -150,8 +155,11 @@ void karst_emit_near_octaves(karst_emit *emit)
         const karst_expr *arg = emit->graph->nodes[e].arg;
         const uint32_t octaves = noise_of(emit, e)->num_octaves;
         int axis[3];
-        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES && !noise_of(emit, e)->image;
-        for (int i = 0; i < 3; i++) {
+        const uint32_t num_axes = noise_of(emit, e)->image ? karst_graph_image_axes(emit->graph, e) : 3;
+        bool is_near = num_octaves + octaves <= KARST_EMIT_MAX_NEAR_OCTAVES &&
+                       (!emit->nodes[e].texture || emit->nodes[e].texture == e);
+        axis[2] = 2;
+        for (int i = 0; i < (int)num_axes; i++) {
             axis[i] = karst_emit_axis_of(emit, arg[i], i);
             is_near = is_near && axis[i] >= 0;
         }

@@ -90,7 +90,8 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
     const char *at = by && !by_pair ? "noise_coordinate_from" : "noise_coordinate_split";
     karst_text_add(text, "        q.axis[%d] = ", i);
     if (emit->block.is_near && emit->nodes[noise].near)
-        karst_text_add(text, "near_coordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])", i,
+        karst_text_add(text, "near_%scoordinate(near, &at, near_octave, %d, %d, &octave->lattice[%d])",
+                       noise_of(emit, noise)->image ? "image_" : "", i,
                        karst_emit_axis_of(emit, emit->graph->nodes[noise].arg[i], i), i);
     else if (is_point)
         karst_text_add(text, "affine_coordinate(&at, &octave->lattice[%d])", i);
@@ -115,11 +116,21 @@ static void coordinate(karst_emit *emit, karst_expr noise, int i)
                        i, i, karst_emit_operand(emit, by).text);
 }
 
+void karst_emit_near_image(karst_emit *emit, karst_expr e)
+{
+    if (emit->block.is_near && emit->nodes[e].near)
+        karst_text_add(&emit->text, "        __local const near_octave *near_octave = octaves + %u;\n",
+                       emit->nodes[e].near - 1);
+}
+
 void karst_emit_place(karst_emit *emit, karst_expr e)
 {
+    const bool is_flat = karst_graph_image_axes(emit->graph, e) == 2;
     karst_text_add(&emit->text, "        noise_position q;\n");
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < (is_flat ? 2 : 3); i++)
         coordinate(emit, e, i);
+    if (is_flat) /* which nobody asks for */
+        karst_text_add(&emit->text, "        q.axis[2] = q.axis[1];\n");
 }
 
 void karst_emit_begin_octaves(karst_emit *emit, karst_expr e)

@@ -67,9 +67,19 @@ static const char *definitions(const karst_emit *emit)
     return definitions_of(is_gradient_noise_alone(emit), image_axes(emit));
 }
 
+/* And of colours with textures. */
+static const char *has_textures(const karst_emit *emit)
+{
+    for (karst_expr e = 1; e < emit->graph->num_nodes; e++)
+        if (emit->nodes[e].texture)
+            return KARST_EMIT_HAS_TEXTURES;
+    return "";
+}
+
 static void preamble(karst_emit *emit)
 {
-    karst_text_add(&emit->text, "%s#include \"producers/language/emit/emit.clh\"\n\n", definitions(emit));
+    karst_text_add(&emit->text, "%s%s#include \"producers/language/emit/emit.clh\"\n\n", definitions(emit),
+                   has_textures(emit));
 }
 
 static bool take_text(karst_emit *emit, char **to, karst_error *error)
@@ -116,7 +126,8 @@ static bool write_shading(karst_emit *emit, karst_emitted *emitted, karst_error 
     } else if (why.status == KARST_BAD_WORLD) {
         emitted->is_colour_tape = true;
         karst_emit_output_names(emit);
-        karst_text_add(&emit->text, "%s#include \"producers/language/tape/tape_colour.clh\"\n", definitions(emit));
+        karst_text_add(&emit->text, "%s%s#include \"producers/language/tape/tape_colour.clh\"\n", definitions(emit),
+                       has_textures(emit));
     } else {
         return karst_fail(error, why.status, "%s", why.message);
     }

@@ -14,6 +14,7 @@ void karst_world_images_free(karst_world_image *list)
         karst_world_image *next = list->next;
         for (int c = 0; c < 3; c++)
             karst_samples_image_finish(&list->channel[c]);
+        karst_samples_image_finish(&list->texture);
         free(list);
         list = next;
     }
@@ -119,6 +120,7 @@ static bool read_samples(karst_world_image *image, const char *path, karst_error
     bool done = karst_samples_read(path, &image->data->form, &samples, why);
     image->width = samples.width;
     image->height = samples.height;
+    image->num_bits = samples.num_bits;
     memcpy(image->kind, samples.kind_text, sizeof image->kind);
     if (done)
         turn_rows(&samples);
@@ -156,7 +158,7 @@ static bool read_volume(karst_world_image *image, const char *path, karst_error 
 }
 
 /* The file behind the data, read once. What it holds is in the list before anything can go wrong. */
-static const karst_world_image *find_image(karst_lower_state *s, const karst_header_data *data, bool is_field)
+static karst_world_image *find_image(karst_lower_state *s, const karst_header_data *data, bool is_field)
 {
     for (karst_world_image *i = s->io->images; i; i = i->next)
         if (i->data == data && (i->depth > 0) == is_field)
@@ -187,8 +189,8 @@ static karst_expr cells_per_metre(karst_lower_state *s, const karst_world_image 
 }
 
 /* The channels at a place in metres. Samples lie in the middles of their cells. */
-static void look_up(karst_lower_state *s, const karst_world_image *image, const karst_expr size[2],
-                    const karst_expr place[2], karst_expr value[3])
+static void look_up(karst_lower_state *s, const karst_world_image *image, const karst_samples_image *texture,
+                    const karst_expr size[2], const karst_expr place[2], karst_expr value[3])
 {
     karst_graph *g = s->graph;
     karst_noise noise = {.base = KARST_NOISE_IMAGE, .shape = KARST_NOISE_SUM, .num_octaves = 1};
@@ -201,11 +203,13 @@ static void look_up(karst_lower_state *s, const karst_world_image *image, const 
                              karst_graph_float(g, 0.5));
     for (uint32_t c = 0; c < image->num_channels; c++) {
         noise.image = &image->channel[c];
+        noise.texture = texture;
+        noise.channel = texture ? (uint8_t)c : 0;
         value[c] = karst_graph_noise(g, noise, at[0], at[1], s->zero);
     }
 }
 
-static const karst_world_image *image_called(karst_lower_state *s, const char *name, uint32_t where, bool is_field)
+static karst_world_image *image_called(karst_lower_state *s, const char *name, uint32_t where, bool is_field)
 {
     const karst_header_data *data = find_data(s, name, where);
     if (s->graph->num_noises >= 4 * KARST_MAX_OCTAVES)
@@ -225,7 +229,7 @@ uint32_t karst_lower_image(karst_lower_state *s, const char *name, uint32_t wher
     karst_expr size[2];
     for (int i = 0; i < 2; i++)
         size[i] = karst_graph_number(s->graph, KARST_TYPE_FLOAT, karst_number_shortest(data->size_m[i]));
-    look_up(s, image, size, place, value);
+    look_up(s, image, NULL, size, place, value);
     return image->num_channels;
 }
 
@@ -256,6 +260,18 @@ karst_expr karst_lower_field(karst_lower_state *s, const char *name, uint32_t wh
     return karst_graph_noise(g, noise, at[0], at[1], at[2]);
 }
 
+/* What colours take of a file of 8 bits: all of its channels at once (ops/texture.clh). NULL: they take the image. */
+static const karst_samples_image *texture_of(karst_lower_state *s, karst_world_image *image)
+{
+    karst_error why = {0};
+    const uint32_t *size = image->channel[0].size;
+    if (image->num_bits != 8 || (size_t)size[0] * size[1] > KARST_TEXTURE_MOST_SAMPLES)
+        return NULL;
+    if (!image->texture.words && !karst_samples_image_pack(&image->texture, image->channel, image->num_channels, &why))
+        bad_file(s, image->data, &why);
+    return &image->texture;
+}
+
 /* 0 where a is less than b by an eighth or more, 1 where it is greater by as much: exactly, so that whole packets leave
  * one side of a mix out. */
 static karst_expr prevails(karst_lower_state *s, karst_expr a, karst_expr b)
@@ -274,10 +290,11 @@ uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t wh
 {
     static const int axes[3][2] = {{2, 1}, {0, 2}, {0, 1}}; /* of the plane across each axis */
     karst_graph *g = s->graph;
-    const karst_world_image *image = image_called(s, name, where, false);
+    karst_world_image *image = image_called(s, name, where, false);
     if (image->data->wrap == KARST_WRAP_CLAMP)
         karst_source_error(s->source, image->data->where, "write \"wrap\": \"repeat\", or \"mirror\" if it shows seams",
                            "a texture goes on beyond its edges, and data '%s' does not", image->data->name);
+    const karst_samples_image *texture = texture_of(s, image);
     karst_expr across[3][3], most[3];
     /* samples are as far apart one way as the other */
     const karst_expr ratio = karst_graph_number(
@@ -285,7 +302,7 @@ uint32_t karst_lower_texture(karst_lower_state *s, const char *name, uint32_t wh
     const karst_expr sizes[2] = {size, karst_expr_2(g, KARST_OP_MULTIPLY, size, ratio)};
     for (int i = 0; i < 3; i++) {
         const karst_expr at[2] = {place[axes[i][0]], place[axes[i][1]]};
-        look_up(s, image, sizes, at, across[i]);
+        look_up(s, image, texture, sizes, at, across[i]);
         most[i] = karst_expr_1(g, KARST_OP_ABS, normal[i]);
     }
     const karst_expr side = prevails(s, most[2], most[0]),

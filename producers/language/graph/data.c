@@ -233,9 +233,12 @@ bool karst_world_layout_init(karst_world_layout *layout, const karst_resolved_wo
 
 /* The octave of an image, whose header lies so many words from it. What has no lattice, being too fine for one, is the
  * middle of its coarsest level. */
-static void fill_image(const karst_samples_image *image, uint32_t distance_words, karst_octave *octave)
+static void fill_image(const karst_noise *noise, uint32_t distance_words, karst_octave *octave)
 {
+    const karst_samples_image *image = noise->image;
     octave->image = distance_words;
+    if (((const karst_image_header *)image->words)->num_packed)
+        octave->amplitude = (float)noise->channel;
     octave->seed = IMAGE_FADED;
     if (octave->frequency == KARST_OCTAVE_FADED) {
         for (uint32_t i = 0; i < image->num_axes; i++)
@@ -280,7 +283,7 @@ static void fill_octaves(const karst_graph *graph, const karst_expr_node *n, con
                                      value_or_zero(values, known, noise->gain),
                                      noise_call_seed(seed, noise->seed_offset), k, voxel_log2_m);
     if (noise->image)
-        fill_image(noise->image, distance_words, octaves);
+        fill_image(noise, distance_words, octaves);
 }
 
 static void fill_record(const karst_world_layout *layout, karst_expr e, const karst_number *values, uint32_t seed,

@@ -188,6 +188,13 @@ uint32_t karst_graph_image_axes(const karst_graph *graph, karst_expr e)
     return image ? image->num_axes : 0;
 }
 
+bool karst_graph_is_texture(const karst_graph *graph, karst_expr e)
+{
+    const karst_expr_node *n = &graph->nodes[e];
+    const karst_samples_image *image = n->op == KARST_OP_NOISE ? graph->noises[n->extra].image : NULL;
+    return image && ((const karst_image_header *)image->words)->num_packed > 0;
+}
+
 karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a, karst_expr b, karst_expr c)
 {
     uint32_t i = 0;
@@ -195,7 +202,8 @@ karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a
         const karst_noise *n = &graph->noises[i];
         if (n->base == noise.base && n->shape == noise.shape && n->derivative == noise.derivative &&
             n->num_octaves == noise.num_octaves && n->seed_offset == noise.seed_offset && n->gain == noise.gain &&
-            n->lacunarity == noise.lacunarity && n->image == noise.image)
+            n->lacunarity == noise.lacunarity && n->image == noise.image && n->texture == noise.texture &&
+            n->channel == noise.channel)
             break;
     }
     if (i == graph->num_noises) {

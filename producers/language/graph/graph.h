@@ -82,6 +82,10 @@ typedef struct {
     uint32_t seed_offset;
     karst_expr gain, lacunarity; /* uniform floats */
     const struct karst_samples_image *image; /* of KARST_NOISE_IMAGE; outlives the graph */
+    /* Of an image: NULL, or the texture that colours have in its place (soften.h); of that one, which is such an image
+     * itself, and of its NOISE the third argument says where it counts: its value is not asked for where that is 0. */
+    const struct karst_samples_image *texture;
+    uint8_t channel; /* of it */
 } karst_noise;
 
 /* offset + sum of coefficient[i] * p[i], metres; each a uniform float node (KARST_NO_EXPR: 0). */
@@ -123,6 +127,8 @@ karst_expr karst_graph_affine(karst_graph *graph, karst_affine affine);
 karst_expr karst_graph_footprint(karst_graph *graph, int voxel_log2_m);
 /* How many axes the image of a NOISE has, 2 or of a field 3; 0: none, or another op. */
 uint32_t karst_graph_image_axes(const karst_graph *graph, karst_expr e);
+/* Whether it is a NOISE of a texture. */
+bool karst_graph_is_texture(const karst_graph *graph, karst_expr e);
 karst_expr karst_graph_noise(karst_graph *graph, karst_noise noise, karst_expr a, karst_expr b, karst_expr c);
 
 /* ---- canonical construction (canonical.c): what everybody else calls ---- */

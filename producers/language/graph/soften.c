@@ -208,6 +208,35 @@ static karst_expr widen_edge(softener *s, karst_expr old, karst_expr made)
 
 static karst_expr soft_of(const softener *s, karst_expr e) { return e ? s->soft[e] : KARST_NO_EXPR; }
 
+/* ---- textures ---- */
+
+static karst_expr texture_at(karst_graph *g, karst_expr texture, karst_expr share)
+{
+    const karst_expr_node n = g->nodes[texture];
+    return karst_graph_noise(g, g->noises[n.extra], n.arg[0], n.arg[1], share);
+}
+
+/* A texture of three sides, mixed: each is looked up where it has a share. */
+static karst_expr share_sides(karst_graph *g, karst_expr mixed)
+{
+    const karst_expr_node outer = g->nodes[mixed];
+    if (outer.op != KARST_OP_MIX || g->nodes[outer.arg[0]].op != KARST_OP_MIX)
+        return mixed;
+    const karst_expr_node inner = g->nodes[outer.arg[0]];
+    if (!karst_graph_is_texture(g, inner.arg[0]) || !karst_graph_is_texture(g, inner.arg[1]) ||
+        !karst_graph_is_texture(g, outer.arg[1]))
+        return mixed;
+    const karst_expr one = karst_graph_float(g, 1), top = outer.arg[2], side = inner.arg[2];
+    const karst_expr rest = karst_expr_2(g, KARST_OP_SUBTRACT, one, top);
+    /* no products: those may be too small for floats */
+    const karst_expr shares[2] = {karst_expr_2(g, KARST_OP_MIN, rest, karst_expr_2(g, KARST_OP_SUBTRACT, one, side)),
+                                  karst_expr_2(g, KARST_OP_MIN, rest, side)};
+    return karst_expr_3(g, KARST_OP_MIX,
+                        karst_expr_3(g, KARST_OP_MIX, texture_at(g, inner.arg[0], shares[0]),
+                                     texture_at(g, inner.arg[1], shares[1]), side),
+                        texture_at(g, outer.arg[1], top), top);
+}
+
 /* The same operation on what its arguments became. Place-taking ops keep their places, which nothing changes. */
 static karst_expr remake(softener *s, karst_expr e)
 {
@@ -217,6 +246,12 @@ static karst_expr remake(softener *s, karst_expr e)
     for (int k = 0; k < 4; k++) {
         arg[k] = soft_of(s, n.arg[k]);
         same = same && arg[k] == n.arg[k];
+    }
+    if (n.op == KARST_OP_NOISE && s->graph->noises[n.extra].texture && !s->graph->noises[n.extra].derivative) {
+        karst_noise noise = s->graph->noises[n.extra];
+        noise.image = noise.texture;
+        noise.texture = NULL;
+        return karst_graph_noise(s->graph, noise, arg[0], arg[1], karst_graph_float(s->graph, 1));
     }
     if (same)
         return e;
@@ -249,6 +284,8 @@ static karst_expr soften_node(softener *s, karst_expr e)
                        karst_expr_2(s->graph, KARST_OP_DIVIDE, steepness, magnitude(s, n.arg[1])));
     case KARST_OP_SELECT:
         return widen_edge(s, e, made);
+    case KARST_OP_MIX:
+        return share_sides(s->graph, made);
     default:
         return made;
     }

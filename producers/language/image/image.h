@@ -16,6 +16,8 @@ typedef enum { KARST_WRAP_CLAMP, KARST_WRAP_REPEAT, KARST_WRAP_MIRROR } karst_wr
 #define KARST_IMAGE_MOST_SIDE 32768u
 /* Coefficients of one image, once it is mirrored or made a power of two wide: its data are then 2 GiB. */
 #define KARST_IMAGE_MOST_SAMPLES ((size_t)1 << 28)
+/* Most coefficients of images that become textures: 85 MiB. */
+#define KARST_TEXTURE_MOST_SAMPLES ((size_t)1 << 22)
 /* Data of more than that lie in a file (image_file.h). */
 #define KARST_IMAGE_MOST_IN_MEMORY_BYTES ((size_t)512 << 20)
 #define KARST_FIELD_MOST_SIDE 4096u
@@ -57,6 +59,10 @@ bool karst_samples_image_find(karst_samples_image *image, const char *key, karst
 /* The same of a field: size[0] samples in a row, size[1] rows in a plane, size[2] planes. */
 bool karst_samples_field_build(karst_samples_image *image, const float *samples, const uint32_t size[3],
                                karst_wrap wrap, karst_error *error);
+/* A texture of images that repeat and are alike but for their samples (image_shared.h), 1 to 3. Errors: KARST_FAILED
+ * (memory). Thread-safe. Free with karst_samples_image_finish. */
+bool karst_samples_image_pack(karst_samples_image *texture, const karst_samples_image *channels, uint32_t num_channels,
+                              karst_error *error);
 void karst_samples_image_finish(karst_samples_image *image); /* a zeroed one is fine */
 
 /* At most how fast its value changes, per cell and in any direction. */

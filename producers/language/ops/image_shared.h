@@ -54,10 +54,24 @@ typedef struct {
     float low, high; /* of all values of all levels */
     float slope[6];  /* as in a tile's record, of all levels */
     uint num_axes;   /* 2 or 3 */
-    uint unused;
+    uint num_packed; /* 0: a spline; or a texture's channels, 1 to 3 (texture.clh) */
     karst_image_level level[IMAGE_MOST_LEVELS];
 } karst_image_header;
 K_ASSERT_SIZE(karst_image_header, 560);
+
+/* What follows the header of a texture: of each channel what 0 stands for, and what is added times the square of a
+ * number. Its levels have no tiles, and `values` are words, twice as many along each axis as the spline's coefficients,
+ * and one more in a row, and one more row, which are the first again: what the splines are at every half of a
+ * coordinate, each a number of TEXTURE_BITS. Coordinates are those of level 0 of the splines. `low`, `high` and `slope`
+ * are of all channels. The octave's amplitude says which one is meant. */
+typedef struct {
+    float low, step;
+} karst_texture_channel;
+K_ASSERT_SIZE(karst_texture_channel, 8);
+#define TEXTURE_MOST_CHANNELS 3
+#define TEXTURE_ROW_WORDS(size) ((size) + 1)
+#define TEXTURE_BITS 10
+#define TEXTURE_MOST ((1 << TEXTURE_BITS) - 1)
 
 /* karst_octave.seed of an image: this, or 2^-56 times the octave's frequency is at most two to the power of that less
  * 56. */

@@ -32,12 +32,42 @@ static int level_of(const karst_octave *octave, const karst_image_header *image,
     return m;
 }
 
+/* Where a place lies on a level: the cell, and how far into it, in so many parts of a cell. */
+static int64_t cell_on(const karst_oracle_cell *at, int level, int parts, double *t)
+{
+    const int64_t whole = (int)at->cell;
+    const double cell = ldexp((double)parts * ((double)whole + at->fraction), -level);
+    *t = cell - floor(cell);
+    return (int64_t)floor(cell);
+}
+
+/* The channel of a texture that an octave means: straight lines between roots. */
+static double texture_value(const karst_octave *octave, const karst_image_header *image, int m,
+                            const karst_oracle_cell at[3])
+{
+    const int channel = (int)octave->amplitude;
+    const karst_texture_channel *code = (const karst_texture_channel *)(image + 1) + channel;
+    const karst_image_level *l = &image->level[m];
+    const uint *words = (const uint *)image + l->values;
+    double t[2], root = 0;
+    const int64_t column = cell_on(&at[0], m, 2, &t[0]), row = cell_on(&at[1], m, 2, &t[1]);
+    for (int k = 0; k < 4; k++) {
+        const int x = index_of(column + (k & 1), l->size[0], true), y = index_of(row + (k >> 1), l->size[1], true);
+        const uint word = words[y * TEXTURE_ROW_WORDS(l->size[0]) + x];
+        root += (k & 1 ? t[0] : 1 - t[0]) * (k >> 1 ? t[1] : 1 - t[1]) *
+                (double)(word >> (TEXTURE_BITS * channel) & TEXTURE_MOST);
+    }
+    return (double)code->low + (double)code->step * root * root;
+}
+
 double karst_oracle_image(const karst_octave *octave, const karst_oracle_cell at[3], int level, int along)
 {
     const karst_image_header *image = image_of(octave);
     if (along >= 0 && octave->frequency == KARST_OCTAVE_FADED)
         return 0;
     const int m = level_of(octave, image, level), num_axes = (int)image->num_axes;
+    if (image->num_packed)
+        return texture_value(octave, image, m, at);
     const karst_image_level *l = &image->level[m];
     const float *values = (const float *)image + l->values;
     double t[3], sum = 0;

@@ -22,6 +22,7 @@ typedef struct {
     uint32_t ops[2], wide_ops[2];            /* TAPE_OPS_LOW and so on */
     bool has_steps, has_curves;              /* TAPE_HAS_STEPS, TAPE_HAS_CURVES */
     bool has_images, has_fields;             /* OCTAVE_HAS_IMAGES of octave.clh, and a third axis */
+    bool has_textures;                       /* OCTAVE_HAS_TEXTURES */
     bool has_smooth;                         /* TAPE_HAS_SMOOTH */
     uint32_t output[KARST_TAPE_MAX_OUTPUTS]; /* operands */
     uint32_t num_outputs;

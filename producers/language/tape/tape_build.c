@@ -139,6 +139,7 @@ static void add_instruction(karst_tape_builder *b, karst_expr e, int part)
         i.type = noise->shape;
         i.flags |= (uint8_t)(noise->derivative << TAPE_DERIVATIVE);
         b->tape->has_images |= noise->image != NULL;
+        b->tape->has_textures |= karst_graph_is_texture(b->graph, e);
         b->tape->has_fields |= karst_graph_image_axes(b->graph, e) > 2;
     }
     if (b->smooth[e].a)
@@ -229,12 +230,13 @@ void karst_tape_options(const karst_tape *tape, char *options, size_t size_bytes
         slots *= 2;
     snprintf(options, size_bytes,
              "-DTAPE_SLOTS=%u -DTAPE_OPS_LOW=%#xu -DTAPE_OPS_HIGH=%#xu -DTAPE_WIDE_LOW=%#xu -DTAPE_WIDE_HIGH=%#xu "
-             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s%s",
+             "-DTAPE_HAS_STEPS=%d -DTAPE_HAS_CURVES=%d%s%s%s",
              slots, tape->ops[0], tape->ops[1], tape->wide_ops[0], tape->wide_ops[1], tape->has_steps,
              tape->has_curves,
              tape->has_fields   ? " -DOCTAVE_HAS_IMAGES=1 -DIMAGE_MOST_AXES=3"
              : tape->has_images ? " -DOCTAVE_HAS_IMAGES=1"
                                 : "",
+             tape->has_textures ? " -DOCTAVE_HAS_TEXTURES=1" : "",
              tape->has_smooth ? " -DTAPE_HAS_SMOOTH=1" : "");
 }
 
