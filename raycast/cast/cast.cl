@@ -265,6 +265,12 @@ RAY_INLINE void store_beam(const pools *pool, K_GLOBAL const karst_cast_view *vi
                 v_eq(hits.kind & (int)(0xffu | KARST_HIT_UNBLENDED), (vint)((int)KARST_HIT_SURFACE)),
                 level_weight(view->blend, footprints_of(b, from_anchor, ray, hits.t), hits.kind >> 8 & 0xff), weight);
         const vint missing = find_normals(&source, hits.brick, hits.node, cell, &at, weight, &hits.normal);
+        if (!any_hit) {
+            const vector3 step = {v_load_float(found->step[0] + i), v_load_float(found->step[1] + i),
+                                  v_load_float(found->step[2] + i)};
+            turn_to_rays(v_ne(hits.brick, (vint)((int)KARST_NONE)), v_load_float(found->f[0] + i),
+                         v_load_float(found->f[1] + i), &at, &step, &hits.normal);
+        }
         hits.kind |= missing & (int)KARST_HIT_UNBLENDED;
         store_hits(records, &hits, v_select(m, ray, (vint)(BEAM_RAYS)));
     }

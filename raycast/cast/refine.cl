@@ -316,7 +316,9 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
             r.gradient[i] *= sign;
         vector3 down = {before.x, before.y, before.z};
         vint good = r.found & normal_of_gradient(r.gradient, &down);
-        good &= v_gt(k_fma(down.x, before.x, k_fma(down.y, before.y, down.z * before.z)), (vfloat)(LEAST_AGREEMENT));
+        /* bricks say nothing of normals at faces of nodes that are air */
+        good &= v_gt(k_fma(down.x, before.x, k_fma(down.y, before.y, down.z * before.z)), (vfloat)(LEAST_AGREEMENT)) |
+                (v_eq(before.x, (vfloat)(0.0f)) & v_eq(before.y, (vfloat)(0.0f)) & v_eq(before.z, (vfloat)(0.0f)));
         t = v_select(good, r.t, t);
         normal.x = v_select(good, down.x, normal.x);
         normal.y = v_select(good, down.y, normal.y);

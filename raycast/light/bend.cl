@@ -2,6 +2,7 @@
 #include "raycast/cast/packing.clh"
 #include "raycast/light/bend_shared.h"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/contact.clh"
 #include "raycast/rays_shared.h"
 /* Clear matter's density and gradient, world_surface; those of the index, other_surface; and world_ranges, bounds of
  * the index, of its gradient and of clear matter, in this order. */
@@ -320,7 +321,11 @@ __kernel K_WIDE void bend_chords(karst_bend_task task, K_GLOBAL karst_ray *rays,
         bends[lowest + l] = b;
         for (int i = 0; i < 3; i++)
             rays[lowest + l].direction[i] = way[i][l];
-        rays[lowest + l].t_max = out[11][l];
+        /* what touches the end of clear matter may lie a little beyond it */
+        const float beyond = states[l] == (int)KARST_BEND_LEAVES
+                                 ? contact_most(rays[lowest + l].width * task.detail)
+                                 : 0.0f;
+        rays[lowest + l].t_max = out[11][l] + beyond;
     }
 }
 
@@ -387,7 +392,11 @@ __kernel void bend_met(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL 
     K_GLOBAL karst_bend *b = bends + i;
     K_GLOBAL karst_ray *ray = rays + i;
     const karst_hit land = hits[i], over = over_hits[i];
-    const int on_land = KARST_HIT_KIND(land.kind) != KARST_HIT_MISS,
+    const float flat = k_fma(land.normal[0], ray->direction[0],
+                             k_fma(land.normal[1], ray->direction[1], land.normal[2] * ray->direction[2]));
+    const float touches = land.t - contact_of((int)KARST_HIT_LEVEL(land.kind), flat);
+    const int on_land = KARST_HIT_KIND(land.kind) != KARST_HIT_MISS &&
+                        (b->state == KARST_BEND_STRAIGHT || touches <= b->length),
               on_clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS;
     const int level = (int)((k_as_uint(ray->width * task.detail) >> 23) & 0xffu) - 127;
     const float rise = k_fabs(k_fma(over.normal[0], ray->direction[0],
@@ -403,7 +412,7 @@ __kernel void bend_met(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL 
         ray->t_max = 0.0f;
         return;
     }
-    if (on_land && !(on_clear && over.t < land.t)) {
+    if (on_land && !(on_clear && over.t < touches)) {
         miss(over_kept + i, b->length);
         t = land.t;
         travelled = b->length > 0.0f ? b->arc * (t / b->length) : t;

@@ -8,6 +8,7 @@
 #include "raycast/light/blocks.clh"
 #include "raycast/light/choice.clh"
 #include "raycast/light/clear_rays.clh"
+#include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/through.clh"
 #include "world.clh"
@@ -111,9 +112,13 @@ RAY_INLINE void store_matter(K_GLOBAL float *planes, size_t room, vint index, vi
 RAY_INLINE vint is_hit(const surface_hits *s) { return v_mask(v_ne(s->kind, (vint)((int)KARST_HIT_MISS))); }
 
 /* Those that end in clear matter; where both are met at once it is land. */
-RAY_INLINE vint ends_in_clear(const karst_clear_task *task, const surface_hits *land, const surface_hits *over)
+RAY_INLINE vint ends_in_clear(const karst_clear_task *task, const vector3 *direction, const surface_hits *land,
+                              const surface_hits *over)
 {
-    return task->has_clear ? is_hit(over) & (~is_hit(land) | v_mask(v_lt(over->t, land->t))) : (vint)(0);
+    const vector3 *n = &land->normal;
+    const vfloat cosine = k_fma(direction->x, n->x, k_fma(direction->y, n->y, direction->z * n->z)),
+                 touches = land->t - contact_width(land->word, cosine);
+    return task->has_clear ? is_hit(over) & (~is_hit(land) | v_mask(v_lt(over->t, touches))) : (vint)(0);
 }
 
 RAY_INLINE void blend_levels(surface_hits *s, float blend, vfloat footprint)
@@ -259,7 +264,7 @@ __kernel K_WIDE void clear_cover(karst_clear_task task, karst_pinhole pinhole, k
     const vint order = packet_order(x, y, pinhole.width_px, pinhole.height_px);
     const surface_hits land = load_surface(hits, order, valid, &direction, 0.0f, 0.0f),
                        over = load_surface(over_hits, order, valid, &direction, 0.0f, 0.0f);
-    const vint covered = EYE_IS_IN(&task) ? valid : ends_in_clear(&task, &land, &over) & valid;
+    const vint covered = EYE_IS_IN(&task) ? valid : ends_in_clear(&task, &direction, &land, &over) & valid;
     if (!task.is_inside && !v_any(covered))
         return;
     colour c = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
@@ -326,7 +331,7 @@ RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pin
     p.direction = pinhole_direction(pinhole, p.x, p.y);
     p.land = load_surface(hits, p.order, valid, &p.direction, 0.0f, 0.0f);
     p.over = load_surface(over_hits, p.order, valid, &p.direction, 0.0f, 0.0f);
-    p.clear = EYE_IS_IN(task) ? p.m : p.m & ends_in_clear(task, &p.land, &p.over);
+    p.clear = EYE_IS_IN(task) ? p.m : p.m & ends_in_clear(task, &p.direction, &p.land, &p.over);
     if (task->branch)
         p.m = EYE_IS_IN(task) ? (vint)(0) : OF_BRANCH_2(task) ? p.m & ~p.clear : p.clear;
     return p;
@@ -526,7 +531,7 @@ RAY_INLINE stream_ends ends_of(const karst_clear_task *task, const clear_rays *r
     stream_ends e;
     e.land = load_surface(hits, r->index, r->valid, &r->direction, 0.0f, 0.0f);
     e.over = load_surface(over_hits, r->index, r->valid, &r->direction, 0.0f, 0.0f);
-    e.clear = ends_in_clear(task, &e.land, &e.over) & r->valid;
+    e.clear = ends_in_clear(task, &r->direction, &e.land, &e.over) & r->valid;
 #ifdef CLEAR_BENDS
     e.met = lane_min_int(v_gather_int((K_GLOBAL const int *)met, v_select(r->valid, r->index, (vint)(0))),
                          (vint)((int)most_met));

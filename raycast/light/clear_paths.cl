@@ -6,6 +6,7 @@
 #include "raycast/cast/jitter.clh"
 #include "raycast/light/clear_paths_shared.h"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/light.clh"
 #include "raycast/light/paths_shared.h"
@@ -110,8 +111,9 @@ RAY_INLINE void add_lamps(const karst_clear_path_task *task, const karst_ray *ra
         at[(size_t)c * plane] += sum[c];
 }
 
-/* The nearer of each ray's two hits; over_hits: in clear matter. Rays that collide with a medium before (collisions; 0:
- * there is none) end there: what they come with is the collision's, and they bring nothing from what is behind. */
+/* The nearer of each ray's two hits, where both touch the land's; over_hits: in clear matter. Rays that collide with a
+ * medium before (collisions; 0: there is none) end there: what they come with is the collision's, and they bring
+ * nothing from what is behind. */
 __kernel void clear_paths_end(karst_clear_path_task task, K_GLOBAL karst_ray *rays,
                               K_GLOBAL const karst_clear_way *ways, K_GLOBAL const uint *trails,
                               K_GLOBAL const uint *count, K_GLOBAL const karst_hit *land_hits,
@@ -126,7 +128,10 @@ __kernel void clear_paths_end(karst_clear_path_task task, K_GLOBAL karst_ray *ra
     const karst_clear_way way = ways[i];
     karst_hit hit = land_hits[i];
     const karst_hit over = over_hits[i];
-    if (on_something(over.kind) && (!on_something(hit.kind) || over.t < hit.t)) {
+    const vector3 d = {ray.direction[0], ray.direction[1], ray.direction[2]},
+                  n = {hit.normal[0], hit.normal[1], hit.normal[2]};
+    if (on_something(over.kind) &&
+        (!on_something(hit.kind) || over.t < hit.t - contact_of((int)KARST_HIT_LEVEL(hit.kind), dot_of(&d, &n)))) {
         const uint lacks = hit.kind & KARST_HIT_INCOMPLETE;
         hit = over;
         hit.kind |= lacks | KARST_PATH_HIT_CLEAR;

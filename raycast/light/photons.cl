@@ -5,6 +5,7 @@
 #include "raycast/cast/cast_shared.h"
 #include "raycast/cast/jitter.clh"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/light.clh"
 #include "raycast/light/photons_shared.h"
@@ -237,7 +238,12 @@ RAY_INLINE photon_end end_of(const karst_photon_task *task, const karst_ray *ray
     e.clear = 0;
     if (task->has_clear) {
         const karst_hit over = over_hits[i];
-        e.clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS && (!e.land || over.t < e.hit.t);
+        e.clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS;
+        if (e.clear && e.land) {
+            const vector3 d = {ray->direction[0], ray->direction[1], ray->direction[2]},
+                          n = {e.hit.normal[0], e.hit.normal[1], e.hit.normal[2]};
+            e.clear = over.t < e.hit.t - contact_of((int)KARST_HIT_LEVEL(e.hit.kind), dot_of(&d, &n));
+        }
         if (e.clear)
             e.land = 0;
         if (e.clear || !task->has_land)

@@ -17,7 +17,8 @@
 enum { WIDTH = 32, HEIGHT = 32, NUM = WIDTH * HEIGHT };
 
 /* One world for all, since compiling is what takes time here; its parameters say which. As in test_clear.c: a wall
- * whose light says where it was seen; or a shell of land all around that gives off as much light everywhere. */
+ * whose light says where it was seen; or a shell of land all around that gives off as much light everywhere. With a
+ * radius beyond 2 a cube on the ground, which goes on in that by what is beyond 3. */
 static const char text[] =
     "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
@@ -28,12 +29,14 @@ static const char text[] =
     "\"repeats\": { \"value\": 0, \"min\": 0, \"max\": 1 },\n"
     "\"root\": { \"value\": 3, \"min\": -1, \"max\": 3 } } }*/\n"
     "float density(vec3 p) { float z = mod(p.z + 8.0, 16.0) - 15.0, wall = z > 0.0 ? z : -1.0;\n"
-    "    return shell > 0.5 ? length(p) - 20.0 : (repeats > 0.5 ? wall : p.z - 8.0); }\n"
+    "    return shell > 0.5 ? length(p) - 20.0 : (repeats > 0.5 ? wall : radius > 2.0 ? max(p.z - 8.0, -1.0 - p.y) :\n"
+    "        p.z - 8.0); }\n"
     "vec3 cell(vec3 p) { return repeats > 0.5 ? mod(p + 8.0, 16.0) - 8.0 : p; }\n"
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); vec3 q = cell(p);\n"
     "    m.emission = shell > 0.5 ? vec3(0.5) : 1000.0 * vec3(q.x + 30.0, q.y + 30.0, 30.0); return m; }\n"
     "float clear(vec3 p) { float r = length(cell(p));\n"
-    "    return hollow > 0.5 ? min(1.0 - r, r - 0.5) : radius - r; }\n"
+    "    return hollow > 0.5 ? min(1.0 - r, r - 0.5) : radius > 2.0 ? min(1.0 - max(abs(p.x), abs(p.z)),\n"
+    "        min(1.0 - p.y, p.y + radius - 2.0)) : radius - r; }\n"
     "float index(vec3 p) { vec3 q = cell(p); float s = dot(q, q);\n"
     "    float n = kind < 0.5 ? sqrt(max(2.0 - s, 0.0)) : kind < 1.5 ? 1.2 + rise * exp(-2.0 * s) :\n"
     "        kind < 2.5 ? (s < 0.25 ? 1.0 : 1.5) : kind < 3.5 ? 1.5 : kind < 4.5 ? 1.4 + 0.02 * q.y :\n"
@@ -250,6 +253,18 @@ static void pictures_depend_on_the_view_alone(void **state)
     assert_same(&one, &other);
 }
 
+/* As in test_clear.c. */
+static void what_touches_is_seen_through_clear_matter(void **state)
+{
+    int num_off = 0;
+    take(*state, (scene){.kind = TILTED, .radius = 3}, &one);
+    take(*state, (scene){.kind = TILTED, .radius = 3.25}, &other);
+    for (int k = 0; k < 3 * NUM; k++)
+        num_off += fabsf(one.light[k] - other.light[k]) > 0.02f * other.light[k];
+    print_message("on the ground: %d values are not as those of a cube that goes on in it\n", num_off);
+    assert_true(num_off <= 3 * NUM / 100); /* its edges */
+}
+
 /* A parameter of the index moves what is seen. */
 static void parameters_reach_the_index(void **state)
 {
@@ -321,6 +336,7 @@ int main(void)
         cmocka_unit_test(luneburgs_lens_shows_what_it_should), cmocka_unit_test(a_core_of_one_is_a_hollow),
         cmocka_unit_test(nothing_is_lost_or_added),            cmocka_unit_test(pictures_depend_on_the_view_alone),
         cmocka_unit_test(an_eye_in_a_field_sees_no_holes_in_pools_of_any_size),
+        cmocka_unit_test(what_touches_is_seen_through_clear_matter),
         cmocka_unit_test(parameters_reach_the_index),          cmocka_unit_test(what_is_no_index_is_taken_as_one),
     };
     return cmocka_run_group_tests_name("an index that varies", tests, open_engine, close_engine);

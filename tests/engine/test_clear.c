@@ -20,11 +20,11 @@ enum { WIDTH = 48, HEIGHT = 48, NUM = WIDTH * HEIGHT };
 #define HEAD                                                                                                     \
     "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"                 \
     "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                              \
-    "\"params\": { \"body\": { \"value\": 3, \"min\": 0, \"max\": 3 },\n"                                         \
+    "\"params\": { \"body\": { \"value\": 3, \"min\": 0, \"max\": 5 },\n"                                         \
     "\"absorption\": { \"value\": 0, \"min\": 0, \"max\": 1 } },\n"                                               \
     "\"camera\": { \"position\": [\"0\", \"0\", \"-4\"], \"fov\": 30 } }*/\n"
-#define WALL                                                                                \
-    "float density(vec3 p) { return p.z - 8.0; }\n"                                         \
+#define WALL "float density(vec3 p) { return p.z - 8.0; }\n" LIGHT
+#define LIGHT                                                                               \
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0);\n"                \
     "    m.emission = 1000.0 * vec3(p.x + 30.0, p.y + 30.0, 30.0); return m; }\n"
 #define WALL_Z 8.0L
@@ -206,14 +206,17 @@ static int measure(body b, const picture *p, int within, long double *worst, lon
     return num;
 }
 
-/* All of them in one text, so that it is compiled once; by itself it is the hollow ball. */
-static const char bodies_text[] = HEAD WALL
+/* All of them in one text, so that it is compiled once; by itself it is the hollow ball. Beyond 3 a cube on the ground,
+ * which goes on in that by what is beyond 4. */
+static const char bodies_text[] = HEAD
+    "float density(vec3 p) { return body > 3.5 ? max(p.z - 8.0, -1.0 - p.y) : p.z - 8.0; }\n" LIGHT
     "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; m.absorption = vec3(absorption); return m; }\n"
     "float clear(vec3 p) {\n"
     "    float d = 0.25 - abs(dot(p, vec3(0.5, 0.0, -0.8660254037844386)));\n"
     "    if (body > 0.5) d = min(0.25 + p.z, 0.25 - dot(p, vec3(0.25881904510252074, 0.0, 0.9659258262890683)));\n"
     "    if (body > 1.5) d = 1.0 - length(p);\n"
     "    if (body > 2.5) d = min(1.0 - length(p), length(p) - 0.5);\n"
+    "    if (body > 3.5) d = min(1.0 - max(abs(p.x), abs(p.z)), min(1.0 - p.y, p.y + body - 3.0));\n"
     "    return d;\n"
     "}\n";
 
@@ -241,6 +244,30 @@ static void rays_leave_bodies_where_they_should(void **state)
         assert_true(num > 100);
         assert_true(worst < bodies[i].most);
     }
+}
+
+/* A cube that touches the ground, face on face, shows it as one does that goes on in it: there is no air between. */
+static void what_touches_is_seen_through_clear_matter(void **state)
+{
+    (void)state;
+    const bool full = getenv("KARST_TEST_FULL") != NULL;
+    for (int lanes = 16; lanes; lanes = lanes == 16 && full ? 1 : 0)
+        for (int paths = 0; paths <= full; paths++) {
+            int num_off = 0;
+            karst_parameter parameters[] = {{"body", 4}, {"absorption", 0}};
+            const karst_engine_config config = {.integrator = paths ? KARST_INTEGRATOR_FULL : KARST_INTEGRATOR_DIRECT,
+                                                .lanes = lanes,
+                                                .parameters = parameters,
+                                                .num_parameters = 2};
+            take(bodies_text, &config, &one);
+            parameters[0].value = 4.25;
+            take(bodies_text, &config, &other);
+            for (int i = 0; i < 3 * NUM; i++)
+                num_off += fabsf(one.light[i] - other.light[i]) > 0.02f * other.light[i];
+            print_message("on the ground, %d lanes: %d values are not as those of one that goes on in it\n", lanes,
+                          num_off);
+            assert_true(num_off <= 3 * NUM / 100); /* its edges */
+        }
 }
 
 /* A shell of land all around that gives off as much light everywhere. */
@@ -450,6 +477,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rays_leave_bodies_where_they_should),
+        cmocka_unit_test(what_touches_is_seen_through_clear_matter),
         cmocka_unit_test(nothing_is_lost_or_added),
         cmocka_unit_test(pictures_depend_on_the_view_alone),
         cmocka_unit_test(what_is_cut_off_is_counted),
