@@ -27,14 +27,15 @@ typedef struct {
     int lanes;
     double depth, g;
     const char *world; /* NULL: the cloud of that depth and g */
+    const char *dark;  /* may be NULL: the same world with a medium that scatters nothing, for what is seen behind it */
 } setting;
 
 static const char *world_of(const setting *s) { return s->world ? s->world : world; }
 
-static void draw(const setting *s, float *light)
+static void draw(const setting *s, const char *drawn, float *light)
 {
     const karst_parameter parameters[] = {{"depth", s->depth}, {"forward", s->g}};
-    const karst_engine_config config = {.world = world_of(s),
+    const karst_engine_config config = {.world = drawn,
                                         .parameters = parameters,
                                         .num_parameters = s->world ? 0 : 2,
                                         .pool_bytes = (uint64_t)128 << 20,
@@ -49,7 +50,7 @@ static void draw(const setting *s, float *light)
     karst_error error = {0};
     bool settled = false;
     karst_engine *engine = karst_engine_create(&config, &error);
-    if (!engine || !karst_engine_settle(engine, 2000, NULL, NULL, &settled, &error) ||
+    if (!engine || !karst_engine_settle(engine, 2000 + 4 * s->samples, NULL, NULL, &settled, &error) ||
         !karst_engine_read_radiance(engine, light, (size_t)s->width_px * (size_t)s->height_px * 3, &error))
         fail_msg("%s", error.message);
     assert_true(settled);
@@ -71,16 +72,18 @@ static void compare(const setting *s, uint32_t paths_px, uint32_t max_bounces, d
                                          .spread_px = s->samples > 1,
                                          .max_nodes = 16384,
                                          .around_of_world = true};
-    float *seen = calloc(num, sizeof *seen);
+    float *seen = calloc(2 * num, sizeof *seen), *behind = seen + num;
     double *truth = calloc(2 * num, sizeof *truth), *deviation = truth + num;
     double mean = 0, off = 0, squares = 0, noises = 0;
     karst_error error = {0};
     assert_true(seen && truth);
     if (!karst_reference_scatter(&config, &light, truth, deviation, NULL, NULL, NULL, &error))
         fail_msg("%s", error.message);
-    draw(s, seen);
+    draw(s, world_of(s), seen);
+    if (s->dark)
+        draw(s, s->dark, behind);
     for (size_t i = 0; i < num; i++) {
-        const double d = (double)seen[i] - truth[i];
+        const double d = (double)seen[i] - (double)behind[i] - truth[i];
         mean += truth[i] / (double)num;
         off += d / (double)num;
         squares += d * d / (double)num;
@@ -112,14 +115,15 @@ static void light_scattered_once_is_right(void **state)
 }
 
 /* A thick cloud with waves as wide as itself, lit from the side. The sun stands high enough that the ground throws
- * back a sixth as much light as comes from it straight. `%s`: of the sky. */
+ * back a sixth as much light as comes from it straight. `%s`: of the sky, and the
+ * albedo. */
 #define SIDE_LIT                                                                                                   \
     "/*{ \"voxel\": 0.015625, \"view\": 200, \"sun\": { \"azimuth\": %d, \"elevation\": 30,\n"                      \
     "\"colour\": [1, 2, 1.5] },\n"                                                                                \
     "\"sky\": { \"zenith\": [%s], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"                                       \
     "\"camera\": { \"position\": [\"0\", \"0\", \"-6\"], \"fov\": 40 } }*/\n"                                        \
     "float density(vec3 p) { return -1.0; }\n"                                                                     \
-    "medium air(vec3 p) { medium m; m.albedo = vec3(0.9); m.g = 0.3; m.extinction = 8.0 * clamp(1.4 - length(p) +\n" \
+    "medium air(vec3 p) { medium m; m.albedo = vec3(%s); m.g = 0.3; m.extinction = 8.0 * clamp(1.4 - length(p) +\n" \
     "0.2 * sin(4.0 * p.x) * sin(4.0 * p.y) * sin(4.0 * p.z), 0.0, 1.0); return m; }\n"
 
 static void light_from_around_is_scattered_once(void **state)
@@ -128,20 +132,24 @@ static void light_from_around_is_scattered_once(void **state)
     if (!is_full())
         skip();
     for (int sky = 0; sky < 2; sky++) {
-        char path[] = "/tmp/karst-side-XXXXXX.karst", text[1024];
-        const int length = snprintf(text, sizeof text, SIDE_LIT, sky ? 240 : 120, sky ? "0.4, 0.3, 0.6" : "0, 0, 0");
-        const int fd = mkstemps(path, 6);
-        assert_true(fd >= 0 && write(fd, text, (size_t)length) == length);
-        close(fd);
+        char paths[2][32] = {"/tmp/karst-side-XXXXXX.karst", "/tmp/karst-dark-XXXXXX.karst"}, text[1024];
+        for (int dark = 0; dark < 2; dark++) {
+            const int length = snprintf(text, sizeof text, SIDE_LIT, sky ? 240 : 120, sky ? "0.4, 0.3, 0.6" : "0, 0, 0",
+                                        dark ? "0.0" : "0.9");
+            const int fd = mkstemps(paths[dark], 6);
+            assert_true(fd >= 0 && write(fd, text, (size_t)length) == length);
+            close(fd);
+        }
         const setting s = {.width_px = 64,
                            .height_px = 48,
                            .detail_px = 0.25,
                            .samples = 16,
                            .scattering = KARST_SCATTERING_ONCE,
-                           .world = path};
+                           .world = paths[0],
+                           .dark = paths[1]};
         double bias, rms, noise;
         compare(&s, 2000, 1, &bias, &rms, &noise);
-        unlink(path);
+        unlink(paths[0]), unlink(paths[1]);
         assert_true(fabs(bias) < 0.01 && rms < 0.02);
     }
 }
@@ -175,9 +183,9 @@ static void lanes_leave_no_trace(void **state)
     setting s = {.width_px = 12, .height_px = 9, .samples = 2, .scattering = KARST_SCATTERING_PATHS, .depth = 10,
                  .g = 0.85};
     float sixteen[12 * 9 * 3], one[12 * 9 * 3];
-    draw(&s, sixteen);
+    draw(&s, world, sixteen);
     s.lanes = 1;
-    draw(&s, one);
+    draw(&s, world, one);
     assert_memory_equal(sixteen, one, sizeof one);
 }
 
