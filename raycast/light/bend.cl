@@ -392,9 +392,7 @@ __kernel void bend_met(karst_bend_task task, K_GLOBAL karst_ray *rays, K_GLOBAL 
     K_GLOBAL karst_bend *b = bends + i;
     K_GLOBAL karst_ray *ray = rays + i;
     const karst_hit land = hits[i], over = over_hits[i];
-    const float flat = k_fma(land.normal[0], ray->direction[0],
-                             k_fma(land.normal[1], ray->direction[1], land.normal[2] * ray->direction[2]));
-    const float touches = land.t - contact_of((int)KARST_HIT_LEVEL(land.kind), flat);
+    const float touches = contact_begins(&land, ray->direction[0], ray->direction[1], ray->direction[2]);
     const int on_land = KARST_HIT_KIND(land.kind) != KARST_HIT_MISS &&
                         (b->state == KARST_BEND_STRAIGHT || touches <= b->length),
               on_clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS;

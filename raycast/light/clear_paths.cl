@@ -128,10 +128,8 @@ __kernel void clear_paths_end(karst_clear_path_task task, K_GLOBAL karst_ray *ra
     const karst_clear_way way = ways[i];
     karst_hit hit = land_hits[i];
     const karst_hit over = over_hits[i];
-    const vector3 d = {ray.direction[0], ray.direction[1], ray.direction[2]},
-                  n = {hit.normal[0], hit.normal[1], hit.normal[2]};
-    if (on_something(over.kind) &&
-        (!on_something(hit.kind) || over.t < hit.t - contact_of((int)KARST_HIT_LEVEL(hit.kind), dot_of(&d, &n)))) {
+    const float touches = contact_begins(&hit, ray.direction[0], ray.direction[1], ray.direction[2]);
+    if (on_something(over.kind) && (!on_something(hit.kind) || over.t < touches)) {
         const uint lacks = hit.kind & KARST_HIT_INCOMPLETE;
         hit = over;
         hit.kind |= lacks | KARST_PATH_HIT_CLEAR;

@@ -239,11 +239,8 @@ RAY_INLINE photon_end end_of(const karst_photon_task *task, const karst_ray *ray
     if (task->has_clear) {
         const karst_hit over = over_hits[i];
         e.clear = KARST_HIT_KIND(over.kind) != KARST_HIT_MISS;
-        if (e.clear && e.land) {
-            const vector3 d = {ray->direction[0], ray->direction[1], ray->direction[2]},
-                          n = {e.hit.normal[0], e.hit.normal[1], e.hit.normal[2]};
-            e.clear = over.t < e.hit.t - contact_of((int)KARST_HIT_LEVEL(e.hit.kind), dot_of(&d, &n));
-        }
+        if (e.clear && e.land)
+            e.clear = over.t < contact_begins(&e.hit, ray->direction[0], ray->direction[1], ray->direction[2]);
         if (e.clear)
             e.land = 0;
         if (e.clear || !task->has_land)
