@@ -259,6 +259,20 @@ static void test_ordinary(void **state)
     }
 }
 
+/* The edge of a cylinder on a plane of samples, where the density of the top is 0: samples beside it have matter within
+ * half a voxel, which others show already. Where
+ * they are raised all the same, its shadow has teeth. */
+static void test_edges(void **state)
+{
+    (void)state;
+    karst_world_file *file = open_text("return min(100.0 - length(p.xz - vec2(1.3, 0.7)), 64.0 - p.y);", true);
+    karst_scrub sum;
+    free(evaluate(file, rows, 3, "", &sum));
+    karst_world_file_destroy(file);
+    if (sum.raised > 2)
+        fail_msg("%u raised", sum.raised);
+}
+
 /* Worlds without thin matter of their own have no code for it. */
 static void test_which(void **state)
 {
@@ -305,6 +319,7 @@ static void test_which(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
+                                       cmocka_unit_test(test_edges),
                                        cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
                                        cmocka_unit_test(test_boards),
                                        cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
