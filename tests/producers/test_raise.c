@@ -260,8 +260,7 @@ static void test_ordinary(void **state)
 }
 
 /* The edge of a cylinder on a plane of samples, where the density of the top is 0: samples beside it have matter within
- * half a voxel, which others show already. Where
- * they are raised all the same, its shadow has teeth. */
+ * half a voxel, which others show already. Where they are raised all the same, its shadow has teeth. */
 static void test_edges(void **state)
 {
     (void)state;
