@@ -18,11 +18,11 @@
 /* In motion: rounds without starvation before a finer rung is tried. */
 #define CALM_FRAMES_TO_REFINE 10
 
-void karst_ladder_init(karst_ladder *ladder) { *ladder = (karst_ladder){.failed = -1, .fitted = -1}; }
+void karst_ladder_init(karst_ladder *ladder) { *ladder = (karst_ladder){.failed = -1, .fitted = -1, .judged = -1}; }
 
 void karst_ladder_view_changed(karst_ladder *ladder)
 {
-    ladder->failed = ladder->fitted = -1;
+    ladder->failed = ladder->fitted = ladder->judged = -1;
     ladder->deciding = false;
     ladder->frames_on_rung = 0;
     ladder->frames_since_better = 0;
@@ -86,6 +86,8 @@ static bool leave_stuck_rung(karst_ladder *ladder, const karst_ladder_round *rou
     const int rungs = rungs_to_climb(round);
     if (ladder->rung + 1 >= KARST_LADDER_RUNGS)
         return fail_rung(ladder);
+    if (!moved && ladder->judged == ladder->rung)
+        return fail_rung(ladder);
     if (moved || (rungs > 1 && ladder->fitted != ladder->rung + 1))
         return move_to(ladder, ladder->rung + rungs);
     ladder->deciding = true;
@@ -104,12 +106,14 @@ bool karst_ladder_step(karst_ladder *ladder, const karst_ladder_round *round)
             return false;
         if (round->verdict != KARST_LADDER_FITS)
             return fail_rung(ladder);
+        ladder->judged = ladder->rung;
         begin_rung(ladder, ladder->rung); /* all is there: the next picture finds it */
         return false;
     }
     bool thrashes = ladder->num_produced > MAX_POOLS_PRODUCED * round->num_total;
     if (round->num_starved > 0 || thrashes) {
-        const bool next_to_fitted = !moved && ladder->fitted == ladder->rung + 1;
+        const bool next_to_fitted =
+            !moved && ladder->fitted == ladder->rung + 1 && ladder->judged != ladder->rung;
         return (next_to_fitted || is_stuck(ladder, round, thrashes)) && leave_stuck_rung(ladder, round, moved);
     }
     ladder->frames_since_starved++;

@@ -4,8 +4,9 @@
  * whichever rung it came from, so that a settled picture depends on the view and not on its history. That wants starve
  * says little: through stand-ins rays want more than they need in the end, and what earlier views left behind helps or
  * hinders. So a ladder that starves far from what fits climbs, by a guess, and that proves nothing. Next to a rung that
- * fits it asks for a verdict, which is of view and pools alone. A rung that is too large is not tried again until the
- * view, the world or the pools change. Plain data, no device. */
+ * fits it asks for a verdict, which is of view and pools alone. Not all rays have a part in it: paths that media
+ * scatter go where stand-ins let them. So a rung that is stuck once more after a verdict that it fits is too large. A
+ * rung that is too large is not tried again until the view, the world or the pools change. Plain data, no device. */
 #ifndef KARST_CORE_LADDER_H
 #define KARST_CORE_LADDER_H
 
@@ -26,6 +27,7 @@ typedef struct {
     int rung;
     int failed;    /* coarsest rung known to fail for this view; -1: none */
     int fitted;    /* rung that was last seen to fit this view; -1: none */
+    int judged;    /* rung that a verdict said fits this view; -1: none */
     bool deciding; /* the next rounds bring a verdict on this rung */
     uint32_t frames_on_rung;
     uint32_t frames_since_starved;

@@ -41,7 +41,7 @@ karst_fluence *karst_fluence_create(karst_media *media, karst_error *error)
     f->num_packets = media->config.fluence_packets ? media->config.fluence_packets : KARST_FLUENCE_PACKETS;
     if ((f->extinction = karst_buffer_create_blank(context, "fluence", num * sizeof(float), error)) &&
         (f->look = karst_buffer_create_blank(context, "fluence", num * 4 * sizeof(float), error)) &&
-        (f->is_open = karst_buffer_create_blank(context, "fluence", num * sizeof(uint32_t), error)) &&
+        (f->open_shares = karst_buffer_create_blank(context, "fluence", num * sizeof(uint32_t), error)) &&
         (f->bounds = karst_buffer_create_blank(context, "fluence", num / 64 * sizeof(float), error)) &&
         (f->sums = karst_buffer_create_blank(context, "fluence", num * num_words(f) * sizeof(uint32_t), error)) &&
         (f->words = karst_buffer_create_blank(context, "fluence", num * 2 * sizeof(uint32_t), error)) &&
@@ -63,7 +63,8 @@ void karst_fluence_destroy(karst_fluence *f)
             clReleaseKernel(kernels[i]);
     karst_program_destroy(f->filling);
     karst_program_destroy(f->tracing);
-    karst_buffer *buffers[] = {f->extinction, f->look, f->is_open, f->bounds, f->sums, f->words, f->ledger, f->found};
+    karst_buffer *buffers[] = {f->extinction, f->look,  f->open_shares, f->bounds,
+                               f->sums,       f->words, f->ledger,      f->found};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         karst_buffer_destroy(buffers[i]);
     free(f);
@@ -182,7 +183,7 @@ static bool trace(karst_fluence *f, karst_fluence_grid *g, const karst_media_pic
         task.end = g->num_traced += some;
         if (!KARST_ARGUMENTS(f->trace, error, KARST_VALUE_ARG(boxes), KARST_VALUE_ARG(task),
                              KARST_VALUE_ARG(g->lit), KARST_BUFFER_ARG(f->extinction),
-                             KARST_BUFFER_ARG(f->look), KARST_BUFFER_ARG(f->is_open), KARST_BUFFER_ARG(f->bounds),
+                             KARST_BUFFER_ARG(f->look), KARST_BUFFER_ARG(f->open_shares), KARST_BUFFER_ARG(f->bounds),
                              KARST_BUFFER_ARG(f->sums), KARST_BUFFER_ARG(f->ledger)) ||
             !karst_fluence_launch(f, f->trace, (some + KARST_FLUENCE_RUN - 1) / KARST_FLUENCE_RUN, error))
             return false;

@@ -369,8 +369,13 @@ RAY_INLINE void collide(packets *p, const cells *in, vint lanes, vint cell, cons
 {
     const vint none = (vint)(0);
     if (task->has_land) {
-        const vint open = v_gather_int((K_GLOBAL const int *)in->open, cell);
-        const vint dark = lanes & p->of_sun & ~p->scattered & v_eq(open, none);
+        const vint open = v_gather_int((K_GLOBAL const int *)in->open, cell) >> KARST_FLUENCE_OPEN_SHIFT;
+        const vint asks = lanes & p->of_sun & ~p->scattered & v_lt(open, (vint)(KARST_FLUENCE_ALL_OPEN));
+        vint dark = asks;
+        if (v_any(asks)) {
+            const vfloat pick = scatter_chance_of(&p->chance, asks) * (float)KARST_FLUENCE_ALL_OPEN;
+            dark &= v_ge(pick, v_to_float(open));
+        }
         note(p, KARST_FLUENCE_SHADED, dark);
         p->live &= ~dark;
         lanes &= ~dark;

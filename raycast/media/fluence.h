@@ -6,8 +6,8 @@
  * Where a packet has been scattered before, what it carries adds to its cell's fluence, which is so an unbiased
  * estimate of the cell's mean. Rays that march add it to what is scattered once, which is theirs to find.
  *
- * As for paths (raycast/media/scatter.clh) land hides the sun and stands in no packet's way, and light that comes from
- * below is what the ground throws back.
+ * As for paths (raycast/media/scatter.clh) land hides the sun and stands in no packet's way, what of the medium lies in
+ * land counts as none, and light that comes from below is what the ground throws back.
  *
  * Where the medium goes on as far as a view does cells are wide, and what of it is near has a grid of its own, an
  * eighth as far. Its packets are aimed at it, and come to it through the other one's cells.

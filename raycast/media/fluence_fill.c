@@ -125,7 +125,8 @@ bool karst_fluence_fill(karst_fluence *f, karst_fluence_grid *g, const karst_med
                         karst_error *error)
 {
     karst_media *media = f->media;
-    const cl_uint base = karst_fluence_base(f, g);
+    const cl_uint base = karst_fluence_base(f, g),
+                  with_land = media->config.land && media->config.mode == KARST_MEDIA_FULL;
     const size_t lanes = (size_t)media->context->lanes;
     *done = false;
     for (;;) {
@@ -137,10 +138,13 @@ bool karst_fluence_fill(karst_fluence *f, karst_fluence_grid *g, const karst_med
         memcpy(corner.voxel, g->box.corner, sizeof corner.voxel);
         if (!karst_buffer_write(f->found, 0, nothing_found, sizeof nothing_found, error) ||
             !karst_media_send_view(media, picture->view, error) ||
-            !KARST_ARGUMENTS(f->fill, error, POOL_ARGUMENTS(media->air, media->asked), KARST_BUFFER_ARG(media->view),
+            !KARST_ARGUMENTS(f->fill, error, POOL_ARGUMENTS(media->air, media->asked),
+                             POOL_ARGUMENTS(media->land, media->asked), KARST_VALUE_ARG(with_land),
+                             KARST_BUFFER_ARG(media->view),
                              KARST_VALUE_ARG(task), KARST_VALUE_ARG(eye), KARST_VALUE_ARG(corner),
                              KARST_VALUE_ARG(box), KARST_VALUE_ARG(base), KARST_BUFFER_ARG(f->extinction),
-                             KARST_BUFFER_ARG(f->look), KARST_BUFFER_ARG(f->found), KARST_VALUE_ARG(media->data)) ||
+                             KARST_BUFFER_ARG(f->look), KARST_BUFFER_ARG(f->open_shares), KARST_BUFFER_ARG(f->found),
+                             KARST_VALUE_ARG(media->data)) ||
             !karst_fluence_launch(f, f->fill, (karst_fluence_num_cells(&g->box) + lanes - 1) / lanes, error) ||
             !karst_buffer_read(f->found, 0, found, sizeof found, error))
             return false;
@@ -185,7 +189,7 @@ bool karst_fluence_look_for_sun(karst_fluence *f, const karst_fluence_grid *g, c
                          KARST_VALUE_ARG(eye), KARST_VALUE_ARG(corner), KARST_VALUE_ARG(box), KARST_VALUE_ARG(base),
                          KARST_VALUE_ARG(to_sun), KARST_VALUE_ARG(light->shadow_distance),
                          KARST_BUFFER_ARG(f->extinction),
-                         KARST_BUFFER_ARG(f->is_open), KARST_BUFFER_ARG(f->found)) ||
+                         KARST_BUFFER_ARG(f->open_shares), KARST_BUFFER_ARG(f->found)) ||
         !karst_fluence_launch(f, f->open, (karst_fluence_num_cells(&g->box) + lanes - 1) / lanes, error) ||
         !karst_buffer_read(f->found, 0, found, sizeof found, error))
         return false;

@@ -37,7 +37,7 @@ struct karst_fluence {
     karst_media *media;
     karst_program *filling, *tracing;
     cl_kernel fill, open, bound, trace, pack;
-    karst_buffer *extinction, *look, *is_open, *bounds, *sums, *ledger, *found, *words;
+    karst_buffer *extinction, *look, *open_shares, *bounds, *sums, *ledger, *found, *words;
     karst_fluence_grid grids[KARST_FLUENCE_GRIDS];
     uint32_t num_packets; /* of each */
 };

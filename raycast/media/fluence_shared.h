@@ -25,6 +25,12 @@
 #define KARST_FLUENCE_LEAST_DEPTH 0.5f
 #define KARST_FLUENCE_MOST_DEPTH 8.0f
 
+/* What is known of land in a cell: which middles of its eighths lie outside; and the share of those that the sun comes
+ * to, from 0 to KARST_FLUENCE_ALL_OPEN. */
+#define KARST_FLUENCE_OUTSIDE 255
+#define KARST_FLUENCE_OPEN_SHIFT 8
+#define KARST_FLUENCE_ALL_OPEN 256
+
 /* Where cells lie: cell (i, j, k) is number i + size[0] * (j + size[1] * k). */
 typedef struct {
     int size[3];     /* in cells; multiples of KARST_FLUENCE_BLOCK; all 0: there is no medium */

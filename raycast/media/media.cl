@@ -151,8 +151,8 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     vint missing = (vint)(0);
     for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += MEDIA_BEAM * LANES) {
         media_rays ways[MEDIA_BEAM];
-        media_sums sums[MEDIA_BEAM], hidden[MEDIA_BEAM];
-        vint lanes[MEDIA_BEAM];
+        media_sums sums[MEDIA_BEAM], hidden[MEDIA_BEAM], within[MEDIA_BEAM];
+        vint lanes[MEDIA_BEAM], any_hidden = (vint)(0);
         uint num = 0;
         for (; num < MEDIA_BEAM && first + (int)num * LANES < KARST_SUN_DEPTH_PLACES; num++) {
             const media_sums empty = EMPTY_SUMS;
@@ -168,14 +168,19 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
                                     (vfloat)(apart),
                                     (vfloat)(SUN_DEPTH_CONE)};
             ways[num] = way;
-            sums[num] = hidden[num] = empty;
+            sums[num] = hidden[num] = within[num] = empty;
         }
         walk_depths(&pool, &frame, ways, lanes, num, &light, sums);
         if (with_land)
             walk_lands(&land, &frame, ways, lanes, num, &light, hidden);
+        for (uint p = 0; p < num; p++)
+            any_hidden |= hidden[p].done & lanes[p];
+        if (v_any(any_hidden))
+            look_in_land(&land, &frame, ways, lanes, num, &light, within);
         for (uint p = 0; p < num; p++) {
             missing |= (sums[p].missing | hidden[p].missing) & lanes[p];
-            const vint word = (v_as_int(sums[p].tau) & ~1) | (~hidden[p].done & 1);
+            const vint word = (v_as_int(sums[p].tau) & ~KARST_SUN_DEPTH_BITS) |
+                              (~hidden[p].done & KARST_SUN_DEPTH_LIT) | (within[p].done & KARST_SUN_DEPTH_WITHIN);
             const int at = first + (int)p * LANES;
             int words[LANES];
             v_store_int(word, words);

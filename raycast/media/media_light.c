@@ -1,9 +1,11 @@
 /* Launching the kernel that lays media before a picture. */
 #include <stdio.h>
+#include <string.h>
 
 #include "raycast/media/fluence.h"
 
 #define GPU_LOCAL_SIZE 64
+#define MOST_ARGUMENTS 80
 
 bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error *error)
 {
@@ -34,13 +36,15 @@ bool karst_media_build_light(karst_media *media, uint32_t segments, karst_error 
             (media->stream = karst_program_kernel(media->lighting, "media_stream", error)));
 }
 
-/* What all of a kernel's arguments end with: those of what is scattered often, of clear matter, of an atmosphere. */
+/* What all of a kernel's arguments end with: those of what is scattered often, of clear matter, of an atmosphere, of
+ * land. */
 typedef struct {
     const karst_sky *sky;
     cl_mem table, over_hits;
     cl_float4 absorption;
     karst_fluence_boxes boxes;
     cl_mem words;
+    cl_uint with_land; /* of paths */
 } light_arguments;
 
 static light_arguments arguments_of(const karst_media *media, const karst_media_picture *picture)
@@ -50,7 +54,8 @@ static light_arguments arguments_of(const karst_media *media, const karst_media_
     light_arguments more = {.sky = picture->skies ? karst_skies_sky(picture->skies) : &night,
                             .table = picture->skies ? karst_skies_buffer(picture->skies)->mem : NULL,
                             .over_hits = picture->over_hits ? picture->over_hits->mem : NULL,
-                            .absorption = {{a[0], a[1], a[2], 0}}};
+                            .absorption = {{a[0], a[1], a[2], 0}},
+                            .with_land = media->config.land && media->config.mode == KARST_MEDIA_FULL};
     if (media->fluence) {
         more.boxes = karst_fluence_boxes_from(media->fluence, picture->anchor);
         more.words = karst_fluence_words(media->fluence)->mem;
@@ -75,6 +80,11 @@ static size_t add_rest(const karst_media *media, const light_arguments *more, bo
     for (size_t i = 0; i < sizeof rest / sizeof *rest; i++)
         for (size_t k = 0; rest[i].is_there && k < 2; k++)
             arguments[num++] = rest[i].of[k];
+    if (media->config.scattering == KARST_SCATTERING_PATHS) {
+        const karst_argument land[] = {KARST_VALUE_ARG(more->with_land), POOL_ARGUMENTS(media->land, media->asked)};
+        memcpy(arguments + num, land, sizeof land);
+        num += sizeof land / sizeof *land;
+    }
     return num;
 }
 
@@ -88,7 +98,7 @@ bool karst_media_pixels(karst_media *media, const karst_media_picture *picture, 
     const karst_shade_anchor at = karst_media_anchor(picture->anchor);
     const cl_uint sun = picture->has_sun, mirror = picture->has_mirror;
     const light_arguments more = arguments_of(media, picture);
-    karst_argument arguments[64] = {POOL_ARGUMENTS(media->air, media->asked),
+    karst_argument arguments[MOST_ARGUMENTS] = {POOL_ARGUMENTS(media->air, media->asked),
                                     KARST_BUFFER_ARG(media->view),
                                     KARST_VALUE_ARG(task),
                                     KARST_VALUE_ARG(*picture->pinhole),
@@ -160,7 +170,7 @@ bool karst_media_stream_rays(karst_media *media, const karst_media_picture *pict
                  num_items = (stream->max_rays + lanes - 1) / lanes;
     if (!media->stream || num_items == 0)
         return true;
-    karst_argument arguments[64] = {POOL_ARGUMENTS(media->air, media->asked),
+    karst_argument arguments[MOST_ARGUMENTS] = {POOL_ARGUMENTS(media->air, media->asked),
                                     KARST_BUFFER_ARG(media->view),
                                     KARST_VALUE_ARG(task),
                                     KARST_VALUE_ARG(*picture->pinhole),

@@ -1,8 +1,6 @@
 /* Entry point of media: what they make of a picture. See raycast/media/media.h. */
 #define MEDIA_HAS_LIGHT
-#ifdef MEDIA_LAMPS
 #include "raycast/media/land_pools.clh"
-#endif
 #include "raycast/media/march.clh"
 #include "raycast/light/radiance_shared.h"
 #include "raycast/light/surface.clh"
@@ -176,9 +174,16 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   ,
                                   karst_sky sky, K_GLOBAL const float *sky_table
 #endif
+#ifdef MEDIA_PATHS
+                                  ,
+                                  uint with_land, LAND_PARAMETERS
+#endif
 )
 {
     const pools pool = POOL_FIELDS;
+#ifdef MEDIA_PATHS
+    const pools land = LAND_FIELDS;
+#endif
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as shade.cl */
     world_colour_prepare(data, anchor.voxel, anchor.fraction, octaves, (uint)get_local_id(0), (uint)get_local_size(0));
@@ -254,7 +259,7 @@ __kernel K_WIDE void media_pixels(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
         missing[p] = sums[p].missing;
 #ifdef MEDIA_PATHS
         const colour scattered = scattered_light(&pool, &frame, ways + p, at->valid, lighting + p, &light, sums[p].tau,
-                                                 &pixel, missing + p);
+                                                 &pixel, with_land ? &land : 0, missing + p);
         sums[p].light = add_colour(sums[p].light, scattered, (vfloat)(1.0f));
 #endif
     }
@@ -333,9 +338,16 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
                                   ,
                                   karst_sky sky, K_GLOBAL const float *sky_table
 #endif
+#ifdef MEDIA_PATHS
+                                  ,
+                                  uint with_land, LAND_PARAMETERS
+#endif
 )
 {
     const pools pool = POOL_FIELDS;
+#ifdef MEDIA_PATHS
+    const pools land = LAND_FIELDS;
+#endif
     __local near_octave known[WORLD_NEAR_OCTAVES + 1];
     __local near_octave *octaves = known + (get_num_groups(0) == 0 ? 1 : 0); /* as shade.cl */
     const uint num_rays = *count, lowest = (uint)get_global_id(0) * LANES;
@@ -381,7 +393,8 @@ __kernel K_WIDE void media_stream(POOL_PARAMETERS, K_GLOBAL const karst_cast_vie
 #endif
 #ifdef MEDIA_PATHS
     const colour scattered =
-        scattered_light(&pool, &frame, &way, r.valid, &lighting, &light, sums.tau, &pixel, &sums.missing);
+        scattered_light(&pool, &frame, &way, r.valid, &lighting, &light, sums.tau, &pixel, with_land ? &land : 0,
+                        &sums.missing);
     sums.light = add_colour(sums.light, scattered, (vfloat)(1.0f));
 #endif
 

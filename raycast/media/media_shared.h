@@ -5,7 +5,11 @@
 #include "core/device/dialect.h"
 
 /* Beside each brick of extinction lies how deep it is in the medium towards the sun: a grid over the brick, a place
- * every two cells. A place is a float whose last bit is 1 where land does not hide the sun. */
+ * every two cells. A place is a float whose last bit is 1 where land does not hide the sun, and the one before it where
+ * the place lies in land: nothing is lit there, and what lies beside it takes nothing from it. */
+#define KARST_SUN_DEPTH_LIT 1
+#define KARST_SUN_DEPTH_WITHIN 2
+#define KARST_SUN_DEPTH_BITS 3
 #define KARST_SUN_DEPTH_CELLS 2
 #define KARST_SUN_DEPTH_SIDE 9
 #define KARST_SUN_DEPTH_PLACES (KARST_SUN_DEPTH_SIDE * KARST_SUN_DEPTH_SIDE * KARST_SUN_DEPTH_SIDE)

@@ -147,6 +147,31 @@ static void test_a_verdict_counts_more_than_starving(void **state)
     }
 }
 
+/* A verdict is of rays that do not scatter: where others are stuck all the same it was wrong; it is not asked again. */
+static void test_a_rung_that_is_stuck_after_a_verdict_fails(void **state)
+{
+    (void)state;
+    const karst_ladder_round starved = {.num_used = 90, .num_total = 100, .num_starved = 50, .num_requests = 50,
+                                        .verdict = KARST_LADDER_FITS};
+    const karst_ladder_round settled = {.num_used = 40, .num_total = 100};
+    karst_ladder ladder;
+    karst_ladder_init(&ladder);
+    ladder.rung = 3;
+    ladder.fitted = 4;
+    int steps = 0;
+    while (ladder.rung == 3 && steps < 100)
+        karst_ladder_step(&ladder, &starved), steps++;
+    assert_int_equal(steps, 3); /* stuck, the verdict, stuck */
+    assert_int_equal(ladder.rung, 4);
+    assert_int_equal(ladder.failed, 3);
+    assert_false(karst_ladder_step(&ladder, &settled));
+    assert_true(karst_ladder_at_rest(&ladder));
+    /* Another view knows nothing of it. */
+    karst_ladder_view_changed(&ladder);
+    karst_ladder_step(&ladder, &settled);
+    assert_int_equal(ladder.rung, 3);
+}
+
 /* A guess in motion, or far from what fits, proves nothing; a picture that takes more than it may does. */
 static void test_what_proves_that_a_rung_fails(void **state)
 {
@@ -175,6 +200,7 @@ int main(void)
         cmocka_unit_test(test_a_failed_rung_is_tried_again_only_after_a_change),
         cmocka_unit_test(test_the_coarsest_rung_is_the_end),
         cmocka_unit_test(test_a_verdict_counts_more_than_starving),
+        cmocka_unit_test(test_a_rung_that_is_stuck_after_a_verdict_fails),
         cmocka_unit_test(test_what_proves_that_a_rung_fails),
         cmocka_unit_test(test_motion_refines_only_with_room_to_spare),
     };
