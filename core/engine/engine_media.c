@@ -97,7 +97,8 @@ static karst_media_picture picture_of(const karst_engine *engine, const karst_ca
                                    .has_sun = engine->shadows,
                                    .has_mirror = engine->bounce || engine->clear,
                                    .over_hits = has_clear ? karst_clear_first_hits(engine->clear) : NULL,
-                                   .makes_all = engine->settles};
+                                   .makes_all = engine->settles,
+                                   .coarser = (float)karst_ladder_factor(&engine->ladder)};
     if (has_clear && karst_engine_is_in_clear(engine, &engine->camera.position, picture.absorption))
         for (int c = 0; c < 3; c++)
             picture.absorption[c] *= (float)voxel_m;

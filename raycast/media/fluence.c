@@ -206,14 +206,15 @@ static bool advance(karst_fluence *f, karst_fluence_grid *g, const karst_fluence
     const karst_light *lit = outer ? &outer->lit : picture->light;
     const karst_fluence_source light = source_of(lit);
     const uint32_t num_fills = outer ? outer->num_fills : 0;
-    const bool moved =
-        g->is_stale || g->num_outer_fills != num_fills || !karst_fluence_is_same(&region, &g->region);
+    const bool moved = g->is_stale || g->num_outer_fills != num_fills || g->coarser != picture->coarser ||
+                       !karst_fluence_is_same(&region, &g->region);
     /* What is being traced is ended first, unless nobody watches: of a sun that turns all would else be begun, and
      * nothing ended. */
     const bool may_begin = g->step != KARST_FLUENCE_TRACE || picture->makes_all || !g->is_known;
     if (moved && may_begin) {
         g->region = g->box = region;
         g->is_stale = false;
+        g->coarser = picture->coarser;
         g->num_outer_fills = num_fills;
         g->step = KARST_FLUENCE_FILL;
     } else if (g->step != KARST_FLUENCE_FILL && may_begin && memcmp(&light, &g->light, sizeof light)) {

@@ -142,7 +142,8 @@ bool karst_fluence_fill(karst_fluence *f, karst_fluence_grid *g, const karst_med
                              POOL_ARGUMENTS(media->land, media->asked), KARST_VALUE_ARG(with_land),
                              KARST_BUFFER_ARG(media->view),
                              KARST_VALUE_ARG(task), KARST_VALUE_ARG(eye), KARST_VALUE_ARG(corner),
-                             KARST_VALUE_ARG(box), KARST_VALUE_ARG(base), KARST_BUFFER_ARG(f->extinction),
+                             KARST_VALUE_ARG(box), KARST_VALUE_ARG(g->coarser), KARST_VALUE_ARG(base),
+                             KARST_BUFFER_ARG(f->extinction),
                              KARST_BUFFER_ARG(f->look), KARST_BUFFER_ARG(f->open_shares), KARST_BUFFER_ARG(f->found),
                              KARST_VALUE_ARG(media->data)) ||
             !karst_fluence_launch(f, f->fill, (karst_fluence_num_cells(&g->box) + lanes - 1) / lanes, error) ||
@@ -186,7 +187,8 @@ bool karst_fluence_look_for_sun(karst_fluence *f, const karst_fluence_grid *g, c
     if (!karst_buffer_write(f->found, 0, nothing_found, sizeof nothing_found, error) ||
         !karst_media_send_view(media, picture->view, error) ||
         !KARST_ARGUMENTS(f->open, error, POOL_ARGUMENTS(media->land, media->asked), KARST_BUFFER_ARG(media->view),
-                         KARST_VALUE_ARG(eye), KARST_VALUE_ARG(corner), KARST_VALUE_ARG(box), KARST_VALUE_ARG(base),
+                         KARST_VALUE_ARG(eye), KARST_VALUE_ARG(corner), KARST_VALUE_ARG(box),
+                         KARST_VALUE_ARG(g->coarser), KARST_VALUE_ARG(base),
                          KARST_VALUE_ARG(to_sun), KARST_VALUE_ARG(light->shadow_distance),
                          KARST_BUFFER_ARG(f->extinction),
                          KARST_BUFFER_ARG(f->open_shares), KARST_BUFFER_ARG(f->found)) ||

@@ -42,8 +42,8 @@ RAY_INLINE void note_found(const fill_cells *c, vint has, vint missing, K_GLOBAL
 }
 
 /* Of the middles of a cell's eighths, whose bits are their places: those that `lanes` have outside of land. */
-RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const fill_cells *c, float side, vint lanes,
-                             const media_lighting *lighting, vint *missing)
+RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const fill_cells *c, float side, float width,
+                             vint lanes, const media_lighting *lighting, vint *missing)
 {
     const vfloat none = (vfloat)(0.0f);
     vint outside = (vint)(0);
@@ -54,7 +54,7 @@ RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const 
                                 {none, (vfloat)(1.0f), none},
                                 none,
                                 (vfloat)(side),
-                                (vfloat)(0.5f * side),
+                                (vfloat)(width),
                                 none};
         media_sums within = EMPTY_SUMS;
         look_in_land(land, frame, &way, &lanes, 1u, lighting, &within);
@@ -66,12 +66,12 @@ RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const 
 
 /* The mean extinction of each cell, as depth across it, and what it looks like there. Of what lies in land nothing
  * counts: light ends at its face, and what comes from there is the ground's. The box's corner is that of
- * `corner`, whatever the view; bricks have voxels half as wide as a cell. base: the number
- * of the grid's first cell, of all grids. open: its bits 0 to 7 (KARST_FLUENCE_OUTSIDE) are set. */
+ * `corner`, whatever the view; bricks have voxels half as wide as a cell, times `coarser`. base: the
+ * number of the grid's first cell, of all grids. open: its bits 0 to 7 (KARST_FLUENCE_OUTSIDE) are set. */
 __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_land,
                                   K_GLOBAL const karst_cast_view *view, karst_media_task task,
                                   karst_shade_anchor anchor, karst_shade_anchor corner, karst_fluence_box box,
-                                  uint base, K_GLOBAL float *extinction, K_GLOBAL float *look,
+                                  float coarser, uint base, K_GLOBAL float *extinction, K_GLOBAL float *look,
                                   K_GLOBAL uint *open, K_GLOBAL int *found, K_GLOBAL const ulong *data)
 {
     const pools pool = POOL_FIELDS, land = LAND_FIELDS;
@@ -90,7 +90,7 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
     lighting.most_depth = 1.0e30f;
     lighting.metres = task.metres;
     lighting.used = 0;
-    const float side = box.cell;
+    const float side = box.cell, width = 0.5f * side * coarser; /* of a cell; of voxels */
     /* Between the samples, four lines have the mean of what is between them. */
     vfloat mean = none, depths[4];
     vint missing = (vint)(0), outside = (vint)(KARST_FLUENCE_OUTSIDE);
@@ -101,7 +101,7 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
                                 {one, none, none},
                                 none,
                                 (vfloat)(side),
-                                (vfloat)(0.5f * side),
+                                (vfloat)(width),
                                 none};
         media_sums sums = EMPTY_SUMS;
         walk_depth(&pool, &frame, &way, c.lanes, &lighting, &sums);
@@ -111,7 +111,7 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
     }
     const vint met = c.lanes & v_gt(mean, none);
     if (with_land && v_any(met)) {
-        outside = outside_land(&land, &frame, &c, side, met, &lighting, &missing);
+        outside = outside_land(&land, &frame, &c, side, width, met, &lighting, &missing);
         mean = none;
         for (int line = 0; line < 4; line++) {
             const vint ends = ((outside >> (2 * line)) & 1) + ((outside >> (2 * line + 1)) & 1);
@@ -155,15 +155,15 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
 
 /* Lanes whose ray to the sun, from a place in their cell, meets no land. */
 RAY_INLINE vint comes_to_sun(const pools *land, const media_frame *frame, const fill_cells *c, const float in_cell[3],
-                             float side, float4 to_sun, float most_t, vint lanes, const media_lighting *lighting,
-                             vint *missing)
+                             float side, float width, float4 to_sun, float most_t, vint lanes,
+                             const media_lighting *lighting, vint *missing)
 {
     const media_rays way = {{(v_to_float(c->at[0]) + in_cell[0]) * side, (v_to_float(c->at[1]) + in_cell[1]) * side,
                              (v_to_float(c->at[2]) + in_cell[2]) * side},
                             {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
                             (vfloat)(0.0f),
                             (vfloat)(most_t),
-                            (vfloat)(side),
+                            (vfloat)(width),
                             (vfloat)(0.06f)};
     media_sums hidden = EMPTY_SUMS;
     walk_land(land, frame, &way, lanes, lighting, &hidden);
@@ -174,8 +174,8 @@ RAY_INLINE vint comes_to_sun(const pools *land, const media_frame *frame, const 
 /* The share of each cell's medium that land does not hide from the sun, above the bits that are set already: by the
  * middle of a cell, and of those that have some land by the middles of their eighths. */
 __kernel K_WIDE void fluence_open(LAND_PARAMETERS, K_GLOBAL const karst_cast_view *view, karst_shade_anchor anchor,
-                                  karst_shade_anchor corner, karst_fluence_box box, uint base, float4 to_sun,
-                                  float most_t, K_GLOBAL const float *extinction, K_GLOBAL uint *open,
+                                  karst_shade_anchor corner, karst_fluence_box box, float coarser, uint base,
+                                  float4 to_sun, float most_t, K_GLOBAL const float *extinction, K_GLOBAL uint *open,
                                   K_GLOBAL int *found)
 {
     const pools land = LAND_FIELDS;
@@ -192,10 +192,11 @@ __kernel K_WIDE void fluence_open(LAND_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.most_depth = 1.0e30f;
     lighting.metres = 1.0f;
     lighting.used = 0;
+    const float width = box.cell * coarser;
     vint missing = (vint)(0), share = (vint)(0);
     if (v_any(whole)) {
         const float middle[3] = {0.5f, 0.5f, 0.5f};
-        share = comes_to_sun(&land, &frame, &c, middle, box.cell, to_sun, most_t, whole, &lighting, &missing) &
+        share = comes_to_sun(&land, &frame, &c, middle, box.cell, width, to_sun, most_t, whole, &lighting, &missing) &
                 KARST_FLUENCE_ALL_OPEN;
     }
     if (v_any(has & ~whole)) {
@@ -207,8 +208,8 @@ __kernel K_WIDE void fluence_open(LAND_PARAMETERS, K_GLOBAL const karst_cast_vie
             if (!v_any(lanes))
                 continue;
             num_outside += lanes & 1;
-            num_lit +=
-                comes_to_sun(&land, &frame, &c, middle, box.cell, to_sun, most_t, lanes, &lighting, &missing) & 1;
+            num_lit += comes_to_sun(&land, &frame, &c, middle, box.cell, width, to_sun, most_t, lanes, &lighting,
+                                    &missing) & 1;
         }
         share = v_select(has & ~whole,
                          v_to_int(v_to_float(num_lit * KARST_FLUENCE_ALL_OPEN) /

@@ -25,6 +25,7 @@ typedef struct {
     bool is_stale;  /* the medium has moved since the cells were filled */
     bool is_behind; /* what is to be found next has not been begun */
     karst_fluence_place region, box, shown, shown_region;
+    float coarser; /* voxels that its cells were filled from, as the picture's */
     uint32_t num_fills, num_outer_fills; /* how often its cells have been filled; those that it was traced in */
     karst_fluence_source light;
     karst_light lit; /* the same, for kernels */

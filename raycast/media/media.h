@@ -73,6 +73,7 @@ typedef struct {
     const karst_buffer *over_hits; /* of clear matter, which may lie before those; NULL: there is none */
     float absorption[3];           /* of what the eye is in, per level-0 voxel */
     bool makes_all;           /* without groups, as nobody watches */
+    float coarser; /* voxels that the pools hold are so many times as wide as is asked for: so are those of fluence */
 } karst_media_picture;
 
 /* Before the next: goes on with what KARST_SCATTERING_FLUENCE needs for it, and does nothing for others. What lacks

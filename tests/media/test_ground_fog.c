@@ -67,6 +67,31 @@ static void it_is_as_bright_wherever_the_ground_lies(void **state)
     }
 }
 
+/* What is looked for beside the picture's own rays gets coarser with it, and no verdict is believed that knows nothing
+ * of it. */
+static void it_settles_in_small_pools(void **state)
+{
+    (void)state;
+    static const struct {
+        karst_scattering scattering;
+        uint32_t pool_mib;
+    } pools[] = {{KARST_SCATTERING_FLUENCE, 24}, {KARST_SCATTERING_FLUENCE, 12}, {KARST_SCATTERING_PATHS, 6}};
+    for (size_t i = 0; i < sizeof pools / sizeof *pools; i++) {
+        const karst_engine_config config = {.tone = KARST_TONE_OF_FILM,
+                                            .scattering = pools[i].scattering,
+                                            .pool_bytes = (uint64_t)pools[i].pool_mib << 20,
+                                            .samples = 1};
+        static float light[NUM];
+        karst_stats stats;
+        karst_engine *engine = scene_create(fog, &config, WIDTH, HEIGHT, NULL);
+        scene_settle(engine, 200, light, NUM, &stats);
+        print_message("# in %u MiB: %.4f, voxels of %.2f pixels\n", pools[i].pool_mib, scene_mean(light, NUM),
+                      stats.detail_given_px);
+        assert_true(stats.detail_given_px < 8);
+        karst_engine_destroy(engine);
+    }
+}
+
 /* The glow around the sun is in full light what a medium scatters, too: 2 %. */
 static void it_is_what_full_light_says(void **state)
 {
@@ -87,6 +112,7 @@ static void it_is_what_full_light_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(it_is_as_bright_wherever_the_ground_lies),
+                                       cmocka_unit_test(it_settles_in_small_pools),
                                        cmocka_unit_test(it_is_what_full_light_says)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
