@@ -41,10 +41,18 @@ RAY_INLINE void note_found(const fill_cells *c, vint has, vint missing, K_GLOBAL
     }
 }
 
+/* How land is looked at from cells. */
+typedef struct {
+    const pools *pools;
+    const media_frame *frame;
+    const media_lighting *lighting;
+    float side, width; /* of a cell; of the voxels that are asked for */
+} land_looks;
+
 /* Of the middles of a cell's eighths, whose bits are their places: those that `lanes` have outside of land. */
-RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const fill_cells *c, float side, float width,
-                             vint lanes, const media_lighting *lighting, vint *missing)
+RAY_INLINE vint outside_land(const land_looks *land, const fill_cells *c, vint lanes, vint *missing)
 {
+    const float side = land->side;
     const vfloat none = (vfloat)(0.0f);
     vint outside = (vint)(0);
     for (int eighth = 0; eighth < 8; eighth++) {
@@ -54,10 +62,10 @@ RAY_INLINE vint outside_land(const pools *land, const media_frame *frame, const 
                                 {none, (vfloat)(1.0f), none},
                                 none,
                                 (vfloat)(side),
-                                (vfloat)(width),
+                                (vfloat)(land->width),
                                 none};
         media_sums within = EMPTY_SUMS;
-        look_in_land(land, frame, &way, &lanes, 1u, lighting, &within);
+        look_in_land(land->pools, land->frame, &way, &lanes, 1u, land->lighting, &within);
         outside |= ~within.done & (1 << eighth);
         *missing |= within.missing & lanes;
     }
@@ -111,7 +119,8 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
     }
     const vint met = c.lanes & v_gt(mean, none);
     if (with_land && v_any(met)) {
-        outside = outside_land(&land, &frame, &c, side, width, met, &lighting, &missing);
+        const land_looks looks = {&land, &frame, &lighting, side, width};
+        outside = outside_land(&looks, &c, met, &missing);
         mean = none;
         for (int line = 0; line < 4; line++) {
             const vint ends = ((outside >> (2 * line)) & 1) + ((outside >> (2 * line + 1)) & 1);
@@ -154,19 +163,19 @@ __kernel K_WIDE void fluence_fill(POOL_PARAMETERS, LAND_PARAMETERS, uint with_la
 }
 
 /* Lanes whose ray to the sun, from a place in their cell, meets no land. */
-RAY_INLINE vint comes_to_sun(const pools *land, const media_frame *frame, const fill_cells *c, const float in_cell[3],
-                             float side, float width, float4 to_sun, float most_t, vint lanes,
-                             const media_lighting *lighting, vint *missing)
+RAY_INLINE vint comes_to_sun(const land_looks *land, const fill_cells *c, const float in_cell[3], float4 to_sun,
+                             float most_t, vint lanes, vint *missing)
 {
+    const float side = land->side;
     const media_rays way = {{(v_to_float(c->at[0]) + in_cell[0]) * side, (v_to_float(c->at[1]) + in_cell[1]) * side,
                              (v_to_float(c->at[2]) + in_cell[2]) * side},
                             {(vfloat)(to_sun.x), (vfloat)(to_sun.y), (vfloat)(to_sun.z)},
                             (vfloat)(0.0f),
                             (vfloat)(most_t),
-                            (vfloat)(width),
+                            (vfloat)(land->width),
                             (vfloat)(0.06f)};
     media_sums hidden = EMPTY_SUMS;
-    walk_land(land, frame, &way, lanes, lighting, &hidden);
+    walk_land(land->pools, land->frame, &way, lanes, land->lighting, &hidden);
     *missing |= hidden.missing & lanes;
     return lanes & ~hidden.done;
 }
@@ -192,12 +201,11 @@ __kernel K_WIDE void fluence_open(LAND_PARAMETERS, K_GLOBAL const karst_cast_vie
     lighting.most_depth = 1.0e30f;
     lighting.metres = 1.0f;
     lighting.used = 0;
-    const float width = box.cell * coarser;
+    const land_looks looks = {&land, &frame, &lighting, box.cell, box.cell * coarser};
     vint missing = (vint)(0), share = (vint)(0);
     if (v_any(whole)) {
         const float middle[3] = {0.5f, 0.5f, 0.5f};
-        share = comes_to_sun(&land, &frame, &c, middle, box.cell, width, to_sun, most_t, whole, &lighting, &missing) &
-                KARST_FLUENCE_ALL_OPEN;
+        share = comes_to_sun(&looks, &c, middle, to_sun, most_t, whole, &missing) & KARST_FLUENCE_ALL_OPEN;
     }
     if (v_any(has & ~whole)) {
         vint num_lit = (vint)(0), num_outside = (vint)(0);
@@ -208,8 +216,7 @@ __kernel K_WIDE void fluence_open(LAND_PARAMETERS, K_GLOBAL const karst_cast_vie
             if (!v_any(lanes))
                 continue;
             num_outside += lanes & 1;
-            num_lit += comes_to_sun(&land, &frame, &c, middle, box.cell, width, to_sun, most_t, lanes, &lighting,
-                                    &missing) & 1;
+            num_lit += comes_to_sun(&looks, &c, middle, to_sun, most_t, lanes, &missing) & 1;
         }
         share = v_select(has & ~whole,
                          v_to_int(v_to_float(num_lit * KARST_FLUENCE_ALL_OPEN) /
