@@ -152,7 +152,7 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
     for (int first = 0; first < KARST_SUN_DEPTH_PLACES; first += MEDIA_BEAM * LANES) {
         media_rays ways[MEDIA_BEAM];
         media_sums sums[MEDIA_BEAM], hidden[MEDIA_BEAM], within[MEDIA_BEAM];
-        vint lanes[MEDIA_BEAM], any_hidden = (vint)(0);
+        vint lanes[MEDIA_BEAM], dark[MEDIA_BEAM], any_dark = (vint)(0);
         uint num = 0;
         for (; num < MEDIA_BEAM && first + (int)num * LANES < KARST_SUN_DEPTH_PLACES; num++) {
             const media_sums empty = EMPTY_SUMS;
@@ -173,10 +173,12 @@ __kernel K_WIDE void media_sun(POOL_PARAMETERS, LAND_PARAMETERS, K_GLOBAL const 
         walk_depths(&pool, &frame, ways, lanes, num, &light, sums);
         if (with_land)
             walk_lands(&land, &frame, ways, lanes, num, &light, hidden);
-        for (uint p = 0; p < num; p++)
-            any_hidden |= hidden[p].done & lanes[p];
-        if (v_any(any_hidden))
-            look_in_land(&land, &frame, ways, lanes, num, &light, within);
+        for (uint p = 0; p < num; p++) {
+            dark[p] = hidden[p].done & lanes[p];
+            any_dark |= dark[p];
+        }
+        if (v_any(any_dark))
+            look_in_land(&land, &frame, ways, dark, num, &light, within);
         for (uint p = 0; p < num; p++) {
             missing |= (sums[p].missing | hidden[p].missing) & lanes[p];
             const vint word = (v_as_int(sums[p].tau) & ~KARST_SUN_DEPTH_BITS) |
