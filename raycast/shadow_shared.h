@@ -22,7 +22,7 @@
 #define KARST_SHADOW_FIELDS 6
 #define KARST_SHADOW_OF_PIXEL 0x80000000u
 /* So many beams of a stream's shadow rays close ranks (raycast/light/bounce.cl): any number gives the same light. */
-#define KARST_PACKED_BLOCKS 4
+#define KARST_PACKED_BEAMS 4
 
 /* The sun is 0.53 degrees wide: what a shadow ray meets at distance t is blurred over this share of it. */
 #define KARST_SUN_CONE 0.0093f

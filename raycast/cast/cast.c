@@ -12,6 +12,8 @@
 
 #define NUM_VIEWS 8 /* casts that may be queued before one has to wait for the oldest */
 #define RAYS_PER_GROUP (KARST_PACKET_RAYS * KARST_GROUP_PACKETS)
+/* Casting takes so many registers that of larger groups fewer rays find room on a processor of an NVIDIA H200. */
+#define GPU_LOCAL_SIZE 64
 
 struct karst_caster {
     karst_context *context;
@@ -168,13 +170,19 @@ static size_t num_groups(int width_px, int height_px, int across, int down)
     return ((size_t)width_px + wide_px - 1) / wide_px * (((size_t)height_px + high_px - 1) / high_px);
 }
 
+static size_t local_size(const karst_caster *caster)
+{
+    const size_t lanes = (size_t)caster->context->lanes;
+    return caster->beams ? 1 : lanes == 1 ? GPU_LOCAL_SIZE : RAYS_PER_GROUP / lanes;
+}
+
 /* Launches a kernel for all pixels of a picture. */
 static bool launch_picture(karst_caster *caster, cl_kernel kernel, int width_px, int height_px, karst_error *error)
 {
-    size_t group_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
+    const size_t group_size = RAYS_PER_GROUP / (size_t)caster->context->lanes;
     size_t size = caster->beams ? num_groups(width_px, height_px, KARST_BEAM_ACROSS, KARST_BEAM_DOWN)
                                 : num_groups(width_px, height_px, 1, 1) * group_size;
-    return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, caster->beams ? 1 : group_size, error);
+    return karst_launch(caster->context, kernel, KARST_STAGE_CAST, size, local_size(caster), error);
 }
 
 /* The pools, in the order of POOL_PARAMETERS (raycast/cast/pools.clh), of which `asked` is the last. */
@@ -271,7 +279,7 @@ static bool launch_rays(karst_caster *caster, cl_kernel kernel, uint32_t num_ray
     const size_t rays_per_item =
         caster->beams ? KARST_PACKET_RAYS * KARST_BEAM_PACKETS : (size_t)caster->context->lanes;
     return karst_launch(caster->context, kernel, KARST_STAGE_CAST, (num_rays + rays_per_item - 1) / rays_per_item,
-                        caster->beams ? 1 : RAYS_PER_GROUP / rays_per_item, error);
+                        local_size(caster), error);
 }
 
 static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const karst_buffer *rays, uint32_t num_rays,

@@ -69,20 +69,49 @@ RAY_INLINE void start_packet(beam *b, packet_start *start, int p, K_GLOBAL const
     start->alive = valid & v_lt(of->t_min, of->t_max);
 }
 
+/* Casts those of the packets' rays that climb, and fall, on the axes of `octant`. */
+RAY_INLINE void cast_octant(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor,
+                            const int to_sun, beam *b, const packet_start start[BEAM_PACKETS], int octant)
+{
+    for (int p = 0; p < BEAM_PACKETS; p++) {
+        vint mine = start[p].alive & v_eq(start[p].octants, (vint)(octant));
+        packet *rays = &b->rays[p];
+        b->here[p] = mask_bits(mine);
+        if (!from_anchor) {
+            if (!to_sun)
+                rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
+            rays->origin.x = octant & 1 ? -start[p].origin.x : start[p].origin.x;
+            rays->origin.y = octant & 2 ? -start[p].origin.y : start[p].origin.y;
+            rays->origin.z = octant & 4 ? -start[p].origin.z : start[p].origin.z;
+        }
+    }
+    b->octant = (uint)octant;
+    bound_beam(b, from_anchor, to_sun);
+    if (b->live)
+        walk_octree(pool, view, from_anchor, to_sun, b);
+}
+
 /* Casts the packets that were started. Constants: from_anchor: origins are zero; to_sun: they have one direction, cone
  * and t_max, t_min is 0, and all that is wanted of them is whether they are done. */
 RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *view, const int from_anchor,
                           const int to_sun, beam *b, const packet_start start[BEAM_PACKETS])
 {
-    /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
-    int some = 0, all = 7;
-    vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
     b->found.num = b->queue.num = 0;
     b->asked = 0;
     b->has_back = 0;
-    for (int p = 0; p < BEAM_PACKETS; p++) {
-        if (HAS_SIDES(from_anchor, to_sun))
+    if (HAS_SIDES(from_anchor, to_sun))
+        for (int p = 0; p < BEAM_PACKETS; p++)
             b->has_back |= b->states.back[p] != 0;
+    if (from_anchor || to_sun)
+        b->end = v_max_across(start[0].t_end);
+#if BEAM_RAYS == 1
+    /* A loop over octants would make a GPU's neighbours wait for each other. */
+    cast_octant(pool, view, from_anchor, to_sun, b, start, start[0].octants);
+#else
+    /* Usually all lanes climb and fall on the same axes; else each octant is walked by itself. */
+    int some = 0, all = 7;
+    vint falls = (vint)(0), climbs = (vint)(0); /* bit a: some ray of the lane does so on axis a */
+    for (int p = 0; p < BEAM_PACKETS; p++) {
         falls |= start[p].alive & start[p].octants;
         climbs |= start[p].alive & ~start[p].octants;
     }
@@ -90,28 +119,10 @@ RAY_INLINE void cast_beam(const pools *pool, K_GLOBAL const karst_cast_view *vie
         some |= v_any(v_ne(falls & (1 << axis), (vint)(0))) ? 1 << axis : 0;
         all &= v_any(v_ne(climbs & (1 << axis), (vint)(0))) ? ~(1 << axis) : 7;
     }
-    if (from_anchor || to_sun)
-        b->end = v_max_across(start[0].t_end);
-    for (int octant = 0; octant < 8; octant++) {
-        if ((octant & ~some) || (all & ~octant))
-            continue;
-        for (int p = 0; p < BEAM_PACKETS; p++) {
-            vint mine = start[p].alive & v_eq(start[p].octants, (vint)(octant));
-            packet *rays = &b->rays[p];
-            b->here[p] = mask_bits(mine);
-            if (!from_anchor) {
-                if (!to_sun)
-                    rays->t_max = v_select(mine, start[p].t_end, (vfloat)(RAY_DONE));
-                rays->origin.x = octant & 1 ? -start[p].origin.x : start[p].origin.x;
-                rays->origin.y = octant & 2 ? -start[p].origin.y : start[p].origin.y;
-                rays->origin.z = octant & 4 ? -start[p].origin.z : start[p].origin.z;
-            }
-        }
-        b->octant = (uint)octant;
-        bound_beam(b, from_anchor, to_sun);
-        if (b->live)
-            walk_octree(pool, view, from_anchor, to_sun, b);
-    }
+    for (int octant = 0; octant < 8; octant++)
+        if (!(octant & ~some) && !(all & ~octant))
+            cast_octant(pool, view, from_anchor, to_sun, b, start, octant);
+#endif
 }
 
 /* Lane by lane into the records of a beam's rays: number `ray`. */

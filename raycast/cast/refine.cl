@@ -23,13 +23,6 @@
 #define REFINE_JUMP 0.25f
 __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
 
-/* With many lanes what is large is called: one copy of the density, one of its gradient. */
-#if LANES > 1
-#define REFINE_CALL static __attribute__((noinline)) K_WIDE
-#else
-#define REFINE_CALL RAY_INLINE
-#endif
-
 /* With REFINE_LAYER the density is the world's with the content of layers, whose data travel along. */
 #ifdef REFINE_LAYER
 #define LAYER_TAKEN , K_GLOBAL const ulong *layer, K_GLOBAL const ulong *beneath
@@ -67,7 +60,7 @@ typedef struct {
 
 RAY_INLINE vint is_positive(vfloat d) { return v_gt(d, (vfloat)(0.0f)); }
 
-REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level LAYER_TAKEN)
+K_CALLED vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *place, int level LAYER_TAKEN)
 {
     const vfloat d = world_point(data, place, level);
 #ifdef REFINE_LAYER
@@ -77,7 +70,7 @@ REFINE_CALL vfloat density_at(K_GLOBAL const ulong *data, const world_point_at *
 #endif
 }
 
-REFINE_CALL vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level,
+K_CALLED vfloat surface_at(K_GLOBAL const ulong *data, const world_point_at *place, int level,
                               vfloat gradient[3] LAYER_TAKEN)
 {
     const vfloat d = world_surface(data, place, level, gradient);

@@ -10,13 +10,6 @@
 
 #include "raycast/cast/exact.clh"
 
-/* With many lanes what is large is called: one copy of each. */
-#if LANES > 1
-#define BEND_CALL static __attribute__((noinline)) K_WIDE
-#else
-#define BEND_CALL RAY_INLINE
-#endif
-
 /* The world's own text, around a chord's start. */
 typedef struct {
     K_GLOBAL const ulong *data, *index_data, *bound_data;
@@ -27,22 +20,22 @@ typedef struct {
 
 #include "raycast/light/bend.clh"
 
-BEND_CALL vfloat matter_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
+K_CALLED vfloat matter_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
 {
     return world_point(data, place, level);
 }
 
-BEND_CALL vfloat slope_of_matter(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
+K_CALLED vfloat slope_of_matter(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
 {
     return world_surface(data, place, level, gradient);
 }
 
-BEND_CALL vfloat index_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
+K_CALLED vfloat index_at(K_GLOBAL const ulong *data, const world_point_at *place, int level)
 {
     return other_point(data, place, level);
 }
 
-BEND_CALL vfloat slope_of_index(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
+K_CALLED vfloat slope_of_index(K_GLOBAL const ulong *data, const world_point_at *place, int level, vfloat gradient[3])
 {
     return other_surface(data, place, level, gradient);
 }
@@ -111,7 +104,7 @@ RAY_INLINE bend_bound bend_bounds(const bend_field *field, const vector3 *at, vf
     return b;
 }
 #else
-BEND_CALL bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfloat radius)
+K_CALLED bend_bound bend_bounds(const bend_field *field, const vector3 *at, vfloat radius)
 {
     const vfloat zero = (vfloat)(0.0f), steepest = (vfloat)(STEEPEST);
     world_point_at place;

@@ -4,21 +4,24 @@
 #include <stdlib.h>
 
 #include "raycast/light/radiance_shared.h"
+#include "raycast/light/scan.h"
 
 #define GPU_LOCAL_SIZE 64
 
 struct karst_bounce {
     karst_context *context;
     karst_program *program;
-    cl_kernel count, scan, mirror, pack, add_sun;
+    cl_kernel count, scan, mirror, add_sun, pack; /* pack: NULL with one lane */
     bool sun;
-    uint32_t num_blocks, room; /* of the largest pictures that there is room for; rays */
-    uint32_t limit;            /* rays of the stream at hand, in whole blocks; 0: a picture's */
+    uint32_t num_beams, room; /* of the largest pictures that there is room for; rays */
+    uint32_t limit;           /* rays of the stream at hand, in whole beams; 0: a picture's */
     karst_buffer *rays, *hits, *counts, *total;
     karst_buffer *shadow_rays, *suns, *marks; /* NULL without a sun */
 };
 
-#define BLOCK_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
+#define BEAM_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
+
+static bool has_packing(const karst_bounce *bounce) { return bounce->context->lanes > 1; }
 
 karst_bounce *karst_bounce_create(karst_context *context, bool sun, karst_error *error)
 {
@@ -36,10 +39,12 @@ karst_bounce *karst_bounce_create(karst_context *context, bool sun, karst_error 
         bounce->count = karst_program_kernel(bounce->program, "bounce_count", error);
         bounce->scan = karst_program_kernel(bounce->program, "bounce_scan", error);
         bounce->mirror = karst_program_kernel(bounce->program, "bounce_mirror", error);
-        bounce->pack = karst_program_kernel(bounce->program, "bounce_pack_shadows", error);
+        if (has_packing(bounce))
+            bounce->pack = karst_program_kernel(bounce->program, "bounce_pack_shadows", error);
         bounce->add_sun = karst_program_kernel(bounce->program, "bounce_add_sun", error);
     }
-    if (!bounce->count || !bounce->scan || !bounce->mirror || !bounce->pack || !bounce->add_sun) {
+    if (!bounce->count || !bounce->scan || !bounce->mirror || (has_packing(bounce) && !bounce->pack) ||
+        !bounce->add_sun) {
         karst_bounce_destroy(bounce);
         return NULL;
     }
@@ -60,7 +65,7 @@ void karst_bounce_destroy(karst_bounce *bounce)
 {
     if (!bounce)
         return;
-    cl_kernel kernels[] = {bounce->count, bounce->scan, bounce->mirror, bounce->pack, bounce->add_sun};
+    cl_kernel kernels[] = {bounce->count, bounce->scan, bounce->mirror, bounce->add_sun, bounce->pack};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -70,7 +75,8 @@ void karst_bounce_destroy(karst_bounce *bounce)
     free(bounce);
 }
 
-static size_t num_blocks(int width_px, int height_px)
+/* Beams that a picture has. */
+static size_t num_beams(int width_px, int height_px)
 {
     const size_t side_x = KARST_GROUP_SIDE * KARST_BEAM_ACROSS, side_y = KARST_GROUP_SIDE * KARST_BEAM_DOWN;
     return ((size_t)width_px + side_x - 1) / side_x * (((size_t)height_px + side_y - 1) / side_y);
@@ -79,9 +85,12 @@ static size_t num_blocks(int width_px, int height_px)
 double karst_bounce_bytes(int width_px, int height_px, bool sun)
 {
     const size_t of_sun = (KARST_SHADOW_FIELDS + KARST_RADIANCE_PLANES + 1) * sizeof(float);
-    return (double)num_blocks(width_px, height_px) * BLOCK_RAYS *
+    return (double)num_beams(width_px, height_px) * BEAM_RAYS *
            (double)(sizeof(karst_ray) + sizeof(karst_hit) + (sun ? of_sun : 0));
 }
+
+/* Rays that a work-item makes: raycast/light/blocks.clh. */
+static uint32_t block_rays(const karst_bounce *bounce) { return karst_scan_block(bounce->context, BEAM_RAYS); }
 
 static karst_buffer *make(karst_bounce *bounce, size_t bytes_per_ray, karst_error *error)
 {
@@ -90,14 +99,15 @@ static karst_buffer *make(karst_bounce *bounce, size_t bytes_per_ray, karst_erro
 
 bool karst_bounce_set_room(karst_bounce *bounce, int width_px, int height_px, karst_error *error)
 {
-    if (bounce->rays && num_blocks(width_px, height_px) <= bounce->num_blocks)
+    if (bounce->rays && num_beams(width_px, height_px) <= bounce->num_beams)
         return true;
     free_room(bounce);
-    bounce->num_blocks = (uint32_t)num_blocks(width_px, height_px);
-    bounce->room = bounce->num_blocks * BLOCK_RAYS;
+    bounce->num_beams = (uint32_t)num_beams(width_px, height_px);
+    bounce->room = bounce->num_beams * BEAM_RAYS;
     bounce->rays = make(bounce, sizeof(karst_ray), error);
     bounce->hits = make(bounce, sizeof(karst_hit), error);
-    bounce->counts = karst_buffer_create_blank(bounce->context, "stream", bounce->num_blocks * sizeof(uint32_t), error);
+    bounce->counts = karst_buffer_create_blank(
+        bounce->context, "stream", bounce->room / block_rays(bounce) * sizeof(uint32_t), error);
     if (bounce->sun) {
         bounce->shadow_rays = make(bounce, KARST_SHADOW_FIELDS * sizeof(float), error);
         bounce->suns = make(bounce, KARST_RADIANCE_PLANES * sizeof(float), error);
@@ -115,7 +125,7 @@ static uint32_t most_rays(const karst_bounce *bounce, const karst_pinhole *pinho
 
 void karst_bounce_limit(karst_bounce *bounce, uint32_t max_rays)
 {
-    bounce->limit = (max_rays + BLOCK_RAYS - 1) / BLOCK_RAYS * BLOCK_RAYS;
+    bounce->limit = (max_rays + BEAM_RAYS - 1) / BEAM_RAYS * BEAM_RAYS;
 }
 
 karst_pinhole karst_bounce_pinhole(const karst_bounce *bounce, const karst_pinhole *pinhole)
@@ -132,10 +142,12 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
 {
     const int width_px = pinhole->width_px, height_px = pinhole->height_px;
     const size_t num_pixels = (size_t)width_px * (size_t)height_px;
-    const cl_uint blocks = (cl_uint)num_blocks(width_px, height_px), room = most_rays(bounce, pinhole);
+    const cl_uint room = most_rays(bounce, pinhole),
+                  blocks = karst_bounce_room(width_px, height_px) / block_rays(bounce);
     karst_context *context = bounce->context;
     const size_t local_size = context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
-    if (!bounce->rays || bounce->num_blocks < blocks || hits->size_bytes / sizeof(karst_hit) < num_pixels ||
+    if (!bounce->rays || bounce->num_beams < num_beams(width_px, height_px) ||
+        hits->size_bytes / sizeof(karst_hit) < num_pixels ||
         parts->size_bytes / sizeof(float) < (KARST_RADIANCE_MIRROR_PLANE + 1) * num_pixels)
         return karst_fail(error, KARST_FAILED, "there is no room for the mirrored rays of a picture of %dx%d", width_px,
                           height_px);
@@ -145,7 +157,7 @@ bool karst_bounce_mirror(karst_bounce *bounce, const karst_cast_view *view, cons
            karst_launch(context, bounce->count, KARST_STAGE_SHADE, blocks, local_size, error) &&
            KARST_ARGUMENTS(bounce->scan, error, KARST_BUFFER_ARG(bounce->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(bounce->total), KARST_BUFFER_ARG(counters)) &&
-           karst_launch(context, bounce->scan, KARST_STAGE_SHADE, 1, 1, error) &&
+           karst_launch_scan(context, bounce->scan, error) &&
            KARST_ARGUMENTS(bounce->mirror, error, KARST_VALUE_ARG(*pinhole), KARST_VALUE_ARG(view->detail),
                            KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(parts), KARST_BUFFER_ARG(bounce->counts),
                            KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(bounce->rays), KARST_VALUE_ARG(shadows),
@@ -163,12 +175,11 @@ bool karst_bounce_cast(karst_bounce *bounce, karst_caster *caster, const karst_c
 /* room: places in each of their planes. */
 static bool pack_shadows(karst_bounce *bounce, cl_uint room, karst_error *error)
 {
-    const size_t at_once = (size_t)KARST_PACKED_BLOCKS * BLOCK_RAYS;
-    const size_t local_size = bounce->context->lanes == 1 ? GPU_LOCAL_SIZE : 1;
-    return KARST_ARGUMENTS(bounce->pack, error, KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
+    const size_t at_once = (size_t)KARST_PACKED_BEAMS * BEAM_RAYS;
+    return !bounce->pack ||
+           (KARST_ARGUMENTS(bounce->pack, error, KARST_BUFFER_ARG(bounce->total), KARST_VALUE_ARG(room),
                            KARST_BUFFER_ARG(bounce->shadow_rays), KARST_BUFFER_ARG(bounce->suns)) &&
-           karst_launch(bounce->context, bounce->pack, KARST_STAGE_SHADE, (room + at_once - 1) / at_once, local_size,
-                        error);
+            karst_launch(bounce->context, bounce->pack, KARST_STAGE_SHADE, (room + at_once - 1) / at_once, 1, error));
 }
 
 bool karst_bounce_shade(karst_bounce *bounce, karst_shader *shader, const karst_cast_view *view,
@@ -224,7 +235,7 @@ karst_bounce_stream karst_bounce_get_stream(const karst_bounce *bounce)
 
 uint32_t karst_bounce_room(int width_px, int height_px)
 {
-    return (uint32_t)num_blocks(width_px, height_px) * BLOCK_RAYS;
+    return (uint32_t)num_beams(width_px, height_px) * BEAM_RAYS;
 }
 
 void karst_bounce_exchange(karst_bounce *bounce, karst_buffer **rays, karst_buffer **total)

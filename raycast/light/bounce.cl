@@ -1,7 +1,7 @@
 /* Entry points of bounces: from surfaces to the next stream of rays, packed by prefix sums. See raycast/light/bounce.h.
  *
- * A block is the pixels of a beam, 32x32, group by group; its rays are neighbours in the stream, in the order of their
- * pixels. */
+ * The rays of a block of pixels (raycast/light/blocks.clh) are neighbours in the stream, in the order of their pixels.
+ */
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #include "raycast/shadow_shared.h"
@@ -33,15 +33,13 @@ __kernel K_WIDE void bounce_count(int width_px, int height_px, K_GLOBAL const fl
     counts[block] = num;
 }
 
-/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
-__kernel void bounce_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total, K_GLOBAL uint *counters)
+/* From counts to where each block's rays begin, and how many there are in all. */
+SCAN_KERNEL void bounce_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total, K_GLOBAL uint *counters)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *total = sum;
     counters[5] += sum;
 }
@@ -143,7 +141,8 @@ __kernel K_WIDE void bounce_mirror(karst_pinhole pinhole, float detail, K_GLOBAL
 /* Closes the ranks of a stream's shadow rays, and of what the sun adds to them: those of PACKED_RAYS neighbours come
  * after one another from the first place on, in their order, and the places behind them are free. Few of what is
  * mirrored faces the sun, and rays that travel together are to be many. One work-item for each of those. */
-#define PACKED_RAYS (KARST_PACKED_BLOCKS * BLOCK_RAYS)
+#if LANES == 16 /* one lane alone has no use for it */
+#define PACKED_RAYS (KARST_PACKED_BEAMS * BLOCK_RAYS)
 RAY_INLINE void pack_plane(K_GLOBAL float *plane, uint to, uint from, uint bits)
 {
     float lanes[LANES];
@@ -173,6 +172,7 @@ __kernel K_WIDE void bounce_pack_shadows(K_GLOBAL const uint *count, uint room, 
     for (uint i = to; i < end; i++)
         widths[i] = 0.0f;
 }
+#endif
 
 /* Adds what the sun does to pixels, of the shadow rays of a stream that nothing hides it from: LANES places for each
  * work-item. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "raycast/light/radiance_shared.h"
+#include "raycast/light/scan.h"
 
 #define GPU_LOCAL_SIZE 64
 #define PACKETS_PER_ITEM 64u /* with 16 lanes: as PACKETS in clear.cl */
@@ -145,7 +146,7 @@ void karst_clear_destroy(karst_clear *clear)
     free(clear);
 }
 
-#define BLOCK_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
+#define BEAM_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
 #define RAY_BYTES \
     (sizeof(karst_ray) + 2 * sizeof(karst_clear_way) + 2 * sizeof(karst_hit) + \
      (KARST_CLEAR_MATTER_PLANES + 2) * sizeof(float))
@@ -155,6 +156,9 @@ double karst_clear_bytes(int width_px, int height_px, bool sun, bool bends)
     const double ray_bytes = (double)RAY_BYTES + (bends ? (double)KARST_BEND_RAY_BYTES : 0);
     return karst_bounce_bytes(width_px, height_px, sun) + karst_bounce_room(width_px, height_px) * ray_bytes;
 }
+
+/* Rays that a work-item makes: raycast/light/blocks.clh. */
+static uint32_t block_rays(const karst_clear *clear) { return karst_scan_block(clear->context, BEAM_RAYS); }
 
 static karst_buffer *make(karst_clear *clear, size_t num, size_t each_bytes, karst_error *error)
 {
@@ -177,7 +181,7 @@ bool karst_clear_set_room(karst_clear *clear, int width_px, int height_px, karst
         !(clear->matter = make(clear, room, KARST_CLEAR_MATTER_PLANES * sizeof(float), error)) ||
         !(clear->lacked = make(clear, room, sizeof(uint32_t), error)) ||
         !(clear->lacking = make(clear, room, sizeof(uint32_t), error)) ||
-        !(clear->counts = make(clear, room / BLOCK_RAYS, sizeof(uint32_t), error)))
+        !(clear->counts = make(clear, room / block_rays(clear), sizeof(uint32_t), error)))
         return false;
     clear->width_px = width_px;
     clear->height_px = height_px;
@@ -220,7 +224,7 @@ static karst_bounce_stream stream_of(karst_clear *clear, const karst_clear_pictu
 {
     karst_bounce_stream stream = karst_bounce_get_stream(clear->bounce);
     karst_bounce_limit(clear->bounce, num_rays);
-    stream.room = num_rays ? (num_rays + BLOCK_RAYS - 1) / BLOCK_RAYS * BLOCK_RAYS
+    stream.room = num_rays ? (num_rays + BEAM_RAYS - 1) / BEAM_RAYS * BEAM_RAYS
                            : karst_bounce_room(picture->pinhole->width_px, picture->pinhole->height_px);
     return stream;
 }
@@ -350,7 +354,7 @@ static bool scan(karst_clear *clear, const karst_clear_picture *picture, karst_b
     const cl_kernel kernel = picture->clear_shader->kernels[SCAN];
     return KARST_ARGUMENTS(kernel, error, KARST_BUFFER_ARG(clear->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(total), KARST_BUFFER_ARG(picture->counters)) &&
-           karst_launch(clear->context, kernel, KARST_STAGE_SHADE, 1, 1, error);
+           karst_launch_scan(clear->context, kernel, error);
 }
 
 /* What kernels take in the end with a bender alone. */
@@ -372,7 +376,7 @@ static bool begin_branch(karst_clear *clear, const karst_clear_picture *picture,
 {
     const cl_kernel *kernels = picture->clear_shader->kernels;
     const karst_bounce_stream stream = stream_of(clear, picture, 0);
-    const uint32_t blocks = stream.room / BLOCK_RAYS;
+    const uint32_t blocks = stream.room / block_rays(clear);
     const met_arguments met = met_of(picture);
     const karst_argument first[] = {
         KARST_VALUE_ARG(*task), KARST_VALUE_ARG(*picture->pinhole), KARST_BUFFER_ARG(picture->hits),
@@ -464,7 +468,7 @@ static bool go_on(karst_clear *clear, const karst_clear_picture *picture, const 
                   const karst_bounce_stream *stream, karst_error *error)
 {
     const cl_kernel *kernels = picture->clear_shader->kernels;
-    const uint32_t blocks = stream->room / BLOCK_RAYS;
+    const uint32_t blocks = stream->room / block_rays(clear);
     const cl_mem shadows = stream->shadow_rays ? stream->shadow_rays->mem : NULL;
     const met_arguments met = met_of(picture);
     const karst_buffer *shares =

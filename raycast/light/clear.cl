@@ -352,15 +352,13 @@ __kernel K_WIDE void clear_count_first(karst_clear_task task, karst_pinhole pinh
     counts[block] = num;
 }
 
-/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
-__kernel void clear_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total, K_GLOBAL uint *counters)
+/* From counts to where each block's rays begin, and how many there are in all. */
+SCAN_KERNEL void clear_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total, K_GLOBAL uint *counters)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *total = sum;
     counters[KARST_CLEAR_COUNT_RAYS] += sum;
 }

@@ -1,5 +1,7 @@
 /* Paths through clear matter: see raycast/light/clear_paths.h. Casting and shading have lanes; what is done between
  * them is done one by one, on any device. */
+#include "raycast/light/scan.clh"
+
 #undef LANES
 #define LANES 1
 #include "raycast/cast/cast_shared.h"
@@ -11,7 +13,7 @@
 #include "raycast/light/light.clh"
 #include "raycast/light/paths_shared.h"
 
-#define BLOCK_RAYS 256u /* as in paths.cl */
+#define BLOCK_RAYS SCAN_BLOCK(KARST_PATH_BLOCK) /* as in paths.cl */
 
 RAY_INLINE float dot_of(const vector3 *a, const vector3 *b)
 {

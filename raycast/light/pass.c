@@ -1,10 +1,12 @@
 /* Launching the kernels of light that passes land, and the casts between them. */
 #include "raycast/light/pass.h"
 
+#include "raycast/light/scan.h"
+
 #include <stdlib.h>
 
 #define LOCAL_SIZE 64
-#define SIDE_PX 32 /* as in pass.cl */
+#define SIDE_PX 32u /* as in pass.cl */
 
 enum { INSIDE, LEAVE, ON, COUNT_DARK, SCAN, DARK_RAYS, ADD, NUM_KERNELS };
 static const char *const kernel_names[NUM_KERNELS] = {"pass_inside", "pass_leave",     "pass_on", "pass_count_dark",
@@ -76,14 +78,13 @@ static bool make(karst_pass *pass, karst_buffer **buffer, size_t num, size_t eac
 
 bool karst_pass_set_room(karst_pass *pass, uint32_t num_rays, karst_error *error)
 {
-    if (pass->counts && pass->room >= num_rays)
+    if (pass->dark && pass->room >= num_rays)
         return true;
     free_room(pass);
     if (!make(pass, &pass->inside, num_rays, sizeof(karst_ray), error) ||
         !make(pass, &pass->hits, num_rays, sizeof(karst_hit), error) ||
         !make(pass, &pass->shares, num_rays, sizeof(float), error) ||
-        !make(pass, &pass->dark, num_rays, sizeof(karst_ray), error) ||
-        !make(pass, &pass->counts, num_rays / SIDE_PX + 1, sizeof(uint32_t), error))
+        !make(pass, &pass->dark, num_rays, sizeof(karst_ray), error))
         return false;
     pass->room = num_rays;
     return true;
@@ -151,6 +152,15 @@ bool karst_pass_to_lamps(const karst_pass_picture *picture, karst_buffer *rays, 
     return true;
 }
 
+/* Room for the counts of so many blocks. */
+static bool make_counts(karst_pass *pass, size_t num, karst_error *error)
+{
+    if (pass->counts && pass->counts->size_bytes >= num * sizeof(uint32_t))
+        return true;
+    karst_buffer_destroy(pass->counts);
+    return make(pass, &pass->counts, num, sizeof(uint32_t), error);
+}
+
 /* The rays to the sun that end, as a stream without gaps; how many. */
 static bool gather_dark(const karst_pass_picture *picture, const karst_pass_dark *dark, uint32_t *num_rays,
                         karst_error *error)
@@ -159,15 +169,17 @@ static bool gather_dark(const karst_pass_picture *picture, const karst_pass_dark
     const karst_shadow_sun sun =
         karst_cast_shadow_sun(picture->land, dark->pinhole, picture->light, dark->of_stream);
     const cl_uint width = (cl_uint)sun.width_px, height = (cl_uint)sun.height_px,
-                  blocks = ((width + SIDE_PX - 1) / SIDE_PX) * ((height + SIDE_PX - 1) / SIDE_PX);
+                  tiles = ((width + SIDE_PX - 1) / SIDE_PX) * ((height + SIDE_PX - 1) / SIDE_PX),
+                  blocks = tiles * (SIDE_PX * SIDE_PX / karst_scan_block(pass->context, SIDE_PX * SIDE_PX));
     const cl_ulong first = dark->first, stride = dark->stride;
-    return KARST_ARGUMENTS(pass->kernels[COUNT_DARK], error, KARST_BUFFER_ARG(dark->shadow_rays),
+    return make_counts(pass, blocks, error) &&
+           KARST_ARGUMENTS(pass->kernels[COUNT_DARK], error, KARST_BUFFER_ARG(dark->shadow_rays),
                            KARST_BUFFER_ARG(dark->marks), KARST_VALUE_ARG(width), KARST_VALUE_ARG(height),
                            KARST_BUFFER_ARG(pass->counts), KARST_VALUE_ARG(blocks)) &&
            launch(pass, COUNT_DARK, blocks, error) &&
            KARST_ARGUMENTS(pass->kernels[SCAN], error, KARST_BUFFER_ARG(pass->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(pass->total)) &&
-           karst_launch(pass->context, pass->kernels[SCAN], KARST_STAGE_SHADE, 1, 1, error) &&
+           karst_launch_scan(pass->context, pass->kernels[SCAN], error) &&
            KARST_ARGUMENTS(pass->kernels[DARK_RAYS], error, KARST_VALUE_ARG(sun), KARST_BUFFER_ARG(dark->shadow_rays),
                            KARST_BUFFER_ARG(dark->marks), KARST_BUFFER_ARG(dark->suns), KARST_VALUE_ARG(first),
                            KARST_VALUE_ARG(stride), KARST_BUFFER_ARG(pass->counts), KARST_VALUE_ARG(blocks),

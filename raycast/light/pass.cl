@@ -1,5 +1,7 @@
 /* Entry points of light that passes land: see raycast/light/pass.h. Casting and shading have lanes; what is done
  * between them is done one by one, on any device. */
+#include "raycast/light/scan.clh"
+
 #undef LANES
 #define LANES 1
 #include "raycast/cast/cast_shared.h"
@@ -95,15 +97,19 @@ __kernel void pass_on(K_GLOBAL karst_ray *rays, K_GLOBAL const uint *count, K_GL
 
 /* ---- shadow rays that land hides ---- */
 
-/* Pixels of a block: 32x32 of them, packet by packet, so that neighbours of the stream are neighbours. */
+/* Tiles of 32x32 pixels, packet by packet, so that neighbours of the stream are neighbours; a block is a tile, or a
+ * pixel of one. */
 #define SIDE_PX 32u
+#define TILE_PX (SIDE_PX * SIDE_PX)
+#define BLOCK_PX SCAN_BLOCK(TILE_PX)
 
 /* The pixel of place i of a block; false: it is outside the picture. */
 RAY_INLINE int block_pixel(uint block, uint i, uint width, uint height, uint *x, uint *y)
 {
-    const uint across = (width + SIDE_PX - 1) / SIDE_PX, packet = i / 16;
-    *x = block % across * SIDE_PX + packet % 8 * 4 + i % 4;
-    *y = block / across * SIDE_PX + packet / 8 * 4 + i % 16 / 4;
+    const uint across = (width + SIDE_PX - 1) / SIDE_PX, place = block * BLOCK_PX + i;
+    const uint tile = place / TILE_PX, in_tile = place % TILE_PX, packet = in_tile / 16;
+    *x = tile % across * SIDE_PX + packet % 8 * 4 + in_tile % 4;
+    *y = tile / across * SIDE_PX + packet / 8 * 4 + in_tile % 16 / 4;
     return *x < width && *y < height;
 }
 
@@ -122,21 +128,19 @@ __kernel void pass_count_dark(K_GLOBAL const float *shadow_rays, K_GLOBAL const 
         return;
     const size_t plane = (size_t)width * height;
     uint num = 0, x, y;
-    for (uint i = 0; i < SIDE_PX * SIDE_PX; i++)
+    for (uint i = 0; i < BLOCK_PX; i++)
         if (block_pixel(block, i, width, height, &x, &y))
             num += (uint)is_dark(shadow_rays, marks, plane, width, x, y, karst_packet_order(x, y, width, height));
     counts[block] = num;
 }
 
-/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
-__kernel void pass_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
+/* From counts to where each block's rays begin, and how many there are in all. */
+SCAN_KERNEL void pass_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *total = sum;
 }
 
@@ -167,7 +171,7 @@ __kernel void pass_dark_rays(karst_shadow_sun sun, K_GLOBAL const float *shadow_
     const uint width = (uint)sun.width_px, height = (uint)sun.height_px;
     const size_t plane = (size_t)width * height;
     uint to = begins[block], x, y;
-    for (uint i = 0; i < SIDE_PX * SIDE_PX; i++) {
+    for (uint i = 0; i < BLOCK_PX; i++) {
         if (!block_pixel(block, i, width, height, &x, &y))
             continue;
         const uint order = karst_packet_order(x, y, width, height);

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "raycast/light/radiance_shared.h"
+#include "raycast/light/scan.h"
 
-#define BLOCK_RAYS 256u /* as in paths.cl */
 #define GPU_LOCAL_SIZE 64
 #define PADDING_RAYS (KARST_PACKET_RAYS * KARST_BEAM_PACKETS)
 /* Generations that are enqueued before it is looked whether any rays are left. */
@@ -15,7 +15,8 @@ struct karst_paths {
     karst_context *context;
     karst_program *program;
     cl_kernel begin, add, hide, count, scan, pack, count_lit, pack_lit, add_lit;
-    uint32_t room, num_blocks, num_lamps, num_shadows; /* room: rays; num_shadows: lamps that cast some */
+    uint32_t room, block_rays, num_blocks; /* room: rays */
+    uint32_t num_lamps, num_shadows;       /* num_shadows: lamps that cast some */
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
     karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
     karst_buffer *total[2]; /* rays in the stream, and in the next one, by turns */
@@ -108,7 +109,8 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
 {
     free_room(paths);
     paths->room = (uint32_t)padded(num_pixels);
-    paths->num_blocks = paths->room / BLOCK_RAYS;
+    paths->block_rays = karst_scan_block(paths->context, KARST_PATH_BLOCK);
+    paths->num_blocks = paths->room / paths->block_rays;
     karst_context *context = paths->context;
     paths->rays = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_ray), error);
     paths->next = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_ray), error);
@@ -210,6 +212,7 @@ static bool launch_blocks(const karst_paths *paths, cl_kernel kernel, size_t num
 static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_uint blocks, karst_error *error)
 {
     const cl_uint lamps = paths->num_shadows, all = lamps * blocks, again = 1; /* they count as rays to lamps alone */
+    const uint32_t num_rays = all * paths->block_rays;
     const int width_px = picture->pinhole->width_px, height_px = picture->pinhole->height_px;
     karst_buffer *total = paths->total[1];
     if (!KARST_ARGUMENTS(paths->count_lit, error, KARST_BUFFER_ARG(paths->shining), KARST_BUFFER_ARG(paths->counts),
@@ -217,18 +220,18 @@ static bool add_lit(karst_paths *paths, const karst_path_picture *picture, cl_ui
         !launch_blocks(paths, paths->count_lit, all, error) ||
         !KARST_ARGUMENTS(paths->scan, error, KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(all),
                          KARST_BUFFER_ARG(total), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(again)) ||
-        !karst_launch(paths->context, paths->scan, KARST_STAGE_SHADE, 1, 1, error) ||
+        !karst_launch_scan(paths->context, paths->scan, error) ||
         !KARST_ARGUMENTS(paths->pack_lit, error, KARST_BUFFER_ARG(paths->to_lamps), KARST_BUFFER_ARG(paths->shining),
                          KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(all), KARST_BUFFER_ARG(paths->next)) ||
         !launch_blocks(paths, paths->pack_lit, all, error))
         return false;
     const karst_path_media *media = picture->media;
-    if (media && !media->dim(media->user, paths->next, total, all * BLOCK_RAYS, error))
+    if (media && !media->dim(media->user, paths->next, total, num_rays, error))
         return false;
     karst_profile_set_stream(paths->context, KARST_STREAM_SHADOW);
-    const bool is_seen = !picture->over || hide_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
+    const bool is_seen = !picture->over || hide_lamps(paths, picture, paths->next, total, num_rays, error);
     karst_profile_set_stream(paths->context, KARST_NUM_STREAMS);
-    const bool cast = is_seen && cast_to_lamps(paths, picture, paths->next, total, all * BLOCK_RAYS, error);
+    const bool cast = is_seen && cast_to_lamps(paths, picture, paths->next, total, num_rays, error);
     if (!cast || picture->again)
         return cast;
     return KARST_ARGUMENTS(paths->add_lit, error, KARST_VALUE_ARG(width_px), KARST_VALUE_ARG(height_px),
@@ -243,14 +246,13 @@ static bool pack(karst_paths *paths, const karst_path_picture *picture, const ka
                  const karst_buffer *count, const karst_buffer *next_count, uint32_t num, karst_error *error)
 {
     const cl_uint again = picture->again;
-    karst_context *context = paths->context;
-    const cl_uint blocks = (num + BLOCK_RAYS - 1) / BLOCK_RAYS;
+    const cl_uint blocks = (num + paths->block_rays - 1) / paths->block_rays;
     return KARST_ARGUMENTS(paths->count, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
                            KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks)) &&
            launch_blocks(paths, paths->count, blocks, error) &&
            KARST_ARGUMENTS(paths->scan, error, KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(next_count), KARST_BUFFER_ARG(picture->counters), KARST_VALUE_ARG(again)) &&
-           karst_launch(context, paths->scan, KARST_STAGE_SHADE, 1, 1, error) &&
+           karst_launch_scan(paths->context, paths->scan, error) &&
            (through ? karst_clear_paths_pack(paths->clear, through, paths->next, paths->counts, blocks, error)
                     : KARST_ARGUMENTS(paths->pack, error, KARST_BUFFER_ARG(paths->next), KARST_BUFFER_ARG(count),
                                       KARST_BUFFER_ARG(paths->counts), KARST_VALUE_ARG(blocks),
@@ -389,7 +391,7 @@ static bool add_each_lamp(karst_paths *paths, const karst_path_picture *picture,
         task.first_packet = first / lanes;
         if (!karst_shade_paths(picture->shader, picture->view, picture->pinhole, picture->light, &task, &streams,
                                picture->parts, picture->counters, error) ||
-            (shadows && !add_lit(paths, picture, part_rays / BLOCK_RAYS, error)))
+            (shadows && !add_lit(paths, picture, part_rays / paths->block_rays, error)))
             return false;
     }
     return true;

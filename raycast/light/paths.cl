@@ -1,9 +1,10 @@
 /* Entry points of paths, but for what happens at surfaces (raycast/light/paths.clh): the first rays, what comes of
  * rays to lamps, and the next stream without gaps. See raycast/light/paths.h. */
 #include "raycast/light/path_rays.clh"
+#include "raycast/light/scan.clh"
 
 /* Rays of a stream that a work-item counts, and moves. */
-#define BLOCK_RAYS 256u
+#define BLOCK_RAYS SCAN_BLOCK(KARST_PATH_BLOCK)
 
 /* A ray for each pixel, in packet order; and no light yet, unless parts are kept. */
 __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays, K_GLOBAL float *parts,
@@ -127,16 +128,14 @@ __kernel void paths_count(K_GLOBAL const karst_ray *next, K_GLOBAL const uint *c
     counts[block] = num;
 }
 
-/* From counts to where each block's rays begin, and how many there are in all. One work-item. */
-__kernel void paths_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *next_count, K_GLOBAL uint *counters,
+/* From counts to where each block's rays begin, and how many there are in all. */
+SCAN_KERNEL void paths_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *next_count, K_GLOBAL uint *counters,
                          uint again)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *next_count = sum;
     if (!again)
         counters[5] += sum;

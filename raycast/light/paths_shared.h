@@ -11,6 +11,9 @@
 /* And: the surface that the ray comes from mirrored it. */
 #define KARST_PATH_MIRRORED 0x40000000u
 
+/* Rays of a stream that are counted together: a block of raycast/light/scan.clh. */
+#define KARST_PATH_BLOCK 256u
+
 /* What random numbers are for: with each generation's number that is another purpose of raycast/cast/jitter.clh. */
 #define KARST_PATH_OF_DIRECTION 0u
 #define KARST_PATH_OF_CHOICE 1u

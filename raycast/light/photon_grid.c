@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "raycast/light/scan.h"
+
 #define LOCAL_SIZE 64
 #define MIN_BUCKETS_LOG2 12u
 #define MAX_BUCKETS_LOG2 22u
@@ -124,7 +126,7 @@ bool karst_photon_grid_fill(karst_photon_grid *grid, const karst_photon_grid_tas
         launch(grid, SUMS, blocks, error) &&
         KARST_ARGUMENTS(grid->kernels[SCAN], error, KARST_BUFFER_ARG(grid->block_sums), KARST_VALUE_ARG(blocks),
                         KARST_BUFFER_ARG(grid->num_in_buckets)) &&
-        karst_launch(grid->context, grid->kernels[SCAN], KARST_STAGE_SHADE, 1, 1, error) &&
+        karst_launch_scan(grid->context, grid->kernels[SCAN], error) &&
         KARST_ARGUMENTS(grid->kernels[BEGINS], error, KARST_BUFFER_ARG(grid->buckets),
                         KARST_BUFFER_ARG(grid->block_sums), KARST_BUFFER_ARG(grid->begins), KARST_VALUE_ARG(blocks)) &&
         launch(grid, BEGINS, blocks, error) &&

@@ -1,4 +1,6 @@
 /* Spots of photons, and gathering them: see raycast/light/photon_grid.h. */
+#include "raycast/light/scan.clh"
+
 #undef LANES
 #define LANES 1
 #include "raycast/cast/cast_shared.h"
@@ -207,15 +209,13 @@ __kernel void photon_grid_sums(K_GLOBAL const uint *buckets, K_GLOBAL uint *sums
     sums[block] = sum;
 }
 
-/* From counts to where each block begins, and how many there are in all. One work-item. */
-__kernel void photon_grid_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
+/* From counts to where each block begins, and how many there are in all. */
+SCAN_KERNEL void photon_grid_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *total = sum;
 }
 

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "raycast/light/scan.h"
+
 #define LOCAL_SIZE 64
 #define NUM_PROBES KARST_PHOTON_CELLS
 /* Photons of a part of a cell at least, on average: else parts are twice as wide. So many have neighbours. */
@@ -98,7 +100,7 @@ static bool make_streams(karst_photons *p, karst_error *error)
            make(p, &p->fates, slots, sizeof(karst_photon_fate), error) &&
            make(p, &p->list, p->batch_rays, sizeof(uint32_t), error) &&
            make(p, &p->seen, NUM_PROBES, 2 * sizeof(float), error) &&
-           make(p, &p->counts, room / KARST_PHOTON_BLOCK, sizeof(uint32_t), error) &&
+           make(p, &p->counts, room / karst_scan_block(p->context, KARST_PHOTON_BLOCK), sizeof(uint32_t), error) &&
            make(p, &p->total[0], 1, sizeof(uint32_t), error) && make(p, &p->total[1], 1, sizeof(uint32_t), error) &&
            make(p, &p->lamp_buffer, KARST_MOST_LAMPS, sizeof(karst_photon_lamp), error) &&
            make(p, &p->no_lamps, KARST_MOST_LAMPS, sizeof(karst_lamp), error) &&
@@ -274,13 +276,13 @@ static bool meet(karst_photons *p, const karst_photon_task *task, const karst_pi
 static bool pack(karst_photons *p, const karst_buffer *count, const karst_buffer *next_count, uint32_t num,
                  uint32_t parts, karst_error *error)
 {
-    const uint32_t blocks = (num * parts + KARST_PHOTON_BLOCK - 1) / KARST_PHOTON_BLOCK;
+    const uint32_t block = karst_scan_block(p->context, KARST_PHOTON_BLOCK), blocks = (num * parts + block - 1) / block;
     return KARST_ARGUMENTS(p->kernels[COUNT], error, KARST_BUFFER_ARG(p->born), KARST_BUFFER_ARG(count),
                            KARST_VALUE_ARG(parts), KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks)) &&
            launch(p, COUNT, blocks, error) &&
            KARST_ARGUMENTS(p->kernels[SCAN], error, KARST_BUFFER_ARG(p->counts), KARST_VALUE_ARG(blocks),
                            KARST_BUFFER_ARG(next_count)) &&
-           karst_launch(p->context, p->kernels[SCAN], KARST_STAGE_SHADE, 1, 1, error) &&
+           karst_launch_scan(p->context, p->kernels[SCAN], error) &&
            KARST_ARGUMENTS(p->kernels[PACK], error, KARST_BUFFER_ARG(p->born), KARST_BUFFER_ARG(p->born_ways),
                            KARST_BUFFER_ARG(count), KARST_VALUE_ARG(parts), KARST_BUFFER_ARG(p->counts),
                            KARST_VALUE_ARG(blocks), KARST_BUFFER_ARG(p->rays), KARST_BUFFER_ARG(p->ways)) &&

@@ -1,5 +1,7 @@
 /* Photons: see raycast/light/photons.h. Casting them has lanes; what is done between casts is done one by one, on any
  * device. */
+#include "raycast/light/scan.clh"
+
 #undef LANES
 #define LANES 1
 #include "raycast/cast/cast_shared.h"
@@ -9,6 +11,8 @@
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/light.clh"
 #include "raycast/light/photons_shared.h"
+
+#define BLOCK_RAYS SCAN_BLOCK(KARST_PHOTON_BLOCK)
 
 /* What random numbers are for. */
 #define PHOTON_PLACE 0x3c6ef372u
@@ -478,24 +482,22 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
 __kernel void photons_count(K_GLOBAL const karst_ray *born, K_GLOBAL const uint *count, uint parts,
                             K_GLOBAL uint *counts, uint num_blocks)
 {
-    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count * parts;
+    const uint block = (uint)get_global_id(0), first = block * BLOCK_RAYS, num_rays = *count * parts;
     if (block >= num_blocks)
         return;
     uint num = 0;
-    for (uint i = first; i < first + KARST_PHOTON_BLOCK && i < num_rays; i++)
+    for (uint i = first; i < first + BLOCK_RAYS && i < num_rays; i++)
         num += born[i].t_max > 0.0f;
     counts[block] = num;
 }
 
-/* From counts to where each block begins, and how many there are in all. One work-item. */
-__kernel void photons_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
+/* From counts to where each block begins, and how many there are in all. */
+SCAN_KERNEL void photons_scan(K_GLOBAL uint *counts, uint num_blocks, K_GLOBAL uint *total)
 {
-    uint sum = 0;
-    for (uint i = 0; i < num_blocks; i++) {
-        const uint here = counts[i];
-        counts[i] = sum;
-        sum += here;
-    }
+    __local uint sums[SCAN_ITEMS];
+    const uint sum = scan_counts(counts, num_blocks, sums);
+    if (get_local_id(0) != 0)
+        return;
     *total = sum;
 }
 
@@ -503,11 +505,11 @@ __kernel void photons_pack(K_GLOBAL const karst_ray *born, K_GLOBAL const karst_
                            K_GLOBAL const uint *count, uint parts, K_GLOBAL const uint *begins, uint num_blocks,
                            K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways)
 {
-    const uint block = (uint)get_global_id(0), first = block * KARST_PHOTON_BLOCK, num_rays = *count * parts;
+    const uint block = (uint)get_global_id(0), first = block * BLOCK_RAYS, num_rays = *count * parts;
     if (block >= num_blocks)
         return;
     uint to = begins[block];
-    for (uint i = first; i < first + KARST_PHOTON_BLOCK && i < num_rays; i++)
+    for (uint i = first; i < first + BLOCK_RAYS && i < num_rays; i++)
         if (born[i].t_max > 0.0f) {
             rays[to] = born[i];
             ways[to++] = born_ways[i];

@@ -89,7 +89,7 @@ K_ASSERT_SIZE(karst_photon_fate, 20);
 #define KARST_PHOTON_SUM_NUM_LANDED 6 /* photons, not quanta */
 #define KARST_PHOTON_SUMS 7
 
-/* Rays of a stream that are counted together. */
+/* Rays of a stream that are counted together: a block of raycast/light/scan.clh. */
 #define KARST_PHOTON_BLOCK 256u
 
 /* What a launch is about. */
