@@ -33,7 +33,7 @@ typedef struct {
     float t_max;
     float width; /* footprint at t = 0, level-0 voxels */
     float cone;  /* growth of the footprint per unit of t */
-    uint pixel;  /* whatever the stream's maker wants back */
+    uint pixel;  /* whatever the stream's maker wants back; where what rays lack is noted: KARST_RAY_X and _Y */
     uint side;   /* KARST_SIDE_* */
     float throughput[3]; /* the share of its light that reaches the pixel, of red, green and blue */
     float rise;          /* above the surface that it starts above, per unit of t; 0: it starts above none */
@@ -102,5 +102,9 @@ typedef struct {
 
 /* As blend_below: such rays pass a level within a brick, and would blend over a voxel of their way. */
 #define KARST_WIDE_RAYS (1.0f / KARST_BRICK_CELLS)
+
+/* The pixel that a ray is of; the two highest bits are the maker's. */
+#define KARST_RAY_X(pixel) ((pixel) & 0xffffu)
+#define KARST_RAY_Y(pixel) ((pixel) >> 16 & 0x3fffu)
 
 #endif

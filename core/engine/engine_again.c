@@ -24,7 +24,7 @@ bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error
            (!engine->bounce || (karst_engine_look_at_mirrored(engine, &view, &pinhole, error) &&
                                 karst_engine_look_at_mirrored_shadows(engine, &view, &pinhole, error))) &&
            karst_engine_look_at_occlusion(engine, &view, error) &&
-           karst_engine_look_at_paths(engine, &view, &pinhole, error) &&
+           karst_engine_look_at_paths(engine, &view, &pinhole, true, error) &&
            karst_engine_trace_clear(engine, &view, &pinhole, KARST_FOLLOW_LACKING, error) &&
            karst_engine_look_at_photons(engine, &view, &pinhole, error);
 }

@@ -60,7 +60,7 @@ static bool cast_sure(karst_engine *engine, sure_rays rays, bool again, karst_er
                                                           NULL, engine->shadows_asked, NULL, error));
     return cast && (!engine->bounce || karst_engine_look_at_mirrored(engine, &view, &pinhole, error)) &&
            karst_engine_look_at_occlusion(engine, &view, error) &&
-           karst_engine_look_at_paths(engine, &view, &pinhole, error);
+           karst_engine_look_at_paths(engine, &view, &pinhole, false, error);
 }
 
 static bool round_of_sure_rays(karst_engine *engine, sure_rays rays, bool again, karst_allowance *left,

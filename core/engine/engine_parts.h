@@ -554,9 +554,10 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
                              const karst_light *light, karst_error *error);
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, bool mirrored, karst_error *error);
-/* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any. */
+/* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any.
+ * only_lacking: of paths of this picture's those alone that lacked something. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                                karst_error *error);
+                                bool only_lacking, karst_error *error);
 /* Likewise from where mirrored rays end. */
 bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast_view *view,
                                           const karst_pinhole *pinhole, karst_error *error);

@@ -153,12 +153,13 @@ bool karst_engine_look_at_mirrored_lights(karst_engine *engine, const karst_cast
 }
 
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
-                                karst_error *error)
+                                bool only_lacking, karst_error *error)
 {
     if (!engine->paths)
         return true;
     const karst_light light = karst_engine_light(engine);
     karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, &light, true);
+    picture.only_lacking = only_lacking;
     return engine->integrator == KARST_INTEGRATOR_FULL ? follow(engine, &picture, error)
                                                        : add_lights(engine, &picture, false, error);
 }

@@ -24,6 +24,8 @@ struct karst_caster {
     cl_kernel anchored;               /* NULL: not asked for */
     const karst_sunward *sunward;     /* borrowed; NULL: none */
     karst_splats *splats;             /* borrowed; NULL: none */
+    cl_mem lacking;                   /* borrowed; NULL: nowhere */
+    cl_uint lacking_width_px, lacking_height_px;
     bool sun_disc;                    /* KARST_CAST_SUN_DISC */
     bool beams;                       /* a work-item casts a beam, not `lanes` rays */
     karst_buffer *asked;              /* a word that nobody reads: most casts note nothing */
@@ -292,7 +294,9 @@ static bool cast_rays(karst_caster *caster, const karst_cast_view *view, const k
     const cl_mem written = hits ? hits->mem : NULL;
     return KARST_ARGUMENTS(caster->rays, error, POOL_ARGUMENTS(caster->cache), KARST_BUFFER_ARG(caster->asked),
                            KARST_BUFFER_ARG(caster->view), KARST_BUFFER_ARG(rays), KARST_VALUE_ARG(num_rays),
-                           KARST_VALUE_ARG(wanted), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count)) &&
+                           KARST_VALUE_ARG(wanted), KARST_VALUE_ARG(written), KARST_VALUE_ARG(count),
+                           KARST_VALUE_ARG(caster->lacking), KARST_VALUE_ARG(caster->lacking_width_px),
+                           KARST_VALUE_ARG(caster->lacking_height_px)) &&
            launch_rays(caster, caster->rays, num_rays, error) &&
            (!hits || !caster->splats || !num_rays ||
             karst_splats_rays(caster->splats, view, rays, num_rays, count, wanted, hits, error));
@@ -343,6 +347,13 @@ bool karst_cast_check_shadow_rays(const karst_buffer *rays, const karst_pinhole 
 }
 
 void karst_caster_set_splats(karst_caster *caster, karst_splats *splats) { caster->splats = splats; }
+
+void karst_caster_note_lacking(karst_caster *caster, const karst_buffer *lacking, int width_px, int height_px)
+{
+    caster->lacking = lacking ? lacking->mem : NULL;
+    caster->lacking_width_px = (cl_uint)width_px;
+    caster->lacking_height_px = (cl_uint)height_px;
+}
 
 void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward) { caster->sunward = sunward; }
 

@@ -447,11 +447,35 @@ RAY_INLINE void mark_ended(K_GLOBAL int *marks, const beam *b, const int index[B
         }
 }
 
+/* Where rays of a stream note that they lacked something: a word for each pixel of a picture, in packet order. */
+typedef struct {
+    K_GLOBAL uint *words; /* 0: nobody wants to know */
+    uint width_px, height_px;
+} lacking_notes;
+
+/* For all rays of packets that asked for something: each of these may have. */
+RAY_INLINE void note_lacking(const lacking_notes *lacking, K_GLOBAL const karst_ray *rays, beam_bits asked,
+                             const int index[BEAM_RAYS], const packet_start start[BEAM_PACKETS])
+{
+#ifdef KARST_MUTANT_LACKING /* for a test: as if nothing had */
+    asked = 0;
+#endif
+    for (; asked; asked &= asked - 1) {
+        const uint p = FIRST_PACKET(asked);
+        for (uint left = mask_bits(start[p].alive); left; left &= left - 1u) {
+            const uint lane = (uint)k_popcount((left & (0u - left)) - 1u);
+            const uint pixel = rays[index[p * LANES + lane]].pixel, x = KARST_RAY_X(pixel), y = KARST_RAY_Y(pixel);
+            if (x < lacking->width_px && y < lacking->height_px)
+                lacking->words[karst_packet_order(x, y, lacking->width_px, lacking->height_px)] = 1u;
+        }
+    }
+}
+
 /* wanted: KARST_CAST_HITS and its like. Constant: from_anchor, where all start there with one footprint, and none has a
  * side. */
 RAY_INLINE void cast_rays_of(const pools *pool, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
                              uint num_rays, uint wanted, uint beam_number, const int from_anchor,
-                             K_GLOBAL karst_hit *hits)
+                             K_GLOBAL karst_hit *hits, const lacking_notes *lacking)
 {
     const pools own = *pool;
     beam b;
@@ -486,6 +510,8 @@ RAY_INLINE void cast_rays_of(const pools *pool, K_GLOBAL const karst_cast_view *
     b.blend_below = view->blend_below > 0.0f ? view->blend_below : 3.0e38f;
     b.found.only_whether = !hits || wanted == KARST_CAST_WHETHER;
     cast_beam(&own, view, from_anchor, 0, &b, start);
+    if (lacking->words)
+        note_lacking(lacking, rays, b.asked, index, start);
     if (hits && wanted == KARST_CAST_WHETHER)
         mark_ended((K_GLOBAL int *)hits, &b, index, valid);
     else if (hits)
@@ -494,21 +520,24 @@ RAY_INLINE void cast_rays_of(const pools *pool, K_GLOBAL const karst_cast_view *
 
 BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_view *view,
                                   K_GLOBAL const karst_ray *rays, uint num_rays, uint wanted, uint beam_number,
-                                  K_GLOBAL karst_hit *hits)
+                                  K_GLOBAL karst_hit *hits, const lacking_notes *lacking)
 {
-    cast_rays_of(pool, view, rays, num_rays, wanted, beam_number, 0, hits);
+    cast_rays_of(pool, view, rays, num_rays, wanted, beam_number, 0, hits, lacking);
 }
 
-/* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. */
+/* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. lacking: of lacking_notes.
+ */
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
-                               uint num_rays, uint wanted, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count)
+                               uint num_rays, uint wanted, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count,
+                               K_GLOBAL uint *lacking, uint width_px, uint height_px)
 {
     const pools pool = POOL_FIELDS;
+    const lacking_notes notes = {lacking, width_px, height_px};
     const uint beam_number = (uint)get_global_id(0);
     if (count && *count < num_rays)
         num_rays = *count;
     if (beam_number < (num_rays + BEAM_RAYS - 1) / BEAM_RAYS)
-        cast_rays_beam(&pool, view, rays, num_rays, wanted, beam_number, hits);
+        cast_rays_beam(&pool, view, rays, num_rays, wanted, beam_number, hits, &notes);
 }
 
 #ifdef CAST_FROM_ANCHOR
@@ -516,7 +545,8 @@ BEAM_FUNCTION void cast_anchored_beam(const pools *pool, K_GLOBAL const karst_ca
                                       K_GLOBAL const karst_ray *rays, uint num_rays, uint beam_number,
                                       K_GLOBAL karst_hit *hits)
 {
-    cast_rays_of(pool, view, rays, num_rays, KARST_CAST_HITS, beam_number, 1, hits);
+    const lacking_notes nowhere = {0, 0, 0};
+    cast_rays_of(pool, view, rays, num_rays, KARST_CAST_HITS, beam_number, 1, hits, &nowhere);
 }
 
 __kernel K_WIDE void cast_rays_from_anchor(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view,

@@ -18,6 +18,7 @@ struct karst_paths {
     uint32_t room, block_rays, num_blocks; /* room: rays */
     uint32_t num_lamps, num_shadows;       /* num_shadows: lamps that cast some */
     karst_buffer *rays, *next, *to_lamps, *hits, *counts, *lamps;
+    karst_buffer *lacking; /* a word for each pixel: its path lacked something */
     karst_buffer *shining; /* of rays to each lamp: the lanes of packets that have one */
     karst_buffer *total[2]; /* rays in the stream, and in the next one, by turns */
     karst_clear_paths *clear; /* NULL: paths go through no clear matter */
@@ -63,8 +64,8 @@ karst_paths *karst_paths_create(karst_context *context, bool clear, bool media, 
 
 static void free_room(karst_paths *paths)
 {
-    karst_buffer **buffers[] = {&paths->rays,   &paths->next,    &paths->to_lamps,  &paths->hits,
-                                &paths->counts, &paths->shining, &paths->collisions};
+    karst_buffer **buffers[] = {&paths->rays,   &paths->next,    &paths->to_lamps,   &paths->hits,
+                                &paths->counts, &paths->shining, &paths->collisions, &paths->lacking};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
         *buffers[i] = NULL;
@@ -100,7 +101,7 @@ uint32_t karst_paths_room(size_t num_pixels) { return (uint32_t)padded(num_pixel
 
 double karst_paths_bytes(size_t num_pixels, bool clear, bool media)
 {
-    return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + sizeof(uint32_t) +
+    return (double)padded(num_pixels) * (double)(3 * sizeof(karst_ray) + sizeof(karst_hit) + 2 * sizeof(uint32_t) +
                                                  (clear ? karst_clear_paths_ray_bytes() : 0) +
                                                  (media ? sizeof(karst_path_collision) : 0));
 }
@@ -116,6 +117,7 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
     paths->next = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_ray), error);
     paths->to_lamps = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_ray), error);
     paths->hits = karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_hit), error);
+    paths->lacking = karst_buffer_create_blank(context, "stream", paths->room * sizeof(uint32_t), error);
     paths->counts = karst_buffer_create_blank(context, "stream", paths->num_blocks * sizeof(uint32_t), error);
     paths->shining = karst_buffer_create_blank(context, "stream",
                                                paths->room / (uint32_t)context->lanes * sizeof(uint32_t), error);
@@ -124,6 +126,7 @@ bool karst_paths_set_room(karst_paths *paths, size_t num_pixels, karst_error *er
               karst_buffer_create_blank(context, "stream", paths->room * sizeof(karst_path_collision), error)))
         return false;
     return paths->rays && paths->next && paths->to_lamps && paths->hits && paths->counts && paths->shining &&
+           paths->lacking &&
            (!paths->clear || karst_clear_paths_set_room(paths->clear, paths->room, error));
 }
 
@@ -140,7 +143,7 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
 
 static bool begin(karst_paths *paths, const karst_path_picture *picture, bool keeps_parts, karst_error *error)
 {
-    const cl_uint keep = keeps_parts;
+    const cl_uint keep = keeps_parts, only_lacking = picture->only_lacking && !picture->media;
     karst_pinhole pinhole = *picture->pinhole;
     const size_t across = ((size_t)pinhole.width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  down = ((size_t)pinhole.height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
@@ -149,7 +152,8 @@ static bool begin(karst_paths *paths, const karst_path_picture *picture, bool ke
         pinhole.sample = 0;
     return KARST_ARGUMENTS(paths->begin, error, KARST_VALUE_ARG(pinhole), KARST_BUFFER_ARG(paths->rays),
                            KARST_BUFFER_ARG(picture->parts), KARST_VALUE_ARG(keep),
-                           KARST_BUFFER_ARG(paths->total[0])) &&
+                           KARST_BUFFER_ARG(paths->total[0]), KARST_BUFFER_ARG(paths->lacking),
+                           KARST_VALUE_ARG(only_lacking)) &&
            karst_launch(paths->context, paths->begin, KARST_STAGE_SHADE, across * down * local_size, local_size, error);
 }
 
@@ -283,7 +287,7 @@ static bool cast(karst_paths *paths, const karst_path_picture *picture, const ka
     return !media || media->meet(media->user, to_media, error);
 }
 
-bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
+static bool follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
 {
     const uint32_t num_pixels = (uint32_t)picture->pinhole->width_px * (uint32_t)picture->pinhole->height_px;
     karst_path_task task = {.sample = picture->pinhole->sample ? picture->pinhole->sample : 1,
@@ -355,6 +359,24 @@ bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, u
             return false;
     }
     return true;
+}
+
+/* lacking NULL: no more. */
+static void note_lacking(const karst_path_picture *picture, const karst_buffer *lacking)
+{
+    karst_caster *casters[] = {picture->caster, picture->over, picture->clear ? picture->clear->caster : NULL};
+    for (size_t i = 0; i < sizeof casters / sizeof *casters; i++)
+        if (casters[i])
+            karst_caster_note_lacking(casters[i], lacking, picture->pinhole->width_px, picture->pinhole->height_px);
+}
+
+bool karst_paths_follow(karst_paths *paths, const karst_path_picture *picture, uint32_t max_bounces, karst_error *error)
+{
+    /* Rays that media cast are not of a path's pixel. */
+    note_lacking(picture, picture->media ? NULL : paths->lacking);
+    const bool done = follow(paths, picture, max_bounces, error);
+    note_lacking(picture, NULL);
+    return done;
 }
 
 /* Part by part of the stream, so that there is room for rays to all lamps of each. strip_packets: as in

@@ -6,9 +6,10 @@
 /* Rays of a stream that a work-item counts, and moves. */
 #define BLOCK_RAYS SCAN_BLOCK(KARST_PATH_BLOCK)
 
-/* A ray for each pixel, in packet order; and no light yet, unless parts are kept. */
+/* A ray for each pixel, in packet order; and no light yet, unless parts are kept. lacking: words that say of which
+ * pixels something was lacking, and are 0 from now on; only_lacking: rays of others are idle. */
 __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays, K_GLOBAL float *parts,
-                                 uint keep_parts, K_GLOBAL uint *count)
+                                 uint keep_parts, K_GLOBAL uint *count, K_GLOBAL float *lacking, uint only_lacking)
 {
     const vfloat zero = (vfloat)(0.0f), one = (vfloat)(1.0f);
     const size_t plane = (size_t)pinhole.width_px * (size_t)pinhole.height_px;
@@ -24,6 +25,9 @@ __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays
     r.origin.x = r.origin.y = r.origin.z = zero;
     r.direction = pinhole_direction(&pinhole, x, y);
     r.t_max = (vfloat)(pinhole.t_max);
+    if (only_lacking)
+        r.t_max = v_select(v_ne(v_as_int(load_ordered(lacking, r.index, r.valid)), (vint)(0)), r.t_max, zero);
+    store_ordered(lacking, r.index, r.valid, zero);
     r.width = zero;
     r.cone = (vfloat)(pinhole.cone);
     r.throughput.r = r.throughput.g = r.throughput.b = one;

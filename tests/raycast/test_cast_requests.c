@@ -510,6 +510,75 @@ static void looking_again_asks_for_all_that_is_missing(void **state)
     }
 }
 
+enum { LACKING_WIDTH = 16, LACKING_HEIGHT = 12, LACKING_RAYS = LACKING_WIDTH * LACKING_HEIGHT };
+
+/* Each ray alone, a few of many: how many want something, and of them those whose pixel has no word. */
+static void count_unnoted(const scene *s, karst_caster *caster, karst_cast_view *view, const karst_ray *rays,
+                          const uint32_t *words, uint32_t *num_wanting, uint32_t *num_unnoted)
+{
+    for (uint32_t i = 0; i < LACKING_RAYS; i += 5) {
+        view->serial++;
+        free(cast(s, caster, view, rays + i, 1, false));
+        const left_behind n = count_all(s, view->serial);
+        const uint32_t place = karst_packet_order(KARST_RAY_X(rays[i].pixel), KARST_RAY_Y(rays[i].pixel),
+                                                  LACKING_WIDTH, LACKING_HEIGHT);
+        *num_wanting += n.want_brick + n.want_children > 0;
+        *num_unnoted += n.want_brick + n.want_children > 0 && !words[place];
+    }
+}
+
+/* From nothing to all that rays every way down ask for. Returns how many wanted something that was not noted. */
+static uint32_t note_until_settled(karst_context *context, const char *options)
+{
+    karst_error error = {0};
+    scene s = scene_create(context, 1500, 4000, 1, 3, plate, ground);
+    scene_serve(&s, 1);
+    karst_caster *caster = open_caster(&s, options);
+    karst_cast_view view = scene_view(&s, anchor, 1);
+    karst_ray rays[LACKING_RAYS];
+    for (uint32_t i = 0; i < LACKING_RAYS; i++) {
+        const double zero[3] = {0}, angle = 2.4 * i, down = 0.15 + 0.85 * i / LACKING_RAYS,
+                     d[3] = {sqrt(1 - down * down) * cos(angle), -down, sqrt(1 - down * down) * sin(angle)};
+        rays[i] = make_ray(zero, d, 100);
+        rays[i].width = 1.3f * (float)(1 + i % 7);
+        /* the two highest bits are whatever the maker likes */
+        rays[i].pixel = (i / LACKING_WIDTH) << 16 | i % LACKING_WIDTH | (i % 4) << 30;
+    }
+    uint32_t zeros[LACKING_RAYS] = {0}, words[LACKING_RAYS], num_wanting = 0, num_unnoted = 0, served;
+    karst_buffer *lacking = karst_buffer_create(context, "lacking", sizeof zeros, zeros, &error);
+    scene_check(lacking != NULL, &error);
+    do {
+        scene_upload(&s);
+        scene_check(karst_buffer_write(lacking, 0, zeros, sizeof zeros, &error), &error);
+        karst_caster_note_lacking(caster, lacking, LACKING_WIDTH, LACKING_HEIGHT);
+        const uint32_t serial = ++view.serial;
+        free(cast(&s, caster, &view, rays, LACKING_RAYS, false));
+        karst_caster_note_lacking(caster, NULL, 0, 0);
+        scene_check(karst_buffer_read(lacking, 0, words, sizeof words, &error), &error);
+        const left_behind all = count_all(&s, serial);
+        served = scene_serve(&s, serial);
+        assert_int_equal(served > 0, all.want_brick + all.want_children > 0);
+        if (!served)
+            assert_memory_equal(words, zeros, sizeof words);
+        /* what was served is not uploaded yet */
+        count_unnoted(&s, caster, &view, rays, words, &num_wanting, &num_unnoted);
+    } while (served);
+    assert_true(num_wanting > 20);
+    karst_buffer_destroy(lacking);
+    karst_caster_destroy(caster);
+    scene_destroy(&s);
+    return num_unnoted;
+}
+
+static void streams_note_whose_rays_lack_something(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(note_until_settled(contexts[k], ""), 0);
+        assert_true(note_until_settled(contexts[k], "-DKARST_MUTANT_LACKING") > 20);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -519,6 +588,7 @@ int main(void)
         cmocka_unit_test(stand_ins_are_wanted_far_from_what_is_asked_for),
         cmocka_unit_test(who_wants_no_hits_leaves_the_same),
         cmocka_unit_test(looking_again_asks_for_all_that_is_missing),
+        cmocka_unit_test(streams_note_whose_rays_lack_something),
         cmocka_unit_test(finest_level_is_kept),         cmocka_unit_test(rays_that_end_on_stand_ins_are_counted),
     };
     return cmocka_run_group_tests(tests, open_contexts, close_contexts);
