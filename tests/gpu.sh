@@ -53,7 +53,7 @@ within()
 # ---- the table, whatever happens ----
 rows=$out/rows
 : > "$rows"
-rm -f "$out/ceilings" "$out/reference"
+rm -f "$out/ceilings" "$out/reference" "$out/light"
 name= display= karst= done=no passed=0 failed=0 failures=
 print_table()
 {
@@ -70,6 +70,7 @@ print_table()
         cat "$rows"
         echo "(ms; frame: settled; flight: median with 8 ms of production; start: from nothing to the settled picture)"
     fi
+    cat "$out/light" 2> /dev/null
     cat "$out/reference" 2> /dev/null
     [ "${KARST_GPU_TESTS:-yes}" = no ] || echo "kernel tests: $passed passed, $failed failed${failures:+:$failures}"
     if [ -s "$lacks" ]; then
@@ -250,6 +251,44 @@ bench_one()
             v["ceilings.noise_samples_per_s.median"] * 1e-6, v["ceilings.floor_ms.median"] }' > "$out/ceilings"
 }
 few="--runs 1 --rounds 9 --pool $pool"
+
+# Streams of rays: land that mirrors, beside itself without; paths of light; and glass from nothing, whose kernels are
+# the largest. A line each.
+light_mirror()
+{
+    [ "$(left)" -ge 8 ] || { lack "no time for mirrors"; return; }
+    say "bench hills 800x600 --mirror 1"
+    within "$(share 2 60)" "$karst" bench hills ${device:+--device "$device"} --size 800x600 -q --json "$out/mirror.json" \
+        $few --mirror 1 --beside no-mirror > "$out/mirror.log" 2>&1 || { lack "mirrors were not measured in time"; return; }
+    flatten "$out/mirror.json" | awk '
+        { value = $0; sub(/^[^=]*= /, "", value); v[$1] = value }
+        END { printf "hills 800x600, all of it a mirror: %.2f of a frame without, %.1f ns a mirrored ray, %.1f a camera ray\n",
+            v["ratios.settled_frame_per_frame_without_mirror.median"], v["settled.streams.mirror.ns_per_ray.median"],
+            v["settled.streams.primary.ns_per_ray.median"] }' >> "$out/light"
+}
+render_timed()
+{
+    title=$1
+    shift
+    [ "$(left)" -ge 8 ] || { lack "no time for $title"; return; }
+    say "$title"
+    within "$(share 2 90)" "$karst" render "$@" ${device:+--device "$device"} --pool "$pool" -q -o "$out/light.png" \
+        --stats "$out/light.json" > "$out/light.log" 2>&1 || { lack "$title: not in time"; return; }
+    echo "$title: $(value "$out/light.json" start_ms.complete) ms, $(value "$out/light.json" frames) frames" >> "$out/light"
+}
+light_full()
+{
+    size=160x120 samples=8
+    [ $is_gpu = no ] || size=640x480 samples=32
+    render_timed "full light of hills, $size, $samples samples" hills --light full --samples $samples --size $size
+}
+light_glass()
+{
+    export KARST_CACHE_DIR="$out/empty"
+    rm -rf "$out/empty"
+    render_timed "glass from an empty cache, 320x240" glass --samples 1 --size 320x240
+    export KARST_CACHE_DIR="$out/cache"
+}
 sizes=${KARST_GPU_SIZES:-1280x720 1920x1080 3840x2160}
 first=${sizes%% *}
 # The one line that everything is judged by does not wait for the tests.
@@ -324,6 +363,7 @@ if [ "${KARST_GPU_BENCH:-yes}" != no ]; then
     bench_one karst "$first" "" $few --no-shadows
     bench_one hills "$first" -shadows $few
     bench_one hills "$first" -flight $few --no-shadows --path low-flight --frames 120
+    light_mirror
     # Each pixel against the host's own arithmetic: it needs no test library.
     if [ "$(left)" -ge 8 ]; then
         say "a small picture against the host's reference"
@@ -339,6 +379,8 @@ if [ "${KARST_GPU_BENCH:-yes}" != no ]; then
     for size in $sizes; do
         [ "$size" = "$first" ] || bench_one karst "$size" "" $few --no-shadows
     done
+    light_full
+    light_glass
     # The other shape of the kernels, for scale.
     if [ $is_gpu = yes ]; then
         bench_one hills "$first" -lanes16 --runs 1 --rounds 5 --pool "$pool" --no-shadows --lanes 16
