@@ -555,7 +555,7 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
 bool karst_engine_draw_lights(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                               const karst_light *light, bool mirrored, karst_error *error);
 /* Casts those rays once more from where the picture's end, for what they ask for; does nothing without any.
- * only_lacking: of paths of this picture's those alone that lacked something. */
+ * only_lacking: of full light only the paths whose pixel lacked something when the picture was drawn. */
 bool karst_engine_look_at_paths(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 bool only_lacking, karst_error *error);
 /* Likewise from where mirrored rays end. */

@@ -525,8 +525,8 @@ BEAM_FUNCTION void cast_rays_beam(const pools *pool, K_GLOBAL const karst_cast_v
     cast_rays_of(pool, view, rays, num_rays, wanted, beam_number, 0, hits, lacking);
 }
 
-/* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. lacking: of lacking_notes.
- */
+/* count: how many there are, of num_rays at most; 0: as many. hits 0: nobody wants to know. lacking and the size: see
+ * lacking_notes. */
 __kernel K_WIDE void cast_rays(POOL_PARAMETERS, K_GLOBAL const karst_cast_view *view, K_GLOBAL const karst_ray *rays,
                                uint num_rays, uint wanted, K_GLOBAL karst_hit *hits, K_GLOBAL const uint *count,
                                K_GLOBAL uint *lacking, uint width_px, uint height_px)

@@ -1,9 +1,9 @@
 /* Launching the kernels of light that passes land, and the casts between them. */
 #include "raycast/light/pass.h"
 
-#include "raycast/light/scan.h"
-
 #include <stdlib.h>
+
+#include "raycast/light/scan.h"
 
 #define LOCAL_SIZE 64
 #define SIDE_PX 32u /* as in pass.cl */
