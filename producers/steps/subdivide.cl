@@ -48,13 +48,33 @@ K_INLINE float doubt_of(WORLD_TAKES const float bounds[6], int level)
     return karst_load_doubt(bounds[2], bounds[3], bounds[4], world_slack(WORLD_GIVES(data) level) + bounds[5], level);
 }
 
+/* Of a node of air whether thin matter beside it, which is shown wider than it is (raise.clh), may reach into it. It is
+ * no constant then: its samples say whether any does. */
+K_INLINE int thin_may_reach(WORLD_TAKES const float bounds[6], int level)
+{
+#ifdef WORLD_MAY_BE_THIN
+    /* by a voxel of the parent's, which the node may blend with */
+    const float half_a_voxel = karst_load_doubt(bounds[2], bounds[3], bounds[4], 0.0f, level);
+    return WORLD_RAISES_THIN(data) && half_a_voxel < WORLD_SLOPE_UNKNOWN &&
+           k_fma(half_a_voxel, 4.0f, bounds[1]) > 0.0f;
+#else
+    return 0;
+#endif
+}
+
+K_INLINE uint state_of(WORLD_TAKES const float bounds[6], int level)
+{
+    const uint state = karst_state_from_bounds(bounds[0], bounds[1]);
+    return state == KARST_STATE_AIR && thin_may_reach(WORLD_GIVES(data) bounds, level) ? KARST_STATE_UNKNOWN : state;
+}
+
 /* `known`: the node as it is. */
 K_INLINE void write_load(WORLD_TAKES const float bounds[6], const long corner[3], int level, karst_node known,
                                      K_GLOBAL karst_load *load)
 {
     karst_load l = {{corner[0], corner[1], corner[2]},
                     level,
-                    karst_state_from_bounds(bounds[0], bounds[1]),
+                    state_of(WORLD_GIVES(data) bounds, level),
                     doubt_of(WORLD_GIVES(data) bounds, level),
                     karst_node_is_clear(known)};
     *load = l;
@@ -64,17 +84,18 @@ K_INLINE void write_load(WORLD_TAKES const float bounds[6], const long corner[3]
 K_INLINE void write_loaded(WORLD_TAKES const float bounds[6], int level, float least, K_GLOBAL uint *result)
 {
     int is_solid = (*result & ~KARST_LOAD_KEPT) == KARST_STATE_CLEAR_SOLID;
-    uint state = karst_state_from_bounds(bounds[0], bounds[1]);
+    uint state = state_of(WORLD_GIVES(data) bounds, level);
     if (state == KARST_STATE_UNKNOWN)
         state = karst_state_from_samples(least, is_solid, !is_solid, 0u, doubt_of(WORLD_GIVES(data) bounds, level));
     if (state == KARST_STATE_AIR || state == KARST_STATE_SOLID)
         *result = state;
 }
 
-K_INLINE void write_child(const float bounds[6], K_GLOBAL const uint *list, K_GLOBAL const uint *slots, uint box,
+K_INLINE void write_child(WORLD_TAKES const float bounds[6], int level, K_GLOBAL const uint *list,
+                          K_GLOBAL const uint *slots, uint box,
                           K_GLOBAL karst_node *nodes, K_GLOBAL karst_tile_info *tile_info)
 {
-    uint state = karst_state_from_bounds(bounds[0], bounds[1]);
+    const uint state = state_of(WORLD_GIVES(data) bounds, level);
     uint parent = list[box / KARST_TILE_NODES], tile = slots[box / KARST_TILE_NODES];
     karst_node node = {KARST_NODE_LINK(state == KARST_STATE_UNKNOWN ? KARST_STATE_LOST : state, KARST_NONE),
                        KARST_NONE};
@@ -132,7 +153,7 @@ BOUNDS_ENTRY void bound_nodes(WORLD_TAKES K_GLOBAL const uint *list, K_GLOBAL co
         for (int k = 0; k < 6; k++)
             of_box[k] = values[k][i];
         if (kind == BOXES_OF_TILES)
-            write_child(of_box, list, slots, box, nodes, tile_info);
+            write_child(WORLD_GIVES(data) of_box, levels[i], list, slots, box, nodes, tile_info);
         else if (kind == BOXES_OF_LOADS)
             write_load(WORLD_GIVES(data) of_box, at, levels[i], nodes[list[box]], loads + box);
         else

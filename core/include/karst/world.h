@@ -15,10 +15,10 @@
 extern "C" {
 #endif
 
-/* Whether matter thinner than the voxels that a distance asks for is shown a voxel wide, or let go. */
+/* Whether matter thinner than two of the voxels that a distance asks for is shown two of them wide, or let go. */
 typedef enum {
     KARST_THIN_AUTO,   /* shown, unless noise is in all that the density joins, or it is very long: hills do not pay */
-    KARST_THIN_ALWAYS, /* shown wherever there may be some: with noise bricks take longer, and a start a fifth more */
+    KARST_THIN_ALWAYS, /* shown wherever there may be some: with noise bricks take two or three times as long */
     KARST_THIN_NEVER
 } karst_thin;
 
