@@ -198,7 +198,8 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
 
     if (!place_root(engine, error) || !karst_engine_load_root(engine, error) ||
         !use_the_wait(engine, error) || (stands && !karst_engine_survey_slopes(engine, error)) ||
-        !draw_and_answer(engine, moved, &work, error) || !fill_pool_stats(engine, error))
+        !karst_engine_look_first(engine, error) || !draw_and_answer(engine, moved, &work, error) ||
+        !fill_pool_stats(engine, error))
         return false;
     engine->path = NULL;
 

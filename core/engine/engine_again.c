@@ -2,15 +2,21 @@
  * still missing there once something was made. So what a picture lacks is asked for without drawing it anew. */
 #include "core/engine/engine_parts.h"
 
-bool karst_engine_look_again(karst_engine *engine, karst_error *error)
+/* whole: of the picture that is drawn next, from all parts. */
+static bool look(karst_engine *engine, bool whole, karst_error *error)
 {
     karst_cast_view view;
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
-    return karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error) &&
+    return (whole ? karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)
+                  : karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)) &&
            karst_engine_cast_into_clear(engine, &view, &pinhole, false, error) &&
            karst_engine_look_at_media(engine, &view, &pinhole, error);
 }
+
+bool karst_engine_look_at_all(karst_engine *engine, karst_error *error) { return look(engine, true, error); }
+
+bool karst_engine_look_again(karst_engine *engine, karst_error *error) { return look(engine, false, error); }
 
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error)
 {

@@ -77,6 +77,7 @@ bool karst_engine_read_albedo(karst_engine *engine, float *rgb, karst_error *err
     karst_shader_set_skies(engine->shader, NULL); /* no air before the albedo either */
     /* Of a world without colours, the kernel says how much is painted and what; the rest is the host's. */
     const bool lays_paint = (engine->colours || engine->shown.splats) && !coloured;
+    engine->held_sample = 0; /* shading takes the place of its light */
     float *painted = calloc(lays_paint ? 3 * num : 1, sizeof *painted);
     float *planes = malloc(3 * num * sizeof *planes), *normals = malloc(3 * num * sizeof *normals);
     karst_hit *hits = malloc(num * sizeof *hits);

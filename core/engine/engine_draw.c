@@ -73,14 +73,18 @@ static bool paint(karst_engine *engine, const karst_cast_view *view, const karst
            karst_views_paint(engine->views, engine->view, pinhole, engine->frame, engine->hits, pixels, error);
 }
 
+/* Of a picture that is drawn anew in part, those of the camera's rays stay. */
+#define CAMERA_COUNTERS 4
+
 /* Where the counters lie in the host's memory no command is enqueued for them: between two kernels each makes a core
  * wait longer. Nothing enqueued counts when a picture begins, nor when it has ended. */
 static bool clear_counters(karst_engine *engine, karst_error *error)
 {
     uint32_t *counters = karst_buffer_memory(engine->counters);
+    const size_t first = engine->draws_lacking ? CAMERA_COUNTERS : 0, kept_bytes = first * sizeof *engine->counted;
     if (!counters)
-        return karst_buffer_fill(engine->counters, 0, 0, sizeof engine->counted, error);
-    memset(counters, 0, sizeof engine->counted);
+        return karst_buffer_fill(engine->counters, 0, kept_bytes, sizeof engine->counted - kept_bytes, error);
+    memset(counters + first, 0, sizeof engine->counted - kept_bytes);
     return true;
 }
 
@@ -97,6 +101,8 @@ bool karst_engine_draw(karst_engine *engine, karst_error *error)
     karst_pinhole pinhole;
     karst_engine_picture_view(engine, &view, &pinhole);
     engine->drawn = engine->camera;
+    engine->draws_lacking = engine->held_sample && engine->held_sample == engine->sample;
+    engine->held_sample = 0;
     if (!karst_engine_aim_skies(engine, error))
         return false;
 

@@ -225,6 +225,10 @@ struct karst_engine {
     uint64_t num_metered_px; /* by karst_engine_meter, since the exposure that follows from them */
     float metered_exposure;  /* 0: none */
     bool complete;       /* the last frame lacked nothing: with more samples, it is one of them */
+    /* Of paths (hold_paths in engine_produce.c). */
+    bool camera_lacks;    /* as far as is known, the camera's rays lack something */
+    uint32_t held_sample; /* whose light is right but in pixels whose paths lacked something; 0: none */
+    bool draws_lacking;   /* and so only those are followed in this frame */
     karst_tone tone;
     karst_exposure exposure;
     double exposure_stops;
@@ -397,6 +401,9 @@ bool karst_engine_count_changed_pixels(karst_engine *engine, karst_error *error)
 bool karst_engine_load_root(karst_engine *engine, karst_error *error);
 bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *error);
 void karst_engine_learn_cost(karst_engine *engine);
+/* Before a picture of paths is drawn that nobody waits for: what its camera's rays lack is made, so that no path starts
+ * where one of them ends for want of it. */
+bool karst_engine_look_first(karst_engine *engine, karst_error *error);
 /* Slopes of bricks made since the last call (karst_caster_survey_slopes); with a budget in ms: a part of them a call.
  * No hit depends on it. */
 bool karst_engine_survey_slopes(karst_engine *engine, karst_error *error);
@@ -509,7 +516,9 @@ void karst_engine_note_motion(karst_engine *engine);
  * and that. */
 bool karst_engine_look_ahead(const karst_engine *engine, int num_frames, karst_camera *ahead);
 
-/* engine_again.c. Casts the parts of the frame's picture that asked for anything once more, to ask for what they lack
+/* engine_again.c. Casts the camera's rays for what they ask for, before the picture is drawn. */
+bool karst_engine_look_at_all(karst_engine *engine, karst_error *error);
+/* Casts the parts of the frame's picture that asked for anything once more, to ask for what they lack
  * now; and likewise its shadow rays, as the picture had them. Standing views on CPU devices only. */
 bool karst_engine_look_again(karst_engine *engine, karst_error *error);
 bool karst_engine_look_at_shadows_again(karst_engine *engine, karst_error *error);

@@ -130,6 +130,7 @@ bool karst_engine_draw_paths(karst_engine *engine, const karst_cast_view *view, 
                              const karst_light *light, karst_error *error)
 {
     karst_path_picture picture = karst_engine_path_picture(engine, view, pinhole, light, false);
+    picture.only_lacking = engine->draws_lacking;
     return follow(engine, &picture, error);
 }
 

@@ -50,6 +50,12 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, karst_
             left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS) + scout_ns(engine));
 }
 
+static karst_allowance patient_allowance(const karst_engine *engine)
+{
+    const uint32_t num = PATIENT_ROUNDS * engine->budget_bricks;
+    return (karst_allowance){.bricks = num, .tiles = num, .ns = engine->budget_ns};
+}
+
 /* Looks from a camera, at the budget's cost, and does what that asks for. */
 static bool scout_round(karst_engine *engine, const karst_camera *from, bool whole, karst_allowance *left,
                         karst_work *work, karst_error *error)
@@ -74,28 +80,81 @@ static bool scout_round(karst_engine *engine, const karst_camera *from, bool who
     return true;
 }
 
+/* What rays of the picture ask for, as `look` casts them, is made. */
+static bool look_and_make(karst_engine *engine, bool (*look)(karst_engine *engine, karst_error *error),
+                          karst_allowance *left, karst_work *work, karst_error *error)
+{
+    uint64_t start_ns = karst_engine_cpu_ns(engine);
+    if (!look(engine, error) || !karst_finish(engine->context, error))
+        return false;
+    uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
+    engine->made.again_cpu_ns += taken_ns;
+    left->ns -= (double)taken_ns;
+    if (!karst_engine_answer_round(engine, &engine->camera.position, left, work, error))
+        return false;
+    engine->stats.num_requests += work->num_loads + work->num_subdivides;
+    return true;
+}
+
 /* Who stands sees this picture until all is made that it lacks, as far as its own rays can tell: those of the camera,
- * and once they end where they should, those to the sun and those that are mirrored. */
-static bool follow_up(karst_engine *engine, karst_allowance *left, karst_work *work, karst_error *error)
+ * and once they end where they should, those to the sun and those that are mirrored. *lacks: false if those asked for
+ * nothing in the end. */
+static bool follow_up(karst_engine *engine, karst_allowance *left, karst_work *work, bool *lacks, karst_error *error)
 {
     const bool sunwards =
         (engine->shadows || engine->bounce || engine->clear || engine->paths || engine->occlusion) &&
         engine->counted[1] == 0;
     for (int i = 0; i < MAX_AGAIN && may_go_on(engine, work, left); i++) {
-        uint64_t start_ns = karst_engine_cpu_ns(engine);
-        if (!(sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again)(engine, error) ||
-            !karst_finish(engine->context, error))
+        if (!look_and_make(engine, sunwards ? karst_engine_look_at_shadows_again : karst_engine_look_again, left, work,
+                           error))
             return false;
-        uint64_t taken_ns = karst_engine_cpu_ns(engine) - start_ns;
-        engine->made.again_cpu_ns += taken_ns;
-        left->ns -= (double)taken_ns;
-        if (!karst_engine_answer_round(engine, &engine->camera.position, left, work, error))
-            return false;
-        engine->stats.num_requests += work->num_loads + work->num_subdivides;
-        if (work->num_loads + work->num_subdivides == 0)
+        if (work->num_loads + work->num_subdivides == 0) {
+            *lacks = work->num_requests > 0;
             break;
+        }
     }
     return true;
+}
+
+bool karst_engine_look_first(karst_engine *engine, karst_error *error)
+{
+    const bool holds = engine->held_sample && engine->held_sample == engine->sample;
+    const bool only_centres = engine->samples > 1 && !engine->sample;
+    engine->camera_lacks = !holds;
+    if (engine->integrator != KARST_INTEGRATOR_FULL || !is_settling(engine) || !engine->has_content || holds ||
+        only_centres || karst_ladder_is_deciding(&engine->ladder))
+        return true;
+    karst_allowance left = patient_allowance(engine);
+    karst_work work = {0};
+    bool made = false;
+    for (int i = 0; i < MAX_AGAIN && (i == 0 || may_go_on(engine, &work, &left)); i++) {
+        if (!look_and_make(engine, i ? karst_engine_look_again : karst_engine_look_at_all, &left, &work, error))
+            return false;
+        if (work.num_loads + work.num_subdivides == 0)
+            break;
+        made = true;
+    }
+    engine->camera_lacks = work.num_requests > 0;
+    if (made) /* what stood in meanwhile is nothing that the picture uses */
+        karst_engine_next_serial(engine);
+    return true;
+}
+
+/* The picture that was drawn lacks nothing any longer, `work` being of the last look at it: the next frame follows only
+ * paths that lacked something when it was drawn, if it draws the same sample; the light of others stays. But all that
+ * the sample's paths need was there at once, by the rules of what fits: drawn in parts, a picture does not show what it
+ * could not if it were drawn whole. */
+static void hold_paths(karst_engine *engine, const karst_work *work)
+{
+    uint32_t num_tiles, num_bricks;
+    karst_engine_usable_slots(engine, &num_tiles, &num_bricks);
+    const bool fits = work->num_requests == 0 && work->num_used_bricks <= num_bricks &&
+                      work->num_used_tiles <= num_tiles && !karst_engine_stores_overflow(engine) &&
+                      karst_ladder_at_rest(&engine->ladder);
+    const bool is_whole = engine->integrator == KARST_INTEGRATOR_FULL && !engine->draws_lacking &&
+                          !karst_engine_has_path_media(engine) && !engine->starts && !engine->view;
+    if (fits && is_whole && !engine->camera_lacks && engine->counted[1] == 0 && engine->counted[2] == 0)
+        engine->held_sample = engine->sample;
 }
 
 /* How far ahead, in frames. What is seen first is wanted, subdivided, loaded: three frames at least; and what opens
@@ -232,10 +291,10 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     if (engine->budget_ns > 0)
         karst_cache_commit_ahead(engine->cache, BRICKS_AHEAD);
     karst_stats *stats = &engine->stats;
-    karst_allowance left = {.bricks = engine->budget_bricks, .tiles = engine->budget_bricks, .ns = engine->budget_ns};
+    karst_allowance left = patient_allowance(engine);
     const bool waited_for = is_settling(engine) || (engine->goes_on && engine->budget_ns > 0 && !engine->motion.moved);
-    if (waited_for)
-        left.bricks = left.tiles = PATIENT_ROUNDS * engine->budget_bricks;
+    if (!waited_for)
+        left.bricks = left.tiles = engine->budget_bricks;
     left.ns -= karst_cost_expected_ns(&engine->cost, engine->made.num_bricks, engine->made.num_tiles);
     if (engine->on_host && !engine->has_content) /* the sooner the picture is shown; kernels make more of the time */
         left.bricks = left.tiles = 0;
@@ -278,8 +337,11 @@ bool karst_engine_answer(karst_engine *engine, karst_work *work, karst_error *er
     /* On a GPU a viewer's next picture is as fast as looking again. */
     bool stands = is_settling(engine) ||
                   (engine->context->is_cpu && engine->goes_on && !moves && !engine->motion.moved);
-    if (stands && most_scouts && work->num_requests > 0 && !follow_up(engine, &left, &more, error))
+    bool lacks = work->num_requests > 0;
+    if (stands && most_scouts && lacks && !follow_up(engine, &left, &more, &lacks, error))
         return false;
+    if (!lacks)
+        hold_paths(engine, &more);
     left.ns += kept_ns;
     return engine->budget_ns == 0 || spend_the_rest(engine, &left, &more, error);
 }

@@ -156,7 +156,7 @@ bool karst_engine_restart_samples(karst_engine *engine, bool view_changed, karst
     }
     if (view_changed)
         engine->sums_are_new = false;
-    engine->num_summed = 0;
+    engine->num_summed = engine->held_sample = 0;
     if (!engine->given_sums)
         return true;
     if (!karst_radiance_load(engine->radiance, engine->width_px, engine->height_px, engine->given_sums, error))

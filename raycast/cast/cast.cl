@@ -466,7 +466,7 @@ RAY_INLINE void note_lacking(const lacking_notes *lacking, K_GLOBAL const karst_
             const uint lane = (uint)k_popcount((left & (0u - left)) - 1u);
             const uint pixel = rays[index[p * LANES + lane]].pixel, x = KARST_RAY_X(pixel), y = KARST_RAY_Y(pixel);
             if (x < lacking->width_px && y < lacking->height_px)
-                lacking->words[karst_packet_order(x, y, lacking->width_px, lacking->height_px)] = 1u;
+                lacking->words[karst_packet_order(x, y, lacking->width_px, lacking->height_px)] |= 1u;
         }
     }
 }

@@ -100,9 +100,9 @@ void karst_caster_set_sunward(karst_caster *caster, const karst_sunward *sunward
 /* From now on all that is cast with hits, marks or pixels to write meets these discs, too (raycast/cast/splats.h).
  * Borrowed; NULL: none. */
 void karst_caster_set_splats(karst_caster *caster, karst_splats *splats);
-/* From now on rays of streams, each of pixel (KARST_RAY_X, KARST_RAY_Y) of a picture, set the word that this pixel has
- * in packet order if they, or neighbours that are cast with them, want something that is missing. Borrowed; NULL:
- * none. */
+/* From now on rays of streams, each of pixel (KARST_RAY_X, KARST_RAY_Y) of a picture, set bit 0 of the word that this
+ * pixel has in packet order if they, or neighbours that are cast with them, want something that is missing. Borrowed;
+ * NULL: none. */
 void karst_caster_note_lacking(karst_caster *caster, const karst_buffer *lacking, int width_px, int height_px);
 /* Casts the shadow rays that karst_shade_pixels made with the same view, pinhole and light, and writes the pixels whose
  * rays end before the sun; stamps as other casts do. Asynchronous likewise. Errors: KARST_FAILED. */

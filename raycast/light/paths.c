@@ -141,9 +141,11 @@ bool karst_paths_set_lamps(karst_paths *paths, const karst_lamp *lamps, uint32_t
     return !num || karst_buffer_write(paths->lamps, 0, lamps, num * sizeof *lamps, error);
 }
 
+static bool picks_lacking(const karst_path_picture *picture) { return picture->only_lacking && !picture->media; }
+
 static bool begin(karst_paths *paths, const karst_path_picture *picture, bool keeps_parts, karst_error *error)
 {
-    const cl_uint keep = keeps_parts, only_lacking = picture->only_lacking && !picture->media;
+    const cl_uint keep = keeps_parts, only_lacking = picks_lacking(picture);
     karst_pinhole pinhole = *picture->pinhole;
     const size_t across = ((size_t)pinhole.width_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
                  down = ((size_t)pinhole.height_px + KARST_GROUP_SIDE - 1) / KARST_GROUP_SIDE,
@@ -295,6 +297,7 @@ static bool follow(karst_paths *paths, const karst_path_picture *picture, uint32
                             .mirrors = picture->mirrors,
                             .passes = picture->pass.pass != NULL,
                             .again = picture->again};
+    const bool picks = picks_lacking(picture) && !picture->again;
     const bool has_clear = picture->clear && paths->clear;
     karst_clear_path_stream clear = {.clear = picture->clear,
                                      .land = picture->caster,
@@ -336,6 +339,7 @@ static bool follow(karst_paths *paths, const karst_path_picture *picture, uint32
         clear.count = count;
         clear.max_rays = left;
         task.bounce = clear.task.bounce = bounce;
+        task.only_lacking = picks && bounce == 0;
         clear.task.is_last = bounce == max_bounces;
         clear.task.from_starts = starts;
         task.is_last = starts || clear.task.is_last;

@@ -6,8 +6,9 @@
 /* Rays of a stream that a work-item counts, and moves. */
 #define BLOCK_RAYS SCAN_BLOCK(KARST_PATH_BLOCK)
 
-/* A ray for each pixel, in packet order; and no light yet, unless parts are kept. lacking: words that say of which
- * pixels something was lacking, and are 0 from now on; only_lacking: rays of others are idle. */
+/* A ray for each pixel, in packet order; and no light yet, unless parts are kept. lacking: a word for each pixel; bit 0
+ * says that its path lacked something when it was last followed, and is 0 from now on; KARST_PATH_LACKED_BEFORE, that
+ * it did since it was last drawn. only_lacking: rays of others are idle, and keep their light. */
 __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays, K_GLOBAL float *parts,
                                  uint keep_parts, K_GLOBAL uint *count, K_GLOBAL float *lacking, uint only_lacking)
 {
@@ -25,9 +26,15 @@ __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays
     r.origin.x = r.origin.y = r.origin.z = zero;
     r.direction = pinhole_direction(&pinhole, x, y);
     r.t_max = (vfloat)(pinhole.t_max);
-    if (only_lacking)
-        r.t_max = v_select(v_ne(v_as_int(load_ordered(lacking, r.index, r.valid)), (vint)(0)), r.t_max, zero);
-    store_ordered(lacking, r.index, r.valid, zero);
+    vint goes = r.valid, before = (vint)(0);
+    if (only_lacking) {
+        const vint word = v_as_int(load_ordered(lacking, r.index, r.valid));
+        goes &= v_ne(keep_parts ? word & 1 : word, (vint)(0));
+        if (keep_parts)
+            before = v_select(v_ne(word, (vint)(0)), (vint)((int)KARST_PATH_LACKED_BEFORE), (vint)(0));
+        r.t_max = v_select(goes, r.t_max, zero);
+    }
+    store_ordered(lacking, r.index, r.valid, v_as_float(before));
     r.width = zero;
     r.cone = (vfloat)(pinhole.cone);
     r.throughput.r = r.throughput.g = r.throughput.b = one;
@@ -36,9 +43,9 @@ __kernel K_WIDE void paths_begin(karst_pinhole pinhole, K_GLOBAL karst_ray *rays
     store_paths(rays, &r, KARST_SIDE_ANY);
     if (keep_parts)
         return;
-    store_ordered(parts, r.index, r.valid, zero);
-    store_ordered(parts + plane, r.index, r.valid, zero);
-    store_ordered(parts + 2 * plane, r.index, r.valid, zero);
+    store_ordered(parts, r.index, goes, zero);
+    store_ordered(parts + plane, r.index, goes, zero);
+    store_ordered(parts + 2 * plane, r.index, goes, zero);
 }
 
 /* Adds the light of lamps that nothing hides: of the rays to them, one for each of the stream, those without a mark.

@@ -48,8 +48,9 @@ typedef struct {
     const karst_path_media *media; /* that they may collide with (paths are made for it), or that dims
                                     * lamps; NULL: none */
     bool again;   /* for stamps and wishes alone: parts and counters stay as they are */
-    bool only_lacking; /* with that: of pixels alone whose paths lacked something when they were last followed, in this
-                        * sample of this picture. Where there are media: of all. */
+    bool only_lacking; /* of pixels alone whose paths lacked something, in this sample of this picture: with `again`,
+                        * when they were last followed; else since they were last drawn, and the parts of others stay,
+                        * as do the counters of the first surfaces. Where there are media: of all. */
     /* Paths start at what the hits are on, and what falls there is the light, but that of lamps: the pinhole's sample
      * is that of the paths, and the hits are of the pixels' centres. NULL: they start at the eye. */
     karst_path_starts *starts;

@@ -14,6 +14,9 @@
 /* Rays of a stream that are counted together: a block of raycast/light/scan.clh. */
 #define KARST_PATH_BLOCK 256u
 
+/* Beside bit 0 of a pixel's word (karst_caster_note_lacking). */
+#define KARST_PATH_LACKED_BEFORE 2u
+
 /* What random numbers are for: with each generation's number that is another purpose of raycast/cast/jitter.clh. */
 #define KARST_PATH_OF_DIRECTION 0u
 #define KARST_PATH_OF_CHOICE 1u
@@ -65,8 +68,9 @@ typedef struct {
     uint mirrors_all; /* 1: rays are mirrored wherever a surface mirrors at all; KARST_PATH_SHARES */
     uint turn; /* of photons, how often they were turned: chance of one turn must know nothing of the one before */
     uint passes;      /* 0: surfaces let nothing pass, whatever they say */
+    uint only_lacking; /* 1: of the first generation idle rays are not looked at, and no surface is counted */
 } karst_path_task;
-K_ASSERT_SIZE(karst_path_task, 52);
+K_ASSERT_SIZE(karst_path_task, 56);
 /* Where a path's ray collides with a medium, before any surface. */
 typedef struct {
     float t; /* along the ray; KARST_PATH_GOES_BY: it does not */

@@ -224,6 +224,16 @@ static void pictures_depend_on_view_and_samples_alone(void **state)
     karst_engine_config config = {.samples = 3};
     karst_engine *engine = create(scene, &config);
     settle(engine, &one);
+    /* Frame by frame, each of which draws all anew. */
+    karst_engine *by_frames = create(scene, &config);
+    karst_stats stats;
+    do {
+        assert_ok(karst_engine_frame(by_frames, &error));
+        karst_engine_stats(by_frames, &stats);
+    } while (!stats.settled);
+    assert_ok(karst_engine_read_radiance(by_frames, other.light, sizeof other.light / sizeof *other.light, &error));
+    assert_memory_equal(one.light, other.light, sizeof one.light);
+    karst_engine_destroy(by_frames);
     /* After another view, in water. */
     const karst_camera there = karst_engine_default_camera(engine);
     karst_camera away = there;

@@ -401,6 +401,40 @@ static void lanes_history_and_goes_leave_no_trace(void **state)
     unlink(path);
 }
 
+static bool add_rays(void *user, const karst_stats *frame)
+{
+    *(uint64_t *)user += frame->num_rays[KARST_STREAM_MIRROR];
+    return true;
+}
+
+/* Frame by frame each sample is drawn whole until it lacks nothing. Who waits gets the same from drawing it once, and
+ * what lacked something once more. */
+static void paths_that_lack_nothing_are_drawn_once(void **state)
+{
+    (void)state;
+    enum { SAMPLES = 6 };
+    const karst_engine_config config = config_of(scene, SAMPLES);
+    uint64_t whole = 0, once = 0;
+    karst_engine *engine = scene_open(&config);
+    do {
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &stats);
+        add_rays(&whole, &stats);
+    } while (!stats.settled);
+    assert_ok(karst_engine_read_radiance(engine, light, 3 * NUM, &error));
+    karst_engine_destroy(engine);
+
+    engine = scene_open(&config);
+    bool settled;
+    assert_ok(karst_engine_settle(engine, 2000, add_rays, &once, &settled, &error));
+    assert_ok(karst_engine_read_radiance(engine, other, 3 * NUM, &error));
+    print_message("%d rays went on, %d where all are drawn anew\n", (int)once, (int)whole);
+    assert_memory_equal(light, other, sizeof light);
+    assert_true((double)once < 0.6 * (double)whole);
+    karst_engine_destroy(engine);
+    unlink(path);
+}
+
 /* A view that the pools cannot hold settles all the same, whatever was seen before. */
 static void little_memory_settles(void **state)
 {
@@ -459,6 +493,7 @@ int main(void)
         cmocka_unit_test(lamps_add_up),
         cmocka_unit_test(paint_is_lit),
         cmocka_unit_test(lanes_history_and_goes_leave_no_trace),
+        cmocka_unit_test(paths_that_lack_nothing_are_drawn_once),
         cmocka_unit_test(little_memory_settles),
         cmocka_unit_test(what_is_out_of_range_is_said),
     };

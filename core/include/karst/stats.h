@@ -108,7 +108,7 @@ typedef struct {
     uint64_t num_provisional; /* hits on stand-ins for what is missing; of mirrored rays, too, but num_hits at most */
     uint64_t num_incomplete;                 /* rays that met a region without data */
     uint64_t num_changed_pixels;             /* against the frame before; counted only if the engine was asked to */
-    uint64_t num_rays[KARST_NUM_STREAMS];    /* of the picture */
+    uint64_t num_rays[KARST_NUM_STREAMS];    /* of the picture; of paths, those that were drawn in this frame */
     uint64_t stream_ns[KARST_NUM_STREAMS];   /* device time for casting them, part of time_ns[KARST_STAGE_CAST] */
     uint64_t num_rays_cut; /* of those in clear matter, that met more surfaces than karst_engine_config.bounces */
     uint64_t num_coarser; /* hits on coarser levels than detail_asked_px stands for, for whatever reason */
