@@ -330,6 +330,23 @@ static void test_edges(void **state)
         fail_msg("%u raised", sum.raised);
 }
 
+/* Nor is what both faces of a thick body meet at, if they do so at 64 degrees, though it is thin there. */
+static void test_sharp_edges(void **state)
+{
+    (void)state;
+    karst_world_file *file = open_text("vec3 q = vec3(0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y, p.z); return "
+                                       "min(20.0 - length(q) * 0.05, min(0.53 * q.x + 0.85 * q.z, 0.53 * q.x - 0.85 * "
+                                       "q.z) + 3.0);",
+                                       true);
+    karst_scrub sum;
+    free(evaluate(file, rows, 3, "", &sum));
+    assert_int_equal(sum.raised, 0);
+    free(evaluate(file, rows, 3, "-DRAISE_EDGE=-1.0f", &sum));
+    print_message("edges that count as thin: %u raised\n", sum.raised);
+    assert_true(sum.raised > 100);
+    karst_world_file_destroy(file);
+}
+
 /* Worlds without thin matter of their own have no code for it. */
 static void test_which(void **state)
 {
@@ -376,7 +393,7 @@ static void test_which(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
-                                       cmocka_unit_test(test_edges),
+                                       cmocka_unit_test(test_edges), cmocka_unit_test(test_sharp_edges),
                                        cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
                                        cmocka_unit_test(test_boards), cmocka_unit_test(test_smooth),
                                        cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
