@@ -1,7 +1,7 @@
-/* Matter far thinner than a voxel in pictures: fences of boards, lattices and meshes of wires, from half to 32 times as
- * far as where they are one voxel thick. Of the pixels in which the reference meets them 95 in a hundred show them, 97
- * where they are thinner than a voxel. Where the pools hold a half, a quarter or a tenth of the view, it is calm all
- * the same. A thin shell is shown as smooth as a ball. KARST_TEST_FULL=1 looks at all of them from everywhere,
+/* Matter far thinner than a voxel in pictures: fences of boards, lattices and meshes of wires, leaves, from half to 32
+ * times as far as where they are one voxel thick. Of the pixels in which the reference meets them 95 in a hundred show
+ * them, 97 where they are thinner than a voxel. Where the pools hold a half, a quarter or a tenth of the view, it is
+ * calm all the same. A thin shell is shown as smooth as a ball. KARST_TEST_FULL=1 looks at all of them from everywhere,
  * KARST_TEST_THING=boards at one, and KARST_TEST_LOOK=1 judges nothing. */
 #include <math.h>
 #include <setjmp.h>
@@ -45,6 +45,15 @@ static const struct {
      "float density(vec3 p) {\n"
      "    vec2 q = mod(vec2(p.x + 0.8 * p.y, p.y - 0.3 * p.x) + 0.1, 0.25) - 0.125;\n"
      "    return 0.005 - length(vec2(min(abs(q.x), abs(q.y)), p.z));\n"
+     "}\n"},
+    {"leaves", 0.01, /* of a tree's crown: lenses that hang this way and that */
+     "float density(vec3 p) {\n"
+     "    vec3 c = floor(p / 0.3), q = p - 0.3 * (c + 0.5), n;\n"
+     "    float turn = mod(3.0 * c.x + 5.0 * c.y + 7.0 * c.z, 11.0);\n"
+     "    n = normalize(vec3(sin(turn), 0.8, cos(1.7 * turn)));\n"
+     "    float high = dot(q, n);\n"
+     "    float leaf = 0.005 - 0.3 * dot(q, q) - abs(high);\n"
+     "    return min(leaf, min(3.0 - length(p - vec3(0.0, 0.0, 3.0)), 1.0));\n"
      "}\n"},
 };
 enum { NUM_THINGS = sizeof things / sizeof *things };
