@@ -9,7 +9,9 @@
 #define KARST_BOUNDS_GROUP 1
 #define WORLD_HAS_DATA
 #define WORLD_MAY_BE_THIN
-#define WORLD_RAISES_THIN(data) (((const karst_data_header *)(data))->raises_thin != 0u)
+#define WORLD_RAISES_THIN(data) ((((const karst_data_header *)(data))->raises_thin & KARST_RAISES_THIN) != 0u)
+#define WORLD_HAS_SEAMS
+#define WORLD_FILLS_SEAMS(data) ((((const karst_data_header *)(data))->raises_thin & KARST_RAISES_SEAMS) != 0u)
 #define WORLD_MAY_JUMP
 #define WORLD_SMOOTHS_JUMPS(data) (((const karst_data_header *)(data))->smooths_jumps != 0u)
 #define WORLD_VOXEL_LOG2(data) (((const karst_data_header *)(data))->voxel_log2_m)

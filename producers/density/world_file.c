@@ -141,7 +141,8 @@ static void *make_data(const karst_world_file *file, const karst_number *values,
                                 .colour_code = (uint32_t)code_word(colour, colour_word),
                                 .colour_constants = (uint32_t)colour_word,
                                 .colour_output = {colour->output[0], colour->output[1], colour->output[2]},
-                                .raises_thin = file->raises_thin,
+                                .raises_thin = (file->raises_thin ? KARST_RAISES_THIN : 0u) |
+                                               (file->fills_seams ? KARST_RAISES_SEAMS : 0u),
                                 .smooths_jumps = file->smooths_jumps,
                                 .voxel_log2_m = file->info.voxel_log2_m};
     if (num_more(colour)) {
@@ -165,6 +166,9 @@ void karst_world_file_raise_thin(karst_world_file *file, karst_thin thin)
     for (int i = 0; i < KARST_NUM_CONTENTS; i++)
         if (file->content[i] && i != KARST_CONTENT_AIR) /* which has no surface */
             karst_world_file_raise_thin(file->content[i], thin);
+    karst_world_file *clear = file->content[KARST_CONTENT_CLEAR];
+    if (clear)
+        clear->fills_seams = clear->raises_thin;
 }
 
 void karst_world_file_smooth_jumps(karst_world_file *file)
@@ -554,8 +558,9 @@ void karst_world_file_program(const karst_world_file *file, const void *data,
     char jumps[64] = "";
     if (file->smooths_jumps)
         snprintf(jumps, sizeof jumps, " -DWORLD_MAY_JUMP -DWORLD_VOXEL_LOG2_M=%d", file->info.voxel_log2_m);
-    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s %s",
-             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "", jumps, tape_options);
+    snprintf(options, KARST_WORLD_FILE_OPTIONS_BYTES, "-DWORLD_HAS_DATA%s%s%s %s",
+             file->raises_thin ? " -DWORLD_MAY_BE_THIN" : "",
+             file->raises_thin && file->fills_seams ? " -DWORLD_HAS_SEAMS" : "", jumps, tape_options);
     *program = (karst_density_program){
         .name = file->info.name,
         .source = file->code.source,

@@ -33,6 +33,7 @@ struct karst_world_file {
     karst_world_info info; /* its strings live in the file */
     char camera[640];
     bool raises_thin;   /* see karst_world_file_raise_thin */
+    bool fills_seams;   /* of clear matter that does so: bodies that share a face are one (steps/seam.clh) */
     bool smooths_jumps; /* see karst_world_file_smooth_jumps */
     bool is_indoors;    /* of a text without a header: no sun reaches what is seen */
     /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the

@@ -473,6 +473,26 @@ static void faces_between_nodes_are_met_from_within(void **state)
     }
 }
 
+/* Cubes that share faces, which lie on samples, some of them between nodes: they are as one body. */
+static void bodies_that_share_faces_are_one(void **state)
+{
+    (void)state;
+    static const char text[] =
+        HEAD WALL "float clear(vec3 p) { vec3 q = abs(p - vec3(0.25, 0.0, 0.0)); if (body > 0.5) q = abs(q - 0.5);\n"
+                  "    return (body > 0.5 ? 0.5 : 1.0) - max(q.x, max(q.y, q.z)); }\n"
+                  "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n";
+    int num_off = 0;
+    karst_parameter shared = {"body", 0};
+    const karst_engine_config config = {.parameters = &shared, .num_parameters = 1};
+    take(text, &config, &one);
+    shared.value = 1;
+    take(text, &config, &other);
+    for (int i = 0; i < NUM; i++)
+        num_off += fabsf(one.light[3 * i] - other.light[3 * i]) > 0.02f * one.light[3 * i];
+    print_message("eight cubes: of %d pixels %d are not as those of one\n", NUM, num_off);
+    assert_true(num_off <= NUM / 500);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -483,6 +503,7 @@ int main(void)
         cmocka_unit_test(what_is_cut_off_is_counted),
         cmocka_unit_test(eyes_see_no_holes_in_pools_of_any_size),
         cmocka_unit_test(faces_between_nodes_are_met_from_within),
+        cmocka_unit_test(bodies_that_share_faces_are_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

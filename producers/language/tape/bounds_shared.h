@@ -4,6 +4,10 @@
 
 #include "core/device/dialect.h"
 
+/* Thin matter is to be shown (producers/steps/raise.clh); bodies that share a face are to be one (seam.clh). */
+#define KARST_RAISES_THIN 1u
+#define KARST_RAISES_SEAMS 2u
+
 /* The first words of the data; positions are words from its beginning. */
 typedef struct {
     uint num_instructions;
@@ -17,7 +21,7 @@ typedef struct {
     uint colour_code;
     uint colour_constants;
     uint colour_output[3];
-    uint raises_thin;  /* 1: thin matter is to be shown (producers/steps/raise.clh) */
+    uint raises_thin;  /* KARST_RAISES_*: how samples show matter */
     uint more_outputs; /* operands of what the shading's tape gives besides; 0: nothing */
     uint smooths_jumps; /* 1: samples tell how far jumps are (producers/steps/jump.clh) */
     int voxel_log2_m;   /* a voxel of level 0 is 2^that metres wide */
