@@ -206,6 +206,7 @@ static karst_clear_task task_of(const karst_clear_picture *picture)
                              .detail = picture->view->detail,
                              .voxel_m = (float)picture->voxel_m,
                              .t_max = p->t_max,
+                             .cone = p->cone,
                              .sample = p->sample,
                              .width_px = p->width_px,
                              .height_px = p->height_px,

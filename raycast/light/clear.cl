@@ -7,6 +7,7 @@
 #include "raycast/shadow_shared.h"
 #include "raycast/light/blocks.clh"
 #include "raycast/light/choice.clh"
+#include "raycast/light/clear_beam.clh"
 #include "raycast/light/clear_rays.clh"
 #include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
@@ -456,11 +457,15 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
         const vint level = v_select(clear, p.over.level, p.land.level);
         r.width = lane_max(t * pinhole.cone, v_as_float((level + 127) << 23) * (vfloat)(1.0001f / task.detail));
         vfloat bent = zero;
-        if (v_any(clear))
+        if (!(task.branch && HAS_BEAMS) && v_any(clear))
             bent = mirrored_cone(over_hits, &pinhole, p.x, p.y, &p.over.normal);
         if (v_any(p.m & ~clear))
             bent = v_select(clear, bent, mirrored_cone(hits, &pinhole, p.x, p.y, &p.land.normal));
         r.cone = task.branch ? 0.5f * (bent + pinhole.cone) : bent;
+        if (task.branch && HAS_BEAMS) {
+            const beam_ray own = {{zero, zero, zero}, p.direction, r.origin, n};
+            beam_of_picture(over_hits, &pinhole, p.x, p.y, &own, d.ratio, ~inside, &r);
+        }
         r.pixel = p.y << 16 | p.x;
         const colour own = own_absorption(&task);
         const vfloat scale = task.adds_nothing ? zero : share * p.share;
@@ -656,7 +661,11 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         to.origin.x = k_fma(r.direction.x, t, r.origin.x), to.origin.y = k_fma(r.direction.y, t, r.origin.y);
         to.origin.z = k_fma(r.direction.z, t, r.origin.z);
         to.t_max = to_sphere(&to.origin, &to.direction, task.t_max);
-        to.width = lane_max(k_fma(t, r.cone, r.width),
+        to.width = k_fma(t, r.cone, r.width);
+        const beam_turn turn = {d.ratio, back};
+        if (HAS_BEAMS)
+            beam_of_stream(rays, over_hits, num_rays, &r, &n, &turn, task.cone, turned, &to);
+        to.width = lane_max(to.width,
                             v_as_float((v_select(through, e.land.level, e.over.level) + 127) << 23) *
                                 (vfloat)(1.0001f / task.detail));
         const vint stays = v_select(back | through, r.is_inside, ~r.is_inside);

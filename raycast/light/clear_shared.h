@@ -20,6 +20,7 @@ typedef struct {
     uint is_inside;      /* it is */
     float detail, voxel_m;
     float t_max;  /* how far from the eye rays end */
+    float cone;   /* of the camera's rays */
     uint sample;  /* of the pixels; 0: their centres, whose rays take the larger share of what a surface parts */
     int width_px, height_px;
     int x0_px, y0_px;
@@ -31,7 +32,7 @@ typedef struct {
     uint has_clear;    /* there is clear matter; else only what land mirrors is followed */
     uint only_lacking; /* rays begin only where those that were followed last lacked something */
 } karst_clear_task;
-K_ASSERT_SIZE(karst_clear_task, 76);
+K_ASSERT_SIZE(karst_clear_task, 80);
 
 /* Where counters of rays followed, of rays cut off, and of hits on stand-ins stand. */
 #define KARST_CLEAR_COUNT_RAYS 9

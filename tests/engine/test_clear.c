@@ -493,6 +493,38 @@ static void bodies_that_share_faces_are_one(void **state)
     assert_true(num_off <= NUM / 500);
 }
 
+/* Stripes on the wall, which a ball shows about as wide as they are, turned round: rays narrow in it. A pane does
+ * nothing to them. How bright and dark they are in the picture's middle. */
+static void stripes_are_seen_behind_glass(void **state)
+{
+    (void)state;
+    static const char text[] =
+        HEAD "float density(vec3 p) { return p.z - 8.0; }\n"
+             "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0);\n"
+             "    m.emission = vec3(0.5 + 0.5 * sin(p.x * 12.0)); return m; }\n"
+             "float clear(vec3 p) { return body < 0.5 ? -1.0 : body < 1.5 ? 1.0 - length(p) :\n"
+             "    0.125 - max(abs(p.z), max(abs(p.x), abs(p.y)) - 2.0); }\n"
+             "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n";
+    float contrast[3];
+    karst_parameter shown = {"body", 0};
+    const karst_engine_config config = {.parameters = &shown, .num_parameters = 1};
+    for (int i = 0; i < 3; i++) {
+        float least = 1, most = 0;
+        shown.value = i;
+        take(text, &config, &one);
+        for (int k = 0; k < NUM; k++)
+            if (abs(k % WIDTH - WIDTH / 2) < 6 && abs(k / WIDTH - HEIGHT / 2) < 3) {
+                least = fminf(least, one.light[3 * k]);
+                most = fmaxf(most, one.light[3 * k]);
+            }
+        contrast[i] = most - least;
+    }
+    print_message("stripes: %.3f, behind a ball %.3f, behind a pane %.3f\n", (double)contrast[0],
+                  (double)contrast[1], (double)contrast[2]);
+    assert_true(contrast[1] > 0.8f * contrast[0]);
+    assert_true(contrast[2] > 0.9f * contrast[0]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -504,6 +536,7 @@ int main(void)
         cmocka_unit_test(eyes_see_no_holes_in_pools_of_any_size),
         cmocka_unit_test(faces_between_nodes_are_met_from_within),
         cmocka_unit_test(bodies_that_share_faces_are_one),
+        cmocka_unit_test(stripes_are_seen_behind_glass),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
