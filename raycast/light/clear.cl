@@ -325,8 +325,11 @@ RAY_INLINE first_pixels load_first(const karst_clear_task *task, const karst_pin
     p.order = packet_order(p.x, p.y, pinhole->width_px, pinhole->height_px);
     p.share = load_ordered(parts + SHARE_PLANE(task) * plane, p.order, valid);
     p.m = valid & v_gt(p.share, (vfloat)(0.0f));
+    /* whole packets: how wide beams are is told by those beside them (raycast/light/clear_beam.clh) */
     if (task->only_lacking)
-        p.m &= v_mask(v_ne(v_as_int(load_ordered((K_GLOBAL const float *)lacking, p.order, valid)), (vint)(0)));
+        p.m &= v_any(valid & v_ne(v_as_int(load_ordered((K_GLOBAL const float *)lacking, p.order, valid)), (vint)(0)))
+                   ? (vint)(-1)
+                   : (vint)(0);
     if (!v_any(p.m))
         return p;
     p.direction = pinhole_direction(pinhole, p.x, p.y);
