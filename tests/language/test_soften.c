@@ -82,6 +82,13 @@ static void test_periods(void **state)
         {"mod(p.x, 4.0)", 0, 4, 2},
         {"0.25 + fract(p.x / 4.0 + 0.01 * noise(p))", 0.25, 1.25, 0.75},
         {"sin(length(vec2(p.x, 0.5)) * 1.5707963267948966)", -1, 1, 0},
+        /* cells, by their numbers */
+        {"mod(floor(p.x / 2.0), 2.0)", 0, 1, 0.5},
+        {"mod(floor(p.x / 1.3), 3.0)", 0, 2, 1},
+        {"mod(floor(p.x / 2.0) + floor(p.z / 2.0), 2.0)", 0, 1, 0.5},
+        {"mod(floor(p.x), 4.0) < 1.0 ? 1.0 : 0.0", 0, 1, 0.25},
+        {"(int(floor(p.x / 2.0)) + int(floor(p.z / 2.0))) % 2 == 0 ? 1.0 : 0.25", 0.25, 1, 0.625},
+        {"(int(floor(p.x)) & 3) != 1 ? 1.0 : 0.0", 0, 1, 0.75},
     };
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         world w;
@@ -155,6 +162,12 @@ static void test_full_detail_is_sharp(void **state)
     open_world(&w, "(p.x * 0.75 < 76.3 ? 1.0 : 0.0) + fract(p.x)");
     for (int i = 0; i < 200; i++) {
         double x_m = 100 + i / 32.0, right = (x_m * 0.75 < 76.3 ? 1 : 0) + (x_m - floor(x_m));
+        assert_true(red_at(&w, x_m, -1) == right);
+    }
+    close_world(&w);
+    open_world(&w, "(mod(floor(p.x), 3.0) < 1.0 ? 1.0 : 0.0) + mod(floor(p.x) + floor(p.z), 2.0)");
+    for (int i = 0; i < 200; i++) {
+        double x_m = 100 + i / 32.0, cell = floor(x_m), right = (fmod(cell, 3) < 1) + fmod(cell, 2);
         assert_true(red_at(&w, x_m, -1) == right);
     }
     close_world(&w);

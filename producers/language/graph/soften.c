@@ -1,6 +1,7 @@
 #include "producers/language/graph/soften.h"
 #include "producers/language/image/image.h"
 
+#include <math.h>
 #include <string.h>
 
 /* Footprints wider than a quarter of a period begin to hide it, half a period hides it. */
@@ -29,6 +30,15 @@ static karst_expr times(softener *s, karst_expr a, karst_expr b)
     return karst_expr_2(s->graph, KARST_OP_MULTIPLY, a, b);
 }
 static karst_expr magnitude(softener *s, karst_expr a) { return karst_expr_1(s->graph, KARST_OP_ABS, a); }
+
+/* A constant's value; false: it is none. */
+static bool is_constant(const softener *s, karst_expr e, double *value)
+{
+    const karst_number *constant = e ? karst_graph_constant(s->graph, e) : NULL;
+    if (constant)
+        *value = constant->value;
+    return constant != NULL;
+}
 
 /* ---- how fast a value changes ---- */
 
@@ -112,6 +122,7 @@ static karst_expr find_steepness(softener *s, karst_expr e)
     const karst_expr_node n = s->graph->nodes[e];
     karst_expr a = n.arg[0] ? steepness_of(s, n.arg[0]) : KARST_NO_EXPR,
                b = n.arg[1] ? steepness_of(s, n.arg[1]) : KARST_NO_EXPR;
+    double factor;
     switch (n.op) {
     case KARST_OP_AFFINE:
         return affine_steepness(s, &s->graph->affines[n.extra]);
@@ -159,6 +170,18 @@ static karst_expr find_steepness(softener *s, karst_expr e)
         return a;
     case KARST_OP_NOISE:
         return noise_steepness(s, &n);
+    case KARST_OP_CELL:
+        return a;
+    case KARST_OP_INT_ADD:
+    case KARST_OP_INT_SUBTRACT: { /* of cells that lie along different axes, as those of a checker */
+        const karst_expr parts[2] = {a, b};
+        return hypotenuse(s, parts, 2);
+    }
+    case KARST_OP_INT_MULTIPLY:
+        return is_constant(s, n.arg[1], &factor) && a != NOT_KNOWN ? times(s, a, number(s, fabs(factor))) : NOT_KNOWN;
+    case KARST_OP_INT_MODULO:
+    case KARST_OP_BIT_AND:
+        return is_constant(s, n.arg[1], &factor) ? a : NOT_KNOWN;
     default:
         return NOT_KNOWN;
     }
@@ -181,6 +204,80 @@ static karst_expr visible(softener *s, karst_expr cycles_per_m)
 static karst_expr fade_to(softener *s, karst_expr mean, karst_expr value, karst_expr cycles_per_m)
 {
     return karst_expr_3(s->graph, KARST_OP_MIX, mean, value, visible(s, cycles_per_m));
+}
+
+/* ---- numbers of cells, of which a rest is left: checkers and stripes ---- */
+
+/* More rests than this are told apart by no picture. */
+#define MOST_RESTS 1024
+
+/* One of `num` values, 0, 1 / divisor, 2 / divisor ..., and how often they come in turn. */
+typedef struct {
+    int num;
+    double divisor;
+    karst_expr cycles_per_m;
+} rests;
+
+static bool are_rests(softener *s, karst_expr e, rests *of)
+{
+    karst_expr_node n = s->graph->nodes[e];
+    double modulus = 0;
+    of->divisor = 1;
+    if (n.op == KARST_OP_DIVIDE && is_constant(s, n.arg[1], &of->divisor))
+        n = s->graph->nodes[n.arg[0]];
+    if (n.op == KARST_OP_CONVERT && n.type == KARST_TYPE_FLOAT)
+        n = s->graph->nodes[e = n.arg[0]];
+    if (n.op == KARST_OP_SELECT && n.type == KARST_TYPE_INT) { /* of an int's rest, which has its sign */
+        const karst_expr_node below = s->graph->nodes[n.arg[1]];
+        if (below.op != KARST_OP_INT_SUBTRACT || below.arg[0] != n.arg[2])
+            return false;
+        n = s->graph->nodes[e = n.arg[2]];
+    }
+    if (n.type != KARST_TYPE_INT || !is_constant(s, n.arg[1], &modulus))
+        return false;
+    modulus += n.op == KARST_OP_BIT_AND; /* a mask */
+    of->num = (int)modulus;
+    if ((n.op != KARST_OP_CELL && n.op != KARST_OP_INT_MODULO && n.op != KARST_OP_BIT_AND) || modulus < 2 ||
+        modulus > MOST_RESTS || (n.op == KARST_OP_BIT_AND && (of->num & (of->num - 1))) || s->steepness[e] == NOT_KNOWN)
+        return false;
+    of->cycles_per_m = times(s, s->steepness[e], number(s, 1 / modulus));
+    return true;
+}
+
+/* Where a footprint hides them, a rest is all of them. */
+static karst_expr fade_rest(softener *s, karst_expr e, karst_expr made)
+{
+    rests of;
+    return s->graph->nodes[e].type == KARST_TYPE_FLOAT && are_rests(s, e, &of)
+               ? fade_to(s, number(s, (of.num - 1) / (2 * of.divisor)), made, of.cycles_per_m)
+               : made;
+}
+
+static bool holds(uint8_t op, double a, double b)
+{
+    return op == KARST_OP_LESS ? a < b : op == KARST_OP_LESS_EQUAL ? a <= b : op == KARST_OP_EQUAL ? a == b : a != b;
+}
+
+/* A choice by a comparison of a rest with a constant: there both mix, by how many of the rests choose which.
+ * KARST_NO_EXPR: it is no such choice. */
+static karst_expr fade_choice(softener *s, karst_expr old, karst_expr made)
+{
+    karst_graph *g = s->graph;
+    const karst_expr_node was = g->nodes[old], now = g->nodes[made], condition = g->nodes[was.arg[0]];
+    rests of;
+    double than;
+    if (now.op != KARST_OP_SELECT || now.type != KARST_TYPE_FLOAT || condition.op < KARST_OP_LESS ||
+        condition.op > KARST_OP_NOT_EQUAL)
+        return KARST_NO_EXPR;
+    const bool first = is_constant(s, condition.arg[1], &than);
+    if ((!first && !is_constant(s, condition.arg[0], &than)) || !are_rests(s, condition.arg[first ? 0 : 1], &of))
+        return KARST_NO_EXPR;
+    int num = 0;
+    for (int i = 0; i < of.num; i++)
+        num += first ? holds(condition.op, i / of.divisor, than) : holds(condition.op, than, i / of.divisor);
+    const karst_expr sharp = karst_expr_3(g, KARST_OP_SELECT, was.arg[0], now.arg[1], now.arg[2]),
+                     mixed = karst_expr_3(g, KARST_OP_MIX, now.arg[2], now.arg[1], number(s, num / (double)of.num));
+    return fade_to(s, mixed, sharp, of.cycles_per_m);
 }
 
 /* A choice by a comparison of floats: across the edge, as far as the footprint reaches, both mix. */
@@ -282,8 +379,12 @@ static karst_expr soften_node(softener *s, karst_expr e)
             return made;
         return fade_to(s, times(s, n.arg[1], number(s, 0.5)), made,
                        karst_expr_2(s->graph, KARST_OP_DIVIDE, steepness, magnitude(s, n.arg[1])));
-    case KARST_OP_SELECT:
-        return widen_edge(s, e, made);
+    case KARST_OP_CONVERT:
+        return fade_rest(s, e, made);
+    case KARST_OP_SELECT: {
+        const karst_expr faded = fade_choice(s, e, made);
+        return faded ? faded : widen_edge(s, e, made);
+    }
     case KARST_OP_MIX:
         return share_sides(s->graph, made);
     default:

@@ -1,7 +1,8 @@
 /* Colours without aliasing: what changes faster than a footprint shows is faded to its mean, edges become as wide as
  * the footprint (LANGUAGE, "band limit"). Octaves of noise fade by themselves; this is for what the text does with
- * sines, fract, mod and comparisons. Densities keep their edges: their features are the surface. Textures of files are
- * what is fast to look up (ops/texture.clh), while densities have splines, which are smooth and have bounds. */
+ * sines, fract, mod, comparisons, and rests of numbers of cells (checkers). Densities keep their edges: their features
+ * are the surface. Textures of files are what is fast to look up (ops/texture.clh), while densities have splines, which
+ * are smooth and have bounds. */
 #ifndef KARST_LANGUAGE_SOFTEN_H
 #define KARST_LANGUAGE_SOFTEN_H
 
