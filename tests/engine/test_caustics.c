@@ -331,7 +331,7 @@ static void check_energy(const karst_stats_caustics *c, uint64_t num)
 
 static uint32_t most_photons(void)
 {
-    return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 12000 : 40000;
+    return getenv("KARST_TEST_FULL") ? 1000000 : getenv("KARST_TEST_QUICK") ? 20000 : 40000;
 }
 
 /* What of an error with 40,000 photons others may have: noise and blur fall together, down to what pixels along edges
