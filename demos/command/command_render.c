@@ -144,7 +144,7 @@ static bool parse_options(int argc, char **argv, command_talk *talk, render_opti
         {"refine", 0, COMMAND_FLAG, NULL, "move each hit to the true density, with its exact gradient as normal",
          &o->refine, 0, 0, NULL},
         {"thin", 0, COMMAND_TEXT, "WHEN",
-         "show matter thinner than two voxels two wide: always, never, or auto, where the world has no noise "
+         "show matter thinner than two voxels two voxels wide: always, never, or auto: if the world has no noise "
          "(default: auto)",
          &o->thin, 0, 0, NULL},
         {"no-shadows", 0, COMMAND_FLAG, NULL, "cast no shadow rays", &o->no_shadows, 0, 0, NULL},

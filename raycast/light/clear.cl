@@ -459,15 +459,16 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
         r.t_max = v_select(idle, zero, to_sphere(&r.origin, &r.direction, task.t_max));
         const vint level = v_select(clear, p.over.level, p.land.level);
         r.width = lane_max(t * pinhole.cone, v_as_float((level + 127) << 23) * (vfloat)(1.0001f / task.detail));
-        vfloat bent = zero;
-        if (!(task.branch && HAS_BEAMS) && v_any(clear))
-            bent = mirrored_cone(over_hits, &pinhole, p.x, p.y, &p.over.normal);
-        if (v_any(p.m & ~clear))
-            bent = v_select(clear, bent, mirrored_cone(hits, &pinhole, p.x, p.y, &p.land.normal));
-        r.cone = task.branch ? 0.5f * (bent + pinhole.cone) : bent;
         if (task.branch && HAS_BEAMS) {
             const beam_ray own = {{zero, zero, zero}, p.direction, r.origin, n};
             beam_of_picture(over_hits, &pinhole, p.x, p.y, &own, d.ratio, ~inside, &r);
+        } else {
+            vfloat bent = zero;
+            if (v_any(clear))
+                bent = mirrored_cone(over_hits, &pinhole, p.x, p.y, &p.over.normal);
+            if (v_any(p.m & ~clear))
+                bent = v_select(clear, bent, mirrored_cone(hits, &pinhole, p.x, p.y, &p.land.normal));
+            r.cone = task.branch ? 0.5f * (bent + pinhole.cone) : bent;
         }
         r.pixel = p.y << 16 | p.x;
         const colour own = own_absorption(&task);

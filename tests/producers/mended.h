@@ -156,4 +156,27 @@ static void load_all(karst_context *context, const karst_world_file *file, bool 
     karst_producer_destroy(producer);
 }
 
+/* Fails unless an evaluator in another shape, `other`, has the same samples, bit by bit. */
+static void expect_same_samples(const float *samples, const float *other)
+{
+    for (int n = 0; n < NUM_LOADS; n++)
+        assert_memory_equal(other + (size_t)n * KARST_BRICK_PADDED, samples + (size_t)n * KARST_BRICK_PADDED,
+                            KARST_BRICK_SAMPLES * sizeof *samples);
+}
+
+/* Fails unless a producer on the host makes the bricks that its kernels make, and raises as many samples. Returns how
+ * many. */
+static uint64_t expect_host_has_same(karst_context *context, const karst_world_file *file)
+{
+    static int16_t q[2][NUM_LOADS][KARST_BRICK_SAMPLES];
+    uint32_t states[2][NUM_LOADS];
+    uint64_t num_raised[2];
+    for (int on_host = 0; on_host < 2; on_host++)
+        load_all(context, file, on_host, q[on_host], states[on_host], &num_raised[on_host]);
+    assert_memory_equal(states[1], states[0], sizeof states[0]);
+    assert_memory_equal(q[1], q[0], sizeof q[0]);
+    assert_int_equal(num_raised[1], num_raised[0]);
+    return num_raised[0];
+}
+
 #endif

@@ -187,9 +187,7 @@ static void test_same_bits(void **state)
             fail_msg("%s: %d samples changed", many[w].density, num_changed);
         for (size_t s = 0; s < sizeof others / sizeof *others && many[w].changes; s++) {
             float *other = evaluate(file, others[s], 3, "", &sum);
-            for (int n = 0; n < NUM_LOADS; n++)
-                assert_memory_equal(other + (size_t)n * KARST_BRICK_PADDED, samples + (size_t)n * KARST_BRICK_PADDED,
-                                    KARST_BRICK_SAMPLES * sizeof *samples);
+            expect_same_samples(samples, other);
             free(other);
         }
         free(without);
@@ -207,13 +205,7 @@ static void test_host(void **state)
     karst_context *context = karst_context_create(getenv("KARST_DEVICE"), 0, NULL, &error);
     pool_expect(context, "context", &error);
     karst_world_file *file = open_text(many[0].density, true);
-    static int16_t q[2][NUM_LOADS][KARST_BRICK_SAMPLES];
-    uint32_t states[2][NUM_LOADS];
-    uint64_t num_raised;
-    for (int on_host = 0; on_host < 2; on_host++)
-        load_all(context, file, on_host, q[on_host], states[on_host], &num_raised);
-    assert_memory_equal(states[1], states[0], sizeof states[0]);
-    assert_memory_equal(q[1], q[0], sizeof q[0]);
+    expect_host_has_same(context, file);
     karst_world_file_destroy(file);
     karst_context_destroy(context);
 }
