@@ -198,14 +198,14 @@ static colour light_of_ray(const worker *w, vector3 direction, karst_reference_s
         return p->skies ? air_sky_with_sun(karst_skies_sky(p->skies), karst_skies_table(p->skies), &p->light,
                                            &direction, to_sun)
                         : sky_colour(&p->light, &direction, to_sun);
-    const float normal[3] = {(float)hit.normal[0], (float)hit.normal[1], (float)hit.normal[2]};
-    const vector3 n = {normal[0], normal[1], normal[2]};
+    const float facing[KARST_FACING_FLOATS] = {(float)hit.normal[0], (float)hit.normal[1], (float)hit.normal[2]};
+    const vector3 n = {facing[0], facing[1], facing[2]};
     colour albedo = plain_albedo(&p->light, &n), own = {0, 0, 0};
     if (w->oracle) {
         const double d[3] = {(double)direction.x, (double)direction.y, (double)direction.z};
         karst_position at = karst_reference_place(&p->camera.position, d, hit.t_m / p->voxel_m);
         karst_oracle_value values[KARST_NUM_ROOTS];
-        karst_oracle_shading(w->oracle, &at, normal, -1, values);
+        karst_oracle_shading(w->oracle, &at, facing, -1, values);
         const karst_oracle_value *rgb = values + KARST_ROOT_COLOUR, *emitted = values + KARST_ROOT_EMISSION;
         albedo.r = lane_unit((float)rgb[0].precise);
         albedo.g = lane_unit((float)rgb[1].precise);

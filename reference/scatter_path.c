@@ -46,7 +46,7 @@ static double extinction_at(karst_scatter_walker *w, const double at[3], double 
 static look look_at(karst_scatter_walker *w, const double at[3])
 {
     const karst_position place = place_at(w, at);
-    const float up[3] = {0, 1, 0};
+    const float up[KARST_FACING_FLOATS] = {0, 1, 0};
     karst_oracle_value values[KARST_NUM_ROOTS];
     look l;
     karst_oracle_shading(w->oracle, &place, up, -1, values);

@@ -62,7 +62,7 @@ bool karst_engine_is_in_clear(const karst_engine *engine, const karst_position *
 {
     const karst_world_file *file = engine->shown.file->content[KARST_CONTENT_CLEAR];
     karst_oracle *oracle = engine->shown.content[KARST_CONTENT_CLEAR].oracle;
-    static const float up[3] = {0, 1, 0};
+    static const float up[KARST_FACING_FLOATS] = {0, 1, 0};
     karst_oracle_value values[KARST_NUM_ROOTS];
     double density = karst_oracle_density(oracle, at, -1).precise;
     const karst_layer *models = karst_engine_world_layer(&engine->shown, &karst_clear_points_kind);

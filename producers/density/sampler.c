@@ -210,8 +210,9 @@ bool karst_sampler_colour(karst_sampler *sampler, const karst_position *at, cons
     }
     if (!has_colour && over[3] == 0)
         return false;
+    const float facing[KARST_FACING_FLOATS] = {normal[0], normal[1], normal[2]}; /* nobody looks */
     if (has_colour)
-        karst_oracle_colour(sampler->oracle, at, normal, level, values);
+        karst_oracle_colour(sampler->oracle, at, facing, level, values);
     for (int i = 0; i < 3; i++) {
         rgb[i] = has_colour ? sample_of(values[i]) : (karst_sample){KARST_NO_COLOUR, (double)KARST_NO_COLOUR};
         rgb[i].device = over[3] > 0 ? over[i] + (1 - over[3]) * rgb[i].device : rgb[i].device;

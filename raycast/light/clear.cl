@@ -71,8 +71,9 @@ RAY_INLINE void find_matter(K_GLOBAL const ulong *data, __local const near_octav
         vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
         int level = (int)v_min_across(left);
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
+        const vfloat none = (vfloat)(0.0f), facing[] = {s->normal.x, s->normal.y, s->normal.z, none, none, none};
         vfloat values[WORLD_NUM_OUTPUTS];
-        world_outputs(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
+        world_outputs(data, &near, octaves, &place, level, facing, values);
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
 #ifdef WORLD_OUTPUT_IOR
         matter[0] = k_fma(share, dielectric_ior(values[WORLD_OUTPUT_IOR]), matter[0]);

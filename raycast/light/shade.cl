@@ -7,6 +7,7 @@
 #include "raycast/cast/packing.clh"
 #include "raycast/light/radiance_shared.h"
 #endif
+#include "raycast/light/facing.clh"
 #include "raycast/light/surface.clh"
 #ifdef SHADE_PAINT
 #include "raycast/light/paint.clh"
@@ -55,12 +56,13 @@
 #endif
 
 #ifdef SHADE_WORLD_COLOUR
-/* The world's colour at the hits, level by level, of which there are at most a few in one packet; blended as the hits
- * are. `glow`: 0, to which what the surface gives off is added; so is to *mirror the share of light that it mirrors, if
- * it says, and to *passes the share that passes it. */
+/* The world's colour at the hits, which lie along `direction` from the anchor and were met along `look`; level by
+ * level, of which there are at most a few in one packet; blended as the hits are. `glow`: 0, to which what the surface
+ * gives off is added; so is to *mirror the share of light that it mirrors, if it says, and to *passes the share that
+ * passes it. */
 RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_octave *octaves,
                                const karst_shade_anchor *anchor, const surface_hits *s, const vector3 *direction,
-                               vint hit, colour *glow OWN_MIRROR_TAKEN OWN_PASS_TAKEN)
+                               const vector3 *look, vint hit, colour *glow OWN_MIRROR_TAKEN OWN_PASS_TAKEN)
 {
     world_point_at place;
     world_near_at near;
@@ -69,6 +71,8 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
     exact_steps(&near, anchor, direction, t, v_max_across(t));
     if (WORLD_COLOUR_TAKES_PLACES || near.is_far)
         exact_places(&place, anchor, direction, t);
+    vfloat facing[KARST_FACING_FLOATS];
+    face_look(&s->normal, look, facing);
     vint own = hit, next = hit & v_gt(s->weight, (vfloat)(0.0f));
     while (v_any(own | next)) {
         vfloat left = v_select(own, v_to_float(s->level), v_select(next, v_to_float(s->level + 1), (vfloat)(1000.0f)));
@@ -76,10 +80,10 @@ RAY_INLINE colour world_albedo(K_GLOBAL const ulong *data, __local const near_oc
         vint from_own = own & v_eq(s->level, (vint)(level)), from_next = next & v_eq(s->level, (vint)(level - 1));
 #ifdef WORLD_NUM_OUTPUTS
         vfloat values[WORLD_NUM_OUTPUTS];
-        world_outputs(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
+        world_outputs(data, &near, octaves, &place, level, facing, values);
 #else
         vfloat values[3];
-        world_colour(data, &near, octaves, &place, level, s->normal.x, s->normal.y, s->normal.z, values);
+        world_colour(data, &near, octaves, &place, level, facing, values);
 #endif
         vfloat share = v_select(from_own, 1.0f - s->weight, v_select(from_next, s->weight, (vfloat)(0.0f)));
         albedo.r = k_fma(share, lane_unit(values[0]), albedo.r);
@@ -314,7 +318,7 @@ SHADE_CALL void shade_packet(const shade_scene *scene, K_GLOBAL uint *pixels, K_
             vfloat passes = (vfloat)(0.0f);
 #endif
 #ifdef SHADE_WORLD_COLOUR
-            colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &s, &direction, hit,
+            colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &s, &direction, &direction, hit,
                                          &glow OWN_MIRROR_OF(mirror) OWN_PASS_OF(passes));
 #else
             colour albedo = plain_albedo(light, &s.normal);
@@ -567,7 +571,7 @@ SHADE_CALL void shade_ray_packet(const shade_scene *scene, const shade_stream *s
 #ifdef OWN_PASS
         vfloat passes = (vfloat)(0.0f);
 #endif
-        colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &seen, &way, hit,
+        colour albedo = world_albedo(scene->data, scene->octaves, scene->anchor, &seen, &way, &direction, hit,
                                      &glow OWN_MIRROR_OF(mirror) OWN_PASS_OF(passes));
 #else
         colour albedo = plain_albedo(light, &s.normal);

@@ -14,8 +14,8 @@ typedef struct karst_shader karst_shader;
 typedef struct {
     /* Text in the lane dialect that defines, with LANES lanes and the types of producers/steps/density.clh,
      *     void world_colour(world_data data, const world_near_at *near, __local const near_octave *octaves,
-     *                       const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz,
-     *                       vfloat values[3]);
+     *                       const world_point_at *place, int level,
+     *                       const vfloat facing[KARST_FACING_FLOATS], vfloat values[3]);
      * the albedo (linear RGB) at places, band-limited to voxels of a level. Or, with WORLD_NUM_OUTPUTS defined, the
      * same with `vfloat values[WORLD_NUM_OUTPUTS]`, under the name world_outputs: from 0 on the albedo, and where they
      * are defined, from WORLD_OUTPUT_EMISSION on what the surface gives off (linear RGB), at WORLD_OUTPUT_MIRROR the

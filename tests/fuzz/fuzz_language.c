@@ -124,7 +124,7 @@ static void use(karst_program_graph *program)
         karst_oracle_destroy(oracle);
         return; /* memory */
     }
-    const float up[3] = {0, 1, 0};
+    const float up[KARST_FACING_FLOATS] = {0, 1, 0, 9, 0, -2};
     karst_oracle_value values[KARST_NUM_ROOTS];
     for (size_t i = 0; karst_has_output(program->root, KARST_OUTPUT_COLOUR) && i < NUM_PLACES; i++)
         karst_oracle_shading(oracle, &places[i], up, -1, values);

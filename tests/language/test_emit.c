@@ -103,9 +103,13 @@ static const char colour_probe[] =
     "    }\n"
     "    vint steep = v_eq(kind, (vint)(1)) | (v_eq(kind, (vint)(2)) & v_ne(index & 1, (vint)(0)));\n"
     "    vint level_ground = v_eq(kind, (vint)(3));\n"
-    "    vfloat nx = v_select(steep, (vfloat)(0.8f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(0.48f)));\n"
-    "    vfloat ny = v_select(steep, (vfloat)(0.0f), v_select(level_ground, (vfloat)(1.0f), (vfloat)(0.6f)));\n"
-    "    vfloat nz = v_select(steep, (vfloat)(-0.6f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(-0.64f)));\n"
+    "    vfloat facing[6];\n"
+    "    facing[0] = v_select(steep, (vfloat)(0.8f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(0.48f)));\n"
+    "    facing[1] = v_select(steep, (vfloat)(0.0f), v_select(level_ground, (vfloat)(1.0f), (vfloat)(0.6f)));\n"
+    "    facing[2] = v_select(steep, (vfloat)(-0.6f), v_select(level_ground, (vfloat)(0.0f), (vfloat)(-0.64f)));\n"
+    "    facing[3] = v_select(steep, (vfloat)(0.0f), (vfloat)(1.5f));\n"
+    "    facing[4] = v_select(steep, (vfloat)(-5.0f), (vfloat)(0.0f));\n"
+    "    facing[5] = v_select(level_ground, (vfloat)(2.25f), (vfloat)(0.0f));\n"
     /* Anchors near and far, and so far that some lanes are beyond what steps from them reach. */
     "    long anchor[3];\n"
     "    for (int axis = 0; axis < 3; axis++)\n"
@@ -134,10 +138,10 @@ static const char colour_probe[] =
     "    world_colour_prepare(data, anchor, fraction, octaves, 0u, 1u);\n"
     "#ifdef WORLD_NUM_OUTPUTS\n"
     "    vfloat values[WORLD_NUM_OUTPUTS];\n"
-    "    world_outputs(data, &near, octaves, &at, level, nx, ny, nz, values);\n"
+    "    world_outputs(data, &near, octaves, &at, level, facing, values);\n"
     "#else\n"
     "    vfloat values[3];\n"
-    "    world_colour(data, &near, octaves, &at, level, nx, ny, nz, values);\n"
+    "    world_colour(data, &near, octaves, &at, level, facing, values);\n"
     "#endif\n"
     "    vfloat sum = values[0] + (vfloat)(2.0f) * values[1] - (vfloat)(4.0f) * values[2];\n"
     "#ifdef WORLD_NUM_OUTPUTS\n"
@@ -293,8 +297,10 @@ static void compare_with_oracle(karst_oracle *oracle, const karst_expr *shading,
                                 const int64_t origin[3], int level, uint32_t number)
 {
     /* As colour_probe has them: packets of one kind of ground, and such as hold two. */
-    static const float slope[3] = {0.48f, 0.6f, -0.64f}, steep[3] = {0.8f, 0.0f, -0.6f}, flat[3] = {0, 1, 0};
-    static const float *const normals[8] = {slope, slope, steep, steep, slope, steep, flat, flat};
+    static const float slope[KARST_FACING_FLOATS] = {0.48f, 0.6f, -0.64f, 1.5f, 0, 0},
+                       steep[KARST_FACING_FLOATS] = {0.8f, 0, -0.6f, 0, -5, 0},
+                       flat[KARST_FACING_FLOATS] = {0, 1, 0, 1.5f, 0, 2.25f};
+    static const float *const facings[8] = {slope, slope, steep, steep, slope, steep, flat, flat};
     for (int i = 0; i < NUM_SAMPLES; i += STEP) {
         karst_position at = {{0}, {0}};
         int index[3] = {i % KARST_BRICK_SIDE, i / KARST_BRICK_SIDE % KARST_BRICK_SIDE,
@@ -308,7 +314,7 @@ static void compare_with_oracle(karst_oracle *oracle, const karst_expr *shading,
             karst_oracle_value v[KARST_NUM_ROOTS], *rgb = v + KARST_ROOT_COLOUR;
             uint32_t list[KARST_NUM_ROOTS];
             const size_t count = karst_list_roots(shading, KARST_PROGRAM_SHADING, list);
-            karst_oracle_shading(oracle, &at, normals[(i >> 5 & 3) * 2 + (i & 1)], level, v);
+            karst_oracle_shading(oracle, &at, facings[(i >> 5 & 3) * 2 + (i & 1)], level, v);
             expected = rgb[0].device + 2.0f * rgb[1].device - 4.0f * rgb[2].device;
             for (size_t k = 3; k < count; k++)
                 expected += (float)(1 << k) * v[list[k]].device;

@@ -73,7 +73,7 @@ static void expect_values(text_world *w, const double expected[KARST_NUM_ROOTS],
 {
     karst_oracle_value values[KARST_NUM_ROOTS];
     karst_position at = position_at(w, 1, 2, 3);
-    karst_oracle_shading(w->oracle, &at, (const float[]){0, 1, 0}, -1, values);
+    karst_oracle_shading(w->oracle, &at, (const float[KARST_FACING_FLOATS]){0, 1, 0}, -1, values);
     for (int i = KARST_ROOT_COLOUR; i < KARST_NUM_ROOTS; i++)
         if (values[i].precise != expected[i] || values[i].device != (float)expected[i])
             fail_msg("%s: root %d is %.17g and %a, not %.17g", what, i, values[i].precise, (double)values[i].device,

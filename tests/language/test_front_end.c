@@ -136,7 +136,7 @@ static karst_expr tint(karst_graph *g, wild_source *random)
 {
     switch (wild_below(random, 5)) {
     case 0:
-        return karst_graph_leaf(g, KARST_OP_NORMAL, wild_below(random, 3));
+        return karst_graph_leaf(g, KARST_OP_NORMAL, wild_below(random, KARST_FACING_FLOATS));
     case 1:
     case 2: {
         karst_expr e = wild_noise(g, random);

@@ -51,7 +51,7 @@ static void test_all(void **s)
         if (karst_has_output(w.program->root, KARST_OUTPUT_COLOUR)) {
             karst_oracle_value rgb[3];
             karst_position at = position_at(&w, 1, 2, 3);
-            karst_oracle_colour(w.oracle, &at, (const float[]){0, 1, 0}, -1, rgb);
+            karst_oracle_colour(w.oracle, &at, (const float[KARST_FACING_FLOATS]){0, 1, 0}, -1, rgb);
             for (int i = 0; i < 3; i++)
                 assert_true(isfinite(rgb[i].device));
         }

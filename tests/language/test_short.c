@@ -387,7 +387,9 @@ static const char colour_probe[] =
     "    at.voxel[2] = (vlong)(-70L);\n"
     "    for (int i = 0; i < 3; i++)\n"
     "        at.fraction[i] = (vuint)(0u);\n"
-    "    world_outputs(data, &near, known, &at, level, (vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), values);\n"
+    "    const vfloat facing[] = {(vfloat)(0.48f), (vfloat)(0.6f), (vfloat)(-0.64f), (vfloat)(1.5f), (vfloat)(0.0f), "
+    "(vfloat)(2.25f)};\n"
+    "    world_outputs(data, &near, known, &at, level, facing, values);\n"
     "    for (int i = 0; i < WORLD_NUM_OUTPUTS; i++)\n"
     "        v_store_float(values[i], out + WORLD_NUM_OUTPUTS * first + i * LANES);\n"
     "}\n";
@@ -396,7 +398,7 @@ enum { NUM_COLOURS = 64 };
 /* Colours too large for generated code are the oracle's in every bit, too. */
 static void check_colours(const karst_world_file *file, int lanes)
 {
-    static const float normal[3] = {0.48f, 0.6f, -0.64f};
+    static const float facing[KARST_FACING_FLOATS] = {0.48f, 0.6f, -0.64f, 1.5f, 0, 2.25f};
     karst_error error = {0};
     char options[KARST_WORLD_FILE_OPTIONS_BYTES];
     float values[KARST_NUM_ROOTS * NUM_COLOURS];
@@ -428,7 +430,7 @@ static void check_colours(const karst_world_file *file, int lanes)
         for (int i = 0; i < NUM_COLOURS; i++) {
             karst_position at = {.voxel = {x + 3 * i, 5, -70}};
             karst_oracle_value expected[KARST_NUM_ROOTS];
-            karst_oracle_shading(oracle, &at, normal, level, expected);
+            karst_oracle_shading(oracle, &at, facing, level, expected);
             for (int c = 0; c < count; c++)
                 assert_int_equal(k_as_uint(values[count * (i / lanes * lanes) + c * lanes + i % lanes]),
                                  k_as_uint(expected[list[c]].device));
@@ -488,10 +490,8 @@ static void test_large_colours(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_same_bits),
-        cmocka_unit_test(test_smooth_minima),
-        cmocka_unit_test(test_ten_thousand_ops),
-        cmocka_unit_test(test_fifty_thousand_ops),
+        cmocka_unit_test(test_the_same_bits),    cmocka_unit_test(test_smooth_minima),
+        cmocka_unit_test(test_ten_thousand_ops), cmocka_unit_test(test_fifty_thousand_ops),
         cmocka_unit_test(test_large_colours),
     };
     return cmocka_run_group_tests_name("short tapes", tests, NULL, NULL);

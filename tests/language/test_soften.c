@@ -47,11 +47,11 @@ static void close_world(world *w)
 
 static double red_at(world *w, double x_m, int level)
 {
-    static const float normal[3] = {0, 1, 0};
+    static const float facing[KARST_FACING_FLOATS] = {0, 1, 0};
     const double offset_m[3] = {x_m, 0.25, 0.5};
     karst_oracle_value rgb[3];
     karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, -4);
-    karst_oracle_colour(w->oracle, &at, normal, level, rgb);
+    karst_oracle_colour(w->oracle, &at, facing, level, rgb);
     assert_true(fabs((double)rgb[0].device - rgb[0].precise) < 1e-4);
     return (double)rgb[0].device;
 }
@@ -138,7 +138,8 @@ static void test_along_the_surface(void **state)
     for (size_t i = 0; i < sizeof slopes / sizeof *slopes; i++) {
         /* turned about both axes */
         const double sine = slopes[i] / hypot(1, slopes[i]);
-        const float normal[3] = {(float)(0.6 * sine), (float)(1 / hypot(1, slopes[i])), (float)(-0.8 * sine)};
+        const float facing[KARST_FACING_FLOATS] = {(float)(0.6 * sine), (float)(1 / hypot(1, slopes[i])),
+                                                   (float)(-0.8 * sine)};
         for (int level = 0; level < 12; level++) {
             const double width_m = ldexp(sine, level - 4);
             for (int k = -3; k <= 3; k++) {
@@ -146,8 +147,44 @@ static void test_along_the_surface(void **state)
                 const double inside = (offset_m[1] - 0.02) / fmax(width_m, 1e-30) + 0.5;
                 karst_oracle_value rgb[3];
                 const karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, -4);
-                karst_oracle_colour(w.oracle, &at, normal, level, rgb);
+                karst_oracle_colour(w.oracle, &at, facing, level, rgb);
                 assert_true(fabs((double)rgb[0].device - fmax(0, fmin(1, inside))) < 2e-3);
+            }
+        }
+    }
+    close_world(&w);
+}
+
+/* What is seen edge on has a footprint that lies longer on it, along the look: by 1 / cosine. */
+static void test_along_the_look(void **state)
+{
+    (void)state;
+    static const double normal[3] = {0.36, 0.8, -0.48}, aside[3] = {0.8, 0, 0.6}, away[3] = {0.48, -0.6, -0.64},
+                        gradient[3] = {0.25, -1, 0.5};
+    static const double cosines[] = {1, 0.7, 0.2, 0.05, 1.0 / 60};
+    world w;
+    open_world(&w, "0.25 * p.x - p.y + 0.5 * p.z > 0.02 ? 1.0 : 0.0");
+    double across = 0, along = 0;
+    for (int i = 0; i < 3; i++) {
+        across += gradient[i] * aside[i];
+        along += gradient[i] * away[i];
+    }
+    for (size_t i = 0; i < sizeof cosines / sizeof *cosines; i++) {
+        /* a ray into the surface, which goes along it by `away` */
+        const double tangent = sqrt(1 - cosines[i] * cosines[i]) / cosines[i];
+        float facing[KARST_FACING_FLOATS];
+        for (int k = 0; k < 3; k++) {
+            facing[k] = (float)normal[k];
+            facing[3 + k] = (float)(tangent * away[k]);
+        }
+        for (int level = 4; level < 12; level++) {
+            const double width = ldexp(hypot(across, along / cosines[i]), level - 4);
+            for (int k = -3; k <= 3; k++) {
+                const double offset_m[3] = {0, -0.02 - 0.3 * k * width, 0};
+                karst_oracle_value rgb[3];
+                const karst_position at = karst_position_add_m((karst_position){{0}, {0}}, offset_m, -4);
+                karst_oracle_colour(w.oracle, &at, facing, level, rgb);
+                assert_true(fabs((double)rgb[0].device - fmax(0, fmin(1, 0.3 * k + 0.5))) < 2e-3);
             }
         }
     }
@@ -189,8 +226,11 @@ static void test_what_stays(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_periods),           cmocka_unit_test(test_edges),
-        cmocka_unit_test(test_along_the_surface), cmocka_unit_test(test_full_detail_is_sharp),
+        cmocka_unit_test(test_periods),
+        cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_along_the_surface),
+        cmocka_unit_test(test_along_the_look),
+        cmocka_unit_test(test_full_detail_is_sharp),
         cmocka_unit_test(test_what_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -191,14 +191,14 @@ static void test_oracles_agree(void **state)
     (void)state;
     random_state = 7;
     for (int n = 0; n < NUM_PLACES; n++) {
-        const float normal[3] = {(float)random_unit(), (float)random_unit(), (float)random_unit()};
+        const float facing[KARST_FACING_FLOATS] = {(float)random_unit(), (float)random_unit(), (float)random_unit()};
         karst_oracle_value v[KARST_NUM_ROOTS];
         karst_position p = {{0}, {0}};
         for (int i = 0; i < 3; i++) {
             p.voxel[i] = (int64_t)random_bits() - 0x80000000ll;
             p.fraction[i] = random_bits();
         }
-        karst_oracle_shading(oracle, &p, normal, (int)random_below(12) - 1, v);
+        karst_oracle_shading(oracle, &p, facing, (int)random_below(12) - 1, v);
         for (int c = 0; c < 3; c++)
             assert_true(fabs(v[KARST_ROOT_COLOUR + c].precise - (double)v[KARST_ROOT_COLOUR + c].device) < 2e-6);
     }

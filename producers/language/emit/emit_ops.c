@@ -266,7 +266,7 @@ void karst_emit_lines(karst_emit *emit, karst_expr e)
         karst_text_add(&emit->text, "    const vfloat v%u = (vfloat)(op_footprint(level, %d));\n", e,
                        (int)n->extra - KARST_FOOTPRINT_BIAS);
     } else if (n->op == KARST_OP_NORMAL) {
-        karst_text_add(&emit->text, "    const vfloat v%u = n%c;\n", e, "xyz"[n->extra]);
+        karst_text_add(&emit->text, "    const vfloat v%u = facing[%u];\n", e, (unsigned)n->extra);
     } else {
         char name[48];
         bool swapped;

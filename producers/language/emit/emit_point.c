@@ -126,7 +126,8 @@ void karst_emit_surfaces(karst_emit *emit)
 
 static const char shading_inputs[] =
     "world_data data, const world_near_at *near, __local const near_octave *octaves,\n"
-    "                                  const world_point_at *place, int level, vfloat nx, vfloat ny, vfloat nz";
+    "                                  const world_point_at *place, int level,\n"
+    "                                  const vfloat facing[KARST_FACING_FLOATS]";
 #define SHADING_NAME(id, ...) "WORLD_OUTPUT_" #id,
 static const char *const shading_names[KARST_NUM_OUTPUTS] = {KARST_OUTPUTS(SHADING_NAME)};
 

@@ -9,6 +9,7 @@
 #include "noise/bounds.clh"
 #include "noise/worley.clh"
 #include "producers/language/image/image.h"
+#include "core/base/facing_shared.h"
 
 static const karst_range everything = {-(double)INFINITY, (double)INFINITY};
 
@@ -139,6 +140,9 @@ karst_range karst_graph_range_of(const karst_graph *graph, karst_expr e, const k
     case KARST_OP_FOOTPRINT:
         return (karst_range){0, (double)INFINITY};
     case KARST_OP_NORMAL:
+        if (n->extra > 2)
+            return (karst_range){-1.000001 * KARST_MOST_STRETCH, 1.000001 * KARST_MOST_STRETCH};
+        return (karst_range){-1.000001, 1.000001};
     case KARST_OP_SIN:
     case KARST_OP_COS:
     case KARST_OP_SIN_TURNS:

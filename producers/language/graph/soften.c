@@ -82,12 +82,16 @@ static karst_expr product(softener *s, karst_expr coefficient, karst_expr normal
     return coefficient ? times(s, coefficient, normal) : KARST_NO_EXPR;
 }
 
-/* How fast what is affine changes along the surface: the length of its gradient times the sine of the angle to the
- * normal, which their cross product gives without loss where that is small. */
+/* The same of sums. */
+static karst_expr sum_of_products(softener *s, karst_expr a, karst_expr b) { return a && b ? add(s, a, b) : a | b; }
+
+/* How fast what is affine changes along the surface, over a footprint that lies longer on it where it is seen edge on
+ * (core/base/facing_shared.h). Its gradient's length times the sine of the angle to the normal is given by their
+ * cross product without loss where that is small. */
 static karst_expr affine_steepness(softener *s, const karst_affine *affine)
 {
     const karst_expr c[3] = {affine->coefficient[0], affine->coefficient[1], affine->coefficient[2]};
-    karst_expr normal[3], parts[3];
+    karst_expr normal[3], parts[4], along[3];
     for (uint32_t k = 0; k < 3; k++)
         normal[k] = karst_graph_leaf(s->graph, KARST_OP_NORMAL, k);
     for (int k = 0; k < 3; k++) {
@@ -95,7 +99,10 @@ static karst_expr affine_steepness(softener *s, const karst_affine *affine)
         const karst_expr first = product(s, c[a], normal[b]), second = product(s, c[b], normal[a]);
         parts[k] = first && second ? karst_expr_2(s->graph, KARST_OP_SUBTRACT, first, second) : first | second;
     }
-    return hypotenuse(s, parts, 3);
+    for (uint32_t k = 0; k < 3; k++)
+        along[k] = product(s, c[k], karst_graph_leaf(s->graph, KARST_OP_NORMAL, 3 + k));
+    parts[3] = sum_of_products(s, sum_of_products(s, along[0], along[1]), along[2]);
+    return hypotenuse(s, parts, 4);
 }
 
 static karst_expr noise_steepness(softener *s, const karst_expr_node *n)

@@ -201,11 +201,11 @@ karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_p
     return karst_oracle_node(oracle, world->text ? world->text : world->root[KARST_ROOT_DENSITY]);
 }
 
-void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
-                          karst_oracle_value values[KARST_NUM_ROOTS])
+void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float facing[KARST_FACING_FLOATS],
+                          int level, karst_oracle_value values[KARST_NUM_ROOTS])
 {
-    for (int i = 0; i < 3; i++)
-        oracle->normal[i] = normal[i];
+    for (int i = 0; i < KARST_FACING_FLOATS; i++)
+        oracle->facing[i] = facing[i];
     evaluate(oracle, &oracle->shading, at, level);
     for (int o = 0; o < KARST_NUM_OUTPUTS; o++) {
         const karst_output_info *output = &karst_outputs[o];
@@ -217,11 +217,11 @@ void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const 
     }
 }
 
-void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
-                         karst_oracle_value rgb[3])
+void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float facing[KARST_FACING_FLOATS],
+                         int level, karst_oracle_value rgb[3])
 {
     karst_oracle_value values[KARST_NUM_ROOTS];
-    karst_oracle_shading(oracle, at, normal, level, values);
+    karst_oracle_shading(oracle, at, facing, level, values);
     for (int i = 0; i < 3; i++)
         rgb[i] = values[KARST_ROOT_COLOUR + i];
 }

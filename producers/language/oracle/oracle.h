@@ -13,6 +13,7 @@
 #include "karst/error.h"
 #include "karst/position.h"
 #include "producers/language/graph/data.h"
+#include "core/base/facing_shared.h"
 
 typedef struct karst_oracle karst_oracle;
 
@@ -44,12 +45,12 @@ karst_oracle_value karst_oracle_text_density(karst_oracle *oracle, const karst_p
 /* The density as a double alone, in less time. */
 double karst_oracle_precise_density(karst_oracle *oracle, const karst_position *at, int level);
 /* What shading runs, by number of the root; what the world does not give, and its densities, as they usually are. The
- * world must have a colour. `normal` is of length 1. */
-void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
-                          karst_oracle_value values[KARST_NUM_ROOTS]);
+ * world must have a colour. `facing`: core/base/facing_shared.h. */
+void karst_oracle_shading(karst_oracle *oracle, const karst_position *at, const float facing[KARST_FACING_FLOATS],
+                          int level, karst_oracle_value values[KARST_NUM_ROOTS]);
 /* The colour alone of that: linear RGB. */
-void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float normal[3], int level,
-                         karst_oracle_value rgb[3]);
+void karst_oracle_colour(karst_oracle *oracle, const karst_position *at, const float facing[KARST_FACING_FLOATS],
+                         int level, karst_oracle_value rgb[3]);
 /* The density, and its gradient per metre; the world must have one (derive.h). */
 karst_oracle_value karst_oracle_gradient(karst_oracle *oracle, const karst_position *at, int level,
                                          karst_oracle_value gradient[3]);

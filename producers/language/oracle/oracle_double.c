@@ -246,7 +246,7 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
     case KARST_OP_FOOTPRINT:
         return (double)op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
-        return (double)o->normal[n->extra];
+        return (double)o->facing[n->extra];
     case KARST_OP_ADD:
     case KARST_OP_SHIFTED:
         return a + b;

@@ -221,7 +221,7 @@ static vfloat plain_float(const karst_oracle *o, const karst_expr_node *n)
     case KARST_OP_FOOTPRINT:
         return op_footprint(o->level, (int)n->extra - KARST_FOOTPRINT_BIAS);
     case KARST_OP_NORMAL:
-        return o->normal[n->extra];
+        return o->facing[n->extra];
     case KARST_OP_ADD:
     case KARST_OP_SHIFTED:
         return op_add(a, b);

@@ -35,7 +35,7 @@ struct karst_oracle {
     const karst_oracle *original; /* whose all of the above is, if this is a clone */
     karst_oracle_slot *slots;
     affine_position at;
-    float normal[3];
+    float facing[KARST_FACING_FLOATS];
     int level;
 };
 

@@ -13,7 +13,7 @@
 /* The ops of graph.h that a tape may hold; arguments as there. */
 typedef enum {
     TAPE_AFFINE, /* its float */
-    TAPE_NORMAL,    /* along axis `count` */
+    TAPE_NORMAL,    /* number `count` of how the surface faces (core/base/facing_shared.h) */
     TAPE_FOOTPRINT, /* of the level asked for, in metres; a voxel of level 0 is 2^(int)count of them wide */
     TAPE_ADD,
     TAPE_SUBTRACT,
