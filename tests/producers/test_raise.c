@@ -22,8 +22,7 @@ static double interpolant(const float *grid, const double at[3])
     }
     for (int z = 0; z < 2; z++) {
         const float *p = grid + ((cell[2] + z) * SIDE + cell[1]) * SIDE + cell[0];
-        plane[z] =
-            mixed(mixed(p[0], p[1], share[0]), mixed(p[SIDE], p[SIDE + 1], share[0]), share[1]);
+        plane[z] = mixed(mixed(p[0], p[1], share[0]), mixed(p[SIDE], p[SIDE + 1], share[0]), share[1]);
     }
     return mixed(plane[0], plane[1], share[2]);
 }
@@ -237,9 +236,8 @@ static void test_smooth(void **state)
 static void test_same_bits(void **state)
 {
     /* No device takes 16 lanes in groups, and PoCL's compiler dies of this code in that shape. */
-    static const device_shape others[] = {{1, KARST_SHAPE_ROWS, false},
-                                          {1, KARST_SHAPE_GROUPS, false},
-                                          {16, KARST_SHAPE_ROWS, true}};
+    static const device_shape others[] = {
+        {1, KARST_SHAPE_ROWS, false}, {1, KARST_SHAPE_GROUPS, false}, {16, KARST_SHAPE_ROWS, true}};
     enum { NUM_OTHERS = sizeof others / sizeof *others };
     static float grid[NUM_CELLS];
     karst_scrub sum, theirs;
@@ -287,10 +285,10 @@ static void test_host(void **state)
 /* Matter a voxel thick and more: nothing is raised, wherever it lies and however it is turned. */
 static void test_ordinary(void **state)
 {
-    static const char *const worlds[] = {
-        "return 150.0 - length(p - vec3(1.7, 0.3, -2.2));", "return max(-p.y - 3.3, 0.01 * p.x - p.y - 40.0);",
-        "return 0.3 * p.x - 0.7 * p.y + 0.2 * p.z + 1.0;",
-        "return min(100.0 - max(abs(p.x), abs(p.z)), 60.0 - abs(p.y));"};
+    static const char *const worlds[] = {"return 150.0 - length(p - vec3(1.7, 0.3, -2.2));",
+                                         "return max(-p.y - 3.3, 0.01 * p.x - p.y - 40.0);",
+                                         "return 0.3 * p.x - 0.7 * p.y + 0.2 * p.z + 1.0;",
+                                         "return min(100.0 - max(abs(p.x), abs(p.z)), 60.0 - abs(p.y));"};
     (void)state;
     for (size_t w = 0; w < sizeof worlds / sizeof *worlds; w++) {
         karst_world_file *file = open_text(worlds[w], true), *plain = open_text(worlds[w], false);
@@ -333,6 +331,36 @@ static void test_sharp_edges(void **state)
     free(evaluate(file, rows, 3, "-DRAISE_EDGE=-1.0f", &sum));
     print_message("edges that count as thin: %u raised\n", sum.raised);
     assert_true(sum.raised > 100);
+    karst_world_file_destroy(file);
+}
+
+static float largest(float *grid)
+{
+    float most = 0;
+    for (int i = 0; i < SIDE * SIDE * SIDE; i++)
+        most = fmaxf(most, fabsf(grid[i]));
+    free(grid);
+    return most;
+}
+
+/* Teeth whose steep sides are jumps, at 45 degrees to the others: what is raised beside a jump would end in steps. */
+static void test_teeth(void **state)
+{
+    (void)state;
+    karst_world_file *file = open_text("return mod(0.8 * p.x + 0.6 * p.z, 160.0) - 80.3 - p.y;", true);
+    karst_scrub sum;
+    free(evaluate(file, rows, 3, "", &sum));
+    const uint32_t raised = sum.raised;
+    free(evaluate(file, rows, 3, "-DRAISE_JUMP=1e30f", &sum));
+    print_message("teeth: %u raised; %u where jumps are none\n", raised, sum.raised);
+    assert_true(raised == 0 && sum.raised > 100);
+    karst_world_file_destroy(file);
+    /* Right beside samples slopes are no jumps. */
+    file = open_text("return mod(0.8 * p.x + 0.6 * p.z, 24.0) - 12.0 - p.y;", true);
+    const float most = largest(evaluate(file, rows, 3, "", &sum));
+    const float most_of_jumps = largest(evaluate(file, rows, 3, "-DRAISE_JUMP=1e30f", &sum));
+    print_message("largest sample: %g; %g where jumps are none\n", (double)most, (double)most_of_jumps);
+    assert_true(most < 400 && most_of_jumps > 2000);
     karst_world_file_destroy(file);
 }
 
@@ -381,10 +409,10 @@ static void test_which(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_which), cmocka_unit_test(test_ordinary),
-                                       cmocka_unit_test(test_edges), cmocka_unit_test(test_sharp_edges),
-                                       cmocka_unit_test(test_closed), cmocka_unit_test(test_mutants),
-                                       cmocka_unit_test(test_boards), cmocka_unit_test(test_smooth),
-                                       cmocka_unit_test(test_same_bits), cmocka_unit_test(test_host)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_which),       cmocka_unit_test(test_ordinary), cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_sharp_edges), cmocka_unit_test(test_teeth),    cmocka_unit_test(test_closed),
+        cmocka_unit_test(test_mutants),     cmocka_unit_test(test_boards),   cmocka_unit_test(test_smooth),
+        cmocka_unit_test(test_same_bits),   cmocka_unit_test(test_host)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
