@@ -11,6 +11,7 @@
 
 #include "core/device/embedded.h"
 #include "producers/language/graph/deepen.h"
+#include "producers/language/graph/loosen.h"
 #include "producers/language/graph/kinds.h"
 #include "producers/language/front/lower.h"
 
@@ -170,7 +171,7 @@ static void resolve(compilation *c)
     if (!p->num_written)
         p->num_written = p->graph.num_nodes;
     if (p->is_deepened && !p->deep)
-        p->deep = karst_deepen(&p->graph, &settings, density);
+        p->deep = karst_loosen(&p->graph, &settings, karst_deepen(&p->graph, &settings, density));
     bool differs = p->is_deepened && p->deep != density;
     uint32_t order[KARST_NUM_ROOTS];
     karst_expr roots[KARST_NUM_ROOTS + 1] = {differs ? p->deep : density, density};

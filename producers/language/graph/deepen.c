@@ -133,6 +133,12 @@ static karst_expr arm_given(const deepener *d, karst_expr arm, karst_expr condit
     return arm;
 }
 
+/* An arm of a choice, a number if it comes to one. */
+static bool never_positive(const deepener *d, karst_expr arm, const karst_number *value)
+{
+    return value ? !(value->value > 0) : d->ranges[arm].hi <= 0;
+}
+
 static karst_expr two_or_none(deepener *d, karst_op op, karst_expr a, karst_expr b)
 {
     return a && b ? two(d, op, a, b) : KARST_NO_EXPR;
@@ -147,7 +153,9 @@ static void find_sides(deepener *d, karst_expr e)
     case KARST_OP_LESS_EQUAL:
         if (d->graph->nodes[a].type != KARST_TYPE_FLOAT || (d->is_whole[a] && d->is_whole[b]))
             return;
-        if (n.op == KARST_OP_LESS || never_stay_equal(d, a, b))
+        if (is_number(d, a, 0) && n.op == KARST_OP_LESS)
+            d->yes[e] = d->deep[b];
+        else if (n.op == KARST_OP_LESS || never_stay_equal(d, a, b))
             d->yes[e] = two(d, KARST_OP_SUBTRACT, b, a);
         if (n.op == KARST_OP_LESS_EQUAL || never_stay_equal(d, a, b))
             d->no[e] = two(d, KARST_OP_SUBTRACT, a, b);
@@ -173,10 +181,12 @@ static void find_sides(deepener *d, karst_expr e)
     case KARST_OP_SELECT: {
         const karst_number *p = constant(d, arm_given(d, n.arg[1], a, true)),
                            *q = constant(d, arm_given(d, n.arg[2], a, false));
-        if (n.type != KARST_TYPE_FLOAT || !p || !q || !((p->value > 0) ^ (q->value > 0)))
+        const bool first = p && p->value > 0, second = q && q->value > 0;
+        if (n.type != KARST_TYPE_FLOAT || first == second || (!first && !never_positive(d, n.arg[1], p)) ||
+            (!second && !never_positive(d, n.arg[2], q)))
             return;
-        d->yes[e] = p->value > 0 ? d->yes[a] : d->no[a];
-        d->no[e] = p->value > 0 ? d->no[a] : d->yes[a];
+        d->yes[e] = first ? d->yes[a] : d->no[a];
+        d->no[e] = first ? d->no[a] : d->yes[a];
         return;
     }
     default:
@@ -388,6 +398,9 @@ karst_expr karst_deepen(karst_graph *graph, const karst_kinds_settings *settings
     wanted[density] = WANT_DEEP | WANT_SIDES;
     for (karst_expr e = density; e > 0; e--)
         for (int k = 0; wanted[e] && k < 4; k++) {
+            if ((wanted[e] & WANT_SIDES) && k == 1 && graph->nodes[e].op == KARST_OP_LESS &&
+                is_number(&d, graph->nodes[e].arg[0], 0))
+                wanted[graph->nodes[e].arg[k]] |= WANT_DEEP;
             if ((wanted[e] & WANT_DEEP) && looks_into(&graph->nodes[e], k))
                 wanted[graph->nodes[e].arg[k]] |= WANT_DEEP;
             if ((wanted[e] & WANT_SIDES) && has_sides_of(&graph->nodes[e], k))

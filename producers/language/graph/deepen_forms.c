@@ -23,10 +23,14 @@ static karst_expr number(rewriter *r, double value) { return karst_graph_float(r
 
 static bool never_negative(const rewriter *r, karst_expr e) { return r->ranges[e].lo >= 0; }
 
-/* k - e, k a number; of what is cut off by a number, cut off on the other side. */
+/* k - e, k a number; of what is cut off by a number, cut off on the other side, and of a choice between numbers that
+ * between others. */
 static karst_expr taken_from(rewriter *r, karst_expr k, karst_expr e, int depth)
 {
     const karst_expr_node n = *node(r, e);
+    if (n.op == KARST_OP_SELECT && is_constant(r, n.arg[1]) && is_constant(r, n.arg[2]))
+        return karst_expr_3(r->graph, KARST_OP_SELECT, n.arg[0], two(r, KARST_OP_SUBTRACT, k, n.arg[1]),
+                            two(r, KARST_OP_SUBTRACT, k, n.arg[2]));
     bool is_cut = (n.op == KARST_OP_MIN || n.op == KARST_OP_MAX) && depth < 8 &&
                   (is_constant(r, n.arg[0]) || is_constant(r, n.arg[1]));
     if (!is_cut)
@@ -187,6 +191,12 @@ static karst_expr product(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
             return r->anew[x];
     }
     bool is_scaled = is_constant(r, a) || is_constant(r, b);
+    const karst_expr_node choice = *node(r, is_constant(r, a) ? b : a);
+    if (is_scaled && choice.op == KARST_OP_SELECT && is_constant(r, choice.arg[1]) && is_constant(r, choice.arg[2])) {
+        const karst_expr k = is_constant(r, a) ? a : b;
+        return karst_expr_3(r->graph, KARST_OP_SELECT, choice.arg[0], two(r, KARST_OP_MULTIPLY, k, choice.arg[1]),
+                            two(r, KARST_OP_MULTIPLY, k, choice.arg[2]));
+    }
     if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[0]].lo > 0)
         return b;
     if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[1]].lo > 0)
@@ -205,6 +215,7 @@ static bool passes_sign(const rewriter *r, const karst_expr_node *n, int k)
         return k > 0;
     case KARST_OP_MIN:
     case KARST_OP_MAX:
+    case KARST_OP_CEIL:
         return true;
     case KARST_OP_MULTIPLY:
         return both || r->ranges[n->arg[1 - k]].lo > 0;
@@ -309,6 +320,8 @@ static karst_expr rewrite(rewriter *r, karst_expr e)
         if (x)
             return x;
         return is_same ? e : karst_expr_3(r->graph, n.op, arg[0], arg[1], arg[2]);
+    case KARST_OP_CEIL:
+        return r->is_sign[e] ? arg[0] : is_same ? e : karst_expr_1(r->graph, n.op, arg[0]);
     case KARST_OP_SELECT:
         return is_same ? e : karst_expr_3(r->graph, n.op, arg[0], arg[1], arg[2]);
     default:
