@@ -42,7 +42,7 @@ static bool find_order(karst_ranger *r)
         const karst_expr_node *n = &r->graph->nodes[e];
         if (!reached[e])
             continue;
-        r->is_float[e] |= n->kind == KARST_KIND_STEPS;
+        r->is_float[e] |= n->kind == KARST_KIND_STEPS || r->oracle->rounds[e];
         for (int k = 0; k < 4; k++) {
             reached[n->arg[k]] = 1;
             r->is_float[n->arg[k]] |= r->is_float[e];
@@ -186,6 +186,34 @@ static karst_node_range moving(const karst_ranger *r, interval middle, interval 
     return n;
 }
 
+/* What decides a step is a float: near where it steps, it may be on the other side. */
+#define FLOAT_ERROR 0x1p-21
+
+static interval hold(interval a, interval all)
+{
+    return interval_of(fmin(fmax(a.lo, all.lo), all.hi), fmin(fmax(a.hi, all.lo), all.hi));
+}
+
+/* a, less the whole cells of size b that FRACT or MOD takes off where its floats round; `cells`: a / b, of which
+ * floats may be off by `error`. */
+static karst_node_range rest_range(const karst_ranger *r, karst_expr e, const karst_node_range *a,
+                                   const karst_node_range *b, const karst_node_range *cells, double error)
+{
+    const double off = karst_oracle_cells_off(r->oracle, e, 0.5 * (cells->middle.lo + cells->middle.hi));
+    const interval all = interval_multiply(interval_of(0, 1), b->value);
+    if (!isfinite(off))
+        return (karst_node_range){.middle = all, .value = all, .slope = interval_whole()};
+    const bool in_one = off == floor(cells->value.lo - error) && off == floor(cells->value.hi + error);
+    karst_node_range rest = {.middle = hold(interval_subtract(a->middle, interval_scale(b->middle, off)), all),
+                             .value = hold(interval_subtract(a->value, interval_scale(b->value, off)), all),
+                             .slope = interval_subtract(a->slope, interval_scale(b->slope, off))};
+    if (!in_one && r->half > 0) { /* both sides of the tie are possible */
+        rest.value = all;
+        rest.slope = interval_whole();
+    }
+    return rest;
+}
+
 /* What works on the exact place of its argument. */
 static karst_node_range place_range(const karst_ranger *r, karst_expr e)
 {
@@ -233,6 +261,13 @@ static karst_node_range place_range(const karst_ranger *r, karst_expr e)
         result.middle = interval_thin(here);
         result.slope = interval_whole(); /* whoever calls narrows it */
         return result;
+    }
+    if (r->oracle->rounds[e]) {
+        const karst_node_range one = {.middle = {1, 1}, .value = {1, 1}};
+        const double error = FLOAT_ERROR * (1 + interval_most(interval_divide(offset.value, b)));
+        result = rest_range(r, e, &in_cell, &one, &in_cell, error);
+        return (karst_node_range){interval_multiply(result.middle, b), interval_multiply(result.value, b),
+                                  interval_multiply(result.slope, b)};
     }
     result.middle = interval_multiply(
         karst_range_of_op(KARST_OP_FRACT, in_cell.middle, interval_thin(0), interval_thin(0), interval_thin(0)), b);
@@ -464,13 +499,26 @@ static karst_node_range steps_range(const karst_ranger *r, karst_expr e, interva
                               interval_is_thin(value) ? interval_thin(0) : interval_whole()};
 }
 
-/* What decides a step is a float: near where it steps, it may be on the other side. */
-#define FLOAT_ERROR 0x1p-21
 static interval as_float(const karst_ranger *r, karst_expr e, interval value)
 {
     const uint8_t kind = r->graph->nodes[e].kind;
     bool rounds = r->graph->nodes[e].type == KARST_TYPE_FLOAT && kind != KARST_KIND_UNIFORM && kind != KARST_KIND_STEPS;
     return rounds ? interval_widen(value, FLOAT_ERROR * interval_most(value)) : value;
+}
+
+/* FRACT or MOD of a float. */
+static karst_node_range fold_range(const karst_ranger *r, karst_expr e, const karst_node_range *a,
+                                   const karst_node_range *b)
+{
+    const karst_node_range one = {.middle = {1, 1}, .value = {1, 1}};
+    karst_node_range cells = *a;
+    if (r->graph->nodes[e].op == KARST_OP_MOD) {
+        cells.middle = interval_divide(a->middle, b->middle);
+        cells.value = interval_divide(a->value, b->value);
+    } else {
+        b = &one;
+    }
+    return rest_range(r, e, a, b, &cells, FLOAT_ERROR * interval_most(cells.value));
 }
 
 static karst_node_range node_range(const karst_ranger *r, karst_expr e)
@@ -509,6 +557,8 @@ static karst_node_range node_range(const karst_ranger *r, karst_expr e)
         result.slope = interval_multiply(interval_scale(a->value, 2), a->slope);
         return result;
     }
+    if (r->oracle->rounds[e] && (n->op == KARST_OP_FRACT || !interval_holds(b->value, 0)))
+        return fold_range(r, e, a, b);
     result.value = karst_range_of_op((karst_op)n->op, a->value, b->value, c->value, d->value);
     if (n->kind == KARST_KIND_STEPS)
         return steps_range(r, e, result.value);

@@ -213,6 +213,132 @@ static void test_cut_of_atan(void **state)
     close_world(&w);
 }
 
+/* Where two terms jump against one another the sum does not, however near the tie: floats decide for both where. */
+static void test_ties(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *r, *step, *sum; /* sum goes through where step jumps */
+    } ties[] = {
+        {"13.0 - max(abs(mod(p.x + 3.0, 26.0) - 13.0), abs(mod(p.z + 3.0, 26.0) - 13.0))", "floor(r / 3.0)",
+         "floor(r / 3.0) * 2.0 + clamp(mod(r, 3.0) * 4.0 - 10.0, 0.0, 2.0) - p.y"},
+        {"max(p.x, p.z) * 0.7", "floor(r)", "floor(r) + fract(r) - p.y"},
+        {"length(p.xz) / 5.0", "floor(r)", "2.0 * floor(r) + 2.0 * smoothstep(0.8, 1.0, fract(r)) - p.y"},
+        {"p.x + 9.0 * noise(p.xz / 7.0)", "floor(r)", "floor(r) + clamp(fract(r) * 5.0 - 4.0, 0.0, 1.0) - p.y"},
+        {"p.x + 9.0 * noise(p.xz / 7.0)", "floor(r / 3.0)", "floor(r / 3.0) + max(mod(r, 3.0) - 2.0, 0.0) - p.y"},
+        {"30.0 * atan(p.z, p.x) + 100.0", "floor(r / 0.7)",
+         "floor(r / 0.7) + max(mod(r, 0.7) / 0.07 - 9.0, 0.0) - p.y"},
+    };
+    for (size_t i = 0; i < sizeof ties / sizeof *ties; i++) {
+        world steps, sums;
+        char body[512];
+        int num_ties = 0;
+        snprintf(body, sizeof body, "float r = %s; return %s;", ties[i].r, ties[i].step);
+        open_body(&steps, body);
+        snprintf(body, sizeof body, "float r = %s; return %s;", ties[i].r, ties[i].sum);
+        open_body(&sums, body);
+        for (int n = 0; n < 400; n++) {
+            double d[3], low = 40 * random_unit(), high = low + 2;
+            random_direction(d);
+            const karst_position at = {{50 + n, 0, 37 - n}, {0, 0, 0}};
+            const double first = karst_ranger_density(steps.ranger, &at, d, low, -1);
+            num_ties += karst_ranger_density(steps.ranger, &at, d, high, -1) != first;
+            while (high - low > 0x1p-31) {
+                double middle = 0.5 * (low + high);
+                *(karst_ranger_density(steps.ranger, &at, d, middle, -1) == first ? &low : &high) = middle;
+            }
+            for (int k = -40; k <= 40; k++) {
+                const double t = low + ldexp(k, -28);
+                const karst_position there = karst_reference_place(&at, d, t);
+                const karst_oracle_value v = karst_oracle_density(sums.oracle, &there, -1);
+                const double own = karst_ranger_density(sums.ranger, &at, d, t, -1);
+                if (fabs(v.precise - (double)v.device) > 0.02 || fabs(own - v.precise) > 0.02)
+                    fail_msg("world %zu: the oracle has %.9g, floats %.9g, the reference %.9g", i, v.precise,
+                             (double)v.device, own);
+            }
+        }
+        assert_true(num_ties > 40);
+        close_world(&steps);
+        close_world(&sums);
+    }
+}
+
+/* What nothing jumps with jumps where doubles do: floats that are off beside it leave nothing undecided. */
+static void test_ties_of_one(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *body;
+        bool is_decided;
+    } worlds[] = {
+        {"return fract(p.x + 9.0 * noise(p.xz / 7.0) + 1000.0) - p.y;", true},
+        {"return mod(length(p.xz), 3.0) + floor(p.z / 5.0) - p.y;", true},
+        {"float r = p.x + 9.0 * noise(p.xz / 7.0) + 1000.0; return fract(r) - floor(r) - p.y;", false},
+        {"float r = length(p.xz); return mod(r, 3.0) < 1.0 ? -p.y : mod(r, 3.0);", false},
+    };
+    for (size_t i = 0; i < sizeof worlds / sizeof *worlds; i++) {
+        world w;
+        int num_undecided = 0;
+        open_body(&w, worlds[i].body);
+        const karst_position at = {{1000, 0, 41}, {0, 0, 0}};
+        const double d[3] = {1, 0, 0};
+        for (int k = 0; k < 400; k++) {
+            double low = 0.1 * k, high = low + 0.1;
+            const double least = karst_ranger_density(w.ranger, &at, d, low, -1) - 0.5;
+            if (karst_ranger_density(w.ranger, &at, d, high, -1) > least)
+                continue;
+            while (high - low > 0x1p-31) {
+                const double middle = 0.5 * (low + high);
+                *(karst_ranger_density(w.ranger, &at, d, middle, -1) < least ? &high : &low) = middle;
+            }
+            num_undecided += !isfinite(karst_ranger_piece(w.ranger, &at, d, low - 0x1p-18, low - 0x1p-19, -1).slope.hi);
+        }
+        if ((num_undecided == 0) != worlds[i].is_decided)
+            fail_msg("world %zu: %d undecided", i, num_undecided);
+        close_world(&w);
+    }
+}
+
+/* What fract and mod leave is within their cell, also where a float has jumped before or after the double would. */
+static void test_rests_within_cells(void **state)
+{
+    (void)state;
+    static const char *const bodies[] = {
+        "float r = p.x + 9.0 * noise(p.xz / 7.0); return floor(r) > 1e6 ? 5.0 : fract(r);",
+        "float r = 90.0 * sin(p.x / 50.0) + p.z; return floor(r) > 1e6 ? 5.0 : fract(r);",
+        "float r = 90.0 * exp(p.x / 500.0); return floor(r) > 1e6 ? 5.0 : mod(r, 3.0) / 3.0;",
+        "float r = 90.0 * exp(p.x / 500.0); return floor(r) > 1e6 ? 5.0 : mod(-r, -3.0) / -3.0;",
+    };
+    for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
+        world w;
+        int num_ties = 0;
+        open_body(&w, bodies[i]);
+        const karst_position at = {{1000, 0, 41}, {0, 0, 0}};
+        const double d[3] = {0.8, 0, 0.6};
+        for (int k = 0; k < 300; k++) {
+            double low = 0.1 * k, high = low + 0.1;
+            const double first = karst_ranger_density(w.ranger, &at, d, low, -1);
+            if (fabs(karst_ranger_density(w.ranger, &at, d, high, -1) - first) < 0.5)
+                continue;
+            num_ties++;
+            while (high - low > 0x1p-31) {
+                const double middle = 0.5 * (low + high);
+                *(fabs(karst_ranger_density(w.ranger, &at, d, middle, -1) - first) < 0.5 ? &low : &high) = middle;
+            }
+            for (int n = -100; n <= 100; n++) {
+                const double t = low + ldexp(n, -23);
+                const karst_position there = karst_reference_place(&at, d, t);
+                const double precise = karst_oracle_density(w.oracle, &there, -1).precise;
+                const double own = karst_ranger_density(w.ranger, &at, d, t, -1);
+                if (!(precise >= 0 && precise <= 1 && own >= -1e-12 && own <= 1 + 1e-12))
+                    fail_msg("world %zu: the oracle has %.9g, the reference %.9g", i, precise, own);
+            }
+        }
+        assert_true(num_ties > 5);
+        close_world(&w);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -220,6 +346,9 @@ int main(void)
         cmocka_unit_test(test_gradients),
         cmocka_unit_test(test_slopes_of_built_ins),
         cmocka_unit_test(test_cut_of_atan),
+        cmocka_unit_test(test_ties),
+        cmocka_unit_test(test_ties_of_one),
+        cmocka_unit_test(test_rests_within_cells),
     };
     return cmocka_run_group_tests_name("ranger", tests, NULL, NULL);
 }

@@ -85,6 +85,9 @@ static const struct {
     {"plane", "\"0\", \"7\", \"0\"], \"yaw\": 10, \"pitch\": -30", "float density(vec3 p) { return -p.y; }\n"},
     {"folded plane", "\"0\", \"9\", \"0\"], \"yaw\": 10, \"pitch\": -30",
      "float density(vec3 p) { return -max(p.y, p.y * 0.5 + abs(p.x) * 0.25 - 2.0); }\n"},
+    {"round terraces", "\"0\", \"14\", \"0\"], \"yaw\": 15, \"pitch\": -25",
+     "float density(vec3 p) { float r = length(mod(p.xz, 40.0) - 20.0) / 4.0;\n"
+     "  return 6.0 - floor(r) - clamp(fract(r) * 4.0 - 3.0, 0.0, 1.0) - p.y; }\n"},
 };
 
 static char world_path[64];
@@ -154,7 +157,7 @@ static size_t num_worse(size_t i)
 /* REFINE_ONLY: those whose name holds this. All, if in full; else some, since each compiles its kernels. */
 static void test_never_worse(void **state)
 {
-    static const char *const some[] = {"menger", "stairs"};
+    static const char *const some[] = {"menger", "stairs", "round terraces"};
     const size_t num_some = getenv("KARST_TEST_QUICK") ? 1 : sizeof some / sizeof *some;
     const char *only = getenv("REFINE_ONLY");
     size_t worse = 0;

@@ -15,7 +15,7 @@ static void mark_halves(const karst_oracle *o, uint8_t *halves)
         const karst_expr_node *n = &o->graph->nodes[e];
         if (!halves[e] || o->known[e])
             continue;
-        if (n->kind == KARST_KIND_STEPS)
+        if (n->kind == KARST_KIND_STEPS || o->rounds[e])
             halves[e] |= KARST_ORACLE_DEVICE;
         for (int k = 0; k < 4; k++)
             halves[n->arg[k]] |= halves[e];
@@ -97,13 +97,14 @@ karst_oracle *karst_oracle_create(const karst_resolved_world *world, const karst
     uint32_t count = o->graph->num_nodes;
     o->values = calloc(count, sizeof *o->values);
     o->known = calloc(count, 1);
+    o->rounds = calloc(count, 1);
     o->words = karst_world_words_create(&o->layout, o->layout.num_words * sizeof *o->words);
     o->slots = calloc(count, sizeof *o->slots);
-    if (!o->values || !o->known || !o->words || !o->slots ||
+    if (!o->values || !o->known || !o->rounds || !o->words || !o->slots ||
         !karst_world_data_fill(&o->layout, parameters, seed, voxel_log2_m, o->words))
         goto failed;
     karst_uniform_evaluate(o->graph, parameters, o->values, o->known);
-    if (!make_plans(o))
+    if (!karst_oracle_find_ties(o) || !make_plans(o))
         goto failed;
     fill_known_slots(o);
     return o;
@@ -137,6 +138,7 @@ void karst_oracle_destroy(karst_oracle *oracle)
     if (!oracle->original) {
         free(oracle->values);
         free(oracle->known);
+        free(oracle->rounds);
         karst_world_words_destroy(&oracle->layout, oracle->words, oracle->layout.num_words * sizeof *oracle->words);
         drop_plan(&oracle->density);
         drop_plan(&oracle->precise_density);

@@ -4,8 +4,9 @@
  *   - the float, with the device's own operations (ops.clh and its like, compiled as C with one lane): what every
  * device must give, bit for bit;
  *   - the double: affine forms from fixed point, everything between in double, with noise in double; what is piecewise
- * constant is the device's float, else every hash of a sine would differ. How far the two are apart is the float's
- * error. Slow, and meant to be: no code is shared with what generates kernels, except the operations themselves.
+ * constant is the device's float, else every hash of a sine would differ; and fract and mod of what such things see
+ * jump where its floats do. How far the two are apart is the float's error. Slow, and meant to be: no code is shared
+ * with what generates kernels, except the operations themselves.
  */
 #ifndef KARST_LANGUAGE_ORACLE_H
 #define KARST_LANGUAGE_ORACLE_H

@@ -205,6 +205,15 @@ static double noise_double(const karst_oracle *o, karst_expr e)
 
 /* ---- places ---- */
 
+/* The rest of so many cells, in [0, 1]. */
+static double rest_of(const karst_oracle *o, karst_expr e, double cells)
+{
+    if (!o->rounds[e])
+        return cells - floor(cells);
+    const double rest = cells - karst_oracle_cells_off(o, e, cells);
+    return rest < 0 ? 0 : rest > 1 ? 1 : rest;
+}
+
 static double place_double(const karst_oracle *o, karst_expr e)
 {
     const karst_expr_node *n = node_of(o, e), *a = node_of(o, n->arg[0]);
@@ -220,12 +229,12 @@ static double place_double(const karst_oracle *o, karst_expr e)
     switch (n->op) {
     case KARST_OP_FRACT:
         t = fraction + offset;
-        return t - floor(t);
+        return rest_of(o, e, t);
     case KARST_OP_FLOOR:
         return (double)at.cell + floor(fraction + offset);
     default:
         t = b == 0 ? 0 : fraction + offset / b;
-        return b * (t - floor(t));
+        return b == 0 ? 0 : b * rest_of(o, e, t);
     }
 }
 
@@ -239,8 +248,20 @@ static double length(const karst_oracle *o, const karst_expr_node *n)
     return sqrt(sum);
 }
 
-static double plain_double(const karst_oracle *o, const karst_expr_node *n)
+/* Less whole cells, not their rest times b: what is left keeps its bits. */
+static double mod_double(const karst_oracle *o, karst_expr e, double a, double b)
 {
+    if (b == 0)
+        return 0;
+    if (!o->rounds[e])
+        return a - b * floor(a / b);
+    const double rest = a - b * karst_oracle_cells_off(o, e, a / b);
+    return rest / b < 0 ? 0 : rest / b > 1 ? b : rest;
+}
+
+static double plain_double(const karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e);
     double a = double_of(o, n->arg[0]), b = double_of(o, n->arg[1]), c = double_of(o, n->arg[2]);
     switch ((karst_op)n->op) {
     case KARST_OP_FOOTPRINT:
@@ -267,9 +288,9 @@ static double plain_double(const karst_oracle *o, const karst_expr_node *n)
     case KARST_OP_ABS:
         return fabs(a);
     case KARST_OP_FRACT:
-        return a - floor(a);
+        return rest_of(o, e, a);
     case KARST_OP_MOD:
-        return b == 0 ? 0 : a - b * floor(a / b);
+        return mod_double(o, e, a, b);
     case KARST_OP_MIX:
         return fma(c, b, fma(-c, a, a));
     case KARST_OP_SQRT:
@@ -326,5 +347,5 @@ void karst_oracle_step_double(karst_oracle *o, karst_expr e)
     else if (karst_takes_place(&o->layout, e, 0))
         s->d = place_double(o, e);
     else
-        s->d = plain_double(o, n);
+        s->d = plain_double(o, e);
 }

@@ -292,6 +292,22 @@ static vfloat plain_float(const karst_oracle *o, const karst_expr_node *n)
     return NAN;
 }
 
+/* ---- where floats jump ---- */
+
+vfloat karst_oracle_float_cells(const karst_oracle *o, karst_expr e)
+{
+    const karst_expr_node *n = node_of(o, e);
+    const vfloat a = float_of(o, n->arg[0]), b = n->op == KARST_OP_MOD ? float_of(o, n->arg[1]) : 1.0f;
+    if (karst_takes_place(&o->layout, e, 0)) {
+        const vfloat part = affine_fract(affine_cells(&o->at, karst_oracle_record(o, e)));
+        return k_floor(k_fma(part, b, float_of(o, node_of(o, n->arg[0])->arg[1])) / b);
+    }
+    if (!computes_wide(o, n))
+        return k_floor(a / b);
+    const wide pair = pair_of(o, n->arg[0]);
+    return wide_floor(n->op == KARST_OP_MOD ? wide_divide(pair, pair_of(o, n->arg[1])) : pair);
+}
+
 /* ---- ints and bools ---- */
 
 static vint compared(const karst_oracle *o, const karst_expr_node *n)

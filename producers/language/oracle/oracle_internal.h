@@ -30,6 +30,7 @@ struct karst_oracle {
     const karst_graph *graph;
     karst_number *values; /* of uniform nodes */
     uint8_t *known;
+    uint8_t *rounds; /* per node: whether it is a FRACT or MOD that jumps where a float does (oracle_ties.c) */
     uint64_t *words; /* the world's data, as devices read it */
     karst_oracle_plan density, precise_density, shading, gradient;
     const karst_oracle *original; /* whose all of the above is, if this is a clone */
@@ -48,6 +49,14 @@ static inline void *karst_oracle_record(const karst_oracle *oracle, karst_expr e
 void karst_oracle_step_float(karst_oracle *oracle, karst_expr e);
 /* oracle_double.c: fills d; the node's floats are there. */
 void karst_oracle_step_double(karst_oracle *oracle, karst_expr e);
+/* oracle_ties.c: fills `rounds`, of what is not known. False: out of memory. */
+bool karst_oracle_find_ties(karst_oracle *oracle);
+/* oracle_float.c: the whole cells that the device takes off in such a node. Its arguments have floats. */
+vfloat karst_oracle_float_cells(const karst_oracle *oracle, karst_expr e);
+/* Those that its double takes off an argument of so many: near a tie, the same. A float that is farther off than
+ * KARST_NEAR_TIE cells is none to go by. What is left is to be held to the cell: a float may have jumped before. */
+#define KARST_NEAR_TIE 0.0625
+double karst_oracle_cells_off(const karst_oracle *oracle, karst_expr e, double cells);
 /* A coordinate in a noise's lattice. */
 typedef struct {
     uint cell;
