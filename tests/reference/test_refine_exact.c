@@ -85,10 +85,30 @@ static const struct {
     {"plane", "\"0\", \"7\", \"0\"], \"yaw\": 10, \"pitch\": -30", "float density(vec3 p) { return -p.y; }\n"},
     {"folded plane", "\"0\", \"9\", \"0\"], \"yaw\": 10, \"pitch\": -30",
      "float density(vec3 p) { return -max(p.y, p.y * 0.5 + abs(p.x) * 0.25 - 2.0); }\n"},
+    {"terraced pyramids", "\"0\", \"20\", \"0\"], \"yaw\": 40, \"pitch\": -30",
+     "float density(vec3 p) { vec2 q = abs(mod(p.xz + 3.0, 26.0) - 13.0); float r = 13.0 - max(q.x, q.y);\n"
+     "  return floor(r / 3.0) * 2.0 + clamp(mod(r, 3.0) * 4.0 - 10.0, 0.0, 2.0) - p.y; }\n"},
     {"round terraces", "\"0\", \"14\", \"0\"], \"yaw\": 15, \"pitch\": -25",
      "float density(vec3 p) { float r = length(mod(p.xz, 40.0) - 20.0) / 4.0;\n"
      "  return 6.0 - floor(r) - clamp(fract(r) * 4.0 - 3.0, 0.0, 1.0) - p.y; }\n"},
+    {"terraces of noise", "\"0\", \"16\", \"0\"], \"yaw\": 75, \"pitch\": -20",
+     "float density(vec3 p) { float r = p.x / 3.0 + 2.0 * noise(p.xz / 23.0);\n"
+     "  return 0.8 * (floor(r) + clamp(fract(r) * 6.0 - 5.0, 0.0, 1.0) - p.x / 3.0) - p.y; }\n"},
 };
+
+/* Worlds with matter that stands between samples, and is missed, where footprints are wider: to there they count. */
+static const struct {
+    const char *name;
+    double footprint_m;
+} fine[] = {{"terraced pyramids", 3}, {"terraces of noise", 1.5}};
+
+static double widest_footprint_m(const char *name)
+{
+    for (size_t i = 0; i < sizeof fine / sizeof *fine; i++)
+        if (strcmp(fine[i].name, name) == 0)
+            return fine[i].footprint_m;
+    return INFINITY;
+}
 
 static char world_path[64];
 static karst_reference_hit expected[NUM_PIXELS];
@@ -135,12 +155,13 @@ static size_t num_worse(size_t i)
     draw(true, refined_m);
     size_t hits = 0, worse = 0, better = 0;
     double most = 0;
+    const double widest_m = widest_footprint_m(worlds[i].name);
     for (int k = 0; k < NUM_PIXELS; k++) {
         if (expected[k].kind != KARST_REFERENCE_SURFACE || isinf(plain_m[k]))
             continue;
         double plain = fabs((double)plain_m[k] - expected[k].t_m) / expected[k].footprint_m;
         double refined = fabs((double)refined_m[k] - expected[k].t_m) / expected[k].footprint_m;
-        if (plain >= 1)
+        if (plain >= 1 || expected[k].footprint_m > widest_m)
             continue; /* samples missed what the ray meets: another surface */
         hits++;
         worse += refined > plain + WITHIN;
