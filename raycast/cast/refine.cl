@@ -19,6 +19,8 @@
  * find. */
 #define REFINE_SEARCH_STEPS 5
 #define REFINE_NARROW_STEPS 5
+/* Behind air whose density rises there, this little past where it would be 0 if it went on straight. */
+#define REFINE_PAST 1.03125f
 /* Of the step between two places of different signs: what is left of it after that many is a jump. */
 #define REFINE_JUMP 0.25f
 __constant float search_steps[REFINE_SEARCH_STEPS] = {0.5f, 0.5f, 0.5f, 1.0f, 1.5f};
@@ -219,7 +221,20 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     }
     vint rest = m & ~r.found & ~exact & v_lt(k_fabs(d0), (vfloat)(3.0e38f));
     if (v_any(rest)) {
-        refined searched = refine_by_search(field, t, d0, t1, d1, rest);
+        /* Matter that was just passed has its surface before it: the search begins in it, and goes back. */
+        const vfloat back = d0 * voxels_per_unit * (vfloat)(REFINE_PAST);
+        vint passed = rest & v_lt(slope, zero) & ~is_positive(d0) & v_le(back, (vfloat)(voxel)) & v_le(back, t);
+        vfloat from = t, d_from = d0;
+        if (v_any(passed)) {
+            from = v_select(passed, t - back, t);
+            d_from = field_density(field, from);
+            passed &= is_positive(d_from);
+            from = v_select(passed, from, t);
+            d_from = v_select(passed, d_from, d0);
+        }
+        t1 = v_select(passed, from, t1);
+        d1 = v_select(passed, d_from, d1);
+        refined searched = refine_by_search(field, from, d_from, t1, d1, rest);
         r.t = v_select(searched.found, searched.t, r.t);
         for (int i = 0; i < 3; i++)
             r.gradient[i] = v_select(searched.found, searched.gradient[i], r.gradient[i]);

@@ -3,8 +3,9 @@
  * A brick's surface errs by what interpolation and 16 bits make of the density. At each hit the density itself is
  * evaluated, band-limited to the hit's level, with its gradient: two steps along the ray (Newton's, then the secant's)
  * find its zero. Where levels blend it is the two levels' densities, blended by the same weight. Where the steps do
- * not lead nearer (grazes, folds) the nearest change of sign within four voxels is bracketed and narrowed. A hit that
- * has none (a surface that only the brick has) stays as it was. */
+ * not lead nearer (grazes, folds) the nearest change of sign within four voxels is bracketed and narrowed; from air
+ * just behind matter it is the one before that matter. A hit that has none (a surface that only the brick has) stays as
+ * it was. */
 #ifndef KARST_RAYCAST_REFINE_H
 #define KARST_RAYCAST_REFINE_H
 

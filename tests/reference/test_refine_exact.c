@@ -19,6 +19,8 @@ enum { WIDTH = 80, HEIGHT = 60, NUM_PIXELS = WIDTH * HEIGHT };
 
 /* In footprints: what floats along a ray and the reference's own intervals leave. */
 #define WITHIN 1e-3
+/* Where the first matter is thinner than samples are apart, refined hits may go on from what lies behind it. */
+#define WITHIN_COARSE 0.5
 
 static const struct {
     const char *name, *camera, *text;
@@ -96,7 +98,7 @@ static const struct {
      "  return 0.8 * (floor(r) + clamp(fract(r) * 6.0 - 5.0, 0.0, 1.0) - p.x / 3.0) - p.y; }\n"},
 };
 
-/* Worlds with matter that stands between samples, and is missed, where footprints are wider: to there they count. */
+/* Worlds with matter that stands between samples, and is missed, where footprints are wider. */
 static const struct {
     const char *name;
     double footprint_m;
@@ -161,10 +163,10 @@ static size_t num_worse(size_t i)
             continue;
         double plain = fabs((double)plain_m[k] - expected[k].t_m) / expected[k].footprint_m;
         double refined = fabs((double)refined_m[k] - expected[k].t_m) / expected[k].footprint_m;
-        if (plain >= 1 || expected[k].footprint_m > widest_m)
+        if (plain >= 1)
             continue; /* samples missed what the ray meets: another surface */
         hits++;
-        worse += refined > plain + WITHIN;
+        worse += refined > plain + (expected[k].footprint_m > widest_m ? WITHIN_COARSE : WITHIN);
         better += refined < plain - WITHIN;
         most = fmax(most, refined - plain);
     }
@@ -178,7 +180,7 @@ static size_t num_worse(size_t i)
 /* REFINE_ONLY: those whose name holds this. All, if in full; else some, since each compiles its kernels. */
 static void test_never_worse(void **state)
 {
-    static const char *const some[] = {"menger", "stairs", "round terraces"};
+    static const char *const some[] = {"menger", "stairs", "round terraces", "terraces of noise"};
     const size_t num_some = getenv("KARST_TEST_QUICK") ? 1 : sizeof some / sizeof *some;
     const char *only = getenv("REFINE_ONLY");
     size_t worse = 0;
