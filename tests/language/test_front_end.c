@@ -21,6 +21,7 @@
 #include "producers/language/graph/soften.h"
 #include "producers/density/try_code.h"
 #include "tests/language/random_graph.h"
+#include "core/base/facing_shared.h"
 #include "tests/language/wild_graph.h"
 
 #define A_BATCH 50u
