@@ -312,9 +312,9 @@ static const char room[] =
     "\"camera\": { \"position\": [\"-0.6\", \"0.3\", \"-0.8\"], \"yaw\": 30, \"pitch\": -12, \"fov\": 75 } }*/\n"
     "float density(vec3 p) { return max(max(abs(p.x), abs(p.y)), abs(p.z)) - 1.0; }\n"
     "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.mirror = 0.7;\n"
-    "    m.emission = vec3(0.2) + 0.15 * sin(3.0 * p.zxy + vec3(0.0, 1.0, 2.0)); return m; }\n";
+    "    m.emission = vec3(0.2) + 0.15 * p.zxy; return m; }\n";
 
-static double shine(const double p[3], int c) { return 0.2 + 0.15 * sin(3 * p[(c + 2) % 3] + c); }
+static double shine(const double p[3], int c) { return 0.2 + 0.15 * p[(c + 2) % 3]; }
 
 static void walls_between_nodes_are_met_where_they_are(void **state)
 {
