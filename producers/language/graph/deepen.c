@@ -144,6 +144,12 @@ static karst_expr two_or_none(deepener *d, karst_op op, karst_expr a, karst_expr
     return a && b ? two(d, op, a, b) : KARST_NO_EXPR;
 }
 
+/* Whether a node says 0 < x: then x itself, made deep, is positive there. */
+static bool is_above_zero(const deepener *d, karst_expr e)
+{
+    return d->graph->nodes[e].op == KARST_OP_LESS && is_number(d, d->graph->nodes[e].arg[0], 0);
+}
+
 static void find_sides(deepener *d, karst_expr e)
 {
     const karst_expr_node n = d->graph->nodes[e];
@@ -153,7 +159,7 @@ static void find_sides(deepener *d, karst_expr e)
     case KARST_OP_LESS_EQUAL:
         if (d->graph->nodes[a].type != KARST_TYPE_FLOAT || (d->is_whole[a] && d->is_whole[b]))
             return;
-        if (is_number(d, a, 0) && n.op == KARST_OP_LESS)
+        if (is_above_zero(d, e))
             d->yes[e] = d->deep[b];
         else if (n.op == KARST_OP_LESS || never_stay_equal(d, a, b))
             d->yes[e] = two(d, KARST_OP_SUBTRACT, b, a);
@@ -398,8 +404,7 @@ karst_expr karst_deepen(karst_graph *graph, const karst_kinds_settings *settings
     wanted[density] = WANT_DEEP | WANT_SIDES;
     for (karst_expr e = density; e > 0; e--)
         for (int k = 0; wanted[e] && k < 4; k++) {
-            if ((wanted[e] & WANT_SIDES) && k == 1 && graph->nodes[e].op == KARST_OP_LESS &&
-                is_number(&d, graph->nodes[e].arg[0], 0))
+            if ((wanted[e] & WANT_SIDES) && k == 1 && is_above_zero(&d, e))
                 wanted[graph->nodes[e].arg[k]] |= WANT_DEEP;
             if ((wanted[e] & WANT_DEEP) && looks_into(&graph->nodes[e], k))
                 wanted[graph->nodes[e].arg[k]] |= WANT_DEEP;

@@ -23,14 +23,22 @@ static karst_expr number(rewriter *r, double value) { return karst_graph_float(r
 
 static bool never_negative(const rewriter *r, karst_expr e) { return r->ranges[e].lo >= 0; }
 
-/* k - e, k a number; of what is cut off by a number, cut off on the other side, and of a choice between numbers that
- * between others. */
+/* k - e or k * e, k a number, where e is a choice between numbers: that between others. Else KARST_NO_EXPR. */
+static karst_expr choice_of(rewriter *r, karst_op op, karst_expr k, karst_expr e)
+{
+    const karst_expr_node n = *node(r, e);
+    return n.op == KARST_OP_SELECT && is_constant(r, n.arg[1]) && is_constant(r, n.arg[2])
+               ? karst_expr_3(r->graph, KARST_OP_SELECT, n.arg[0], two(r, op, k, n.arg[1]), two(r, op, k, n.arg[2]))
+               : KARST_NO_EXPR;
+}
+
+/* k - e, k a number; of what is cut off by a number, cut off on the other side. */
 static karst_expr taken_from(rewriter *r, karst_expr k, karst_expr e, int depth)
 {
     const karst_expr_node n = *node(r, e);
-    if (n.op == KARST_OP_SELECT && is_constant(r, n.arg[1]) && is_constant(r, n.arg[2]))
-        return karst_expr_3(r->graph, KARST_OP_SELECT, n.arg[0], two(r, KARST_OP_SUBTRACT, k, n.arg[1]),
-                            two(r, KARST_OP_SUBTRACT, k, n.arg[2]));
+    const karst_expr choice = choice_of(r, KARST_OP_SUBTRACT, k, e);
+    if (choice)
+        return choice;
     bool is_cut = (n.op == KARST_OP_MIN || n.op == KARST_OP_MAX) && depth < 8 &&
                   (is_constant(r, n.arg[0]) || is_constant(r, n.arg[1]));
     if (!is_cut)
@@ -191,12 +199,11 @@ static karst_expr product(rewriter *r, karst_expr e, karst_expr a, karst_expr b)
             return r->anew[x];
     }
     bool is_scaled = is_constant(r, a) || is_constant(r, b);
-    const karst_expr_node choice = *node(r, is_constant(r, a) ? b : a);
-    if (is_scaled && choice.op == KARST_OP_SELECT && is_constant(r, choice.arg[1]) && is_constant(r, choice.arg[2])) {
-        const karst_expr k = is_constant(r, a) ? a : b;
-        return karst_expr_3(r->graph, KARST_OP_SELECT, choice.arg[0], two(r, KARST_OP_MULTIPLY, k, choice.arg[1]),
-                            two(r, KARST_OP_MULTIPLY, k, choice.arg[2]));
-    }
+    const karst_expr choice = is_constant(r, a)   ? choice_of(r, KARST_OP_MULTIPLY, a, b)
+                              : is_constant(r, b) ? choice_of(r, KARST_OP_MULTIPLY, b, a)
+                                                  : KARST_NO_EXPR;
+    if (r->is_sign[e] && choice)
+        return choice;
     if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[0]].lo > 0)
         return b;
     if (r->is_sign[e] && !is_scaled && r->ranges[n.arg[1]].lo > 0)

@@ -11,56 +11,29 @@ typedef struct {
     karst_expr *loose;  /* of each whose sign counts: what has the same */
 } loosener;
 
+/* By its arguments; all but these ops give numbers of numbers. */
 static bool find_number(const karst_graph *graph, const karst_range *ranges, const uint8_t *is_number, karst_expr e)
 {
     const karst_expr_node *n = &graph->nodes[e];
     const karst_range first = ranges[n->arg[0]], second = ranges[n->arg[1]];
-    bool are_numbers = true;
-    for (int k = n->op == KARST_OP_SELECT ? 1 : 0; k < 4; k++)
-        are_numbers = are_numbers && (!n->arg[k] || is_number[n->arg[k]]);
+    for (int k = 0; k < 4; k++)
+        if (n->arg[k] && !is_number[n->arg[k]])
+            return false;
     switch (n->op) {
     case KARST_OP_CONSTANT:
         return isfinite(graph->constants[n->extra].value);
-    case KARST_OP_PARAMETER:
-    case KARST_OP_POSITION:
-    case KARST_OP_FOOTPRINT:
-    case KARST_OP_AFFINE:
-        return true;
-    case KARST_OP_CONVERT:
-        return n->type == KARST_TYPE_FLOAT;
-    case KARST_OP_ADD:
-    case KARST_OP_SUBTRACT:
-    case KARST_OP_MULTIPLY:
-    case KARST_OP_FMA:
-    case KARST_OP_NEGATE:
-    case KARST_OP_MIN:
-    case KARST_OP_MAX:
-    case KARST_OP_ABS:
-    case KARST_OP_FLOOR:
-    case KARST_OP_CEIL:
-    case KARST_OP_RINT:
-    case KARST_OP_FRACT:
-    case KARST_OP_MOD:
-    case KARST_OP_MIX:
-    case KARST_OP_LENGTH:
-    case KARST_OP_SIN:
-    case KARST_OP_COS:
-    case KARST_OP_SIN_TURNS:
-    case KARST_OP_COS_TURNS:
-    case KARST_OP_ATAN:
-    case KARST_OP_NOISE:
-    case KARST_OP_SELECT:
-        return are_numbers;
+    case KARST_OP_BITS:
+        return n->type != KARST_TYPE_FLOAT;
     case KARST_OP_DIVIDE:
-        return are_numbers && (second.lo > 0 || second.hi < 0);
+        return second.lo > 0 || second.hi < 0;
     case KARST_OP_SQRT:
-        return are_numbers && first.lo >= 0;
+        return first.lo >= 0;
     case KARST_OP_LOG:
-        return are_numbers && first.lo > 0;
+        return first.lo > 0;
     case KARST_OP_EXP2:
-        return are_numbers && first.hi <= MOST_EXPONENT;
+        return first.hi <= MOST_EXPONENT;
     default:
-        return false;
+        return true;
     }
 }
 
