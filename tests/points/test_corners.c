@@ -144,7 +144,7 @@ static void corners_of_given_normals_are_right(void **state)
             const corner_errors found = errors_of(angles_deg[i], k ? 400 : 1500, k ? 0.1 : 0.05, true, 0.3);
             assert_true(found.num > 50);
             assert_true(found.num_far <= (angles_deg[i] > 180 ? 2 : 0));
-            assert_true(found.late < 0.25 && found.early < 0.3);
+            assert_true(found.late < 0.22 && found.early < 0.2);
         }
 }
 
