@@ -49,6 +49,6 @@ with tempfile.TemporaryDirectory() as scratch:
     hare = points("hare", "-0.5,-0.1,-0.8,0.5,1.6,0.8", "0.025", scratch)
     model("hare", "x y z nx ny nz", "ffffff", [p[:6] for p in hare], scratch)
     noise = random.Random(1)
-    tower = [[x + noise.gauss(0, 0.02) for x in p[:3]] + list(p[6:]) for p in points(
-        "tower", "-11,-6,-11,11,18,11", "0.32", scratch)]
+    tower = [[x + noise.gauss(0, 0.012) for x in p[:3]] + list(p[6:]) for p in points(
+        "tower", "-11,-6,-11,11,18,11", "0.2", scratch)]
     model("tower", "x y z red green blue", "fffBBB", tower, scratch)
