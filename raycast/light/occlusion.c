@@ -11,10 +11,10 @@
 struct karst_occlusion {
     karst_context *context;
     karst_program *program;
-    cl_kernel rays_kernel, see, gather;
+    cl_kernel rays_kernel, places_kernel, see, fit, gather;
     int width_px, height_px; /* that there is room for */
     bool has_window;
-    karst_buffer *rays, *ray_hits, *planes, *open, *hits; /* the last: of windows */
+    karst_buffer *rays, *ray_hits, *planes, *places, *open, *hits; /* the last: of windows */
     karst_pinhole seen; /* that was aimed for last */
     karst_occlusion_task task;
 };
@@ -30,10 +30,12 @@ karst_occlusion *karst_occlusion_create(karst_context *context, karst_error *err
     occlusion->program = karst_program_build(context, "raycast/light/occlusion.cl", "", NULL, 0, error);
     if (occlusion->program) {
         occlusion->rays_kernel = karst_program_kernel(occlusion->program, "occlusion_rays", error);
+        occlusion->places_kernel = karst_program_kernel(occlusion->program, "occlusion_places", error);
         occlusion->see = karst_program_kernel(occlusion->program, "occlusion_see", error);
+        occlusion->fit = karst_program_kernel(occlusion->program, "occlusion_fit", error);
         occlusion->gather = karst_program_kernel(occlusion->program, "occlusion_gather", error);
     }
-    if (occlusion->rays_kernel && occlusion->see && occlusion->gather)
+    if (occlusion->rays_kernel && occlusion->places_kernel && occlusion->see && occlusion->fit && occlusion->gather)
         return occlusion;
     karst_occlusion_destroy(occlusion);
     return NULL;
@@ -41,8 +43,8 @@ karst_occlusion *karst_occlusion_create(karst_context *context, karst_error *err
 
 static void free_room(karst_occlusion *occlusion)
 {
-    karst_buffer **const buffers[] = {&occlusion->rays, &occlusion->ray_hits, &occlusion->planes, &occlusion->open,
-                                      &occlusion->hits};
+    karst_buffer **const buffers[] = {&occlusion->rays, &occlusion->ray_hits, &occlusion->planes, &occlusion->places,
+                                      &occlusion->open, &occlusion->hits};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
         *buffers[i] = NULL;
@@ -54,7 +56,8 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 {
     if (!occlusion)
         return;
-    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->see, occlusion->gather};
+    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->places_kernel, occlusion->see, occlusion->fit,
+                                 occlusion->gather};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
             clReleaseKernel(kernels[i]);
@@ -83,8 +86,9 @@ static size_t squares(size_t width_px, size_t height_px)
            ((probes_down(height_px) + KARST_OCCLUSION_SQUARE - 1) / KARST_OCCLUSION_SQUARE);
 }
 
-/* Of what is known of probes. */
+/* Of what is known of probes, and of pixels. */
 #define PROBE_BYTES (KARST_OCCLUSION_PLANES * sizeof(float))
+#define PLACE_BYTES (KARST_OCCLUSION_PLACES * sizeof(float))
 
 static size_t all_probes(size_t width_px, size_t height_px) { return probes_across(width_px) * probes_down(height_px); }
 
@@ -95,7 +99,7 @@ double karst_occlusion_bytes(int width_px, int height_px, bool has_window)
     const size_t width = seen_px(width_px, KARST_OCCLUSION_STEP_X, has_window),
                  height = seen_px(height_px, KARST_OCCLUSION_STEP_Y, has_window);
     return (double)squares(width, height) * KARST_OCCLUSION_SQUARE_RAYS * (sizeof(karst_ray) + sizeof(karst_hit)) +
-           (double)all_probes(width, height) * PROBE_BYTES +
+           (double)all_probes(width, height) * PROBE_BYTES + (double)width * (double)height * PLACE_BYTES +
            (double)width_px * height_px * sizeof(float) +
            (has_window ? (double)width * (double)height : 0) * sizeof(karst_hit);
 }
@@ -120,6 +124,7 @@ bool karst_occlusion_set_room(karst_occlusion *occlusion, int width_px, int heig
     if (!(occlusion->rays = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_ray), error)) ||
         !(occlusion->ray_hits = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_hit), error)) ||
         !(occlusion->planes = make(occlusion, most_probes, PROBE_BYTES, error)) ||
+        !(occlusion->places = make(occlusion, width * height, PLACE_BYTES, error)) ||
         !(occlusion->open = make(occlusion, (size_t)width_px * (size_t)height_px, sizeof(float), error)) ||
         (has_window && !(occlusion->hits = make(occlusion, width * height, sizeof(karst_hit), error))))
         return false;
@@ -198,7 +203,8 @@ bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view
     const uint32_t items = num_items(occlusion);
     if (!occlusion->open || hits->size_bytes / sizeof(karst_hit) < width * height ||
         occlusion->rays->size_bytes / sizeof(karst_ray) < karst_occlusion_num_cones(occlusion) ||
-        occlusion->planes->size_bytes / PROBE_BYTES < all_probes(width, height))
+        occlusion->planes->size_bytes / PROBE_BYTES < all_probes(width, height) ||
+        occlusion->places->size_bytes / PLACE_BYTES < width * height)
         return karst_fail(error, KARST_FAILED, "there is no room for the cones of a picture of %dx%d", seen->width_px,
                           seen->height_px);
     return KARST_ARGUMENTS(occlusion->rays_kernel, error, KARST_VALUE_ARG(*seen), KARST_VALUE_ARG(occlusion->task),
@@ -222,15 +228,40 @@ static bool launch(karst_occlusion *occlusion, cl_kernel kernel, size_t items, k
     return karst_launch(occlusion->context, kernel, KARST_STAGE_SHADE, items, local_size(occlusion), error);
 }
 
+/* Blocks of pixels, as many as hold what lies from first_px on, on an axis. */
+static uint32_t blocks(int first_px, int num_px, int step_px)
+{
+    return (uint32_t)((first_px + num_px - 1) / step_px - first_px / step_px + 1);
+}
+
+/* What the seen pixels' surfaces are, what cones found, and what follows at each probe from those around it. */
+static bool look_at_probes(karst_occlusion *occlusion, const karst_buffer *hits, karst_error *error)
+{
+    const karst_occlusion_task *task = &occlusion->task;
+    const uint32_t lanes = (uint32_t)occlusion->context->lanes, items = num_items(occlusion);
+    const uint32_t places = blocks(0, occlusion->seen.width_px, KARST_OCCLUSION_STEP_X) *
+                            blocks(0, occlusion->seen.height_px, KARST_OCCLUSION_STEP_Y) * KARST_OCCLUSION_BLOCK /
+                            lanes;
+    const uint32_t fits = ((uint32_t)task->across + lanes - 1) / lanes * (uint32_t)task->down;
+    return KARST_ARGUMENTS(occlusion->places_kernel, error, KARST_VALUE_ARG(occlusion->seen), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(occlusion->places), KARST_VALUE_ARG(places)) &&
+           launch(occlusion, occlusion->places_kernel, places, error) &&
+           KARST_ARGUMENTS(occlusion->see, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
+                           KARST_BUFFER_ARG(occlusion->ray_hits), KARST_BUFFER_ARG(occlusion->planes),
+                           KARST_VALUE_ARG(items)) &&
+           launch(occlusion, occlusion->see, items, error) &&
+           KARST_ARGUMENTS(occlusion->fit, error, KARST_VALUE_ARG(*task), KARST_BUFFER_ARG(occlusion->planes),
+                           KARST_VALUE_ARG(fits)) &&
+           launch(occlusion, occlusion->fit, fits, error);
+}
+
 bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *picture, const karst_buffer *hits,
                             int left_px, int top_px, karst_error *error)
 {
     karst_occlusion_task *task = &occlusion->task;
-    const uint32_t lanes = (uint32_t)occlusion->context->lanes, items = num_items(occlusion);
-    const uint32_t right = (uint32_t)(left_px + picture->width_px - 1) / KARST_OCCLUSION_STEP_X,
-                   below = (uint32_t)(top_px + picture->height_px - 1) / KARST_OCCLUSION_STEP_Y;
-    const uint32_t blocks = (right - (uint32_t)left_px / KARST_OCCLUSION_STEP_X + 1) *
-                            (below - (uint32_t)top_px / KARST_OCCLUSION_STEP_Y + 1) * KARST_OCCLUSION_BLOCK / lanes;
+    const uint32_t items = blocks(left_px, picture->width_px, KARST_OCCLUSION_STEP_X) *
+                           blocks(top_px, picture->height_px, KARST_OCCLUSION_STEP_Y) * KARST_OCCLUSION_BLOCK /
+                           (uint32_t)occlusion->context->lanes;
     task->left_px = left_px;
     task->top_px = top_px;
     task->width_px = picture->width_px;
@@ -238,12 +269,10 @@ bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *pic
     if (occlusion->open->size_bytes / sizeof(float) < (size_t)picture->width_px * (size_t)picture->height_px)
         return karst_fail(error, KARST_FAILED, "there is no room for the occlusion of a picture of %dx%d",
                           picture->width_px, picture->height_px);
-    return KARST_ARGUMENTS(occlusion->see, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
-                           KARST_BUFFER_ARG(occlusion->ray_hits), KARST_BUFFER_ARG(occlusion->planes),
-                           KARST_VALUE_ARG(items)) &&
-           launch(occlusion, occlusion->see, items, error) &&
+    return look_at_probes(occlusion, hits, error) &&
            KARST_ARGUMENTS(occlusion->gather, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
                            KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(occlusion->planes),
-                           KARST_BUFFER_ARG(occlusion->open), KARST_VALUE_ARG(blocks)) &&
-           launch(occlusion, occlusion->gather, blocks, error);
+                           KARST_BUFFER_ARG(occlusion->places), KARST_BUFFER_ARG(occlusion->open),
+                           KARST_VALUE_ARG(items)) &&
+           launch(occlusion, occlusion->gather, items, error);
 }

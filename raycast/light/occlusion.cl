@@ -1,16 +1,25 @@
 /* Entry points of occlusion: see raycast/light/occlusion.h. */
 #include "raycast/light/lamps.clh"
+#include "raycast/light/occlusion_near.clh"
 #include "raycast/light/occlusion_shared.h"
 #include "raycast/light/path_rays.clh"
 #include "raycast/light/surface.clh"
 
-/* A probe counts for a pixel as their distances from the eye are alike: not from this share of the pixel's on. */
+/* A fit counts for a pixel as their distances from the eye are alike: not from this share of the pixel's on. */
 #define FAR_APART 0.25f
-/* Of those that are: where no other is near, they say what is known. */
+/* Where no other is near, it says what is known. */
 #define LEAST_KINSHIP 1.0e-4f
-/* Away from its cone a probe has only its own surface, which may not be a pixel's that looks another way: it counts
- * less as hidden. */
-#define BELOW_SHARE 0.5f
+/* A probe counts for a fit in the same way, though never for nothing: directions are wanted on all sides. */
+#define FAR_APART_IN_FIT 0.5f
+#define LEAST_KINSHIP_IN_FIT 0.03f
+/* Added to how much directions spread, 1/3 on each axis where they are all around: what does not spread says little of
+ * how openness changes along it. */
+#define LEAST_SPREAD 0.02f
+/* Of what cones around found open, on whichever side, a surface sees this share at least: a fit may fall below 0, and
+ * what is white is black only where nothing at all is open. */
+#define LEAST_SHARE 0.02f
+/* How far from the eye what is not there is. */
+#define NOWHERE 1.0e30f
 /* Cones start so many voxels of its level above a surface, as rays to the sun do: its own roughness does not stop them
  * (raycast/cast/graze.clh). Rays that start exactly on it cost eight times as much. */
 #define OFFSET_VOXELS (1.5f * START_PIXELS)
@@ -64,17 +73,6 @@ RAY_INLINE vint direction_of(const karst_pinhole *seen, uint turn, vint x, vint 
 RAY_INLINE vint ray_of(const cell_probes *p, vint number)
 {
     return (number & ~7) * 8 + (number & 7) + (int)p->first_ray;
-}
-
-RAY_INLINE void scatter(K_GLOBAL float *plane, vint place, uint lanes, vfloat v)
-{
-    int at[LANES];
-    float value[LANES];
-    v_store_int(place, at);
-    v_store_float(v, value);
-    for (int l = 0; l < LANES; l++)
-        if (lanes >> l & 1u)
-            plane[at[l]] = value[l];
 }
 
 RAY_INLINE vector3 cone_of(const karst_occlusion_task *task, vint number)
@@ -182,7 +180,7 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
             r.t_max = v_select(leaves, to_end(&to, &way, seen.t_max), zero);
         }
         const vint place = p.y * task.across + p.x;
-        scatter(planes + KARST_OCCLUSION_T * task.plane, place, inside, s.t);
+        scatter(planes + KARST_OCCLUSION_T * task.plane, place, inside, v_select(hit, s.t, (vfloat)(NOWHERE)));
         scatter(planes + KARST_OCCLUSION_WAY * task.plane, place, inside, way.x);
         scatter(planes + (KARST_OCCLUSION_WAY + 1) * task.plane, place, inside, way.y);
         scatter(planes + (KARST_OCCLUSION_WAY + 2) * task.plane, place, inside, way.z);
@@ -209,77 +207,169 @@ __kernel K_WIDE void occlusion_see(karst_pinhole seen, karst_occlusion_task task
             v_select(v_mask(v_eq(kind, (vint)((int)KARST_HIT_MISS))), (vfloat)(1.0f), (vfloat)(0.0f)));
 }
 
-/* A column or a row of probes about a pixel: those at both ends, which look the same way, share one probe's weight. */
-RAY_INLINE vfloat end_share(int step, vfloat part)
+/* How much a probe so many steps away counts for a fit, on an axis: it fades out, so that no edge is seen. */
+RAY_INLINE float nearness(int step)
 {
-    return step == -KARST_OCCLUSION_REACH  ? (vfloat)(1.0f) - part
-           : step == KARST_OCCLUSION_REACH ? part
-                                           : (vfloat)(1.0f);
+    const float part = (float)step / (float)(KARST_OCCLUSION_REACH + 1);
+    return k_fma(-part, part, 1.0f);
 }
 
-/* The pixels between four probes, or one of them: from the probes around, by the pixel's own normal. */
+/* How alike distances from the eye are; per_far: the inverse of how far apart they have nothing in common. */
+RAY_INLINE vfloat kinship(vfloat other, vfloat t, vfloat per_far, float least)
+{
+    const vfloat apart = (other - t) * per_far;
+    return lane_max(k_fma(-apart, apart, (vfloat)(1.0f)), (vfloat)(least));
+}
+
+/* Weighted sums over directions d that cones look in, and which of them are open. */
+typedef struct {
+    vfloat all, open;
+    vector3 way, open_way;
+    vfloat xx, xy, xz, yy, yz, zz;
+} direction_sums;
+
+RAY_INLINE void add_direction(direction_sums *s, const vector3 *way, vfloat weight, vfloat open)
+{
+    const vfloat x = way->x * weight, y = way->y * weight, z = way->z * weight;
+    s->all += weight;
+    s->way.x += x, s->way.y += y, s->way.z += z;
+    s->open = k_fma(weight, open, s->open);
+    s->open_way.x = k_fma(x, open, s->open_way.x);
+    s->open_way.y = k_fma(y, open, s->open_way.y);
+    s->open_way.z = k_fma(z, open, s->open_way.z);
+    s->xx = k_fma(x, way->x, s->xx), s->xy = k_fma(x, way->y, s->xy), s->xz = k_fma(x, way->z, s->xz);
+    s->yy = k_fma(y, way->y, s->yy), s->yz = k_fma(y, way->z, s->yz), s->zz = k_fma(z, way->z, s->zz);
+}
+
+/* The x of a x = b, where a is symmetric and positive: xx, xy, xz, yy, yz, zz. */
+RAY_INLINE vector3 solved(const vfloat a[6], const vector3 *b)
+{
+    const vfloat xx = a[3] * a[5] - a[4] * a[4], xy = a[2] * a[4] - a[1] * a[5], xz = a[1] * a[4] - a[2] * a[3];
+    const vfloat yy = a[0] * a[5] - a[2] * a[2], yz = a[1] * a[2] - a[0] * a[4], zz = a[0] * a[3] - a[1] * a[1];
+    const vfloat scale = 1.0f / k_fma(a[0], xx, k_fma(a[1], xy, a[2] * xz));
+    const vector3 x = {k_fma(xx, b->x, k_fma(xy, b->y, xz * b->z)) * scale,
+                       k_fma(xy, b->x, k_fma(yy, b->y, yz * b->z)) * scale,
+                       k_fma(xz, b->x, k_fma(yz, b->y, zz * b->z)) * scale};
+    return x;
+}
+
+/* Least squares: openness as level + slope . direction, and at least so much. Where all is open, or nothing, it is so
+ * exactly. */
+RAY_INLINE void fit_line(const direction_sums *s, vfloat *level, vector3 *slope, vfloat *floor)
+{
+    const vint known = v_mask(v_gt(s->all, (vfloat)(0.0f)));
+    const vfloat each = 1.0f / v_select(known, s->all, (vfloat)(1.0f)), least = LEAST_SPREAD;
+    const vfloat open = s->open / v_select(known, s->all, (vfloat)(1.0f));
+    const vector3 mean = {s->way.x * each, s->way.y * each, s->way.z * each};
+    const vfloat spread[6] = {k_fma(s->xx, each, k_fma(-mean.x, mean.x, least)), k_fma(s->xy, each, -mean.x * mean.y),
+                              k_fma(s->xz, each, -mean.x * mean.z), k_fma(s->yy, each, k_fma(-mean.y, mean.y, least)),
+                              k_fma(s->yz, each, -mean.y * mean.z), k_fma(s->zz, each, k_fma(-mean.z, mean.z, least))};
+    const vector3 open_way = {s->open_way.x * each, s->open_way.y * each, s->open_way.z * each};
+    const vector3 along = {k_fma(-mean.x, open, open_way.x), k_fma(-mean.y, open, open_way.y),
+                           k_fma(-mean.z, open, open_way.z)}; /* 0 where all is open, too */
+    *slope = solved(spread, &along);
+    *level = v_select(known, open - dot_of(slope, &mean), (vfloat)(1.0f)); /* nothing is known, and nothing is hidden */
+    *floor = open * LEAST_SHARE;
+}
+
+/* At a probe, and LANES - 1 that follow it in its row: how openness depends on direction, from the cones around. */
+__kernel K_WIDE void occlusion_fit(karst_occlusion_task task, K_GLOBAL float *planes, uint num_items)
+{
+    const uint item = (uint)get_global_id(0);
+    if (item >= num_items)
+        return;
+    const int items_across = (task.across + LANES - 1) / LANES;
+    const int row = (int)(item / (uint)items_across), column = (int)(item % (uint)items_across) * LANES;
+    const vint here = V_LANE + column, inside = v_mask(v_lt(here, (vint)(task.across)));
+    const vfloat zero = (vfloat)(0.0f);
+    const vfloat t = load_row(planes + (uint)(row * task.across), here, 0, task.across);
+    const vfloat per_far = 1.0f / (t * FAR_APART_IN_FIT);
+    direction_sums sums = {zero, zero, {zero, zero, zero}, {zero, zero, zero}, zero, zero, zero, zero, zero, zero};
+    for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
+        const int at = row + down;
+        if (at < 0 || at >= task.down)
+            continue;
+        K_GLOBAL const float *probes = planes + (uint)(at * task.across);
+        for (int right = -KARST_OCCLUSION_REACH; right <= KARST_OCCLUSION_REACH; right++) {
+            const vint there = here + right;
+            const vector3 way = {load_row(probes + KARST_OCCLUSION_WAY * task.plane, here, right, task.across),
+                                 load_row(probes + (KARST_OCCLUSION_WAY + 1) * task.plane, here, right, task.across),
+                                 load_row(probes + (KARST_OCCLUSION_WAY + 2) * task.plane, here, right, task.across)};
+            const vint has_cone = v_mask(v_gt(dot_of(&way, &way), (vfloat)(0.5f))) & v_mask(v_ge(there, (vint)(0))) &
+                                  v_mask(v_lt(there, (vint)(task.across)));
+            const vfloat alike = kinship(load_row(probes + KARST_OCCLUSION_T * task.plane, here, right, task.across), t,
+                                         per_far, LEAST_KINSHIP_IN_FIT);
+            add_direction(&sums, &way, v_select(has_cone, alike * (nearness(right) * nearness(down)), zero),
+                          load_row(probes + KARST_OCCLUSION_OPEN * task.plane, here, right, task.across));
+        }
+    }
+    vfloat level, floor;
+    vector3 slope;
+    fit_line(&sums, &level, &slope, &floor);
+    const vint place = here + row * task.across;
+    const uint lanes = mask_bits(inside);
+    const float mean_cosine = 2.0f / 3.0f; /* to the normal, of directions that count by it */
+    scatter(planes + KARST_OCCLUSION_LEVEL * task.plane, place, lanes, level);
+    scatter(planes + KARST_OCCLUSION_SLOPE * task.plane, place, lanes, slope.x * mean_cosine);
+    scatter(planes + (KARST_OCCLUSION_SLOPE + 1) * task.plane, place, lanes, slope.y * mean_cosine);
+    scatter(planes + (KARST_OCCLUSION_SLOPE + 2) * task.plane, place, lanes, slope.z * mean_cosine);
+    scatter(planes + KARST_OCCLUSION_FLOOR * task.plane, place, lanes, floor);
+}
+
+/* What the fits of the four probes around pixels say of them: part_x, part_y: where they lie between those. */
+RAY_INLINE vfloat open_by_fits(const karst_occlusion_task *task, K_GLOBAL const float *planes, const surface_hits *s,
+                               int probe_x, int probe_y, vfloat part_x, vfloat part_y)
+{
+    const vfloat per_far = 1.0f / lane_max(s->t * FAR_APART, (vfloat)(1.0e-30f));
+    vfloat open = (vfloat)(0.0f), sum = open;
+    for (int corner = 0; corner < 4; corner++) {
+        const int column = probe_x + (corner & 1), row = probe_y + (corner >> 1);
+        if (column >= task->across || row >= task->down)
+            continue;
+        K_GLOBAL const float *probe = planes + ((uint)row * (uint)task->across + (uint)column);
+        const vfloat near = (corner & 1 ? part_x : 1.0f - part_x) * (corner & 2 ? part_y : 1.0f - part_y);
+        const vfloat weight = (near + LEAST_KINSHIP) * kinship((vfloat)(probe[KARST_OCCLUSION_T * task->plane]), s->t,
+                                                               per_far, LEAST_KINSHIP);
+        const vfloat says =
+            k_fma(s->normal.x, (vfloat)(probe[KARST_OCCLUSION_SLOPE * task->plane]),
+                  k_fma(s->normal.y, (vfloat)(probe[(KARST_OCCLUSION_SLOPE + 1) * task->plane]),
+                        k_fma(s->normal.z, (vfloat)(probe[(KARST_OCCLUSION_SLOPE + 2) * task->plane]),
+                              (vfloat)(probe[KARST_OCCLUSION_LEVEL * task->plane]))));
+        open = k_fma(weight, lane_max(says, (vfloat)(probe[KARST_OCCLUSION_FLOOR * task->plane])), open);
+        sum += weight;
+    }
+    return lane_unit(open / sum);
+}
+
+/* The pixels between four probes, or some of them: from the fits there, and what their own surroundings hide. */
 __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL const karst_hit *hits,
-                                      K_GLOBAL const float *planes, K_GLOBAL float *open, uint num_items)
+                                      K_GLOBAL const float *planes, K_GLOBAL const float *places,
+                                      K_GLOBAL float *open, uint num_items)
 {
     const uint item = (uint)get_global_id(0);
     if (item >= num_items)
         return;
     const int first_x = task.left_px / KARST_OCCLUSION_STEP_X, first_y = task.top_px / KARST_OCCLUSION_STEP_Y;
     const uint across = (uint)((task.left_px + task.width_px - 1) / KARST_OCCLUSION_STEP_X - first_x + 1);
-    const uint block = item / (KARST_OCCLUSION_BLOCK / LANES);
-    const vint lane = V_LANE + (int)(item % (KARST_OCCLUSION_BLOCK / LANES) * LANES);
-    const int probe_x = first_x + (int)(block % across), probe_y = first_y + (int)(block / across);
-    const vint in_x = (lane & (KARST_PACKET_SIDE - 1)) + lane / KARST_PACKET_RAYS * KARST_PACKET_SIDE,
-               in_y = lane / KARST_PACKET_SIDE & (KARST_OCCLUSION_STEP_Y - 1); /* packets beside one another */
-    const vint x = in_x + probe_x * KARST_OCCLUSION_STEP_X, y = in_y + probe_y * KARST_OCCLUSION_STEP_Y;
-    const vint shown_x = x - task.left_px, shown_y = y - task.top_px;
+    const block_pixels b = pixels_of_item(item, across, first_x, first_y);
+    const vint shown_x = b.x - task.left_px, shown_y = b.y - task.top_px;
     const vint inside = v_mask(v_ge(shown_x, (vint)(0))) & v_mask(v_lt(shown_x, (vint)(task.width_px))) &
                         v_mask(v_ge(shown_y, (vint)(0))) & v_mask(v_lt(shown_y, (vint)(task.height_px)));
     if (!v_any(inside))
         return;
-    const vector3 direction = pinhole_direction(&seen, x, y);
-    const vint order = v_select(inside, packet_order(x, y, seen.width_px, seen.height_px), (vint)(0));
+    const vector3 direction = pinhole_direction(&seen, b.x, b.y);
+    const vint order = v_select(inside, packet_order(b.x, b.y, seen.width_px, seen.height_px), (vint)(0));
     const surface_hits s = load_surface(hits, order, inside, &direction, 0.0f, 0.0f); /* of one packet */
     const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & inside;
-    const vfloat part_x = v_to_float(in_x) * (1.0f / KARST_OCCLUSION_STEP_X),
-                 part_y = v_to_float(in_y) * (1.0f / KARST_OCCLUSION_STEP_Y);
-    const vfloat per_far = 1.0f / lane_max(s.t * FAR_APART, (vfloat)(1.0e-30f)), from = s.t * per_far;
-    const vfloat zero = (vfloat)(0.0f);
-    /* Of what is open, of all that cones looked at, and the same less what lies away from them. */
-    vfloat open_sum = zero, sum = zero, signed_sum = zero;
-    const int last = v_any(hit) ? KARST_OCCLUSION_REACH : -KARST_OCCLUSION_REACH - 1; /* in the sky there is no sum */
-    for (int down = -KARST_OCCLUSION_REACH; down <= last; down++) {
-        const int row = probe_y + down;
-        if (row < 0 || row >= task.down)
-            continue;
-        vfloat row_open = zero, row_sum = zero, row_signed = zero;
-        for (int right = -KARST_OCCLUSION_REACH; right <= KARST_OCCLUSION_REACH; right++) {
-            const int column = probe_x + right;
-            if (column < 0 || column >= task.across)
-                continue;
-            K_GLOBAL const float *probe = planes + ((uint)row * (uint)task.across + (uint)column);
-            const vfloat cosine = k_fma(s.normal.x, (vfloat)(probe[KARST_OCCLUSION_WAY * task.plane]),
-                                        k_fma(s.normal.y, (vfloat)(probe[(KARST_OCCLUSION_WAY + 1) * task.plane]),
-                                              s.normal.z * probe[(KARST_OCCLUSION_WAY + 2) * task.plane]));
-            const vfloat apart = k_fma((vfloat)(probe[KARST_OCCLUSION_T * task.plane]), per_far, -from);
-            vfloat alike = lane_max(k_fma(-apart, apart, (vfloat)(1.0f)), (vfloat)(LEAST_KINSHIP));
-            if (right == -KARST_OCCLUSION_REACH || right == KARST_OCCLUSION_REACH)
-                alike *= end_share(right, part_x);
-            const vfloat share = cosine * alike, k = lane_max(share, zero);
-            row_open = k_fma(k, (vfloat)(probe[KARST_OCCLUSION_OPEN * task.plane]), row_open);
-            row_sum += k;
-            row_signed += share;
-        }
-        const vfloat share_y = end_share(down, part_y);
-        open_sum = k_fma(row_open, share_y, open_sum);
-        sum = k_fma(row_sum, share_y, sum);
-        signed_sum = k_fma(row_signed, share_y, signed_sum);
+    vfloat share = (vfloat)(1.0f);
+    if (v_any(hit)) {
+        const vfloat part_x = v_to_float(b.x - b.block_x * KARST_OCCLUSION_STEP_X) * (1.0f / KARST_OCCLUSION_STEP_X),
+                     part_y = v_to_float(b.y - b.block_y * KARST_OCCLUSION_STEP_Y) * (1.0f / KARST_OCCLUSION_STEP_Y);
+        const vfloat width = lane_max(s.t * seen.cone, v_as_float((s.level + 127) << 23));
+        const vfloat far = open_by_fits(&task, planes, &s, b.block_x, b.block_y, part_x, part_y);
+        const vfloat near = hidden_nearby(&seen, places, &b, &s.normal, width);
+        share = v_select(hit, k_fma(-far, near, far), share);
     }
-    const vfloat total = k_fma(sum - signed_sum, (vfloat)(BELOW_SHARE), sum);
-    /* Where no probe is near nothing is known, and nothing is hidden. */
-    const vint known = hit & v_mask(v_gt(total, (vfloat)(0.0f)));
-    const vfloat share =
-        v_select(known, lane_unit(open_sum / lane_max(total, (vfloat)(1.0e-30f))), (vfloat)(1.0f));
     if (task.left_px == 0 && task.top_px == 0) /* the order is the same, of whole packets */
         store_ordered(open, packet_order(shown_x, shown_y, task.width_px, task.height_px), inside, share);
     else

@@ -18,13 +18,19 @@
 #define KARST_OCCLUSION_CELLS 8 /* of 8x8 probes, on a side of that */
 #define KARST_OCCLUSION_SQUARE_RAYS (KARST_OCCLUSION_SQUARE * KARST_OCCLUSION_SQUARE)
 
-#define KARST_OCCLUSION_REACH 3 /* probes that count for a pixel: of those around it, each way */
+#define KARST_OCCLUSION_REACH 5 /* probes that count for what is said at one: of those around it, each way */
 
 /* What is known of probes, one plane after another. */
 #define KARST_OCCLUSION_T 0    /* how far from the eye, level-0 voxels */
 #define KARST_OCCLUSION_WAY 1  /* and the two that follow: a cone's direction, unit, world axes; 0 if there is none */
 #define KARST_OCCLUSION_OPEN 4 /* 1: it met nothing; else 0 */
-#define KARST_OCCLUSION_PLANES 5
+/* And what is said there of all directions: level + slope . n, of a surface whose normal is n. */
+#define KARST_OCCLUSION_LEVEL 5
+#define KARST_OCCLUSION_SLOPE 6 /* and the two that follow */
+#define KARST_OCCLUSION_FLOOR 9 /* and so much at least */
+#define KARST_OCCLUSION_PLANES 10
+
+#define KARST_OCCLUSION_PLACES 3 /* floats of a pixel: where its surface lies */
 
 typedef struct {
     uint plane;              /* probes: of one plane */

@@ -340,12 +340,16 @@ static off_by compare_with_rays(const char *world, int num_pixels, int bounds_wi
     return off;
 }
 
-/* What is found of each world, and a little more: land as rough as its pixels are small is far from the court's. */
+/* What is found of each world, and a little more: land as rough as its pixels are small is far from the court's. The
+ * last three are worlds that nothing was chosen by. */
 static const struct {
     const char *name;
     double most_rms, most_width; /* of the estimate; of the bounds, in the median */
-} worlds[] = {{NULL, 0.05, 0.6},   {"karst", 0.13, 1},     {"hills", 0.13, 1}, {"ruins", 0.17, 1},
-              {"asteroid", 0.09, 1}, {"canyons", 0.09, 1}, {"alps", 0.13, 1}};
+    double most_cost;            /* of casting the picture's rays, which are few steps each in the court */
+} worlds[] = {{NULL, 0.05, 0.6, 1.5},       {"karst", 0.07, 1, 0.6},      {"hills", 0.07, 0.9, 0.6},
+              {"ruins", 0.11, 1, 0.6},      {"asteroid", 0.05, 0.6, 0.6}, {"canyons", 0.05, 0.5, 0.6},
+              {"alps", 0.055, 0.5, 0.6},    {"regions", 0.065, 0.7, 0.6}, {"dunes", 0.04, 0.3, 0.6},
+              {"islands", 0.1, 1, 0.6}};
 enum { NUM_WORLDS = sizeof worlds / sizeof *worlds };
 
 static void bounds_hold_what_many_rays_see(void **state)
@@ -428,7 +432,7 @@ static void estimates_are_near_many_rays(void **state)
         if (full) {
             const double cost = cost_of(world);
             print_message("%s: costs %.3f of casting the picture's rays\n", name, cost);
-            assert_true(cost <= 0.6);
+            assert_true(cost <= worlds[i].most_cost);
         }
     }
 }
