@@ -297,6 +297,8 @@ __kernel K_WIDE void occlusion_fit(karst_occlusion_task task, K_GLOBAL float *pl
                                  load_row(probes + (KARST_OCCLUSION_WAY + 2) * task.plane, here, right, task.across)};
             const vint has_cone = v_mask(v_gt(dot_of(&way, &way), (vfloat)(0.5f))) & v_mask(v_ge(there, (vint)(0))) &
                                   v_mask(v_lt(there, (vint)(task.across)));
+            if (!v_any(has_cone)) /* sky */
+                continue;
             const vfloat alike = kinship(load_row(probes + KARST_OCCLUSION_T * task.plane, here, right, task.across), t,
                                          per_far, LEAST_KINSHIP_IN_FIT);
             add_direction(&sums, &way, v_select(has_cone, alike * (nearness(right) * nearness(down)), zero),
