@@ -347,7 +347,7 @@ static const struct {
     double most_rms, most_width; /* of the estimate; of the bounds, in the median */
     double most_cost;            /* of casting the picture's rays, which are few steps each in the court */
 } worlds[] = {{NULL, 0.05, 0.6, 1.5},       {"karst", 0.07, 1, 0.6},      {"hills", 0.07, 0.9, 0.6},
-              {"ruins", 0.11, 1, 0.6},      {"asteroid", 0.05, 0.6, 0.6}, {"canyons", 0.05, 0.5, 0.6},
+              {"ruins", 0.11, 1, 0.6},      {"asteroid", 0.05, 0.6, 0.65}, {"canyons", 0.05, 0.5, 0.6},
               {"alps", 0.055, 0.5, 0.6},    {"regions", 0.065, 0.7, 0.6}, {"dunes", 0.04, 0.3, 0.6},
               {"islands", 0.1, 1, 0.6}};
 enum { NUM_WORLDS = sizeof worlds / sizeof *worlds };
