@@ -31,8 +31,21 @@ static double corner_value(const double p[3], double gradient[3])
 }
 static const known_surface corner = {"corner", corner_value, 0.5, 0, 0};
 
-/* Points in the box of the corner; with their normals, or normals are found. */
-static karst_model_list load(size_t num, double noise_m, bool has_normals)
+/* A wall along z, from the ground to y = 0. */
+static double half_m, ground_m; /* half of its thickness; where the ground lies */
+static double wall_value(const double p[3], double gradient[3])
+{
+    const double in[2] = {half_m - fabs(p[0]), -p[1]}, of_wall = fmin(in[0], in[1]), of_ground = ground_m - p[1];
+    const bool is_flat = in[1] < in[0] || of_ground > of_wall;
+    gradient[0] = is_flat ? 0 : p[0] < 0 ? 1 : -1;
+    gradient[1] = is_flat ? -1 : 0;
+    gradient[2] = 0;
+    return fmax(of_wall, of_ground);
+}
+static const known_surface wall = {"wall", wall_value, 0.5, 0, 0};
+
+/* Points of a surface in its box; with their normals, or normals are found. */
+static karst_model_list load(const known_surface *of, size_t num, double noise_m, bool has_normals)
 {
     char input[128];
     karst_points_about about;
@@ -47,7 +60,7 @@ static karst_model_list load(size_t num, double noise_m, bool has_normals)
     for (size_t i = 0; i < num; i++) {
         double p[3], normal[3];
         float words[6];
-        random_on_surface(&corner, p, normal);
+        random_on_surface(of, p, normal);
         for (int a = 0; a < 3; a++) {
             words[a] = (float)(p[a] + noise_m * random_normal());
             words[3 + a] = (float)normal[a];
@@ -86,34 +99,59 @@ typedef struct {
     int num, num_far;   /* rays, and those that hit nothing, or nothing within `most` spacings of the faces */
 } corner_errors;
 
-/* Rays to places up to three spacings from where the faces meet. Those that graze the other face first are left out. */
+/* A ray to a place of a surface, unless it grazes another face first. */
+static void cast_ray(const karst_model_list *list, const known_surface *of, const double p[3], const double way[3],
+                     double spacing, double most, corner_errors *found)
+{
+    double q[3], gradient[3], depth = 0;
+    bool is_clear = true, hits = false;
+    for (double t = -4 * spacing; t < 4 * spacing && is_clear && !hits; t += 0.05 * spacing) {
+        for (int a = 0; a < 3; a++)
+            q[a] = p[a] + t * way[a];
+        depth = of->value(q, gradient) / spacing;
+        is_clear = t > -0.3 * spacing || depth < 0;
+        const karst_position at = karst_position_add_m((karst_position){.voxel = {0}}, q, VOXEL_LOG2_M);
+        hits = karst_model_list_at(list, &at, 0, -1, NULL) > 0;
+    }
+    if (!is_clear)
+        return;
+    found->num++;
+    found->num_far += !hits || fabs(depth) > most;
+    found->late = hits ? fmax(found->late, depth) : found->late;
+    found->early = hits ? fmax(found->early, -depth) : found->early;
+}
+
+/* Rays to places up to three spacings from where the faces meet. */
 static corner_errors cast(const karst_model_list *list, double spacing, double most)
 {
     corner_errors found = {0};
     for (int i = 0; i < 250; i++) {
-        double p[3], q[3], way[3], gradient[3], depth = 0;
-        const double off = 3 * spacing * random_unit(), step = 0.05 * spacing;
+        double p[3], way[3];
+        const double off = 3 * spacing * random_unit();
         const int side = random_below(2) ? 1 : -1;
         const double normal[3] = {-side * cos(half_rad), sin(half_rad), 0};
-        bool is_clear = true, hits = false;
         p[0] = side * off * sin(half_rad);
         p[1] = off * cos(half_rad);
         p[2] = 0.4 * (random_unit() - 0.5);
         random_way(normal, way);
-        for (double t = -4 * spacing; t < 4 * spacing && is_clear && !hits; t += step) {
-            for (int a = 0; a < 3; a++)
-                q[a] = p[a] + t * way[a];
-            depth = corner_value(q, gradient) / spacing;
-            is_clear = t > -0.3 * spacing || depth < 0;
-            const karst_position at = karst_position_add_m((karst_position){.voxel = {0}}, q, VOXEL_LOG2_M);
-            hits = karst_model_list_at(list, &at, 0, -1, NULL) > 0;
-        }
-        if (!is_clear)
-            continue;
-        found.num++;
-        found.num_far += !hits || fabs(depth) > most;
-        found.late = hits ? fmax(found.late, depth) : found.late;
-        found.early = hits ? fmax(found.early, -depth) : found.early;
+        cast_ray(list, &corner, p, way, spacing, most, &found);
+    }
+    return found;
+}
+
+/* The same of a wall's top, and of both sides up to three spacings below. */
+static corner_errors cast_wall(const karst_model_list *list, double spacing, double most)
+{
+    corner_errors found = {0};
+    for (int i = 0; i < 500; i++) {
+        double way[3];
+        const int side = random_below(2) ? 1 : -1;
+        const bool is_top = random_below(2);
+        const double normal[3] = {is_top ? 0 : side, is_top, 0};
+        const double p[3] = {is_top ? half_m * (2 * random_unit() - 1) : side * half_m,
+                             is_top ? 0 : -3 * spacing * random_unit(), 0.6 * (random_unit() - 0.5)};
+        random_way(normal, way);
+        cast_ray(list, &wall, p, way, spacing, most, &found);
     }
     return found;
 }
@@ -125,7 +163,7 @@ static corner_errors errors_of(double angle_deg, double num, double noise, bool 
     half_rad = angle_deg / 2 * PI / 180;
     const double area = fmin(1 / fabs(cos(half_rad)), 1 / sin(half_rad));
     random_state = 21 + (uint64_t)angle_deg;
-    karst_model_list list = load((size_t)(num * area), noise * spacing, has_normals);
+    karst_model_list list = load(&corner, (size_t)(num * area), noise * spacing, has_normals);
     const corner_errors found = cast(&list, spacing, most);
     print_message("# %.0f degrees of air, spacing %.3f, noise %.2f: of %d rays %d are far off; at most %.2f spacings "
                   "late, %.2f early\n",
@@ -162,6 +200,27 @@ static void corners_of_found_normals_are_closed(void **state)
         }
 }
 
+/* Both sides and the top are in reach, and the ground, which faces as the top does. What grazes an edge may pass it. */
+static void tops_of_thin_walls_are_whole(void **state)
+{
+    (void)state;
+    static const double spacings[] = {1.5, 2, 2.5, 3};
+    const double num = 625, spacing = 1 / sqrt(num);
+    for (size_t i = 0; i < sizeof spacings / sizeof *spacings; i++) {
+        half_m = spacings[i] / 2 * spacing;
+        ground_m = -4 * spacing;
+        random_state = 22 + i;
+        karst_model_list list = load(&wall, (size_t)(num * (1 - 2 * ground_m)), 0.05 * spacing, true);
+        const corner_errors found = cast_wall(&list, spacing, 0.3);
+        print_message("# a wall of %.1f spacings: of %d rays %d are far off; at most %.2f spacings late, %.2f early\n",
+                      spacings[i], found.num, found.num_far, found.late, found.early);
+        assert_true(found.num > 300);
+        assert_true(found.num_far * 100 <= found.num);
+        assert_true(found.late < 0.3 && found.early < 0.3);
+        karst_model_list_finish(&list);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -183,6 +242,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(corners_of_given_normals_are_right),
         cmocka_unit_test(corners_of_found_normals_are_closed),
+        cmocka_unit_test(tops_of_thin_walls_are_whole),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
