@@ -52,7 +52,7 @@ K_ASSERT_SIZE(karst_ray, 64);
  * data. */
 typedef struct {
     float t;         /* level-0 voxels along the ray */
-    uint kind;       /* KARST_HIT_* in bits 0..7, level in bits 8..15, bit 16: incomplete, bit 17: unblended */
+    uint kind;       /* KARST_HIT_* in bits 0..7, level in bits 8..15, and bits 16 and on, below */
     uint brick;      /* slot of the brick (0: none) */
     uint place;      /* x | y << 10 | z << 20 in the brick, in 64ths of its cells */
     float normal[3]; /* of the field that was hit, unit length, towards the air; zeros: there is none (or no brick) */
@@ -64,6 +64,8 @@ K_ASSERT_SIZE(karst_hit, 32);
 #define KARST_HIT_LEVEL(k) ((k) >> 8 & 0xffu)
 #define KARST_HIT_INCOMPLETE 0x10000u
 #define KARST_HIT_UNBLENDED 0x20000u /* here its level blends into the next, whose brick is missing */
+/* Bit 18 is that of paths (raycast/light/clear_paths_shared.h). */
+#define KARST_HIT_THIN 0x80000u /* refined, on clear matter that bricks show wider than it is */
 /* The cell that the place is in, on an axis. */
 #define KARST_HIT_CELL(place, axis) ((place) >> (6 + 10 * (axis)) & 15u)
 

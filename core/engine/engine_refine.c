@@ -39,8 +39,8 @@ bool karst_engine_world_update_refiner(karst_engine_world *world, karst_error *e
     return true;
 }
 
-/* What a refiner is for: land with these layers, or rays. */
-enum { OF_EDITS = 1, OF_MODELS = 2, OF_RAYS = 4 };
+/* What a refiner is for: land with these layers, or rays, and those into clear matter. */
+enum { OF_EDITS = 1, OF_MODELS = 2, OF_RAYS = 4, OF_CLEAR = 8 };
 
 static karst_refiner *make_refiner(const karst_engine_refining *refining, const karst_world_file *file, unsigned what,
                                    karst_context *context, karst_error *error)
@@ -67,7 +67,8 @@ static karst_refiner *make_refiner(const karst_engine_refining *refining, const 
                                         .options = options,
                                         .data = refining->data,
                                         .voxel_m = ldexp(1, file->info.voxel_log2_m),
-                                        .has_layer = has_layers};
+                                        .has_layer = has_layers,
+                                        .may_be_thin = what & OF_CLEAR};
     karst_refiner *refiner = what & OF_RAYS ? karst_refiner_create_for_rays(context, &refined, error)
                                             : karst_refiner_create(context, &refined, error);
     free(source);
@@ -124,7 +125,8 @@ static bool build_for_rays(karst_engine_refining *refining, const karst_engine_w
                                     karst_clear_points_kind.is_named(world->file->program)
                                 ? OF_MODELS
                                 : 0u;
-    if (!file || build(refining, world, file, OF_RAYS | models, context, &why))
+    const unsigned clear = file == world->file->content[KARST_CONTENT_CLEAR] ? OF_CLEAR : 0u;
+    if (!file || build(refining, world, file, OF_RAYS | models | clear, context, &why))
         return true;
     karst_engine_finish_refining(refining);
     return why.status == KARST_BAD_WORLD || karst_fail(error, why.status, "%s", why.message);

@@ -29,8 +29,8 @@ static karst_refiner *create(karst_context *context, const karst_refine_world *w
     refiner->data = world->data->mem;
     refiner->voxels_per_m = (float)(1 / world->voxel_m);
     refiner->has_layer = world->has_layer;
-    snprintf(options, sizeof options, "%s%s%s", world->options, for_rays ? " -DREFINE_STREAM" : "",
-             world->has_layer ? " -DREFINE_LAYER" : "");
+    snprintf(options, sizeof options, "%s%s%s%s", world->options, for_rays ? " -DREFINE_STREAM" : "",
+             world->has_layer ? " -DREFINE_LAYER" : "", world->may_be_thin ? " -DREFINE_THIN" : "");
     refiner->program = karst_program_build(context, "raycast/cast/refine.cl", options, &file, 1, error);
     if (refiner->program && for_rays) {
         refiner->rays = karst_program_kernel(refiner->program, "refine_rays", error);
@@ -104,9 +104,8 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, cons
 }
 
 bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
-                       const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error)
+                       const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
 {
-    const cl_int moving = moves;
     const size_t lanes = (size_t)refiner->context->lanes;
     if (!refiner->rays || hits->size_bytes / sizeof(karst_hit) < max_rays)
         return karst_fail(error, KARST_FAILED, "this refiner is not for %u rays", max_rays);
@@ -115,7 +114,6 @@ bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const k
                                         KARST_VALUE_ARG(*anchor),
                                         KARST_VALUE_ARG(refiner->data),
                                         KARST_VALUE_ARG(refiner->voxels_per_m),
-                                        KARST_VALUE_ARG(moving),
                                         KARST_BUFFER_ARG(hits),
                                         KARST_VALUE_ARG(refiner->layer),
                                         KARST_VALUE_ARG(refiner->beneath)};
@@ -125,9 +123,9 @@ bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const k
 }
 
 bool karst_refine_camera(karst_refiner *refiner, const karst_pinhole *pinhole, bool is_inside,
-                         const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error)
+                         const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error)
 {
-    const cl_int inside = is_inside, moving = moves;
+    const cl_int inside = is_inside;
     if (!refiner->camera ||
         hits->size_bytes / sizeof(karst_hit) < (size_t)pinhole->width_px * (size_t)pinhole->height_px)
         return karst_fail(error, KARST_FAILED, "this refiner is not for the rays of a picture of %dx%d",
@@ -140,7 +138,6 @@ bool karst_refine_camera(karst_refiner *refiner, const karst_pinhole *pinhole, b
                                         KARST_VALUE_ARG(*anchor),
                                         KARST_VALUE_ARG(refiner->data),
                                         KARST_VALUE_ARG(refiner->voxels_per_m),
-                                        KARST_VALUE_ARG(moving),
                                         KARST_BUFFER_ARG(hits),
                                         KARST_VALUE_ARG(refiner->layer),
                                         KARST_VALUE_ARG(refiner->beneath)};

@@ -9,6 +9,13 @@
 
 /* Farther than this from where the brick had it, in voxels of its level, a root is another one. */
 #define REFINE_REACH 2.0f
+/* But thin matter is shown wider than it is, to either side by a voxel along each axis (producers/steps/raise.clh), and
+ * where levels blend by one of the next level's: so far across its surface, in voxels, may lie what a stream's rays
+ * come to. What a brick errs by is far less than the second. Rays that meet it more flatly than the third, a cosine, do
+ * as if it was that. */
+#define REFINE_RAISED 3.5f
+#define REFINE_IS_RAISED 0.25f
+#define REFINE_FLATTEST 0.03125f
 /* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
 #define REFINE_CLOSE 0.015625f
 /* Longer steps ahead, in voxels, are taken only if all is air at so many places: parts of the way, and as many parts of
@@ -189,6 +196,19 @@ RAY_INLINE refined refine_by_search(const refine_field *field, vfloat t, vfloat 
     return r;
 }
 
+#ifdef REFINE_THIN
+/* How far along a ray its root may be, if it comes to a density d with this gradient, which rises so fast along it. */
+RAY_INLINE vfloat refine_reach(float voxel, vfloat d, vfloat slope, const vfloat gradient[3], float voxels_per_m)
+{
+    const vfloat square = k_fma(gradient[0], gradient[0], k_fma(gradient[1], gradient[1], gradient[2] * gradient[2])),
+                 steep = k_sqrt(square), reach = (vfloat)(REFINE_REACH * voxel);
+    const vint raised = v_gt(k_fabs(d) * voxels_per_m, steep * (vfloat)(REFINE_IS_RAISED * voxel)) &
+                        v_gt(steep, (vfloat)(0.0f));
+    const vfloat along = steep / lane_max(slope, steep * (vfloat)(REFINE_FLATTEST));
+    return v_select(raised, lane_max(along * (vfloat)(REFINE_RAISED * voxel), reach), reach);
+}
+#endif
+
 /* The lanes of `m`, which hit at t. */
 RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxels_per_m, vint m)
 {
@@ -204,7 +224,12 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     vfloat step = -d0 * voxels_per_unit, t1 = t, d1 = d0;
     /* What is exact stays; only its normal may be wanted, if it looks back along the ray. */
     vint exact = m & v_eq(d0, zero);
-    r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), (vfloat)(REFINE_REACH * voxel));
+#ifdef REFINE_THIN
+    const vfloat reach = refine_reach(voxel, d0, slope, r.gradient, voxels_per_m);
+#else
+    const vfloat reach = (vfloat)(REFINE_REACH * voxel);
+#endif
+    r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), reach);
     r.t = v_select(r.found, lane_max(t + step, zero), t);
     vint unsure = r.found & v_gt(k_fabs(step), (vfloat)(REFINE_CLOSE * voxel));
     if (v_any(unsure)) {
@@ -242,7 +267,7 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
         r.jumps = searched.jumps;
     }
     /* Whoever would go ahead looks on the way, and back: the surface may be there, and this one another. */
-    r.found &= v_le(r.t - t, (vfloat)(REFINE_REACH * voxel));
+    r.found &= v_le(r.t - t, reach);
     vint ahead = r.found & v_gt(r.t - t, (vfloat)(REFINE_AHEAD * voxel));
     for (int i = 1; i < 2 * REFINE_LOOKS && v_any(ahead); i++) {
         const float part = (float)i / REFINE_LOOKS;
@@ -292,10 +317,10 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
 /* A normal that the brick's does not agree with is of another surface, beside an edge. */
 #define LEAST_AGREEMENT 0.5f
 
-/* Hits of rays in lanes, at `at` in the list: where they are and their normals, or the latter alone. */
+/* Hits of rays in lanes, at `at` in the list: where they are and their normals. */
 RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction, vint back, vint at, vint valid,
                                  const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float voxels_per_m,
-                                 int moves, K_GLOBAL karst_hit *hits LAYER_TAKEN)
+                                 K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint record = at * (int)(sizeof(karst_hit) / sizeof(int));
     vint word = HIT_WORD(1), kind = word & 0xff, level = word >> 8 & 0xff;
@@ -311,15 +336,8 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
         const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign LAYER_GIVEN};
-        refined r;
-        if (moves) {
-            r = refine_lanes(&field, t, voxels_per_m, mine);
-            field_surface(&field, r.t, r.gradient);
-        } else {
-            field_surface(&field, t, r.gradient);
-            r.t = t;
-            r.found = mine;
-        }
+        refined r = refine_lanes(&field, t, voxels_per_m, mine);
+        field_surface(&field, r.t, r.gradient);
         for (int i = 0; i < 3; i++)
             r.gradient[i] *= sign;
         vector3 down = {before.x, before.y, before.z};
@@ -327,6 +345,11 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
         /* bricks say nothing of normals at faces of nodes that are air */
         good &= v_gt(k_fma(down.x, before.x, k_fma(down.y, before.y, down.z * before.z)), (vfloat)(LEAST_AGREEMENT)) |
                 (v_eq(before.x, (vfloat)(0.0f)) & v_eq(before.y, (vfloat)(0.0f)) & v_eq(before.z, (vfloat)(0.0f)));
+#ifdef REFINE_THIN
+        const vfloat cosine = k_fma(down.x, direction->x, k_fma(down.y, direction->y, down.z * direction->z));
+        const vfloat least = (vfloat)(REFINE_IS_RAISED * k_as_float((uint)(here + 127) << 23));
+        word |= good & v_gt(k_fabs((r.t - t) * cosine), least) & (int)KARST_HIT_THIN;
+#endif
         t = v_select(good, r.t, t);
         normal.x = v_select(good, down.x, normal.x);
         normal.y = v_select(good, down.y, normal.y);
@@ -339,7 +362,7 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
 
 /* Of the rays of a stream. */
 __kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count, karst_shade_anchor anchor,
-                                 K_GLOBAL const ulong *data, float voxels_per_m, int moves,
+                                 K_GLOBAL const ulong *data, float voxels_per_m,
                                  K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     const uint lowest = (uint)get_global_id(0) * LANES, num_rays = *count;
@@ -355,12 +378,12 @@ __kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const 
                                v_gather_float(words, first + 6)};
     const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
     refine_ray_lanes(&origin, &direction, v_eq(side, (vint)((int)KARST_SIDE_BACK)), lane, valid, &anchor, data,
-                     voxels_per_m, moves, hits + lowest LAYER_GIVEN);
+                     voxels_per_m, hits + lowest LAYER_GIVEN);
 }
 
 /* Of a camera's, in packet order. */
 __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_shade_anchor anchor,
-                                   K_GLOBAL const ulong *data, float voxels_per_m, int moves,
+                                   K_GLOBAL const ulong *data, float voxels_per_m,
                                    K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint x, y;
@@ -370,7 +393,7 @@ __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_s
     const vector3 direction = pinhole_direction(&pinhole, x, y);
     const vector3 origin = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     const vint at = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    refine_ray_lanes(&origin, &direction, (vint)(is_inside ? -1 : 0), at, valid, &anchor, data, voxels_per_m, moves,
+    refine_ray_lanes(&origin, &direction, (vint)(is_inside ? -1 : 0), at, valid, &anchor, data, voxels_per_m,
                      hits LAYER_GIVEN);
 }
 #else

@@ -31,6 +31,8 @@ typedef struct {
      *                          const world_point_at *place, int level, vfloat density, vfloat gradient[3]);
      * the density with the layers, the latter with its gradient in place of the density's. */
     bool has_layer;
+    /* Of rays: matter may be thin, and its surface far within what bricks show of it. KARST_HIT_THIN says where. */
+    bool may_be_thin;
 } karst_refine_world;
 
 /* Errors: KARST_FAILED. */
@@ -50,11 +52,10 @@ bool karst_refine_hits(karst_refiner *refiner, const karst_cast_view *view, cons
                        const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
 
 /* With a refiner for rays: refines the hits of a stream, of as many as the word `count` holds (max_rays at most), or of
- * a camera's rays, which start in matter if is_inside. `moves`: t and the normal; else the normal alone, for a third of
- * the time. No levels are blended. Likewise. */
+ * a camera's rays, which start in matter if is_inside: t and the normal. No levels are blended. Likewise. */
 bool karst_refine_rays(karst_refiner *refiner, const karst_buffer *rays, const karst_buffer *count, uint32_t max_rays,
-                       const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error);
+                       const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
 bool karst_refine_camera(karst_refiner *refiner, const karst_pinhole *pinhole, bool is_inside,
-                         const karst_shade_anchor *anchor, bool moves, karst_buffer *hits, karst_error *error);
+                         const karst_shade_anchor *anchor, karst_buffer *hits, karst_error *error);
 
 #endif

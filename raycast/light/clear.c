@@ -255,7 +255,7 @@ static bool refine_camera(karst_clear *clear, const karst_clear_picture *picture
 {
     return !picture->refiner ||
            karst_refine_camera(picture->refiner, picture->pinhole, picture->is_inside, &picture->clear_shader->anchor,
-                               true, clear->first_hits, error);
+                               clear->first_hits, error);
 }
 
 static bool refine_stream(karst_clear *clear, const karst_clear_picture *picture, const karst_bounce_stream *stream,
@@ -263,7 +263,7 @@ static bool refine_stream(karst_clear *clear, const karst_clear_picture *picture
 {
     return !picture->refiner ||
            karst_refine_rays(picture->refiner, stream->rays, stream->total, stream->room,
-                             &picture->clear_shader->anchor, true, clear->over_hits, error);
+                             &picture->clear_shader->anchor, clear->over_hits, error);
 }
 
 bool karst_clear_cast_camera(karst_clear *clear, const karst_clear_picture *picture, bool keeps, karst_error *error)

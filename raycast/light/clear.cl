@@ -9,8 +9,10 @@
 #include "raycast/light/choice.clh"
 #include "raycast/light/clear_beam.clh"
 #include "raycast/light/clear_rays.clh"
+#include "raycast/light/clear_turn.clh"
 #include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
+#include "raycast/light/raised.clh"
 #include "raycast/light/through.clh"
 #include "world.clh"
 #if defined(SHADE_WORLD_COLOUR) && (defined(WORLD_OUTPUT_IOR) || defined(WORLD_OUTPUT_ABSORPTION))
@@ -204,9 +206,6 @@ __kernel K_WIDE void clear_matter_of_stream(K_GLOBAL const karst_ray *rays, K_GL
 }
 
 /* ---- the camera's own rays ---- */
-
-/* The share of light that is left after a way. */
-RAY_INLINE vfloat left_after(vfloat absorption, vfloat t) { return tone_exp2_minus(absorption * t * 1.44269504f); }
 
 RAY_INLINE colour own_absorption(const karst_clear_task *task)
 {
@@ -408,6 +407,7 @@ RAY_INLINE void store_passing(const karst_clear_task *task, const karst_pinhole 
     r.pixel = p->y << 16 | p->x;
     r.throughput.r = r.throughput.g = r.throughput.b = scale;
     r.absorption = own;
+    r.clear_from = (vfloat)(0.0f);
     if (task->is_inside) {
         r.throughput.r *= left_after(own.r, t), r.throughput.g *= left_after(own.g, t);
         r.throughput.b *= left_after(own.b, t);
@@ -486,7 +486,10 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
         r.absorption.r = v_select(stays, r.absorption.r, zero), r.absorption.g = v_select(stays, r.absorption.g, zero);
         r.absorption.b = v_select(stays, r.absorption.b, zero);
         const vint outside = v_select(clear, (vint)((int)KARST_SIDE_FRONT), (vint)((int)KARST_SIDE_ANY));
+        r.clear_from = v_select(clear & ~stays,
+                                raised_until(p.over.word, &n, task.branch ? d.far_cosine : d.cosine), zero);
         if (EYE_IS_IN(&task)) {
+            r.clear_from = zero;
             r.direction = p.direction;
             r.origin.x = r.origin.y = r.origin.z = r.width = zero;
             r.t_max = (vfloat)(pinhole.t_max), r.cone = (vfloat)(pinhole.cone);
@@ -504,17 +507,14 @@ __kernel K_WIDE void clear_first(karst_clear_task task, karst_pinhole pinhole, K
 
 /* ---- from stream to stream ---- */
 
-/* Rays are cast twice, with the side that they have in each kind of matter: changes them over. hits: those of the
- * first time, which they need not go beyond; 0: on the way back. */
+/* hits: those of the first cast, which rays need not go beyond; 0: on the way back. */
 __kernel void clear_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways, K_GLOBAL const uint *count,
                          K_GLOBAL const karst_hit *hits)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
         return;
-    const uint side = rays[i].side;
-    rays[i].side = ways[i].side;
-    ways[i].side = side;
+    turn_to_other_matter(rays + i, ways + i);
     if (hits && hits[i].t < rays[i].t_max)
         rays[i].t_max = hits[i].t;
 }
@@ -674,6 +674,8 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
                             v_as_float((v_select(through, e.land.level, e.over.level) + 127) << 23) *
                                 (vfloat)(1.0001f / task.detail));
         const vint stays = v_select(back | through, r.is_inside, ~r.is_inside);
+        to.clear_from = v_select(stays | through, zero,
+                                 raised_until(e.over.word, &n, v_select(back, d.cosine, d.far_cosine)));
         const vfloat voxel_m = (vfloat)(task.voxel_m);
         const colour there = {load_ordered(matter + room, r.index, r.valid) * voxel_m,
                               load_ordered(matter + 2 * (size_t)room, r.index, r.valid) * voxel_m,

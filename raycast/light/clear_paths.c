@@ -144,7 +144,7 @@ static bool cast_into_clear(karst_clear_paths *paths, const karst_clear_path_str
            karst_cast_stream(clear->caster, stream->view, stream->rays, stream->max_rays, stream->count,
                              paths->over_hits, error) &&
            (!clear->refiner || karst_refine_rays(clear->refiner, stream->rays, stream->count, stream->max_rays,
-                                                 &clear->anchor, true, paths->over_hits, error)) &&
+                                                 &clear->anchor, paths->over_hits, error)) &&
            turn(paths, stream, NULL, error);
 }
 

@@ -8,10 +8,12 @@
 #include "raycast/cast/jitter.clh"
 #include "raycast/light/clear_paths_shared.h"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/clear_turn.clh"
 #include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/light.clh"
 #include "raycast/light/paths_shared.h"
+#include "raycast/light/raised.clh"
 
 #define BLOCK_RAYS SCAN_BLOCK(KARST_PATH_BLOCK) /* as in paths.cl */
 
@@ -33,7 +35,8 @@ __kernel void clear_paths_begin(karst_clear_path_task task, K_GLOBAL karst_clear
     if (i >= *count)
         return;
     const karst_clear_way way = {{task.absorption[0], task.absorption[1], task.absorption[2]},
-                                 task.is_inside ? KARST_SIDE_BACK : KARST_SIDE_ANY};
+                                 task.is_inside ? KARST_SIDE_BACK : KARST_SIDE_ANY,
+                                 0.0f};
     ways[i] = way;
     trails[i] = KARST_PATH_LOOKED_FOR_NONE;
     if (met)
@@ -47,9 +50,7 @@ __kernel void clear_paths_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_wa
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
         return;
-    const uint side = rays[i].side;
-    rays[i].side = ways[i].side;
-    ways[i].side = side;
+    turn_to_other_matter(rays + i, ways + i);
     if (hits && hits[i].t < rays[i].t_max)
         rays[i].t_max = hits[i].t;
 }
@@ -190,6 +191,7 @@ RAY_INLINE void part_at_surface(const karst_clear_path_task *task, const karst_r
         way->absorption[c] = stays ? there : 0.0f;
     }
     way->side = stays ? KARST_SIDE_BACK : KARST_SIDE_FRONT;
+    way->t_min = stays ? 0.0f : raised_until((int)hit->kind, &n, reflects ? turn.cosine : turn.far_cosine);
     out->origin[0] = to.x, out->origin[1] = to.y, out->origin[2] = to.z;
     out->direction[0] = on.x, out->direction[1] = on.y, out->direction[2] = on.z;
     out->t_max = to_end(&to, &on, task->t_max);
@@ -215,6 +217,7 @@ __kernel void clear_paths_go_on(karst_clear_path_task task, K_GLOBAL const karst
     const karst_ray ray = rays[i];
     const karst_hit hit = hits[i];
     karst_clear_way way = ways[i];
+    way.t_min = 0.0f;
     uint trail = trails[i];
     const int inside = way.side == KARST_SIDE_BACK, clear = (hit.kind & KARST_PATH_HIT_CLEAR) != 0;
     const float to_lamp = to_lamps[i].t_max;

@@ -8,8 +8,9 @@
 typedef struct {
     float absorption[3]; /* per level-0 voxel, of what it is in; zeros outside clear matter */
     uint side;           /* what it looks for in clear matter: KARST_SIDE_BACK is a ray inside */
+    float t_min;         /* from where on it does: raycast/light/raised.clh */
 } karst_clear_way;
-K_ASSERT_SIZE(karst_clear_way, 16);
+K_ASSERT_SIZE(karst_clear_way, 20);
 
 /* A surface of clear matter at a hit: planes of ior, and absorption per metre. */
 #define KARST_CLEAR_MATTER_PLANES 4

@@ -246,14 +246,14 @@ static bool cast(karst_photons *p, const karst_photon_scene *scene, const karst_
     bool done = !task->has_land ||
                 (karst_cast_stream(scene->land, scene->view, p->rays, num, count, p->hits, error) &&
                  (!scene->land_refiner || karst_refine_rays(scene->land_refiner, p->rays, count, num, &scene->anchor,
-                                                            true, p->hits, error)) &&
+                                                            p->hits, error)) &&
                  karst_shade_paths(scene->shader, scene->view, &pinhole, scene->light, &of_land, &streams,
                                    scene->parts, scene->counters, error));
     if (done && scene->clear)
         done = turn(p, count, num, error) &&
                karst_cast_stream(scene->clear, scene->view, p->rays, num, count, p->over_hits, error) &&
                (!of_clear_hits ||
-                karst_refine_rays(of_clear_hits, p->rays, count, num, &scene->anchor, true, p->over_hits, error)) &&
+                karst_refine_rays(of_clear_hits, p->rays, count, num, &scene->anchor, p->over_hits, error)) &&
                turn(p, count, num, error) &&
                (task->is_probe || karst_clear_find_matter(scene->clear_shader, scene->view, p->rays, count, p->ways,
                                                           num, p->over_hits, p->matter, p->room, error));

@@ -7,10 +7,12 @@
 #include "raycast/cast/cast_shared.h"
 #include "raycast/cast/jitter.clh"
 #include "raycast/light/clear_shared.h"
+#include "raycast/light/clear_turn.clh"
 #include "raycast/light/contact.clh"
 #include "raycast/light/dielectric.clh"
 #include "raycast/light/light.clh"
 #include "raycast/light/photons_shared.h"
+#include "raycast/light/raised.clh"
 
 #define BLOCK_RAYS SCAN_BLOCK(KARST_PHOTON_BLOCK)
 
@@ -197,7 +199,7 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
                             lamp.colour[2] * s.share * cell.share},
                            0.0f};
     const uint inside = lamp.is_inside ? KARST_SIDE_BACK : KARST_SIDE_ANY;
-    const karst_clear_way way = {{lamp.absorption[0], lamp.absorption[1], lamp.absorption[2]}, inside};
+    const karst_clear_way way = {{lamp.absorption[0], lamp.absorption[1], lamp.absorption[2]}, inside, 0.0f};
     rays[i] = ray;
     ways[i] = way;
     if (task.is_probe)
@@ -212,15 +214,12 @@ __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_l
     }
 }
 
-/* As clear_turn: rays are cast twice, with the side that they have in each kind of matter. */
 __kernel void photons_turn(K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways, K_GLOBAL const uint *count)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= *count)
         return;
-    const uint side = rays[i].side;
-    rays[i].side = ways[i].side;
-    ways[i].side = side;
+    turn_to_other_matter(rays + i, ways + i);
 }
 
 /* ---- at surfaces ---- */
@@ -311,6 +310,7 @@ typedef struct {
     vector3 way[2];
     uint goes_on[2];
     uint side[2], clear_side[2]; /* of the rays */
+    float clear_from[2];         /* karst_clear_way.t_min */
     uint stays[2];               /* in what it was in: the clear matter on its way does not change */
     uint end;                    /* of what does not go on */
 } photon_turn;
@@ -322,7 +322,8 @@ RAY_INLINE photon_turn turn_of(const karst_photon_task *task, const karst_ray *r
 {
     const vector3 d = vector_of(ray->direction), back = {-d.x, -d.y, -d.z};
     const uint inside = way->side == KARST_SIDE_BACK;
-    photon_turn t = {{1.0f, 0.0f}, {back, back}, {0, 0}, {KARST_SIDE_ANY, KARST_SIDE_ANY}, {0, 0}, {1, 1},
+    photon_turn t = {{1.0f, 0.0f}, {back, back}, {0, 0}, {KARST_SIDE_ANY, KARST_SIDE_ANY}, {0, 0},
+                     {0.0f, 0.0f}, {1, 1},
                      KARST_PHOTON_ESCAPED};
     if (e->clear) {
         vector3 n = *normal;
@@ -335,6 +336,8 @@ RAY_INLINE photon_turn turn_of(const karst_photon_task *task, const karst_ray *r
         t.stays[0] = 0;
         t.clear_side[0] = inside ? KARST_SIDE_FRONT : KARST_SIDE_BACK;
         t.clear_side[1] = inside ? KARST_SIDE_BACK : KARST_SIDE_FRONT;
+        t.clear_from[inside ? 0 : 1] =
+            raised_until((int)e->hit.kind, &n, inside ? bend.far_cosine : bend.cosine);
         t.end = KARST_PHOTON_CUT;
     } else if (e->land) {
         t.end = fate == KARST_PHOTON_TURNED ? KARST_PHOTON_LANDED : KARST_PHOTON_DIRECT;
@@ -457,6 +460,7 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
                                             ? 0.0f
                                             : matter[(size_t)(1 + c) * room + i] * task.voxel_m;
             out_way.side = t.clear_side[part];
+            out_way.t_min = t.clear_from[part];
             out.side = t.side[part];
             out.pixel = (ray.pixel & KARST_PHOTON_NUMBER) | into << KARST_PHOTON_SLOT_SHIFT;
             born_ways[to] = out_way;
