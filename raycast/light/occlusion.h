@@ -23,8 +23,7 @@
 #include "raycast/cast/cast.h"
 #include "raycast/light/occlusion_shared.h"
 
-/* Growth of footprints per unit of t: as of the rays that full light scatters. Twice as much lets light into the edges
- * of a closed box, and is hardly faster. */
+/* Growth of footprints per unit of t: as of the rays that full light scatters. Twice as much is hardly faster. */
 #define KARST_OCCLUSION_CONE 0.0625f
 /* As karst_cast_view.blend_below: cones pass a level on a brick's width, and do not blend. */
 #define KARST_OCCLUSION_BLENDS_BELOW(detail) (0.5f * KARST_OCCLUSION_CONE * (detail))
