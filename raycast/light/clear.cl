@@ -26,11 +26,13 @@
  * surfaces met, jumps of the index among them, and the eye's own rays begin as a stream where that is inside. */
 #ifdef CLEAR_BENDS
 #define MET_PARAMETERS , K_GLOBAL const uint *met, uint most_met
+#define IS_CUT(e) v_mask(v_ge((e)->met, (vint)((int)most_met)))
 #define MET_OUTPUT , K_GLOBAL uint *next_met
 #define MET , met, most_met
 #define EYE_IS_IN(task) ((task)->is_inside)
 #else
 #define MET_PARAMETERS
+#define IS_CUT(e) (task.is_last ? (vint)(-1) : (vint)(0))
 #define MET_OUTPUT
 #define MET
 #define EYE_IS_IN(task) 0
@@ -591,7 +593,7 @@ __kernel K_WIDE void clear_count_next(karst_clear_task task, K_GLOBAL const kars
 }
 
 /* Rays that end in clear matter go on, packed, and add nothing where they ended; of others, what the matter that they
- * are in leaves of their light. Those that are cut off see the sky. */
+ * are in leaves of their light. Those that are cut off see what lies straight behind: land, else the sky. */
 __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays, K_GLOBAL const karst_clear_way *ways,
                                 K_GLOBAL const uint *count, K_GLOBAL karst_hit *hits,
                                 K_GLOBAL const karst_hit *over_hits, K_GLOBAL const float *matter,
@@ -619,7 +621,8 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         /* What is left at this end: of those that go on, nothing. */
         float left[3][LANES];
         int kinds[LANES];
-        vint gone = e.clear;
+        const vint cut = e.clear & IS_CUT(&e);
+        vint gone = e.clear & ~cut;
         if (task.is_sure)
             gone |= v_mask(v_eq(e.land.kind, (vint)((int)KARST_HIT_SOLID)));
         v_store_float(v_select(turned, zero, to.throughput.r), left[0]);
@@ -638,12 +641,7 @@ __kernel K_WIDE void clear_next(karst_clear_task task, K_GLOBAL karst_ray *rays,
         }
         num_provisional +=
             (uint)count_lanes(e.clear & v_mask(v_eq(e.over.kind, (vint)((int)KARST_HIT_PROVISIONAL))));
-#ifdef CLEAR_BENDS
-        num_cut += (uint)count_lanes((e.clear | GOES_THROUGH(&e)) & v_mask(v_ge(e.met, (vint)((int)most_met))));
-#else
-        if (task.is_last)
-            num_cut += (uint)count_lanes(e.clear | GOES_THROUGH(&e));
-#endif
+        num_cut += (uint)count_lanes(cut | (GOES_THROUGH(&e) & IS_CUT(&e)));
         if (!v_any(e.on))
             continue;
         const vector3 n = turned_to(r.is_inside, &e.over.normal);

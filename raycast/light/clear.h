@@ -18,7 +18,8 @@
  *
  * What is approximate: without photons (raycast/light/photons.h) the sun reaches what lies in or behind clear matter
  * straight, as if that were not there; haze is taken to lie in clear matter, too, between the surfaces that rays meet
- * there; rays that are cut off see the sky.
+ * there; rays that are cut off see what lies straight behind, land or the sky, as if clear matter ended there: the sky
+ * alone would be specks in reflections that meet one wave after another.
  *
  * Streams are made as those of bounces are (raycast/light/bounce.h): in order, without gaps, by prefix sums. */
 #ifndef KARST_RAYCAST_CLEAR_H

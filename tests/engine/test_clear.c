@@ -311,6 +311,24 @@ static void nothing_is_lost_or_added(void **state)
         }
 }
 
+/* Nor is it seen where rays are cut off: they see what lies behind. Elsewhere the sky is black here. */
+static void rays_that_are_cut_off_see_what_lies_behind(void **state)
+{
+    (void)state;
+    for (int i = 0; i < NUM_FURNACES - 1; i++) {
+        const karst_parameter parameter = {"body", i};
+        const karst_engine_config config = {.bounces = 1, .parameters = &parameter, .num_parameters = 1};
+        int num_off = 0;
+        take(furnaces, &config, &one);
+        for (int k = 0; k < 3 * NUM; k++)
+            num_off += fabsf(one.light[k] / 0.5f - 1) > 1.0f / 255;
+        print_message("furnace %d, 1 bounce: %d values are off, %d rays are cut off\n", i, num_off,
+                      (int)one.stats.num_rays_cut);
+        assert_true(one.stats.num_rays_cut > 100);
+        assert_int_equal(num_off, 0);
+    }
+}
+
 /* The same bits with 16 lanes and with 1, and whatever was looked at before. */
 static void pictures_depend_on_the_view_alone(void **state)
 {
@@ -531,6 +549,7 @@ int main(void)
         cmocka_unit_test(rays_leave_bodies_where_they_should),
         cmocka_unit_test(what_touches_is_seen_through_clear_matter),
         cmocka_unit_test(nothing_is_lost_or_added),
+        cmocka_unit_test(rays_that_are_cut_off_see_what_lies_behind),
         cmocka_unit_test(pictures_depend_on_the_view_alone),
         cmocka_unit_test(what_is_cut_off_is_counted),
         cmocka_unit_test(eyes_see_no_holes_in_pools_of_any_size),

@@ -170,8 +170,8 @@ typedef struct {
     /* Of KARST_INTEGRATOR_FULL: how often a path leaves a surface, or a place where a medium scattered it, at most; 0:
      * KARST_ENGINE_DEFAULT_BOUNCES, beyond which hardly any light is left, and KARST_ENGINE_MAX_BOUNCES where the world
      * has a medium. Without: surfaces of clear matter (`float clear(vec3 p)` of a world) that light may
-     * meet after the first; 0: 6. What would meet more sees the sky there, and is counted (karst_stats.num_rays_cut).
-     * At most KARST_ENGINE_MAX_BOUNCES. */
+     * meet after the first; 0: 6. What would meet more sees what lies straight behind, and is counted
+     * (karst_stats.num_rays_cut). At most KARST_ENGINE_MAX_BOUNCES. */
     uint32_t bounces;
     /* Photons from all lights with shadows, whose light lands by way of mirrors and clear matter and makes caustics; up
      * to KARST_ENGINE_MAX_PHOTONS, some 100 MiB for each half a million. 0: none, and light passes clear matter
