@@ -19,9 +19,9 @@ static const struct {
     int num_drops;
 } steps[POINTS_DONE] = {
     [POINTS_READ] = {karst_points_read_input, {0}, 0},
-    [POINTS_MEASURE] = {karst_points_make_whole, {POINTS_RAW}, 1},
-    [POINTS_SPREAD_OUT] = {karst_points_spread, {0}, 0},
-    [POINTS_SORT] = {karst_points_sort, {POINTS_WHOLE, POINTS_SPREAD, POINTS_RANGES}, 3},
+    [POINTS_MEASURE] = {karst_points_measure, {0}, 0},
+    [POINTS_SPREAD_OUT] = {karst_points_spread, {POINTS_RAW}, 1},
+    [POINTS_SORT] = {karst_points_sort, {POINTS_SPREAD, POINTS_RANGES}, 2},
     [POINTS_LOOK] = {karst_points_look_around, {0}, 0},
     [POINTS_LEAVE_OUT] = {karst_points_leave_out, {0}, 0},
     [POINTS_LOOK_AGAIN] = {karst_points_look_around, {0}, 0},

@@ -18,8 +18,7 @@
 /* Files of an import's work. */
 typedef enum {
     POINTS_RAW,    /* points as they were read */
-    POINTS_WHOLE,  /* in whole units */
-    POINTS_SPREAD, /* by ranges of their keys */
+    POINTS_SPREAD, /* in whole units, by ranges of their keys */
     POINTS_RANGES, /* which ranges those are */
     POINTS_SORTED, /* in order, and later with radii and normals */
     POINTS_KEPT,   /* those without outliers, if there are any */
@@ -58,6 +57,13 @@ typedef struct {
     uint32_t has_limits, pad;
     karst_points_head head;
 } points_progress;
+
+/* A point as it was read, in Karst's axes. */
+typedef struct {
+    double at[3];
+    int16_t normal[3];
+    uint8_t rgb[3], pad[7];
+} points_raw;
 
 /* How much is done in memory at once: tests have less. */
 typedef struct {
@@ -119,23 +125,65 @@ bool karst_points_read(const points_import *import, int fd, void *data, size_t n
                        karst_error *error);
 bool karst_points_fail_disk(const points_import *import, const char *what, karst_error *error);
 
-/* A parallel loop over [first, end) in blocks; `work` is called by several threads. */
+/* crew.c. A parallel loop over [first, end) in blocks; `work` is called by several threads. */
 typedef void (*karst_points_work)(void *user, uint64_t begin, uint64_t end);
 typedef struct {
     const char *what; /* for progress, of which first and end are parts of `num` */
     uint64_t first, end, num, block;
+    bool maps; /* files are mapped: see karst_points_stay_small */
 } points_loop;
 bool karst_points_in_parallel(points_import *import, const points_loop *loop, karst_points_work work, void *user,
                               karst_error *error);
 
+/* A block that a thread has, and what that thread has to work with. */
+typedef struct {
+    void *slot;
+    uint64_t begin, end; /* unless `take` makes blocks */
+} points_block;
+
+/* A parallel loop whose blocks are taken, then worked on, then put. Taking and putting go in the order of blocks, one
+ * at a time, though one block may be put while another is taken; work goes beside all of it. So what is put in order,
+ * sums and places in files, does not depend on how many threads there are. Any of the three may be NULL, and any that
+ * fails ends the loop. */
+typedef struct {
+    points_loop loop;
+    uint32_t most_threads; /* that each have a slot; 0: as many as there are */
+    size_t slot_bytes;     /* zeroed at first, then left as they are from block to block */
+    void (*clear)(void *slot);
+    /* NULL: blocks are those of the loop. *share: for progress; *any is false where no block is left. */
+    bool (*take)(void *user, points_block *block, double *share, bool *any, karst_error *error);
+    bool (*work)(void *user, points_block *block, karst_error *error);
+    bool (*put)(void *user, points_block *block, karst_error *error);
+} points_turns;
+bool karst_points_in_turns(points_import *import, const points_turns *turns, void *user, karst_error *error);
+
 /* The steps, each with what it reads -> what it writes. All may fail with KARST_FAILED (disk, memory, stopped). */
 /* read.c: the input -> RAW; now.num, limits. Errors: KARST_BAD_DATA, KARST_USAGE of the input. */
 bool karst_points_read_input(points_import *import, karst_error *error);
-/* read.c: RAW -> WHOLE; unit and centre of the head. Errors: KARST_BAD_DATA. */
-bool karst_points_make_whole(points_import *import, karst_error *error);
-/* sort.c: WHOLE -> SPREAD (if it is more than fits memory), RANGES. */
+/* whole.c: RAW -> now.num, unit and centre of the head. Errors: KARST_BAD_DATA, KARST_USAGE (too many). */
+bool karst_points_measure(points_import *import, karst_error *error);
+/* How many points RAW has, those that are far out included. */
+uint64_t karst_points_num_raw(const points_import *import);
+/* Once that is measured: reads `num` points of RAW from `first` on, and makes those that are not far out whole. Returns
+ * how many; SIZE_MAX on errors. Thread-safe. */
+size_t karst_points_read_whole(const points_import *import, int from, uint64_t first, size_t num, points_raw *raw,
+                               karst_point *points, karst_error *error);
+/* spread.c: RAW -> SPREAD, RANGES. */
 bool karst_points_spread(points_import *import, karst_error *error);
-/* sort.c: WHOLE or SPREAD -> SORTED, in Morton order; of points at one place the first is kept, and
+/* A range of points of a file, all of which come before those of later ranges. */
+typedef struct {
+    uint64_t first, num;
+} points_range;
+#define POINTS_MOST_RANGES 4096u
+#define POINTS_SORTERS 4u /* ranges that are sorted at a time */
+/* As many points as a range may have, to be sorted in memory. */
+uint64_t karst_points_most_in_range(const points_import *import);
+/* Spreads a range that has more over ranges of another file, by more bits of the keys: `depth` is 0 for RAW, and one
+ * more for what came of that. Returns *num ranges, which the caller frees; NULL on errors. */
+points_range *karst_points_spread_range(points_import *import, int from, const points_range *all, uint32_t depth,
+                                        int to, uint32_t *num, karst_error *error);
+#define POINTS_MOST_DEPTH 5u /* of the 63 leading bits */
+/* sort.c: SPREAD -> SORTED, in Morton order; of points at one place the first is kept, and
  * head.num_duplicates counts the rest. Errors: KARST_BAD_DATA (too few are left). */
 bool karst_points_sort(points_import *import, karst_error *error);
 /* near.c: finds in SORTED or KEPT of each point: radius, the normal (if it is 0), and POINTS_LINKS nearest neighbours

@@ -422,7 +422,7 @@ static bool look_at_all(points_import *import, surroundings *s, karst_error *err
     const uint64_t most = import->limits.most_between;
     bool done = true;
     for (uint64_t at = import->now.done; done && at < s->num; at += most) {
-        const points_loop loop = {"neighbours", at, s->num - at < most ? s->num : at + most, s->num, BLOCK};
+        const points_loop loop = {"neighbours", at, s->num - at < most ? s->num : at + most, s->num, BLOCK, false};
         done = karst_points_in_parallel(import, &loop, look_at_block, s, error) &&
                (!s->failed || karst_fail(error, KARST_FAILED, "out of memory for neighbours"));
         karst_points_stay_small(import);

@@ -1,4 +1,5 @@
-/* Importing points: the input is read once, into a file of its own, and then becomes points in whole units. */
+/* Importing points: the input is read once, into a file of its own. One thread reads while others look at what was
+ * read before. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,16 +9,9 @@
 #include "core/files/point_source.h"
 #include "core/points/import_internal.h"
 
-#define BATCH 4096u
+#define BATCH 2048u
 #define MAX_SAMPLES 65536u
 #define FAR_TIMES 1000.0 /* times the extent of the middle 98 % */
-
-/* A point as it was read, in Karst's axes. */
-typedef struct {
-    double at[3];
-    int16_t normal[3];
-    uint8_t rgb[3], pad[7];
-} raw_point;
 
 typedef struct {
     uint64_t num;
@@ -61,10 +55,10 @@ static void sample(raw_cloud *cloud, const double at[3])
         memcpy(cloud->samples[place], at, sizeof cloud->samples[place]);
 }
 
-static bool take_point(raw_point *raw, const karst_file_point *from, karst_points_axes axes, bool has_normals)
+static bool take_point(points_raw *raw, const karst_file_point *from, karst_points_axes axes, bool has_normals)
 {
     double normal[3] = {0}, square = 0;
-    *raw = (raw_point){.rgb = {from->rgb[0], from->rgb[1], from->rgb[2]}};
+    *raw = (points_raw){.rgb = {from->rgb[0], from->rgb[1], from->rgb[2]}};
     for (int a = 0; a < 3; a++) {
         raw->at[a] = from->at[a];
         normal[a] = has_normals ? (double)from->normal[a] : 0;
@@ -79,40 +73,90 @@ static bool take_point(raw_point *raw, const karst_file_point *from, karst_point
     return true;
 }
 
+typedef struct {
+    points_import *import;
+    karst_point_source *source;
+    karst_points_axes axes;
+    int to;
+    raw_cloud *cloud;
+} reading;
+
+typedef struct {
+    karst_file_point points[BATCH];
+    points_raw raw[BATCH];
+    size_t num, num_raw;
+    double min[3], max[3];
+} read_slot;
+
+static bool take_batch(void *user, points_block *block, double *share, bool *any, karst_error *error)
+{
+    const reading *r = user;
+    read_slot *slot = block->slot;
+    if (!karst_point_source_read(r->source, slot->points, BATCH, &slot->num, error))
+        return false;
+    *share = karst_point_source_share(r->source);
+    *any = slot->num > 0;
+    return true;
+}
+
+static bool look_at_batch(void *user, points_block *block, karst_error *error)
+{
+    const reading *r = user;
+    read_slot *slot = block->slot;
+    const bool has_normals = karst_point_source_has_normals(r->source);
+    (void)error;
+    slot->num_raw = 0;
+    for (int a = 0; a < 3; a++) {
+        slot->min[a] = INFINITY;
+        slot->max[a] = -INFINITY;
+    }
+    for (size_t i = 0; i < slot->num; i++) {
+        points_raw *raw = &slot->raw[slot->num_raw];
+        if (!take_point(raw, &slot->points[i], r->axes, has_normals))
+            continue;
+        slot->num_raw++;
+        for (int a = 0; a < 3; a++) {
+            slot->min[a] = fmin(slot->min[a], raw->at[a]);
+            slot->max[a] = fmax(slot->max[a], raw->at[a]);
+        }
+    }
+    return true;
+}
+
+static bool put_batch(void *user, points_block *block, karst_error *error)
+{
+    const reading *r = user;
+    const read_slot *slot = block->slot;
+    raw_cloud *cloud = r->cloud;
+    r->import->head->num_read += slot->num;
+    r->import->head->num_invalid += slot->num - slot->num_raw;
+    for (int a = 0; a < 3; a++) {
+        cloud->min[a] = fmin(cloud->min[a], slot->min[a]);
+        cloud->max[a] = fmax(cloud->max[a], slot->max[a]);
+    }
+    if (!karst_points_write(r->import, r->to, slot->raw, slot->num_raw * sizeof *slot->raw,
+                            cloud->num * sizeof *slot->raw, error))
+        return false;
+    for (size_t i = 0; i < slot->num_raw; i++, cloud->num++)
+        sample(cloud, slot->raw[i].at);
+    return true;
+}
+
 static bool read_all(points_import *import, karst_point_source *source, karst_points_axes axes, int to,
                      raw_cloud *cloud, karst_error *error)
 {
-    karst_file_point *points = malloc(BATCH * sizeof *points);
-    raw_point *raw = malloc(BATCH * sizeof *raw);
-    bool done = (points && raw) || karst_fail(error, KARST_FAILED, "out of memory");
-    for (size_t num = 1; done && num;) {
-        size_t num_raw = 0;
-        done = karst_points_go_on(import, "reading", karst_point_source_share(source), error) &&
-               karst_point_source_read(source, points, BATCH, &num, error);
-        for (size_t i = 0; done && i < num; i++) {
-            import->head->num_read++;
-            if (!take_point(&raw[num_raw], &points[i], axes, karst_point_source_has_normals(source))) {
-                import->head->num_invalid++;
-                continue;
-            }
-            sample(cloud, raw[num_raw].at);
-            for (int a = 0; a < 3; a++) {
-                cloud->min[a] = fmin(cloud->min[a], raw[num_raw].at[a]);
-                cloud->max[a] = fmax(cloud->max[a], raw[num_raw].at[a]);
-            }
-            cloud->num++;
-            num_raw++;
-        }
-        done = done &&
-               karst_points_write(import, to, raw, num_raw * sizeof *raw, (cloud->num - num_raw) * sizeof *raw, error);
-    }
+    reading r = {import, source, axes, to, cloud};
+    const points_turns turns = {.loop = {.what = "reading"},
+                                .slot_bytes = sizeof(read_slot),
+                                .take = take_batch,
+                                .work = look_at_batch,
+                                .put = put_batch};
+    bool done = karst_points_in_turns(import, &turns, &r, error);
     import->head->num_withheld = karst_point_source_num_withheld(source);
-    free(points);
-    free(raw);
     return done;
 }
 
-/* ---- what is far out, and whole units ---- */
+/* ---- what is far out ---- */
 
 static int by_size(const void *a, const void *b)
 {
@@ -187,111 +231,4 @@ bool karst_points_read_input(points_import *import, karst_error *error)
     karst_point_source_close(source);
     free(cloud.samples);
     return done;
-}
-
-/* ---- whole units ---- */
-
-/* Calls for blocks of what was read. */
-static bool for_raw(points_import *import, const char *what, bool (*use)(void *user, const raw_point *raw, size_t num),
-                    void *user, karst_error *error)
-{
-    const uint64_t num_all = import->now.num;
-    raw_point *raw = malloc(BATCH * sizeof *raw);
-    int from = karst_points_file(import, POINTS_RAW, error);
-    bool done = from >= 0 && (raw || karst_fail(error, KARST_FAILED, "out of memory"));
-    for (uint64_t at = 0; done && at < num_all; at += BATCH) {
-        size_t num = num_all - at < BATCH ? (size_t)(num_all - at) : BATCH;
-        done = karst_points_go_on(import, what, (double)at / (double)num_all, error) &&
-               karst_points_read(import, from, raw, num * sizeof *raw, at * sizeof *raw, error) && use(user, raw, num);
-    }
-    free(raw);
-    return done;
-}
-
-static bool is_near(const points_progress *now, const double at[3])
-{
-    bool near = true;
-    for (int a = 0; a < 3; a++)
-        near = near && at[a] >= now->low[a] && at[a] <= now->high[a];
-    return near;
-}
-
-/* The extent of what is not far out. */
-static bool measure(void *user, const raw_point *raw, size_t num)
-{
-    points_import *import = user;
-    points_progress *now = &import->now;
-    for (size_t i = 0; i < num; i++) {
-        if (!is_near(now, raw[i].at)) {
-            import->head->num_far++;
-            continue;
-        }
-        for (int a = 0; a < 3; a++) {
-            now->min[a] = fmin(now->min[a], raw[i].at[a]);
-            now->max[a] = fmax(now->max[a], raw[i].at[a]);
-        }
-    }
-    return true;
-}
-
-typedef struct {
-    points_import *import;
-    int to;
-    uint64_t num;
-    karst_error *error;
-} quantising;
-
-static bool quantise(void *user, const raw_point *raw, size_t num)
-{
-    quantising *q = user;
-    const karst_points_head *head = q->import->head;
-    const double inverse = 1 / head->unit; /* a power of two */
-    karst_point points[BATCH];
-    size_t kept = 0;
-    for (size_t i = 0; i < num; i++) {
-        if (!is_near(&q->import->now, raw[i].at))
-            continue;
-        karst_point *point = &points[kept++];
-        *point = (karst_point){.radius = 0};
-        for (int a = 0; a < 3; a++) {
-            double at = rint((raw[i].at[a] - head->centre[a]) * inverse);
-            point->at[a] = (int32_t)fmin(fmax(at, -KARST_POINTS_MAX_AT + 1), KARST_POINTS_MAX_AT - 1);
-        }
-        memcpy(point->normal, raw[i].normal, sizeof point->normal);
-        memcpy(point->rgb, raw[i].rgb, sizeof point->rgb);
-    }
-    q->num += kept;
-    return karst_points_write(q->import, q->to, points, kept * sizeof *points, (q->num - kept) * sizeof *points,
-                              q->error);
-}
-
-bool karst_points_make_whole(points_import *import, karst_error *error)
-{
-    points_progress *now = &import->now;
-    karst_points_head *head = import->head;
-    double extent = 0;
-    bool is_all = is_near(now, now->min) && is_near(now, now->max);
-    for (int a = 0; a < 3 && !is_all; a++) {
-        now->min[a] = INFINITY;
-        now->max[a] = -INFINITY;
-    }
-    if (!is_all && !for_raw(import, "measuring", measure, import, error))
-        return false;
-    for (int a = 0; a < 3; a++) {
-        extent = fmax(extent, now->max[a] - now->min[a]);
-        head->min[a] = now->min[a];
-        head->max[a] = now->max[a];
-        head->centre[a] = now->min[a] + (now->max[a] - now->min[a]) / 2;
-    }
-    head->unit = exp2(extent > 0 ? ceil(log2(extent / (2.0 * KARST_POINTS_MAX_AT - 4))) : -10);
-    if (!(head->unit >= 0x1p-190 && head->unit <= 0x1p190))
-        return karst_fail(error, KARST_BAD_DATA, "%s: points that lie %g apart: no model is so small or so large",
-                          import->config->input, extent);
-    quantising q = {import, karst_points_file(import, POINTS_WHOLE, error), 0, error};
-    if (q.to < 0 || !for_raw(import, "into whole units", quantise, &q, error))
-        return false;
-    now->num = q.num;
-    return q.num <= UINT32_MAX / 2 ||
-           karst_fail(error, KARST_USAGE, "%llu points: %u are the most, cut them into several models",
-                      (unsigned long long)q.num, UINT32_MAX / 2);
 }

@@ -17,11 +17,10 @@
 
 #include "core/points/import_internal.h"
 
-#define CHECKPOINT_MAGIC "KarstImp"
+#define CHECKPOINT_MAGIC "KarstIm2" /* another one where the files of steps are others */
 
-static const char *const file_names[POINTS_NUM_FILES] = {"raw",    "whole",       "spread",     "ranges",
-                                                         "sorted", "kept",        "near",       "turns",
-                                                         "queues", "covers-even", "covers-odd", "model"};
+static const char *const file_names[POINTS_NUM_FILES] = {"raw",   "spread", "ranges",      "sorted",     "kept", "near",
+                                                         "turns", "queues", "covers-even", "covers-odd", "model"};
 
 /* What a checkpoint is of. */
 typedef struct {
@@ -132,6 +131,8 @@ bool karst_points_begin_work(points_import *import, karst_error *error)
     read_checkpoint(import);
     for (int i = 0; i < POINTS_NUM_FILES && !import->is_resumed; i++)
         remove_name(import, file_names[i]);
+    if (!import->is_resumed)
+        remove_name(import, "whole"); /* which earlier versions of Karst had */
     return true;
 }
 

@@ -148,8 +148,13 @@ static void dying_at_any_call_leaves_no_trace(void **state)
     (void)state;
     const int num_calls = finish().calls, step = getenv("KARST_TEST_FULL") ? 1 : num_calls / 9;
     expect_the_bytes();
+    int num_outlived = 0;
     for (int dies_at = 1; dies_at < num_calls; dies_at += step) {
-        assert_true(import_and_die(dies_at, -1));
+        if (!import_and_die(dies_at, -1)) { /* how often a thread asks depends on what the others do */
+            num_outlived++;
+            expect_the_bytes();
+            continue;
+        }
         if (!import_and_die(1 + dies_at % 20, -1)) { /* and once more, unless it is done before */
             expect_the_bytes();
             continue;
@@ -159,6 +164,7 @@ static void dying_at_any_call_leaves_no_trace(void **state)
         /* What was done is not done again. */
         assert_true(!f.reads || dies_at < 20);
     }
+    assert_true(num_outlived * step < num_calls / 4);
 }
 
 static void dying_at_any_moment_leaves_no_trace(void **state)
