@@ -25,7 +25,7 @@ static const struct {
     [POINTS_LOOK] = {karst_points_look_around, {0}, 0},
     [POINTS_LEAVE_OUT] = {karst_points_leave_out, {0}, 0},
     [POINTS_LOOK_AGAIN] = {karst_points_look_around, {0}, 0},
-    [POINTS_TURN] = {karst_points_turn_normals, {POINTS_NEAR, POINTS_QUEUES}, 2},
+    [POINTS_TURN] = {karst_points_turn_normals, {POINTS_NEAR, POINTS_BENDS, POINTS_QUEUES}, 3},
     [POINTS_FINEST] = {karst_points_add_finest, {POINTS_TURNS, POINTS_SORTED, POINTS_KEPT}, 3},
     [POINTS_COARSER] = {karst_points_add_levels, {POINTS_COVERS, POINTS_COVERS_ODD}, 2},
 };

@@ -23,6 +23,7 @@ typedef enum {
     POINTS_SORTED, /* in order, and later with radii and normals */
     POINTS_KEPT,   /* those without outliers, if there are any */
     POINTS_NEAR,   /* of each its nearest neighbours */
+    POINTS_BENDS,  /* of each how its normal and those of its neighbours differ */
     POINTS_TURNS,  /* of each which part it is of, and whether its normal turns over */
     POINTS_QUEUES, /* who waits to be turned */
     POINTS_COVERS, /* of each of a level's points: cover and spread; of even levels, */
@@ -207,9 +208,9 @@ bool karst_points_add_tree(points_import *import, uint32_t level, karst_error *e
 typedef struct points_stacks points_stacks;
 points_stacks *karst_points_stacks_create(points_import *import, uint32_t num, karst_error *error);
 void karst_points_stacks_destroy(points_stacks *stacks); /* NULL is fine */
-bool karst_points_push(points_stacks *stacks, uint32_t stack, uint64_t value, karst_error *error);
+bool karst_points_push(points_stacks *stacks, uint32_t stack, uint32_t value, karst_error *error);
 /* false in *has: the stack is empty. */
-bool karst_points_pop(points_stacks *stacks, uint32_t stack, uint64_t *value, bool *has, karst_error *error);
+bool karst_points_pop(points_stacks *stacks, uint32_t stack, uint32_t *value, bool *has, karst_error *error);
 
 /* import.c: karst_points_import with other limits. */
 bool karst_points_import_within(const karst_points_import_config *config, const points_limits *limits,

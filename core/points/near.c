@@ -5,6 +5,9 @@
  * is guessed by the leaf before and grows until it holds all that are nearest. Neighbours are exact, whatever the
  * guess. The plane is that of the least squares, by the eigenvector of the least eigenvalue of the covariance (H. Hoppe
  * and others: Surface Reconstruction from Unorganized Points, 1992). */
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,11 +20,7 @@
 #define BLOCK 4096u /* points that a thread takes at a time */
 #define VECTOR 8u   /* candidates that are looked at together */
 #define MOST_RANKED 64u /* a multiple of VECTOR */
-#define MOST_RANKED 64u /* a multiple of VECTOR */
-#define ALWAYS_INLINE static inline __attribute__((always_inline))
 typedef float vector __attribute__((vector_size(VECTOR * sizeof(float))));
-typedef int32_t whole_vector __attribute__((vector_size(VECTOR * sizeof(int32_t))));
-typedef int32_t whole_vector __attribute__((vector_size(VECTOR * sizeof(int32_t))));
 #define MANY_CANDIDATES 6000u /* more than that, and a leaf is looked at point by point */
 
 typedef struct {
@@ -35,12 +34,14 @@ typedef struct {
     uint32_t num, capacity;
     int32_t origin[3];
     float likely; /* squares beyond this are hardly those of the nearest: a guess */
+    const uint8_t (*orders)[VECTOR];
 } candidates;
 
-/* The nearest of them, in order. */
+/* The nearest of them, in order; and a place for what is none of them. */
+#define NOT_NEAREST (POINTS_NEAREST + 1)
 typedef struct {
-    float square[POINTS_NEAREST + 1];
-    uint32_t candidate[POINTS_NEAREST + 1];
+    float square[NOT_NEAREST + 1];
+    uint32_t candidate[NOT_NEAREST + 1];
     uint32_t num;
 } nearest;
 
@@ -54,6 +55,7 @@ typedef struct {
     box *nodes[MAX_TREE_LEVELS]; /* level 0: of leaves */
     float first_reach;
     finder find;
+    uint8_t orders[1u << VECTOR][VECTOR]; /* see make_orders */
     bool failed; /* memory: set by any thread, never cleared */
 } surroundings;
 
@@ -79,28 +81,41 @@ static box box_of(const karst_point *points, uint32_t begin, uint32_t end)
     return b;
 }
 
-static bool build_tree(const points_import *import, surroundings *s, karst_error *error)
+static void make_leaves(void *user, uint64_t begin, uint64_t end)
+{
+    surroundings *s = user;
+    for (uint64_t i = begin; i < end; i++) {
+        const uint32_t first = (uint32_t)i * LEAF;
+        s->nodes[0][i] = box_of(s->points, first, s->num - first < LEAF ? s->num : first + LEAF);
+    }
+}
+
+/* Each box holds those of the level below. */
+static void make_level(surroundings *s, int level)
+{
+    for (uint32_t i = 0; i < s->counts[level]; i++) {
+        const uint32_t begin = i * FAN, below = s->counts[level - 1];
+        const uint32_t end = below - begin < FAN ? below : begin + FAN;
+        s->nodes[level][i] = s->nodes[level - 1][begin];
+        for (uint32_t k = begin + 1; k < end; k++)
+            grow(&s->nodes[level][i], &s->nodes[level - 1][k]);
+    }
+}
+
+static bool build_tree(points_import *import, surroundings *s, karst_error *error)
 {
     uint32_t count = (s->num + LEAF - 1) / LEAF;
+    const points_loop leaves = {"neighbours", 0, count, (uint64_t)count + s->num, BLOCK, true};
     for (s->num_levels = 0; s->num_levels < MAX_TREE_LEVELS; count = (count + FAN - 1) / FAN) {
         int level = s->num_levels++;
         s->counts[level] = count;
         s->nodes[level] = malloc(count * sizeof(box));
         if (!s->nodes[level])
             return karst_fail(error, KARST_FAILED, "out of memory for %u points", s->num);
-        for (uint32_t i = 0; i < count; i++) {
-            if (level == 0 && i % BLOCK == 0)
-                karst_points_stay_small(import);
-            uint32_t begin = i * (level ? FAN : LEAF), of = level ? s->counts[level - 1] : s->num;
-            uint32_t end = of - begin < (level ? FAN : LEAF) ? of : begin + (level ? FAN : LEAF);
-            if (level == 0) {
-                s->nodes[0][i] = box_of(s->points, begin, end);
-                continue;
-            }
-            s->nodes[level][i] = s->nodes[level - 1][begin];
-            for (uint32_t k = begin + 1; k < end; k++)
-                grow(&s->nodes[level][i], &s->nodes[level - 1][k]);
-        }
+        if (level > 0)
+            make_level(s, level);
+        else if (!karst_points_in_parallel(import, &leaves, make_leaves, s, error))
+            return false;
         if (count == 1)
             return true;
     }
@@ -142,16 +157,15 @@ static bool add_leaf(const surroundings *s, const box *wanted, uint32_t leaf, ca
     uint32_t begin = leaf * LEAF, end = s->num - begin < LEAF ? s->num : begin + LEAF;
     if (!make_room(c, c->num + LEAF))
         return false;
-    for (uint32_t i = begin; i < end; i++) {
+    for (uint32_t i = begin; i < end; i++) { /* without a branch, which nobody could foretell */
         const karst_point *p = &s->points[i];
-        bool inside = true;
-        for (int a = 0; a < 3; a++)
-            inside = inside && p->at[a] >= wanted->min[a] && p->at[a] <= wanted->max[a];
-        if (!inside)
-            continue;
-        for (int a = 0; a < 3; a++)
+        uint32_t is_inside = 1;
+        for (int a = 0; a < 3; a++) {
+            is_inside &= (uint32_t)(p->at[a] >= wanted->min[a]) & (uint32_t)(p->at[a] <= wanted->max[a]);
             c->at[a][c->num] = (float)(p->at[a] - c->origin[a]);
-        c->index[c->num++] = i;
+        }
+        c->index[c->num] = i;
+        c->num += is_inside;
     }
     return true;
 }
@@ -192,9 +206,7 @@ static void least_direction(const double m[6], double direction[3])
     double r = p > 0 ? determinant / (2 * p * p * p) : 0;
     double least = mean + 2 * p * cos(acos(fmin(fmax(r, -1), 1)) / 3 + 2.0943951023931953);
     const double rows[3][3] = {{m[0] - least, m[1], m[2]}, {m[1], m[3] - least, m[4]}, {m[2], m[4], m[5] - least}};
-    double best = 0;
-    direction[0] = direction[2] = 0;
-    direction[1] = 1;
+    double best = 0, longest[3] = {0};
     for (int i = 0; i < 3; i++) {
         const double *u = rows[i], *v = rows[(i + 1) % 3];
         const double cross[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
@@ -202,13 +214,14 @@ static void least_direction(const double m[6], double direction[3])
         if (!(square > best))
             continue;
         best = square;
-        for (int k = 0; k < 3; k++)
-            direction[k] = cross[k] / sqrt(square);
+        memcpy(longest, cross, sizeof longest);
     }
+    for (int k = 0; k < 3; k++)
+        direction[k] = best > 0 ? longest[k] / sqrt(best) : k == 1;
 }
 
 /* Those whose squares are at most so large, in their order; returns how many. */
-ALWAYS_INLINE uint32_t pick_close(candidates *c, float most)
+static uint32_t pick_close(candidates *c, float most)
 {
     const float *restrict square = c->square;
     uint32_t *restrict close = c->close, num = 0;
@@ -220,7 +233,7 @@ ALWAYS_INLINE uint32_t pick_close(candidates *c, float most)
 }
 
 /* Of those that are close the nearest, in their order: each is put before those that are farther. */
-ALWAYS_INLINE void insert_close(const candidates *c, uint32_t num_close, nearest *n)
+static void insert_close(const candidates *c, uint32_t num_close, nearest *n)
 {
     const float *restrict square = c->square;
     n->num = 0;
@@ -238,37 +251,7 @@ ALWAYS_INLINE void insert_close(const candidates *c, uint32_t num_close, nearest
     }
 }
 
-/* The same of at most MOST_RANKED: each goes where the number of those that are nearer says, again without branches.
- * It pays where a vector is one register. */
-ALWAYS_INLINE void rank_close(const candidates *c, uint32_t num_close, nearest *n)
-{
-    float squares[MOST_RANKED];
-    const uint32_t num_vectors = (num_close + VECTOR - 1) / VECTOR;
-    for (uint32_t k = 0; k < num_vectors * VECTOR; k++)
-        squares[k] = k < num_close ? c->square[c->close[k]] : INFINITY;
-    n->num = num_close < POINTS_NEAREST + 1 ? num_close : POINTS_NEAREST + 1;
-    for (uint32_t k = 0; k <= POINTS_NEAREST; k++)
-        n->square[k] = -1; /* nobody's yet */
-    for (uint32_t k = 0; k < num_close; k++) {
-        whole_vector counts = {0};
-        uint32_t rank = 0;
-        for (uint32_t i = 0; i < num_vectors; i++) {
-            vector some;
-            memcpy(&some, squares + i * VECTOR, sizeof some);
-            counts -= (whole_vector)(some < squares[k]);
-        }
-        for (uint32_t i = 0; i < VECTOR; i++)
-            rank += (uint32_t)counts[i];
-        while (rank <= POINTS_NEAREST && n->square[rank] >= 0) /* those before that are as far */
-            rank++;
-        if (rank <= POINTS_NEAREST) {
-            n->square[rank] = squares[k];
-            n->candidate[rank] = c->close[k];
-        }
-    }
-}
-
-ALWAYS_INLINE void find_nearest(candidates *c, const float at[3], nearest *n, bool ranks)
+static void find_nearest_plain(candidates *c, const float at[3], nearest *n)
 {
     float *restrict square = c->square;
     for (uint32_t i = 0; i < c->num; i += VECTOR) { /* there is room behind the last one */
@@ -283,22 +266,96 @@ ALWAYS_INLINE void find_nearest(candidates *c, const float at[3], nearest *n, bo
     uint32_t num_close = pick_close(c, c->likely);
     if (num_close < POINTS_NEAREST + 1)
         num_close = pick_close(c, INFINITY);
-    if (ranks && num_close <= MOST_RANKED)
-        rank_close(c, num_close, n);
-    else
-        insert_close(c, num_close, n);
+    insert_close(c, num_close, n);
     if (n->num == POINTS_NEAREST + 1)
         c->likely = 1.6f * n->square[POINTS_NEAREST];
 }
 
-static void find_nearest_plain(candidates *c, const float at[3], nearest *n) { find_nearest(c, at, n, false); }
-
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void find_nearest_avx2(candidates *c, const float at[3], nearest *n)
+#define AVX2 __attribute__((target("avx2")))
+
+/* Those that are close, with as many places behind them as a vector has. */
+typedef struct {
+    float square[MOST_RANKED + VECTOR];
+    int32_t candidate[MOST_RANKED + VECTOR];
+    uint32_t num; /* what is beyond MOST_RANKED is counted only */
+} close_ones;
+
+/* Candidates whose squares are at most so large, in their order. */
+AVX2 static void pick_close_avx2(const candidates *c, const float at[3], float most, close_ones *close)
 {
-    find_nearest(c, at, n, true);
+    const __m256 x = _mm256_set1_ps(at[0]), y = _mm256_set1_ps(at[1]), z = _mm256_set1_ps(at[2]);
+    const __m256 limit = _mm256_set1_ps(most);
+    close->num = 0;
+    for (uint32_t i = 0; i < c->num; i += VECTOR) {
+        const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(c->at[0] + i), x);
+        const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(c->at[1] + i), y);
+        const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(c->at[2] + i), z);
+        const __m256 square = _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy)),
+                                            _mm256_mul_ps(dz, dz));
+        uint32_t mask = (uint32_t)_mm256_movemask_ps(_mm256_cmp_ps(square, limit, _CMP_LE_OQ));
+        if (c->num - i < VECTOR)
+            mask &= (1u << (c->num - i)) - 1;
+        /* Those of the mask move to the front, and all eight are stored: the others are overwritten. */
+        const __m256i order = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const void *)c->orders[mask]));
+        const uint32_t to = close->num < MOST_RANKED ? close->num : MOST_RANKED;
+        _mm256_storeu_ps(close->square + to, _mm256_permutevar8x32_ps(square, order));
+        _mm256_storeu_si256((void *)(close->candidate + to), _mm256_add_epi32(order, _mm256_set1_epi32((int32_t)i)));
+        close->num += (uint32_t)__builtin_popcount(mask);
+    }
+}
+
+/* Each goes where the number of those that are nearer says, again without branches. */
+AVX2 static void rank_close(close_ones *close, nearest *n)
+{
+    int32_t ranks[MOST_RANKED];
+    const uint32_t num = close->num;
+    for (uint32_t k = num; k % VECTOR; k++)
+        close->square[k] = INFINITY;
+    for (uint32_t k = 0; k < num; k += VECTOR) {
+        const __m256 some = _mm256_loadu_ps(close->square + k);
+        __m256i nearer = _mm256_setzero_si256(); /* less 1 for each */
+        for (uint32_t i = 0; i < num; i++)
+            nearer = _mm256_add_epi32(nearer, _mm256_castps_si256(_mm256_cmp_ps(
+                                                  _mm256_broadcast_ss(close->square + i), some, _CMP_LT_OQ)));
+        _mm256_storeu_si256((void *)(ranks + k), _mm256_sub_epi32(_mm256_setzero_si256(), nearer));
+    }
+    n->num = num < POINTS_NEAREST + 1 ? num : POINTS_NEAREST + 1;
+    for (uint32_t k = 0; k < NOT_NEAREST; k++)
+        n->square[k] = -1; /* nobody's yet */
+    for (uint32_t k = 0; k < num; k++) {
+        uint32_t rank = ranks[k] < (int32_t)NOT_NEAREST ? (uint32_t)ranks[k] : NOT_NEAREST;
+        while (rank < NOT_NEAREST && n->square[rank] >= 0) /* those before that are as far */
+            rank++;
+        n->square[rank] = close->square[k];
+        n->candidate[rank] = (uint32_t)close->candidate[k];
+    }
+}
+
+AVX2 static void find_nearest_avx2(candidates *c, const float at[3], nearest *n)
+{
+    close_ones close;
+    pick_close_avx2(c, at, c->likely, &close);
+    if (close.num < POINTS_NEAREST + 1)
+        pick_close_avx2(c, at, INFINITY, &close);
+    if (close.num > MOST_RANKED) {
+        find_nearest_plain(c, at, n);
+        return;
+    }
+    rank_close(&close, n);
+    if (n->num == POINTS_NEAREST + 1)
+        c->likely = 1.6f * n->square[POINTS_NEAREST];
 }
 #endif
+
+/* For each mask of a vector's lanes: those that it has, in their order; what follows is of no matter. */
+static void make_orders(uint8_t orders[1u << VECTOR][VECTOR])
+{
+    for (uint32_t mask = 0; mask < 1u << VECTOR; mask++)
+        for (uint32_t lane = 0, num = 0; lane < VECTOR; lane++)
+            if (mask >> lane & 1)
+                orders[mask][num++] = (uint8_t)lane;
+}
 
 /* Whichever this processor is good at; both find the same. */
 static finder best_finder(const points_limits *limits)
@@ -402,7 +459,7 @@ static bool look_around(surroundings *s, uint32_t begin, uint32_t end, float *re
 static void look_at_block(void *user, uint64_t begin, uint64_t end)
 {
     surroundings *s = user;
-    candidates c = {.likely = 0};
+    candidates c = {.orders = (const uint8_t (*)[VECTOR])s->orders};
     float reach = s->first_reach;
     bool done = true;
     for (uint64_t at = begin; done && at < end; at += LEAF)
@@ -437,6 +494,7 @@ bool karst_points_look_around(points_import *import, karst_error *error)
     const uint32_t num = (uint32_t)import->now.num;
     const bool anew = import->now.done == 0;
     surroundings s = {.num = num, .find = best_finder(&import->limits)};
+    make_orders(s.orders);
     s.points = karst_points_map_file(import, karst_points_in_order(import), num * sizeof *s.points, false, error);
     s.links =
         s.points ? karst_points_map_file(import, POINTS_NEAR, (size_t)num * POINTS_LINKS * sizeof *s.links, anew, error)

@@ -5,12 +5,13 @@
 
 #include "core/points/import_internal.h"
 
-#define BLOCK_VALUES 511u
+#define BLOCK_VALUES 1022u
 
 typedef struct {
     uint64_t below; /* the place of the block below + 1; 0: there is none */
-    uint64_t values[BLOCK_VALUES];
+    uint32_t values[BLOCK_VALUES];
 } block;
+_Static_assert(sizeof(block) == 4096, "a page");
 
 /* Where block 0 is full, block 1 follows. */
 typedef struct {
@@ -80,7 +81,7 @@ static bool fetch(points_stacks *s, stack *of, karst_error *error)
     return karst_points_read(s->import, s->fd, &of->blocks[0], sizeof *of->blocks, place * sizeof *of->blocks, error);
 }
 
-bool karst_points_push(points_stacks *s, uint32_t number, uint64_t value, karst_error *error)
+bool karst_points_push(points_stacks *s, uint32_t number, uint32_t value, karst_error *error)
 {
     stack *of = &s->stacks[number];
     if (!of->blocks && !(of->blocks = calloc(2, sizeof *of->blocks)))
@@ -92,7 +93,7 @@ bool karst_points_push(points_stacks *s, uint32_t number, uint64_t value, karst_
     return true;
 }
 
-bool karst_points_pop(points_stacks *s, uint32_t number, uint64_t *value, bool *has, karst_error *error)
+bool karst_points_pop(points_stacks *s, uint32_t number, uint32_t *value, bool *has, karst_error *error)
 {
     stack *of = &s->stacks[number];
     *has = of->num > 0 || (of->blocks && of->blocks[0].below);

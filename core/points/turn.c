@@ -1,6 +1,9 @@
 /* Turning normals outwards: from neighbour to neighbour, where they differ least first (Hoppe's spanning tree, grown by
  * Prim's rule with weights in 256 steps), and each connected part so that its topmost point faces up. Points are only
- * read: what turns over is noted beside them. */
+ * read: what turns over is noted beside them.
+ *
+ * Who comes next depends on all who came before, so one thread alone goes from point to point. Whatever does not depend
+ * on that is done by all threads, before: how normals differ; and after: how many agree. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,12 +11,23 @@
 #include "core/points/import_internal.h"
 
 #define NUM_STEPS 256u
+#define BLOCK 16384u        /* points that a thread takes at a time */
 #define OFTEN 65536u        /* points between two looks at progress and memory */
 #define OFTEN_ANYWHERE 256u /* the latter where points follow one another anywhere: each may map 1 MiB of pages */
 
+/* How a point's normal and those of its neighbours differ, as they were found. */
 typedef struct {
-    uint32_t topmost;
-    int32_t height;
+    uint8_t steps[POINTS_LINKS]; /* 0: they are parallel; the last one: at right angles, so that neither turns */
+    int32_t height;              /* of the point */
+    uint8_t apart;               /* a bit for each neighbour: they face apart */
+    int8_t up;                   /* 1: the normal faces up, -1: down */
+    uint8_t pad[2];
+} bends;
+_Static_assert(POINTS_LINKS == 8 && sizeof(bends) == 16, "four to a cache line");
+
+typedef struct {
+    int32_t height; /* of its topmost point */
+    int8_t up;      /* whether that one's normal, turned, faces up */
 } part;
 
 typedef struct {
@@ -22,41 +36,95 @@ typedef struct {
     const karst_point *points;
     uint32_t num;
     const uint32_t *links;
+    int to;
+    const bends *differ;
     uint32_t *turns;        /* of each point: its part's number + 1, 0: not reached; and POINTS_TURNS_OVER */
-    points_stacks *waiting; /* at each step: points, and whom they would follow */
+    points_stacks *waiting; /* at each step: points, and POINTS_TURNS_OVER if they would turn over; all of one part */
     uint32_t lowest;        /* no step before has anybody */
     uint32_t num_reached;
     part *parts;
     uint32_t num_parts, max_parts;
+    uint64_t num_unsure, num_pairs;
 } turning;
 
-/* How two normals agree as they are turned. */
+static const uint32_t *links_of(const turning *t, uint32_t point) { return t->links + (size_t)point * POINTS_LINKS; }
+
+/* How two normals agree as they were found, times 32767^2: exact. */
 static double dot(const turning *t, uint32_t a, uint32_t b)
 {
     double sum = 0;
     for (int i = 0; i < 3; i++)
         sum += (double)t->points[a].normal[i] * t->points[b].normal[i];
-    return ((t->turns[a] ^ t->turns[b]) & POINTS_TURNS_OVER ? -sum : sum) / (32767.0 * 32767.0);
+    return sum;
 }
 
-static const uint32_t *links_of(const turning *t, uint32_t point) { return t->links + (size_t)point * POINTS_LINKS; }
-
-static bool push(turning *t, uint32_t point, uint32_t leader)
+static bool in_parallel(turning *t, const char *what, karst_points_work work)
 {
-    double apart = 1 - fabs(dot(t, point, leader));
-    uint32_t step = apart > 0 ? (uint32_t)(sqrt(fmin(apart, 1)) * (NUM_STEPS - 1)) : 0;
-    t->lowest = step < t->lowest ? step : t->lowest;
-    return karst_points_push(t->waiting, step, (uint64_t)leader << 32 | point, t->error);
+    const points_loop loop = {what, 0, t->num, t->num, BLOCK, true};
+    return karst_points_in_parallel(t->import, &loop, work, t, t->error);
 }
+
+/* ---- how normals differ ---- */
+
+static bool compare(void *user, points_block *block, karst_error *error)
+{
+    const turning *t = user;
+    bends *made = block->slot;
+    (void)error;
+    for (uint32_t i = (uint32_t)block->begin; i < block->end; i++) {
+        const uint32_t *links = links_of(t, i);
+        const int16_t up = t->points[i].normal[1];
+        bends of = {.height = t->points[i].at[1], .up = (int8_t)((up > 0) - (up < 0))};
+        for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
+            const double sum = dot(t, i, links[k]), apart = 1 - fabs(sum / (32767.0 * 32767.0));
+            of.steps[k] = apart > 0 ? (uint8_t)(sqrt(apart) * (NUM_STEPS - 1)) : 0;
+            of.apart |= (uint8_t)((sum < 0) << k);
+        }
+        *made++ = of;
+    }
+    return true;
+}
+
+static bool put_bends(void *user, points_block *block, karst_error *error)
+{
+    const turning *t = user;
+    return karst_points_write(t->import, t->to, block->slot, (block->end - block->begin) * sizeof(bends),
+                              block->begin * sizeof(bends), error);
+}
+
+/* Once that is noted, points are not looked at any more. */
+static bool compare_all(turning *t)
+{
+    const points_turns turns = {.loop = {"turning normals", 0, t->num, t->num, BLOCK, true},
+                                .slot_bytes = BLOCK * sizeof(bends),
+                                .work = compare,
+                                .put = put_bends};
+    t->to = karst_points_file(t->import, POINTS_BENDS, t->error);
+    if (t->to < 0 || !karst_points_in_turns(t->import, &turns, t, t->error))
+        return false;
+    karst_points_unmap(t->import, (void *)t->points);
+    t->points = NULL;
+    t->differ = karst_points_map_file(t->import, POINTS_BENDS, t->num * sizeof *t->differ, false, t->error);
+    return t->differ != NULL;
+}
+
+/* Whether a point turns over that follows another one by link `k` of either. */
+static bool turns_over(const bends *of, int k, bool leader_over)
+{
+    return of->steps[k] < NUM_STEPS - 1 && ((of->apart >> k & 1) != 0) != leader_over;
+}
+
+/* ---- from neighbour to neighbour ---- */
 
 /* Takes a point into a part; its neighbours follow. */
 static bool reach(turning *t, uint32_t point, uint32_t number, bool over)
 {
-    part *of = &t->parts[number];
+    part *in = &t->parts[number];
+    const bends *of = &t->differ[point];
     t->turns[point] = (number + 1) | (over ? POINTS_TURNS_OVER : 0);
-    if (t->points[point].at[1] > of->height) {
-        of->height = t->points[point].at[1];
-        of->topmost = point;
+    if (of->height > in->height) {
+        in->height = of->height;
+        in->up = over ? (int8_t)-of->up : of->up;
     }
     if (++t->num_reached % OFTEN_ANYWHERE == 0)
         karst_points_stay_small(t->import);
@@ -65,25 +133,29 @@ static bool reach(turning *t, uint32_t point, uint32_t number, bool over)
             return false;
     }
     const uint32_t *links = links_of(t, point);
-    for (int k = 0; k < POINTS_LINKS; k++)
-        if (links[k] != UINT32_MAX && !t->turns[links[k]] && !push(t, links[k], point))
+    for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
+        if (t->turns[links[k]])
+            continue;
+        const uint32_t step = of->steps[k], next = links[k] | (turns_over(of, k, over) ? POINTS_TURNS_OVER : 0);
+        t->lowest = step < t->lowest ? step : t->lowest;
+        if (!karst_points_push(t->waiting, step, next, t->error))
             return false;
+    }
     return true;
 }
 
-static bool follow(turning *t, uint32_t point, uint32_t leader)
-{
-    const uint32_t of = t->turns[leader];
-    return reach(t, point, (of & ~POINTS_TURNS_OVER) - 1, dot(t, point, leader) < 0);
-}
-
-/* A point that nobody's links led to: it follows its nearest neighbour that is in a part, or begins one. */
-static bool begin(turning *t, uint32_t point)
+/* A point that nobody's links led to: it follows its nearest neighbour that is in a part, or begins one. *number: of
+ * the part. */
+static bool begin(turning *t, uint32_t point, uint32_t *number)
 {
     const uint32_t *links = links_of(t, point);
-    for (int k = 0; k < POINTS_LINKS; k++)
-        if (links[k] != UINT32_MAX && t->turns[links[k]])
-            return follow(t, point, links[k]);
+    for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
+        const uint32_t leader = t->turns[links[k]];
+        if (!leader)
+            continue;
+        *number = (leader & ~POINTS_TURNS_OVER) - 1;
+        return reach(t, point, *number, turns_over(&t->differ[point], k, (leader & POINTS_TURNS_OVER) != 0));
+    }
     if (t->num_parts == t->max_parts) {
         uint32_t most = t->max_parts ? 2 * t->max_parts : 64;
         part *grown = realloc(t->parts, most * sizeof *grown);
@@ -92,82 +164,101 @@ static bool begin(turning *t, uint32_t point)
         t->parts = grown;
         t->max_parts = most;
     }
-    t->parts[t->num_parts++] = (part){.topmost = point, .height = INT32_MIN};
-    return reach(t, point, t->num_parts - 1, false);
+    *number = t->num_parts++;
+    t->parts[*number] = (part){.height = INT32_MIN};
+    return reach(t, point, *number, false);
 }
 
-static bool follow_all(turning *t)
+static bool follow_all(turning *t, uint32_t number)
 {
     while (t->lowest < NUM_STEPS) {
-        uint64_t next;
+        uint32_t next;
         bool has;
         if (!karst_points_pop(t->waiting, t->lowest, &next, &has, t->error))
             return false;
+        const uint32_t point = next & ~POINTS_TURNS_OVER;
         if (!has)
             t->lowest++;
-        else if (!t->turns[(uint32_t)next] && !follow(t, (uint32_t)next, (uint32_t)(next >> 32)))
+        else if (!t->turns[point] && !reach(t, point, number, (next & POINTS_TURNS_OVER) != 0))
             return false;
     }
     return true;
 }
 
-/* Parts whose topmost point faces down are inside out; and how many neighbours do not agree in the end. */
-static bool finish(turning *t, double *share)
+/* ---- what came of it ---- */
+
+/* Counts neighbours that do not agree in the end. That does not depend on which parts turn: they are of one. */
+static void count_unsure(void *user, uint64_t begin, uint64_t end)
 {
+    turning *t = user;
     uint64_t num_unsure = 0, num_pairs = 0;
-    for (uint32_t i = 0; i < t->num_parts; i++) {
-        const uint32_t top = t->parts[i].topmost;
-        const int16_t up = t->points[top].normal[1];
-        t->parts[i].height = (t->turns[top] & POINTS_TURNS_OVER ? -up : up) < 0; /* from now on: whether it turns */
-    }
-    for (uint32_t i = 0; i < t->num; i++) { /* who agrees with whom does not depend on that: they are of one part */
-        for (int k = 0; k < POINTS_LINKS; k++) {
-            const uint32_t other = links_of(t, i)[k];
-            if (other == UINT32_MAX)
-                continue;
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        const uint32_t *links = links_of(t, i);
+        for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
             num_pairs++;
-            num_unsure += dot(t, i, other) < 0;
-        }
-        if (i % OFTEN == 0) {
-            karst_points_stay_small(t->import);
-            if (!karst_points_go_on(t->import, "looking at normals", (double)i / t->num, t->error))
-                return false;
+            num_unsure += turns_over(&t->differ[i], k, ((t->turns[i] ^ t->turns[links[k]]) & POINTS_TURNS_OVER) != 0);
         }
     }
-    for (uint32_t i = 0; i < t->num; i++) {
-        if (t->parts[(t->turns[i] & ~POINTS_TURNS_OVER) - 1].height)
+    __atomic_fetch_add(&t->num_unsure, num_unsure, __ATOMIC_RELAXED);
+    __atomic_fetch_add(&t->num_pairs, num_pairs, __ATOMIC_RELAXED);
+}
+
+static void turn_parts(void *user, uint64_t begin, uint64_t end)
+{
+    const turning *t = user;
+    for (uint32_t i = (uint32_t)begin; i < end; i++)
+        if (t->parts[(t->turns[i] & ~POINTS_TURNS_OVER) - 1].up < 0)
             t->turns[i] ^= POINTS_TURNS_OVER;
-        if (i % OFTEN == 0)
-            karst_points_stay_small(t->import);
-    }
-    *share = num_pairs ? (double)num_unsure / (double)num_pairs : 0;
-    return true;
+}
+
+/* Parts whose topmost point faces down are inside out. */
+static bool finish(turning *t)
+{
+    bool any = false;
+    for (uint32_t i = 0; i < t->num_parts; i++)
+        any = any || t->parts[i].up < 0;
+    if (!in_parallel(t, "looking at normals", count_unsure))
+        return false;
+    t->import->head->share_unsure = t->num_pairs ? (double)t->num_unsure / (double)t->num_pairs : 0;
+    return !any || in_parallel(t, "looking at normals", turn_parts);
 }
 
 static bool turn_together(turning *t)
 {
-    t->waiting = karst_points_stacks_create(t->import, NUM_STEPS, t->error);
-    bool done = t->waiting != NULL;
-    for (uint32_t i = 0; done && i < t->num; i++)
+    bool done = compare_all(t);
+    t->waiting = done ? karst_points_stacks_create(t->import, NUM_STEPS, t->error) : NULL;
+    done = t->waiting != NULL;
+    for (uint32_t i = 0, number = 0; done && i < t->num; i++)
         if (!t->turns[i])
-            done = begin(t, i) && follow_all(t);
-    done = done && finish(t, &t->import->head->share_unsure);
+            done = begin(t, i, &number) && follow_all(t, number);
+    done = done && finish(t);
     t->import->head->num_parts = t->num_parts;
     karst_points_stacks_destroy(t->waiting);
+    karst_points_unmap(t->import, (void *)t->differ);
     free(t->parts);
     return done;
 }
 
+/* ---- other ways ---- */
+
 /* Whether the file has a point's normal, or it has been turned as those around. */
 #define KNOWN 1u
+
+static void note_given(void *user, uint64_t begin, uint64_t end)
+{
+    const turning *t = user;
+    for (uint32_t i = (uint32_t)begin; i < end; i++)
+        t->turns[i] = t->points[i].is_found ? 0 : KNOWN;
+}
 
 /* The few that had none: as those of their neighbours that had one. */
 static bool turn_like_given(turning *t)
 {
-    for (uint32_t i = 0; i < t->num; i++)
-        t->turns[i] = t->points[i].is_found ? 0 : KNOWN;
+    bool any = in_parallel(t, "turning normals", note_given);
+    if (!any)
+        return false;
     /* Those farther from any that had one follow in later rounds, and what is never reached stays as it is. */
-    for (bool any = true; any;) {
+    while (any) {
         any = false;
         for (uint32_t i = 0; i < t->num; i++) {
             double sum = 0;
@@ -177,7 +268,8 @@ static bool turn_like_given(turning *t)
                 if (other == UINT32_MAX || !t->turns[other])
                     continue;
                 knows = true;
-                sum += dot(t, i, other);
+                const double agrees = dot(t, i, other) / (32767.0 * 32767.0);
+                sum += t->turns[other] & POINTS_TURNS_OVER ? -agrees : agrees;
             }
             if (knows)
                 t->turns[i] = KNOWN | (sum < 0 ? POINTS_TURNS_OVER : 0);
@@ -192,14 +284,11 @@ static bool turn_like_given(turning *t)
     return true;
 }
 
-static bool turn_up(turning *t)
+static void note_up(void *user, uint64_t begin, uint64_t end)
 {
-    for (uint32_t i = 0; i < t->num; i++) {
+    const turning *t = user;
+    for (uint32_t i = (uint32_t)begin; i < end; i++)
         t->turns[i] = t->points[i].normal[1] < 0 ? POINTS_TURNS_OVER : 0;
-        if (i % OFTEN == 0)
-            karst_points_stay_small(t->import);
-    }
-    return true;
 }
 
 bool karst_points_turn_normals(points_import *import, karst_error *error)
@@ -216,7 +305,7 @@ bool karst_points_turn_normals(points_import *import, karst_error *error)
     if (done && has_normals)
         done = turn_like_given(&t);
     else if (done && import->config->turn == KARST_POINTS_TURN_UP)
-        done = turn_up(&t);
+        done = in_parallel(&t, "turning normals", note_up);
     else if (done)
         done = turn_together(&t);
     karst_points_unmap(import, t.turns);

@@ -19,8 +19,9 @@
 
 #define CHECKPOINT_MAGIC "KarstIm2" /* another one where the files of steps are others */
 
-static const char *const file_names[POINTS_NUM_FILES] = {"raw",   "spread", "ranges",      "sorted",     "kept", "near",
-                                                         "turns", "queues", "covers-even", "covers-odd", "model"};
+static const char *const file_names[POINTS_NUM_FILES] = {
+    "raw",    "spread",      "ranges",     "sorted", "kept", "near", "bends", "turns",
+    "queues", "covers-even", "covers-odd", "model"};
 
 /* What a checkpoint is of. */
 typedef struct {
