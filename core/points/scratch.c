@@ -2,8 +2,10 @@
 #define _FILE_OFFSET_BITS 64
 #include <errno.h>
 #include <fcntl.h>
+#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "core/points/import_internal.h"
@@ -36,10 +38,22 @@ int karst_points_scratch_with_name(const points_import *import, char **name, kar
     return -1;
 }
 
+/* Never has a name, so that not even a kill at once leaves one; -1 where the file system knows no such files. */
+static int open_nameless(const char *output)
+{
+    char *path = strdup(output);
+    int fd = path ? open(dirname(path), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600) : -1;
+    free(path);
+    return fd;
+}
+
 int karst_points_scratch(const points_import *import, karst_error *error)
 {
     char *name = NULL;
-    int fd = karst_points_scratch_with_name(import, &name, error);
+    int fd = open_nameless(import->config->output);
+    if (fd >= 0)
+        return fd;
+    fd = karst_points_scratch_with_name(import, &name, error);
     if (fd >= 0)
         unlink(name);
     free(name);
