@@ -26,7 +26,7 @@ typedef enum {
     POINTS_BENDS,  /* of each how its normal and those of its neighbours differ */
     POINTS_TURNS,  /* of each which part it is of, and whether its normal turns over */
     POINTS_QUEUES, /* who waits to be turned */
-    POINTS_COVERS, /* of each of a level's points: cover and spread; of even levels, */
+    POINTS_COVERS, /* of each of a level's points, points_extent; of even levels, */
     POINTS_COVERS_ODD,
     POINTS_MODEL, /* the output until it is whole */
     POINTS_NUM_FILES
@@ -200,8 +200,22 @@ bool karst_points_add_finest(points_import *import, karst_error *error);
 /* levels.c: appends the coarser levels to MODEL. */
 bool karst_points_add_levels(points_import *import, karst_error *error);
 
-/* tree.c: writes the nodes of a level behind its points in MODEL, and their sum into the head; the finer levels have
- * theirs. */
+/* How far what a point stands for reaches: see karst_point_node. */
+typedef struct {
+    int32_t cover, spread;
+} points_extent;
+/* level_files.c: reads points of a level from `first` on, and their extents. Those of the finest level are their
+ * supports; those of others lie in a file, where karst_points_add_levels puts them. Thread-safe. */
+typedef struct {
+    const points_import *import;
+    const karst_points_level *level;
+    int model, extents; /* files; extents -1: it is the finest level */
+} points_level_files;
+points_work_file karst_points_extents_of(uint32_t level);
+bool karst_points_open_level(points_import *import, uint32_t level, points_level_files *files, karst_error *error);
+bool karst_points_read_level(const points_level_files *files, uint64_t first, size_t num, karst_point *points,
+                             points_extent *extents, karst_error *error);
+/* tree.c: writes the nodes of a level behind its points in MODEL, and their sum into the head. */
 bool karst_points_add_tree(points_import *import, uint32_t level, karst_error *error);
 
 /* spill.c: many stacks of numbers whose lower parts lie in QUEUES. */
