@@ -131,6 +131,7 @@ $(OBJ)/producers/density/host_steps.o: EXTRA = -Iproducers/density/host
 # Loops that become vectors, whatever else is not optimised; no value depends on what these leave out.
 $(OBJ)/producers/density/host_tape.o: EXTRA = -O2 -ftree-vectorize -fno-trapping-math -fno-math-errno \
     $(if $(findstring clang,$(CC)),,-fvect-cost-model=dynamic)
+$(addprefix $(OBJ)/core/points/,near.o turn.o): EXTRA = -ftree-vectorize -fno-trapping-math -fno-math-errno
 
 # What meshes are made of: short loops over axes, which are worth unrolling.
 ifeq ($(CONFIG),release)

@@ -21,6 +21,10 @@
 #define VECTOR 8u   /* candidates that are looked at together */
 #define MOST_RANKED 64u /* a multiple of VECTOR */
 typedef float vector __attribute__((vector_size(VECTOR * sizeof(float))));
+typedef int32_t whole_place __attribute__((vector_size(16)));
+typedef float float_place __attribute__((vector_size(16)));
+typedef uint64_t bits_of_place __attribute__((vector_size(16)));
+typedef double four_doubles __attribute__((vector_size(32)));
 #define MANY_CANDIDATES 6000u /* more than that, and a leaf is looked at point by point */
 
 typedef struct {
@@ -146,26 +150,29 @@ static bool make_room(candidates *c, uint32_t num)
 
 static bool meets(const box *a, const box *b)
 {
+    uint32_t is_apart = 0; /* without branches, which nobody could foretell */
     for (int axis = 0; axis < 3; axis++)
-        if (a->min[axis] > b->max[axis] || a->max[axis] < b->min[axis])
-            return false;
-    return true;
+        is_apart |= (uint32_t)(a->min[axis] > b->max[axis]) | (uint32_t)(a->max[axis] < b->min[axis]);
+    return !is_apart;
 }
 
 static bool add_leaf(const surroundings *s, const box *wanted, uint32_t leaf, candidates *c)
 {
-    uint32_t begin = leaf * LEAF, end = s->num - begin < LEAF ? s->num : begin + LEAF;
+    const uint32_t begin = leaf * LEAF, end = s->num - begin < LEAF ? s->num : begin + LEAF;
+    const whole_place origin = {c->origin[0], c->origin[1], c->origin[2]};
+    const whole_place low = {wanted->min[0], wanted->min[1], wanted->min[2], INT32_MIN};
+    const whole_place high = {wanted->max[0], wanted->max[1], wanted->max[2], INT32_MAX};
     if (!make_room(c, c->num + LEAF))
         return false;
-    for (uint32_t i = begin; i < end; i++) { /* without a branch, which nobody could foretell */
-        const karst_point *p = &s->points[i];
-        uint32_t is_inside = 1;
-        for (int a = 0; a < 3; a++) {
-            is_inside &= (uint32_t)(p->at[a] >= wanted->min[a]) & (uint32_t)(p->at[a] <= wanted->max[a]);
-            c->at[a][c->num] = (float)(p->at[a] - c->origin[a]);
-        }
+    for (uint32_t i = begin; i < end; i++) {
+        whole_place at; /* and the radius, which is of no matter */
+        memcpy(&at, &s->points[i], sizeof at);
+        const float_place offset = __builtin_convertvector(at - origin, float_place);
+        const bits_of_place outside = (bits_of_place)((at < low) | (at > high));
+        for (int a = 0; a < 3; a++)
+            c->at[a][c->num] = offset[a];
         c->index[c->num] = i;
-        c->num += is_inside;
+        c->num += (outside[0] | outside[1]) == 0; /* else the next one takes its place */
     }
     return true;
 }
@@ -337,6 +344,8 @@ AVX2 static void find_nearest_avx2(candidates *c, const float at[3], nearest *n)
     close_ones close;
     pick_close_avx2(c, at, c->likely, &close);
     if (close.num < POINTS_NEAREST + 1)
+        pick_close_avx2(c, at, 3 * c->likely, &close);
+    if (close.num < POINTS_NEAREST + 1)
         pick_close_avx2(c, at, INFINITY, &close);
     if (close.num > MOST_RANKED) {
         find_nearest_plain(c, at, n);
@@ -368,16 +377,29 @@ static finder best_finder(const points_limits *limits)
     return find_nearest_plain;
 }
 
+#define MOST_FITTED 20u /* a multiple of 4 */
+_Static_assert(POINTS_NEAREST + 1 <= MOST_FITTED, "room for all");
+
 static void fit_plane(const candidates *c, const nearest *n, int16_t normal[3])
 {
-    double mean[3] = {0}, m[6] = {0}, direction[3];
-    for (uint32_t k = 0; k < n->num; k++)
-        for (int a = 0; a < 3; a++)
-            mean[a] += (double)c->at[a][n->candidate[k]] / n->num;
+    double at[3][MOST_FITTED] = {{0}}, mean[3] = {0}, m[6] = {0}, direction[3];
+    for (int a = 0; a < 3; a++) {
+        double parts[MOST_FITTED];
+        for (uint32_t k = 0; k < n->num; k++)
+            at[a][k] = (double)c->at[a][n->candidate[k]];
+        for (uint32_t k = 0; k < MOST_FITTED; k += 4) { /* a division takes as long as those of a vector */
+            four_doubles some;
+            memcpy(&some, at[a] + k, sizeof some);
+            some /= (double)n->num;
+            memcpy(parts + k, &some, sizeof some);
+        }
+        for (uint32_t k = 0; k < n->num; k++)
+            mean[a] += parts[k];
+    }
     for (uint32_t k = 0; k < n->num; k++) {
         double d[3];
         for (int a = 0; a < 3; a++)
-            d[a] = (double)c->at[a][n->candidate[k]] - mean[a];
+            d[a] = at[a][k] - mean[a];
         m[0] += d[0] * d[0];
         m[1] += d[0] * d[1];
         m[2] += d[0] * d[2];

@@ -75,10 +75,16 @@ static bool compare(void *user, points_block *block, karst_error *error)
         const uint32_t *links = links_of(t, i);
         const int16_t up = t->points[i].normal[1];
         bends of = {.height = t->points[i].at[1], .up = (int8_t)((up > 0) - (up < 0))};
-        for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
-            const double sum = dot(t, i, links[k]), apart = 1 - fabs(sum / (32767.0 * 32767.0));
-            of.steps[k] = apart > 0 ? (uint8_t)(sqrt(apart) * (NUM_STEPS - 1)) : 0;
-            of.apart |= (uint8_t)((sum < 0) << k);
+        double sums[POINTS_LINKS], steps[POINTS_LINKS];
+        for (int k = 0; k < POINTS_LINKS; k++)
+            sums[k] = dot(t, i, links[k] != UINT32_MAX ? links[k] : i);
+        for (int k = 0; k < POINTS_LINKS; k++) { /* all together, as vectors */
+            const double apart = 1 - fabs(sums[k] / (32767.0 * 32767.0));
+            steps[k] = sqrt(apart > 0 ? apart : 0) * (NUM_STEPS - 1);
+        }
+        for (int k = 0; k < POINTS_LINKS; k++) {
+            of.steps[k] = (uint8_t)steps[k];
+            of.apart |= (uint8_t)((sums[k] < 0) << k);
         }
         *made++ = of;
     }
