@@ -1,6 +1,6 @@
 /* An import that is cut off goes on from where it was and makes the bytes of one that was not: whichever call of its
- * progress it dies at, and whichever moment; how much it does in memory at once leaves no trace; and what was done for
- * another input or with other options is of no use. */
+ * progress it dies at, and whichever moment; how many threads it has and how much it does in memory at once leave no
+ * trace; and what was done for another input or with other options is of no use. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -110,6 +110,20 @@ static void memory_leaves_no_trace(void **state)
     expect_the_bytes();
     print_message("# %d calls of progress\n", f.calls);
     assert_true(f.reads && f.calls > 50);
+}
+
+/* Small limits part each step into many blocks, which threads take in turns. */
+static void threads_leave_no_trace(void **state)
+{
+    (void)state;
+    const uint32_t nums[] = {1, 2, 3, 8};
+    for (size_t i = 0; i < 2 * sizeof nums / sizeof *nums; i++) {
+        fate f = {0};
+        karst_points_import_config config = config_of(&f);
+        config.num_threads = nums[i / 2];
+        assert_ok(karst_points_import_within(&config, i % 2 ? &small : &karst_points_usual_limits, NULL, &error));
+        expect_the_bytes();
+    }
 }
 
 /* A lattice, where many neighbours are equally far, so that it counts which of them come first. */
@@ -289,6 +303,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(memory_leaves_no_trace),
+        cmocka_unit_test(threads_leave_no_trace),
         cmocka_unit_test(vectors_leave_no_trace),
         cmocka_unit_test(dying_at_any_call_leaves_no_trace),
         cmocka_unit_test(dying_at_any_moment_leaves_no_trace),
