@@ -25,6 +25,7 @@ typedef struct {
     uint64_t count;
     bool is_vertex;
     uint32_t num_properties;
+    uint32_t row_bytes; /* if it is binary, and has no lists; else 0 */
     karst_ply_property properties[KARST_PLY_MAX_PROPERTIES];
 } karst_ply_element;
 

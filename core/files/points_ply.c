@@ -99,6 +99,19 @@ static bool read_head_line(karst_point_source *source, char *words[], int num_wo
     return karst_point_source_complain(source, error, "\"%.40s\" is no format of a PLY", words[1]);
 }
 
+/* At most 64 properties of 8 bytes. */
+static void measure_row(karst_ply_element *element)
+{
+    bool has_list = false;
+    element->row_bytes = 0;
+    for (uint32_t i = 0; i < element->num_properties; i++) {
+        has_list = has_list || element->properties[i].count_type;
+        element->row_bytes += type_bytes[element->properties[i].type];
+    }
+    if (has_list)
+        element->row_bytes = 0;
+}
+
 /* What the vertices have, once the head is read. */
 static bool look_at_vertices(karst_point_source *source, karst_error *error)
 {
@@ -112,6 +125,8 @@ static bool look_at_vertices(karst_point_source *source, karst_error *error)
     if (num_vertices != 1 || (found & 0xeu) != 0xeu)
         return karst_point_source_complain(source, error,
                                            "no points: a PLY has one element vertex, with properties x, y and z");
+    for (uint32_t e = 0; e < source->as.ply.num_elements && source->as.ply.encoding != ASCII; e++)
+        measure_row(&source->as.ply.elements[e]);
     source->has_normals = (found & 0x70u) == 0x70u;
     source->has_colours = (found & 0x380u) == 0x380u;
     source->has_more = (found & 0xc00u) == 0xc00u;
@@ -144,8 +159,13 @@ static double value_of(const uint8_t *bytes, uint8_t type, bool is_big)
         double f64;
     } value;
     const size_t size = type_bytes[type];
-    for (size_t i = 0; i < size; i++)
-        value.bytes[i] = bytes[is_big ? size - 1 - i : i];
+    if (is_big)
+        for (size_t i = 0; i < size; i++)
+            value.bytes[i] = bytes[size - 1 - i];
+    else if (size == 4) /* as most are; a copy of a known size is an instruction */
+        memcpy(value.bytes, bytes, 4);
+    else
+        memcpy(value.bytes, bytes, size);
     switch (type) {
     case INT8:
         return value.i8;
@@ -223,9 +243,25 @@ static bool pass_list(karst_point_source *source, uint8_t type, double count, ka
     return true;
 }
 
+/* A binary row without lists is of a known length; false: the file ends within it, or it is another one. */
+static bool read_plain_row(karst_point_source *source, const karst_ply_element *element, karst_file_point *point)
+{
+    const uint8_t *bytes = element->row_bytes ? karst_point_source_bytes(source, element->row_bytes) : NULL;
+    for (uint32_t i = 0; bytes && i < element->num_properties; i++) {
+        const karst_ply_property *property = &element->properties[i];
+        if (property->meaning)
+            take(point, property->meaning, property->type,
+                 value_of(bytes, property->type, source->as.ply.encoding == BIG));
+        bytes += type_bytes[property->type];
+    }
+    return bytes != NULL;
+}
+
 static bool read_row(karst_point_source *source, const karst_ply_element *element, karst_file_point *point,
                      karst_error *error)
 {
+    if (read_plain_row(source, element, point))
+        return true;
     const bool is_text = source->as.ply.encoding == ASCII;
     const char *text = source->text;
     bool has_line = true;
