@@ -15,6 +15,12 @@ static uint32_t num_threads_of(const points_import *import)
     return num < MAX_THREADS ? num : MAX_THREADS;
 }
 
+/* More may be begun than there is. */
+static double share_of(uint64_t done, const points_loop *loop)
+{
+    return done < loop->num ? (double)done / (double)loop->num : 1;
+}
+
 /* ---- blocks in any order ---- */
 
 typedef struct {
@@ -49,14 +55,13 @@ bool karst_points_in_parallel(points_import *import, const points_loop *loop, ka
     pthread_t threads[MAX_THREADS];
     const uint32_t num_threads = num_threads_of(import);
     uint32_t num_started = 0;
-    const double num = loop->num ? (double)loop->num : 1;
     while (num_started + 1 < num_threads && pthread_create(&threads[num_started], NULL, help, &c) == 0)
         num_started++;
-    bool goes_on = karst_points_go_on(import, loop->what, (double)loop->first / num, error);
+    bool goes_on = karst_points_go_on(import, loop->what, share_of(loop->first, loop), error);
     while (goes_on && do_a_block(&c)) {
         if (loop->maps)
             karst_points_stay_small(import);
-        goes_on = karst_points_go_on(import, loop->what, (double)atomic_load(&c.next) / num, error);
+        goes_on = karst_points_go_on(import, loop->what, share_of(atomic_load(&c.next), loop), error);
     }
     if (!goes_on)
         atomic_store(&c.stopped, true);
@@ -105,7 +110,7 @@ static bool take(turns_crew *c, points_block *block, uint64_t *number)
         block->begin = c->next;
         block->end = loop->end - c->next < loop->block ? loop->end : c->next + loop->block;
         c->next = block->end;
-        c->share = (double)block->begin / (double)(loop->num ? loop->num : 1);
+        c->share = share_of(block->begin, loop);
     }
     c->at_end = c->at_end || !has || !done;
     *number = c->num_taken;
@@ -174,7 +179,7 @@ static void *help_in_turns(void *user)
     return NULL;
 }
 
-static double share_of(turns_crew *c)
+static double share_taken(turns_crew *c)
 {
     pthread_mutex_lock(&c->taking);
     double share = c->share;
@@ -196,7 +201,7 @@ bool karst_points_in_turns(points_import *import, const points_turns *turns, voi
     while (num_started + 1 < num_threads && pthread_create(&threads[num_started], NULL, help_in_turns, &c) == 0)
         num_started++;
     bool goes_on = true, is_open = open_slot(&c, &block);
-    while (is_open && (goes_on = karst_points_go_on(import, turns->loop.what, share_of(&c), error)) &&
+    while (is_open && (goes_on = karst_points_go_on(import, turns->loop.what, share_taken(&c), error)) &&
            do_a_turn(&c, &block))
         if (turns->loop.maps)
             karst_points_stay_small(import);

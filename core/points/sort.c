@@ -61,7 +61,9 @@ typedef struct {
     const points_range *ranges;
     uint32_t depth;
     bool notes; /* ranges that are done are noted */
+    uint32_t next, end; /* ranges that are sorted in memory together, and are not taken yet */
     uint64_t num_written, num_done, num_noted;
+    uint64_t num_taken, num_all; /* points, for progress */
 } sorting;
 
 typedef struct {
@@ -93,6 +95,20 @@ static bool make_room(sort_slot *slot, uint64_t num, karst_error *error)
     if (!slot->points || !slot->made || !slot->keys || !slot->other)
         return karst_fail(error, KARST_FAILED, "out of memory for sorting %llu points", (unsigned long long)num);
     slot->room = num;
+    return true;
+}
+
+static bool take_range(void *user, points_block *block, double *share, bool *any, karst_error *error)
+{
+    sorting *s = user;
+    (void)error;
+    *any = s->next < s->end;
+    if (!*any)
+        return true;
+    *share = (double)s->num_taken / (double)s->num_all;
+    block->begin = s->next++;
+    block->end = s->next;
+    s->num_taken += s->ranges[block->begin].num;
     return true;
 }
 
@@ -142,14 +158,17 @@ static bool put_range(void *user, points_block *block, karst_error *error)
 }
 
 /* Ranges that fit memory, POINTS_SORTERS together. */
-static bool sort_in_memory(sorting *s, uint32_t first, uint32_t end, uint32_t num, karst_error *error)
+static bool sort_in_memory(sorting *s, uint32_t first, uint32_t end, karst_error *error)
 {
-    const points_turns turns = {.loop = {"sorting", first, end, num, 1, false},
+    const points_turns turns = {.loop = {.what = "sorting"},
                                 .most_threads = POINTS_SORTERS,
                                 .slot_bytes = sizeof(sort_slot),
                                 .clear = clear,
+                                .take = take_range,
                                 .work = sort_range,
                                 .put = put_range};
+    s->next = first;
+    s->end = end;
     return karst_points_in_turns(s->import, &turns, s, error);
 }
 
@@ -172,6 +191,7 @@ static bool sort_large(sorting *s, uint32_t which, karst_error *error)
     bool done = ranges && sort_ranges(&finer, 0, num, error);
     s->num_written = finer.num_written;
     s->num_done = finer.num_done;
+    s->num_taken = finer.num_taken;
     if (done && s->notes) {
         s->import->now.done = which + 1;
         s->import->now.num_sorted = s->num_written;
@@ -190,7 +210,7 @@ static bool sort_ranges(sorting *s, uint32_t first, uint32_t num, karst_error *e
         const bool is_large = s->ranges[i].num > most, is_spread = is_large && s->depth < POINTS_MOST_DEPTH;
         for (end = i + 1; !is_large && end < num && s->ranges[end].num <= most;)
             end++;
-        if (!(is_spread ? sort_large(s, i, error) : sort_in_memory(s, i, end, num, error)))
+        if (!(is_spread ? sort_large(s, i, error) : sort_in_memory(s, i, end, error)))
             return false;
     }
     return true;
@@ -201,7 +221,7 @@ static bool sort_ranges(sorting *s, uint32_t first, uint32_t num, karst_error *e
 bool karst_points_sort(points_import *import, karst_error *error)
 {
     points_progress *now = &import->now;
-    sorting s = {.import = import, .depth = 1, .notes = true};
+    sorting s = {.import = import, .depth = 1, .notes = true, .num_all = now->num ? now->num : 1};
     uint64_t num = 0;
     int list = karst_points_file(import, POINTS_RANGES, error);
     if (list < 0 || !karst_points_read(import, list, &num, sizeof num, 0, error))
@@ -212,8 +232,10 @@ bool karst_points_sort(points_import *import, karst_error *error)
     s.to = karst_points_file(import, POINTS_SORTED, error);
     s.num_written = now->done ? now->num_sorted : 0;
     bool done = (ranges || karst_fail(error, KARST_FAILED, "out of memory")) && s.from >= 0 && s.to >= 0 &&
-                karst_points_read(import, list, ranges, num * sizeof *ranges, sizeof num, error) &&
-                sort_ranges(&s, (uint32_t)now->done, (uint32_t)num, error);
+                karst_points_read(import, list, ranges, num * sizeof *ranges, sizeof num, error);
+    for (uint64_t i = 0; done && i < now->done; i++)
+        s.num_taken += ranges[i].num;
+    done = done && sort_ranges(&s, (uint32_t)now->done, (uint32_t)num, error);
     free(ranges);
     if (!done)
         return false;

@@ -154,8 +154,8 @@ static bool for_blocks(spreading *s, const points_range *all, bool is_second,
                        bool (*put)(void *user, points_block *block, karst_error *error), karst_error *error)
 {
     const points_turns turns = {
-        .loop = {is_second ? "sorting" : "into whole units", all->first, all->first + all->num, all->num, s->block,
-                 false},
+        .loop = {is_second ? "sorting" : "into whole units", all->first, all->first + all->num, all->first + all->num,
+                 s->block, false},
         .most_threads = MOST_THREADS,
         .slot_bytes = sizeof(spread_slot),
         .clear = clear,

@@ -50,13 +50,13 @@ static void expect_the_bytes(void)
 /* What its progress does: dies at a call, and notes whether the input is read. */
 typedef struct {
     int calls, dies_at;
-    bool reads;
+    bool reads, is_wrong; /* a share that is none */
 } fate;
 
 static bool go_on(void *user, const char *what, double share)
 {
     fate *f = user;
-    (void)share;
+    f->is_wrong = f->is_wrong || !(share >= 0 && share <= 1);
     f->reads = f->reads || strcmp(what, "reading") == 0;
     if (++f->calls == f->dies_at)
         raise(SIGKILL);
@@ -100,6 +100,7 @@ static fate finish(void)
     fate f = {0};
     const karst_points_import_config config = config_of(&f);
     assert_ok(karst_points_import_within(&config, &small, NULL, &error));
+    assert_false(f.is_wrong);
     return f;
 }
 
