@@ -165,8 +165,8 @@ static bool add_leaf(const surroundings *s, const box *wanted, uint32_t leaf, ca
     if (!make_room(c, c->num + LEAF))
         return false;
     for (uint32_t i = begin; i < end; i++) {
-        whole_place at; /* and the radius, which is of no matter */
-        memcpy(&at, &s->points[i], sizeof at);
+        whole_place at = {0};
+        memcpy(&at, s->points[i].at, sizeof s->points[i].at); /* not the radius, which another thread may write */
         const float_place offset = __builtin_convertvector(at - origin, float_place);
         const bits_of_place outside = (bits_of_place)((at < low) | (at > high));
         for (int a = 0; a < 3; a++)

@@ -22,8 +22,8 @@
 typedef struct {
     bool takes; /* blocks come from `take` */
     uint32_t fails_at_take, fails_at_work, fails_at_put;
-    uint32_t num_taken, num_put, num_wrong;
-    atomic_uint num_worked, num_cleared, is_putting, is_taking;
+    uint32_t num_taken, num_put;
+    atomic_uint num_wrong, num_worked, num_cleared, is_putting, is_taking;
     int calls_left; /* of progress; then it says no */
 } course;
 
