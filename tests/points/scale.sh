@@ -51,6 +51,7 @@ if ! [ -e one.karstpoints ]; then
 fi
 read -r wall_s cpu_s mib < one.figures
 echo "# $(stat -c %s one.karstpoints) bytes; $wall_s s, CPU $cpu_s s, at most $mib MiB resident"
+awk -v points="$points" -v wall="$wall_s" 'BEGIN { printf "# %.0f points a second by the clock\n", points / wall }'
 [ "$mib" -le 1024 ]
 result "in at most 1 GiB ($mib MiB)"
 # By CPU time, since the clock of a machine that is shared says little: where two cores are kept busy, this is the rate.
