@@ -18,9 +18,13 @@
 #define REFINE_FLATTEST 0.03125f
 /* A Newton step shorter than this, in voxels, needs no second look: its error goes with its square. */
 #define REFINE_CLOSE 0.015625f
-/* Longer steps ahead, in voxels, are taken only if all is air at so many places: parts of the way, and as many parts of
- * the voxel behind. */
+/* Longer steps ahead, in voxels, are taken only if nothing is solid at so many places on the way, and as many in the
+ * voxel behind, nor where the density there leads to before the next place. The second length is for rays that the true
+ * slope and the brick's normal do not agree for: the square of their cosine is below the third. There may stand what
+ * lies between the samples. */
 #define REFINE_AHEAD 0.25f
+#define REFINE_AHEAD_BENT 0.0625f
+#define REFINE_BENT 0.9f
 #define REFINE_LOOKS 4
 /* Where Newton's step does not lead nearer: steps towards the other sign, in voxels, and so many to narrow what they
  * find. */
@@ -209,8 +213,35 @@ RAY_INLINE vfloat refine_reach(float voxel, vfloat d, vfloat slope, const vfloat
 }
 #endif
 
-/* The lanes of `m`, which hit at t. */
-RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxels_per_m, vint m)
+RAY_INLINE vint is_bent(const vfloat gradient[3], const vector3 *normal)
+{
+    const vfloat common = k_fma(gradient[0], normal->x, k_fma(gradient[1], normal->y, gradient[2] * normal->z)),
+                 square = k_fma(gradient[0], gradient[0], k_fma(gradient[1], gradient[1], gradient[2] * gradient[2]));
+    return v_lt(common * common, square * (vfloat)(REFINE_BENT));
+}
+
+/* Whether there is matter at a place, or where its density leads to within what lies between two looks, but before
+ * `end`; for lanes of `m`. */
+RAY_INLINE vint is_solid_near(const refine_field *field, vfloat at, vfloat end, float voxels_per_m, vint m)
+{
+    const vector3 *direction = field->direction;
+    const float voxel = k_as_float((uint)(field->level + 127) << 23);
+    vfloat gradient[3];
+    const vfloat d = field_surface(field, at, gradient),
+                 slope = k_fma(gradient[0], direction->x, k_fma(gradient[1], direction->y, gradient[2] * direction->z)),
+                 step = -d * (vfloat)(REFINE_PAST * voxels_per_m) / slope;
+    vint solid = is_positive(d);
+    const vint leads = m & ~solid & v_le(k_fabs(step), (vfloat)(voxel / REFINE_LOOKS)) &
+                       v_lt(at + step, end - (vfloat)(REFINE_CLOSE * voxel));
+    if (v_any(leads)) {
+        const vfloat there = lane_max(v_select(leads, at + step, at), (vfloat)(0.0f));
+        solid |= leads & is_positive(field_density(field, there));
+    }
+    return solid;
+}
+
+/* The lanes of `m`, which hit at t, with the brick's normal. */
+RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, const vector3 *normal, float voxels_per_m, vint m)
 {
     const vfloat zero = (vfloat)(0.0f);
     const float voxel = k_as_float((uint)(field->level + 127) << 23);
@@ -268,11 +299,13 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, float voxel
     }
     /* Whoever would go ahead looks on the way, and back: the surface may be there, and this one another. */
     r.found &= v_le(r.t - t, reach);
-    vint ahead = r.found & v_gt(r.t - t, (vfloat)(REFINE_AHEAD * voxel));
+    const vint bent = is_bent(r.gradient, normal);
+    const vfloat unlooked = v_select(bent, (vfloat)(REFINE_AHEAD_BENT * voxel), (vfloat)(REFINE_AHEAD * voxel));
+    vint ahead = r.found & v_gt(r.t - t, unlooked);
     for (int i = 1; i < 2 * REFINE_LOOKS && v_any(ahead); i++) {
         const float part = (float)i / REFINE_LOOKS;
         vfloat at = part < 1.0f ? k_fma(r.t - t, (vfloat)(part), t) : lane_max(t - (part - 0.75f) * voxel, zero);
-        vint solid = ahead & is_positive(field_density(field, at));
+        vint solid = ahead & is_solid_near(field, at, r.t, voxels_per_m, ahead);
         r.found &= ~solid;
         ahead &= ~solid;
     }
@@ -336,7 +369,7 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
         const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign LAYER_GIVEN};
-        refined r = refine_lanes(&field, t, voxels_per_m, mine);
+        refined r = refine_lanes(&field, t, &before, voxels_per_m, mine);
         field_surface(&field, r.t, r.gradient);
         for (int i = 0; i < 3; i++)
             r.gradient[i] *= sign;
@@ -428,7 +461,7 @@ __kernel K_WIDE void refine_hits(karst_pinhole pinhole, karst_shade_anchor ancho
             field.weight_slope = footprint * k_as_float((uint)(126 - here) << 23) / blend;
             field.weight_start = (blend - 1.0f) / blend;
         }
-        refined r = refine_lanes(&field, t, voxels_per_m, mine);
+        refined r = refine_lanes(&field, t, &normal, voxels_per_m, mine);
         vector3 down;
         const vint jumps = r.found & r.jumps; /* whose normals stay the bricks' */
         vint good = r.found & ~jumps & normal_of_gradient(r.gradient, &down);

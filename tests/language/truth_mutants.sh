@@ -36,8 +36,9 @@ mutant 'changes made in a branch stay' lower_state.c 's/(s->slots\[before\.slot\
 mutant 'merging forgets what only the first side changed' lower_state.c 's/if \(s->stamps\[slot\] == open\)/if (0)/'
 mutant 'merging takes the sides the wrong way round' lower_state.c \
     's/KARST_OP_SELECT, condition, yes, s->changes\[i\]\.value/KARST_OP_SELECT, condition, s->changes[i].value, yes/'
-mutant 'globals begin with what others are by now' lower_state.c 's/s->slots\[slot\] = other->initial\[i\]/(void)slot/'
-mutant 'places of out arguments are found after the call' lower_call.c 's/if \(!root \|\| !has_index .*/if (1)/'
+mutant 'globals begin with what others are by now' lower_global.c 's/s->slots\[slot\] = other->initial\[i\]/(void)slot/'
+mutant 'places of out arguments are found after the call' lower_call.c \
+    's/if \(!root \|\| !has_index .*/if (!root || may_change(s, function, argument) || root)/'
 mutant 'out parameters are not copied out' lower_call.c 's/if \(p->is_out && places\)/if (0)/'
 mutant 'the first function of a name is taken' lower_call.c 's/\(best && cost > best_cost\)/best/'
 mutant 'the right side of && is always reached' lower_expr.c \
@@ -51,7 +52,7 @@ mutant 'what follows a return is still executed' lower_stmt.c 's/karst_branch_me
 mutant 'a loop goes on for lanes that have left' lower_stmt.c 's/karst_branch_merge\(s, live, /karst_branch_merge(s, s->yes, /'
 mutant 'a condition counts on behind a term that fails' lower_stmt.c 's/live = karst_expr_2\(s->graph, KARST_OP_AND, live, value\);.*/;/'
 mutant 'counters of lanes that have left go on' lower_stmt.c 's/karst_slot_set\(s, k\.items\[j\]\.slot, k\.items\[j\]\.value\)/(void)j/'
-mutant 'what a body did to a counter is forgotten' lower_stmt.c 's/^    refresh\(s, &k, live\);|^        refresh\(s, &k, live\);//'
+mutant 'what a body did to a counter is forgotten' lower_stmt.c 's/^        refresh\(s, &k, live\);/        (void)refresh;/'
 mutant 'continue leaves the loop' lower_stmt.c 's/KARST_AST_BREAK \? s->frame\.broken : s->frame\.continued, s->yes/KARST_AST_BREAK ? s->frame.broken : s->frame.broken, s->yes/'
 mutant 'cases run for those who have left' lower_stmt.c 's/KARST_OP_AND, entered, not_of\(s, left_block\(s\)\)/KARST_OP_AND, entered, s->yes/'
 mutant 'no case falls through' lower_stmt.c 's/entered = or_of\(s, entered, /entered = or_of(s, s->no, /'
