@@ -44,10 +44,13 @@ void karst_model_list_colour(const karst_model_list *list, const karst_position 
             continue;
         const karst_model_level *of = POINTS_LEVELS(data) + model->first_level + number;
         points_margin(model, of, level_of(level), sides);
-        points_place_exact(model, sides, &place, -1, level_of(level), &places);
+        points_place_exact(model, sides, &place, level_of(level), &places);
+        points_bound_places(model, level_of(level), &places);
         if (!places.near)
             continue;
-        const float value = points_value(data, model, of, &places, &known, model->has_colours ? colour : NULL);
+        points_near near;
+        points_begin_near(&near);
+        const float value = points_value(data, model, of, &places, &near, &known, model->has_colours ? colour : NULL);
         if (known && model->has_colours) {
             cover = fminf(fmaxf((value - density) / width_m + 1, 0), 1);
             for (int part = 0; part < 4; part++)

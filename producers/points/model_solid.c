@@ -73,7 +73,9 @@ static uint8_t look(const filling *f, const uint cell[3])
         places.box.min[a] = places.box.max[a] = middle(f, a, cell[a]);
         places.at[a] = (int)places.box.min[a];
     }
-    const float value = points_value(f->data, &unit, f->of, &places, &known, 0);
+    points_near near;
+    points_begin_near(&near);
+    const float value = points_value(f->data, &unit, f->of, &places, &near, &known, 0);
     return known ? (value > 0 ? WALL : OUTER) : VOID;
 }
 
