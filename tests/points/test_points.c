@@ -7,6 +7,7 @@
 
 #include <cmocka.h>
 #include <fcntl.h>
+#include <math.h>
 
 /* One rule of the proofs broken at a time; the last one is test_whole.c's. */
 enum { NONE, COVER, LEAST, EXTENT, PARENT, NUM_MUTANTS, WHOLE };
@@ -27,6 +28,38 @@ static int mutant = NONE;
 static char folder[] = "/tmp/karst-points-XXXXXX";
 static char torus[64], cloud[64], uneven[64], strange[64];
 
+/* How far points of a level reach that are averages of `finer` ones, in the file that trees are made from. */
+static bool write_extents(points_import *import, uint32_t level, const karst_point *finer, points_extent *of_finer)
+{
+    const karst_points_level *of = &import->head->levels[level], *from = of - 1;
+    const int shift = ilogb((double)of->spacing), model = import->fds[POINTS_MODEL],
+              fd = karst_points_file(import, karst_points_extents_of(level), NULL);
+    karst_point *points = malloc(of->num * sizeof *points);
+    points_extent *made = malloc(of->num * sizeof *made);
+    const ssize_t num_bytes = (ssize_t)(of->num * sizeof *made);
+    bool done = fd >= 0 && pread(model, points, of->num * sizeof *points, (off_t)of->offset) >= 0;
+    for (uint64_t i = 0; i < of->num; i++) {
+        made[i] = (points_extent){karst_point_reach(points[i].radius), 0};
+        for (uint64_t k = 0; k < from->num; k++) {
+            double square = 0;
+            bool same = true; /* cell */
+            for (int a = 0; a < 3; a++) {
+                const double apart = (double)points[i].at[a] - finer[k].at[a];
+                square += apart * apart;
+                same = same && points[i].at[a] >> shift == finer[k].at[a] >> shift;
+            }
+            if (!same)
+                continue;
+            made[i].cover = (int32_t)fmin(fmax(made[i].cover, ceil(sqrt(square)) + of_finer[k].cover), 0x1p30);
+            made[i].spread = (int32_t)fmin(fmax(made[i].spread, ceil(sqrt(square)) + of_finer[k].spread), 0x1p30);
+        }
+    }
+    done = done && pwrite(fd, made, (size_t)num_bytes, 0) == num_bytes;
+    free(points);
+    free(made);
+    return done;
+}
+
 /* The trees of a file whose points were changed. */
 static bool rebuild_trees(const char *path)
 {
@@ -35,8 +68,20 @@ static bool rebuild_trees(const char *path)
     karst_points_begin_work(&import, NULL);
     int fd = import.fds[POINTS_MODEL] = open(path, O_RDWR);
     bool done = pread(fd, import.head, sizeof *import.head, 0) == (ssize_t)sizeof *import.head;
-    for (uint32_t level = 0; done && level < import.head->num_levels; level++)
-        done = karst_points_add_tree(&import, level, NULL);
+    for (uint32_t level = 0; done && level < import.head->num_levels; level++) {
+        if (level > 0) {
+            const uint64_t num = import.head->levels[level - 1].num;
+            karst_point *finer = malloc(num * sizeof *finer);
+            points_extent *of_finer = malloc(num * sizeof *of_finer);
+            points_level_files files;
+            done = karst_points_open_level(&import, level - 1, &files, NULL) &&
+                   karst_points_read_level(&files, 0, num, finer, of_finer, NULL) &&
+                   write_extents(&import, level, finer, of_finer);
+            free(finer);
+            free(of_finer);
+        }
+        done = done && karst_points_add_tree(&import, level, NULL);
+    }
     import.head->sum = karst_points_sum(0, import.head, offsetof(karst_points_head, sum));
     done = done && pwrite(fd, import.head, sizeof *import.head, 0) == (ssize_t)sizeof *import.head;
     karst_points_end_work(&import);
