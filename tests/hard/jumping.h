@@ -72,6 +72,8 @@ static inline double height_of(double a) { return a < 1 ? 3 : a < 2 ? 7 : a < 3 
     X(cut_of_atan, "-12, 9, -20, -10, -14", 2.0 * atan(p.z, p.x) - p.y, p.z, 0)                                       \
     X(spiral, "0, 26, -34, 0, -28", 3.0 * floor(1.9 * atan(p.z, p.x)) - p.y, 1.9 * atan(p.z, p.x), p.z)               \
     X(signs, "-16, 9, 6, 80, -14", 4.0 * sign(p.x - 2.0 * cos(p.z / 4.0)) - p.y, p.x - 2.0 * cos(p.z / 4.0), 0)       \
+    X(cut_at_samples, "3, -9, -25, 0, 20",                                                                            \
+      2.0 + 2.0 * atan(p.y, 0.0) - 0.5 * abs(p.z) - 0.01 * (p.x * p.x + p.y * p.y + p.z * p.z), p.y, 0)                \
     X(stairs_of_ints, "-10, 9, 0, 60, -25", 2.5 * whole(p.x / 4.0 + 100.0) - 250.0 - p.y, p.x / 4.0, 0)               \
     X(stairs_of_bits, "0, 14, 0, -60, -25", 3.0 * low_bits(p.x / 7.0 + p.z / 17.0) - p.y, p.x / 7.0 + p.z / 17.0, 0)  \
     X(checkers, "0.4, 15, 0.3, 35, -26", 5.0 * mod(floor(p.x / 6.0) + floor(p.z / 6.0), 2.0) - p.y, p.x / 6.0,        \

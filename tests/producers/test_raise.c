@@ -407,12 +407,27 @@ static void test_which(void **state)
     }
 }
 
+/* A body that ends at a plane of samples, where the density has a value of its own, as sign(0.0): that has no slope. */
+static void test_between(void **state)
+{
+    (void)state;
+    karst_world_file *file =
+        open_text("return 30.0 + 30.0 * atan(p.y, 0.0) - 0.5 * abs(p.z) - 0.002 * dot(p, p);", true);
+    karst_scrub sum;
+    free(evaluate(file, rows, 3, "", &sum));
+    const uint32_t raised = sum.raised;
+    free(evaluate(file, rows, 3, "-DRAISE_JUMP=1e30f", &sum));
+    print_message("a plane of samples amid a jump: %u raised; %u where jumps are none\n", raised, sum.raised);
+    assert_true(raised == 0 && sum.raised > 100);
+    karst_world_file_destroy(file);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_which),       cmocka_unit_test(test_ordinary), cmocka_unit_test(test_edges),
         cmocka_unit_test(test_sharp_edges), cmocka_unit_test(test_teeth),    cmocka_unit_test(test_closed),
         cmocka_unit_test(test_mutants),     cmocka_unit_test(test_boards),   cmocka_unit_test(test_smooth),
-        cmocka_unit_test(test_same_bits),   cmocka_unit_test(test_host)};
+        cmocka_unit_test(test_same_bits),   cmocka_unit_test(test_between),  cmocka_unit_test(test_host)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
