@@ -245,13 +245,14 @@ static uint32_t num_operations(const karst_graph *graph)
     return graph->num_nodes + (num_octaves > FEW_OCTAVES ? (num_octaves - FEW_OCTAVES) * OPERATIONS_AN_OCTAVE : 0);
 }
 
-/* A text without a header is a shape of unknown size. Looks at it from around the origin, and takes the camera that
- * shows most, a voxel that suits what is near to it, and a view distance that suits both. */
+/* A text without a header, or with one that says nothing of places, is a shape of unknown size. Looks at it from around
+ * the origin, and takes the camera that shows most, a voxel that suits what is near to it, and a view distance that
+ * suits both. */
 static void look_around(karst_world_file *file)
 {
     karst_program_graph *program = file->program;
     karst_world_header *header = &program->header;
-    karst_number *values = header->is_given ? NULL : parameter_values(file);
+    karst_number *values = header->is_given && !header->leaves_view ? NULL : parameter_values(file);
     karst_oracle *oracle =
         values ? karst_oracle_create(&program->world, values, header->seed, header->voxel_log2_m, NULL) : NULL;
     karst_look look;
@@ -263,10 +264,12 @@ static void look_around(karst_world_file *file)
         return;
     snprintf(file->camera, sizeof file->camera, "%.9g,%.9g,%.9g,%.9g,%.9g,%d", look.eye_m[0], look.eye_m[1],
              look.eye_m[2], look.yaw_deg, look.pitch_deg, KARST_LOOK_FOV_DEG);
-    header->has_sun = true;
-    header->sun_azimuth_deg = look.sun_azimuth_deg;
-    header->sun_elevation_deg = look.sun_elevation_deg;
-    file->is_indoors = look.is_indoors;
+    if (!header->has_sun) {
+        header->has_sun = true;
+        header->sun_azimuth_deg = look.sun_azimuth_deg;
+        header->sun_elevation_deg = look.sun_elevation_deg;
+    }
+    file->is_indoors = look.is_indoors && !header->has_sky;
     int voxel_log2_m = ilogb(look.near_m) - LOOK_VOXELS_LOG2;
     voxel_log2_m = voxel_log2_m < LOOK_FINEST_LOG2_M ? LOOK_FINEST_LOG2_M : voxel_log2_m;
     if (voxel_log2_m < header->voxel_log2_m && karst_program_set_voxel(program, voxel_log2_m))

@@ -35,7 +35,7 @@ struct karst_world_file {
     bool raises_thin;   /* see karst_world_file_raise_thin */
     bool fills_seams;   /* of clear matter that does so: bodies that share a face are one (steps/seam.clh) */
     bool smooths_jumps; /* see karst_world_file_smooth_jumps */
-    bool is_indoors;    /* of a text without a header: no sun reaches what is seen */
+    bool is_indoors;    /* where the view was looked for: no sun reaches what is seen */
     /* NULL: it has none of that. A file of its own of the same text, parameters and seed, whose density is the
      * content's, and whose colours and what else shading gives are those of its surface; owned. What is said below of a
      * file holds for it, but that it is compiled, told to raise what is thin, and destroyed with its world. */

@@ -345,9 +345,43 @@ static void test_scale(void **s)
     }
 }
 
+/* A header of names, parameters and light leaves the camera to be looked for; one that says anything of places does
+ * not, nor does one that says nothing at all. */
+static void test_header(void **s)
+{
+    static const struct {
+        const char *header;
+        bool is_looked_for, has_sun;
+    } headers[] = {{"", true, false},
+                   {"/*{ \"params\": { \"r\": 1.5 }, \"name\": \"egg\" }*/", true, false},
+                   {"/*{ \"sun\": { \"azimuth\": 200, \"elevation\": 11 }, \"exposure\": 1 }*/", true, true},
+                   {"/*{}*/", false, false},
+                   {"/*{ \"view\": 900 }*/", false, false},
+                   {"/*{ \"params\": { \"r\": 1.5 }, \"voxel\": 0.25 }*/", false, false},
+                   {"/*{ \"camera\": { \"position\": [\"0\", \"0\", \"-5\"] }, \"mirror\": 0.2 }*/", false, false}};
+    char text[512], looked_for[sizeof((karst_world_file *)NULL)->camera];
+    karst_error error = {0};
+    (void)s;
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
+        snprintf(text, sizeof text, "%s float density(vec3 p) { return 2.0 - length(p - vec3(9.0, 5.0, 3.0)); }",
+                 headers[i].header);
+        karst_world_file *file = karst_world_file_compile("egg.karst", text, strlen(text), NULL, 0, NULL, &error);
+        if (!file)
+            fail_msg("%s: %s", headers[i].header, error.message);
+        if (i == 0)
+            snprintf(looked_for, sizeof looked_for, "%s", file->camera);
+        if (!strcmp(file->camera, looked_for) != headers[i].is_looked_for)
+            fail_msg("%s: from %s", headers[i].header, file->camera);
+        if (headers[i].has_sun)
+            assert_true(file->info.sun_azimuth_deg == 200 && file->info.sun_elevation_deg == 11);
+        karst_world_file_destroy(file);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_all), cmocka_unit_test(test_against_c),
-                                       cmocka_unit_test(test_sun), cmocka_unit_test(test_scale)};
+                                       cmocka_unit_test(test_sun), cmocka_unit_test(test_scale),
+                                       cmocka_unit_test(test_header)};
     return cmocka_run_group_tests_name("pasted worlds", tests, NULL, NULL);
 }

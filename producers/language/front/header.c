@@ -691,6 +691,7 @@ void karst_header_read(karst_source *source, karst_world_header *header)
     if (!r.root)
         return;
     header->is_given = true;
+    header->leaves_view = karst_header_leaves_view(r.root);
     read_root(&r);
     json_decref(r.root);
 }

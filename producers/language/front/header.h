@@ -94,6 +94,7 @@ typedef struct {
 
 typedef struct {
     bool is_given; /* there is a header */
+    bool leaves_view; /* it says something, and nothing of where things are or how large: the view may be guessed */
     const char *name, *author, *description;
     uint32_t seed;    /* 0 */
     int voxel_log2_m;    /* a voxel of level 0 is 2^this metres wide */

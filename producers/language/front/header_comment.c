@@ -165,3 +165,13 @@ karst_header_object karst_header_find(karst_source *source)
     object.root = root;
     return object;
 }
+
+bool karst_header_leaves_view(const json_t *root)
+{
+    static const char *const others[] = {"name",     "author", "description", "seed",      "params", "sun",
+                                         "lipschitz", "sky",    "exposure",    "occlusion", "mirror"};
+    size_t num = 0;
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        num += json_object_get(root, others[i]) != NULL;
+    return num > 0 && num == json_object_size(root);
+}

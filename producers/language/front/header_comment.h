@@ -22,4 +22,7 @@ typedef struct {
  * other keys alone, which is warned of. Errors: a header that is no JSON. */
 karst_header_object karst_header_find(karst_source *source);
 
+/* Whether a header says something, and nothing of places or sizes: it names a world, or says how it looks. */
+bool karst_header_leaves_view(const json_t *root);
+
 #endif
