@@ -60,8 +60,10 @@ static void find_truth(const jumping_world *w)
         is_edge[n] = false;
         for (int b = y - EDGE_PX; b <= y + EDGE_PX; b++)
             for (int a = x - EDGE_PX; a <= x + EDGE_PX; a++) {
-                if (a < 0 || b < 0 || a >= WIDTH || b >= HEIGHT)
+                if (a < 0 || b < 0 || a >= WIDTH || b >= HEIGHT) { /* what lies beyond the picture is not known */
+                    is_edge[n] = true;
                     continue;
+                }
                 const jumping_hit *other = &truth[b * WIDTH + a];
                 is_edge[n] |= other->is_hit != truth[n].is_hit || other->patch != truth[n].patch ||
                               fabs(other->t_m - truth[n].t_m) > 0.25 * truth[n].t_m;
