@@ -59,6 +59,7 @@ typedef struct {
 #ifdef REFINE_STREAM
     const vector3 *origin; /* of the rays, from the anchor */
     vfloat sign;           /* -1 of rays that leave matter: to them it is air */
+    float voxels_per_m;
 #endif
 #ifdef REFINE_LAYER
     K_GLOBAL const ulong *layer, *beneath;
@@ -68,6 +69,9 @@ typedef struct {
 typedef struct {
     vfloat t;
     vfloat gradient[3];
+#if defined(REFINE_THIN) && defined(REFINE_STREAM)
+    vint in_air; /* where the brick has its surface the density is far below 0 */
+#endif
     vint found, jumps; /* jumps: the density does not go through 0 there, and has no slope that says how it lies */
 } refined;
 
@@ -213,6 +217,36 @@ RAY_INLINE vfloat refine_reach(float voxel, vfloat d, vfloat slope, const vfloat
 }
 #endif
 
+/* Down the gradient; off where there is none. */
+RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
+{
+    /* scaled first: squares of very large or small gradients are no floats */
+    vfloat most = lane_max(lane_max(k_fabs(gradient[0]), k_fabs(gradient[1])), k_fabs(gradient[2]));
+    vint good = v_gt(most, (vfloat)(1.0e-37f)) & v_lt(most, (vfloat)(1.0e37f));
+    vfloat scale = 1.0f / v_select(good, most, (vfloat)(1.0f));
+    vfloat x = gradient[0] * scale, y = gradient[1] * scale, z = gradient[2] * scale;
+    vfloat square = k_fma(x, x, k_fma(y, y, z * z));
+    good &= v_gt(square, (vfloat)(0.0f));
+    vfloat unit = -1.0f / k_sqrt(v_select(good, square, (vfloat)(1.0f)));
+    normal->x = x * unit;
+    normal->y = y * unit;
+    normal->z = z * unit;
+    return good;
+}
+
+#ifdef REFINE_STREAM
+/* How rays begin: in matter, or in air on a surface; from where they are cast, later than that where they leave thin
+ * matter; how far they go, and how wide they are. */
+typedef struct {
+    vint back, front;
+    vfloat from, to, width;
+} ray_start;
+
+#ifdef REFINE_THIN
+#include "raycast/cast/onwards.clh"
+#endif
+#endif
+
 RAY_INLINE vint is_bent(const vfloat gradient[3], const vector3 *normal)
 {
     const vfloat common = k_fma(gradient[0], normal->x, k_fma(gradient[1], normal->y, gradient[2] * normal->z)),
@@ -259,6 +293,11 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, const vecto
     const vfloat reach = refine_reach(voxel, d0, slope, r.gradient, voxels_per_m);
 #else
     const vfloat reach = (vfloat)(REFINE_REACH * voxel);
+#endif
+#if defined(REFINE_THIN) && defined(REFINE_STREAM)
+    const vfloat square = k_fma(r.gradient[0], r.gradient[0],
+                                k_fma(r.gradient[1], r.gradient[1], r.gradient[2] * r.gradient[2]));
+    r.in_air = v_lt(d0 * voxels_per_m, (vfloat)(-REFINE_IS_RAISED * voxel) * k_sqrt(square));
 #endif
     r.found = m & v_gt(slope, zero) & v_le(k_fabs(step), reach);
     r.t = v_select(r.found, lane_max(t + step, zero), t);
@@ -312,23 +351,6 @@ RAY_INLINE refined refine_lanes(const refine_field *field, vfloat t, const vecto
     return r;
 }
 
-/* Down the gradient; off where there is none. */
-RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
-{
-    /* scaled first: squares of very large or small gradients are no floats */
-    vfloat most = lane_max(lane_max(k_fabs(gradient[0]), k_fabs(gradient[1])), k_fabs(gradient[2]));
-    vint good = v_gt(most, (vfloat)(1.0e-37f)) & v_lt(most, (vfloat)(1.0e37f));
-    vfloat scale = 1.0f / v_select(good, most, (vfloat)(1.0f));
-    vfloat x = gradient[0] * scale, y = gradient[1] * scale, z = gradient[2] * scale;
-    vfloat square = k_fma(x, x, k_fma(y, y, z * z));
-    good &= v_gt(square, (vfloat)(0.0f));
-    vfloat unit = -1.0f / k_sqrt(v_select(good, square, (vfloat)(1.0f)));
-    normal->x = x * unit;
-    normal->y = y * unit;
-    normal->z = z * unit;
-    return good;
-}
-
 #define HIT_WORD(word) v_gather_int((K_GLOBAL const int *)hits, record + (word))
 #if LANES == 16
 #define OF_LANE(v, l) (v).l
@@ -351,16 +373,24 @@ RAY_INLINE vint normal_of_gradient(const vfloat gradient[3], vector3 *normal)
 #define LEAST_AGREEMENT 0.5f
 
 /* Hits of rays in lanes, at `at` in the list: where they are and their normals. */
-RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction, vint back, vint at, vint valid,
-                                 const karst_shade_anchor *anchor, K_GLOBAL const ulong *data, float voxels_per_m,
-                                 K_GLOBAL karst_hit *hits LAYER_TAKEN)
+RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction, const ray_start *start,
+                                 vint at, vint valid, const karst_shade_anchor *anchor, K_GLOBAL const ulong *data,
+                                 float voxels_per_m, K_GLOBAL karst_hit *hits LAYER_TAKEN)
 {
     vint record = at * (int)(sizeof(karst_hit) / sizeof(int));
     vint word = HIT_WORD(1), kind = word & 0xff, level = word >> 8 & 0xff;
-    vint left = valid & (v_eq(kind, (vint)((int)KARST_HIT_SURFACE)) | v_eq(kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+    const vint met =
+        valid & (v_eq(kind, (vint)((int)KARST_HIT_SURFACE)) | v_eq(kind, (vint)((int)KARST_HIT_PROVISIONAL)));
+    vint left = met;
+#ifdef REFINE_THIN
+    /* what lies before these is not shown: bricks have matter there */
+    const vint leaves = valid & start->front & v_gt(start->from, (vfloat)(0.0f));
+    level = v_select(leaves & ~met, level_of_width(start->width), level);
+    left |= leaves;
+#endif
     if (!v_any(left))
         return;
-    const vfloat one = (vfloat)(1.0f), sign = v_select(back, -one, one);
+    const vfloat one = (vfloat)(1.0f), sign = v_select(start->back, -one, one);
     const vector3 before = {v_as_float(HIT_WORD(4)), v_as_float(HIT_WORD(5)), v_as_float(HIT_WORD(6))};
     vfloat t = v_select(left, v_as_float(HIT_WORD(0)), (vfloat)(0.0f));
     vint found = (vint)(0);
@@ -368,8 +398,9 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
     while (v_any(left)) {
         const int here = (int)v_min_across(v_select(left, v_to_float(level), (vfloat)(1000.0f)));
         vint mine = left & v_eq(level, (vint)(here));
-        const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign LAYER_GIVEN};
-        refined r = refine_lanes(&field, t, &before, voxels_per_m, mine);
+        const refine_field field = {data, anchor, direction, here, (vint)(0), 0.0f, 0.0f, origin, sign, voxels_per_m
+                                    LAYER_GIVEN};
+        refined r = refine_lanes(&field, t, &before, voxels_per_m, mine & met);
         field_surface(&field, r.t, r.gradient);
         for (int i = 0; i < 3; i++)
             r.gradient[i] *= sign;
@@ -379,6 +410,10 @@ RAY_INLINE void refine_ray_lanes(const vector3 *origin, const vector3 *direction
         good &= v_gt(k_fma(down.x, before.x, k_fma(down.y, before.y, down.z * before.z)), (vfloat)(LEAST_AGREEMENT)) |
                 (v_eq(before.x, (vfloat)(0.0f)) & v_eq(before.y, (vfloat)(0.0f)) & v_eq(before.z, (vfloat)(0.0f)));
 #ifdef REFINE_THIN
+        const ray_hits hits_here = {t, mine & met, good, r.in_air};
+        const vint onwards = search_onwards(&field, start, &hits_here, mine & leaves, &r.t, &down);
+        good |= onwards;
+        word = v_select(onwards & leaves, onwards_word(word, here), word);
         const vfloat cosine = k_fma(down.x, direction->x, k_fma(down.y, direction->y, down.z * direction->z));
         const vfloat least = (vfloat)(REFINE_IS_RAISED * k_as_float((uint)(here + 127) << 23));
         word |= good & v_gt(k_fabs((r.t - t) * cosine), least) & (int)KARST_HIT_THIN;
@@ -410,7 +445,10 @@ __kernel K_WIDE void refine_rays(K_GLOBAL const karst_ray *rays, K_GLOBAL const 
     const vector3 direction = {v_gather_float(words, first + 4), v_gather_float(words, first + 5),
                                v_gather_float(words, first + 6)};
     const vint side = v_gather_int((K_GLOBAL const int *)words, first + 11);
-    refine_ray_lanes(&origin, &direction, v_eq(side, (vint)((int)KARST_SIDE_BACK)), lane, valid, &anchor, data,
+    const ray_start start = {v_eq(side, (vint)((int)KARST_SIDE_BACK)), v_eq(side, (vint)((int)KARST_SIDE_FRONT)),
+                             v_gather_float(words, first + 3), v_gather_float(words, first + 7),
+                             v_gather_float(words, first + 8)};
+    refine_ray_lanes(&origin, &direction, &start, lane, valid, &anchor, data,
                      voxels_per_m, hits + lowest LAYER_GIVEN);
 }
 
@@ -426,7 +464,9 @@ __kernel K_WIDE void refine_camera(karst_pinhole pinhole, int is_inside, karst_s
     const vector3 direction = pinhole_direction(&pinhole, x, y);
     const vector3 origin = {(vfloat)(0.0f), (vfloat)(0.0f), (vfloat)(0.0f)};
     const vint at = v_select(valid, packet_order(x, y, pinhole.width_px, pinhole.height_px), (vint)(0));
-    refine_ray_lanes(&origin, &direction, (vint)(is_inside ? -1 : 0), at, valid, &anchor, data, voxels_per_m,
+    const vfloat none = (vfloat)(0.0f);
+    const ray_start start = {(vint)(is_inside ? -1 : 0), (vint)(0), none, none, none};
+    refine_ray_lanes(&origin, &direction, &start, at, valid, &anchor, data, voxels_per_m,
                      hits LAYER_GIVEN);
 }
 #else

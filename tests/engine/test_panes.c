@@ -1,6 +1,6 @@
 /* Walls and panes of glass thinner than a voxel, wherever they lie among samples and nodes: walls turn the side to the
  * eye that it sees, and what lies behind panes is seen through them. However panes are turned and however far away,
- * they let through what A. Fresnel's equations say. */
+ * they let through what A. Fresnel's equations say. Thin shells do so up to their rims, seen against rays in double. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -193,10 +193,131 @@ static void samples_add_up_to_panes(void **state)
     }
 }
 
+/* A shell of glass thinner than what bricks show, near its rim. What shines behind it says where it was seen. */
+static const char shell_text[] =
+    "/*{ \"voxel\": 0.00390625, \"view\": 60, \"sun\": { \"azimuth\": 0, \"elevation\": -90 },\n"
+    "\"sky\": { \"zenith\": [0, 0, 0], \"horizon\": [0, 0, 0], \"haze\": 1e12 },\n"
+    "\"params\": { \"radius\": { \"value\": 1, \"min\": 0, \"max\": 4 },\n"
+    "\"wide\": { \"value\": 0.02, \"min\": 0, \"max\": 1 } },\n"
+    "\"camera\": { \"position\": [\"0\", \"0\", \"-6\"], \"fov\": 10 } }*/\n"
+    "float density(vec3 p) { return length(p) - 20.0; }\n"
+    "material surface(vec3 p, vec3 n) { material m; m.colour = vec3(0.0); m.emission = 0.5 + 0.02 * p; return m; }\n"
+    "float clear(vec3 p) { return wide * 0.5 - abs(length(p + vec3(radius - 0.1, 0.0, 0.0)) - radius); }\n"
+    "material clear_surface(vec3 p, vec3 n) { material m; m.ior = 1.5; return m; }\n";
+
+typedef struct {
+    double o[3], d[3]; /* from the shell's middle */
+    bool inside;
+} shell_ray;
+
+static double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* To the nearest of its two spheres; -1: there is none. */
+static double to_shell(const shell_ray *r, double radius_m, double wide_m)
+{
+    double nearest = -1;
+    for (int i = 0; i < 4; i++) {
+        const double of = radius_m + (i & 1 ? wide_m : -wide_m) / 2, b = dot3(r->o, r->d),
+                     square = b * b - dot3(r->o, r->o) + of * of;
+        const double t = square > 0 ? -b + (i & 2 ? sqrt(square) : -sqrt(square)) : -1;
+        if (t > 1e-9 && (nearest < 0 || t < nearest))
+            nearest = t;
+    }
+    return nearest;
+}
+
+/* Turns a ray where it is; the share of it that is reflected. goes_back: of that. */
+static double turn_at_shell(shell_ray *r, double t, int goes_back, double u)
+{
+    double n[3];
+    for (int a = 0; a < 3; a++)
+        r->o[a] += t * r->d[a];
+    const double away = dot3(r->o, r->d) > 0 ? -1 : 1, scale = away / sqrt(dot3(r->o, r->o));
+    for (int a = 0; a < 3; a++)
+        n[a] = scale * r->o[a];
+    const double ratio = r->inside ? 1.5 : 1 / 1.5, cosine = -dot3(r->d, n),
+                 square = 1 - ratio * ratio * (1 - cosine * cosine), far = sqrt(fmax(square, 0)),
+                 s = (ratio * cosine - far) / (ratio * cosine + far),
+                 p = (ratio * far - cosine) / (ratio * far + cosine),
+                 reflected = square <= 0 ? 1 : (s * s + p * p) / 2;
+    const bool back = goes_back < 0 ? u < reflected : goes_back != 0;
+    for (int a = 0; a < 3; a++)
+        r->d[a] = back ? r->d[a] + 2 * cosine * n[a] : ratio * r->d[a] + (ratio * cosine - far) * n[a];
+    const double length = sqrt(dot3(r->d, r->d));
+    for (int a = 0; a < 3; a++)
+        r->d[a] /= length;
+    r->inside ^= !back;
+    return reflected;
+}
+
+/* What a ray sees; both its ways from the first surface, one from each later one. */
+static void see_shell(const shell_ray *eye, double radius_m, double wide_m, double sum[3])
+{
+    const double first = to_shell(eye, radius_m, wide_m), middle_x = 0.1 - radius_m;
+    sum[0] = sum[1] = sum[2] = 0;
+    for (int branch = 0; branch < (first < 0 ? 1 : 2); branch++) {
+        shell_ray r = *eye;
+        double share = 1;
+        if (first >= 0) {
+            const double reflected = turn_at_shell(&r, first, branch == 0, 0);
+            share = branch ? 1 - reflected : reflected;
+        }
+        for (int bounce = 1; first >= 0; bounce++) {
+            const double t = to_shell(&r, radius_m, wide_m), u = 0.5 + 0.618034 * (bounce - 1);
+            if (t < 0)
+                break;
+            turn_at_shell(&r, t, -1, u - floor(u));
+        }
+        const double o[3] = {r.o[0] + middle_x, r.o[1], r.o[2]}, b = dot3(o, r.d),
+                     t = -b + sqrt(b * b - dot3(o, o) + 400);
+        for (int a = 0; a < 3; a++)
+            sum[a] += share * (0.5 + 0.02 * (o[a] + t * r.d[a]));
+    }
+}
+
+static void thin_shells_are_seen_through_up_to_their_rims(void **state)
+{
+    (void)state;
+    static const double wides_m[] = {0.02, 0.005}, radii_m[] = {1, 3};
+    const karst_engine_config like = {.exposure = KARST_EXPOSURE_GIVEN, .bounces = 200};
+    const double per_px = tan(0.08726646259971647) * 2 / SIDE;
+    karst_engine *engine = scene_create(shell_text, &like, SIDE, SIDE, NULL);
+    for (int i = 0; i < 4; i++) {
+        const double radius_m = radii_m[i & 1], wide_m = wides_m[i >> 1];
+        const karst_parameter parameters[] = {{"radius", radius_m}, {"wide", wide_m}};
+        karst_stats stats;
+        int num = 0, num_off = 0;
+        assert_ok(karst_engine_set_parameters(engine, parameters, 2, &error));
+        scene_settle(engine, 600, light, 3 * NUM, &stats);
+        for (int k = 0; k < NUM; k++) {
+            const double x = (k % SIDE + 0.5 - SIDE / 2) * per_px, y = (SIDE / 2 - k / SIDE - 0.5) * per_px,
+                         length = sqrt(1 + x * x + y * y);
+            shell_ray eye = {{radius_m - 0.1, 0, -6}, {x / length, y / length, 1 / length}, false};
+            const double b = dot3(eye.o, eye.d), passes_m = sqrt(dot3(eye.o, eye.o) - b * b);
+            double truth[3];
+            if (passes_m > 0.98 * radius_m) /* what bricks show beyond the rim is glass to rays */
+                continue;
+            see_shell(&eye, radius_m, wide_m, truth);
+            double off = 0;
+            for (int a = 0; a < 3; a++)
+                off = fmax(off, fabs((double)light[3 * k + a] - truth[a]));
+            num++;
+            num_off += off > 0.02;
+        }
+        print_message("a shell of %g m, %g m thin: %d of %d pixels are off, %d rays are cut off\n", radius_m, wide_m,
+                      num_off, num, (int)stats.num_rays_cut);
+        assert_true(num > NUM / 8);
+        assert_true(num_off <= num / 33);
+        assert_true(stats.num_rays_cut <= NUM / 200);
+    }
+    karst_engine_destroy(engine);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(sheets_are_what_they_are_wherever_they_lie),
                                        cmocka_unit_test(panes_let_through_what_they_should_at_any_angle),
-                                       cmocka_unit_test(samples_add_up_to_panes)};
+                                       cmocka_unit_test(samples_add_up_to_panes),
+                                       cmocka_unit_test(thin_shells_are_seen_through_up_to_their_rims)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
