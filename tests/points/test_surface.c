@@ -155,17 +155,19 @@ typedef struct {
     int num_hits, num_holes;
 } hits;
 
-/* Rays along the normals of random places, from outside; or from behind, with a side of -1. */
+/* Rays along the normals of random places, from outside; or from behind, with a side of -1. Samples around a place lie
+ * up to a voxel off, and beyond the border of an open surface nothing tells what they are: no place is nearer to it. */
 static hits cast(const karst_model_list *list, const known_surface *of, int level, int num, double reach, int side)
 {
     hits found = {0};
     double sum = 0;
+    const double edge = of->edge < 0 ? of->edge : fmax(of->edge, VOXEL_M * exp2(level));
     for (int i = 0; i < num; i++) {
         double p[3], normal[3], before = 0, t = reach;
         random_true(of, p, normal);
         bool is_inner = true;
         for (int a = 0; a < 3; a++)
-            is_inner = is_inner && fabs(p[a]) < of->half - of->edge;
+            is_inner = is_inner && fabs(p[a]) < of->half - edge;
         if (!is_inner)
             continue;
         const int steps = 40;
@@ -226,7 +228,7 @@ static karst_model_list load(const known_surface *of, size_t num, double noise)
                   "(true %.5f)\n",
                   of->name, noise, (unsigned long long)about.num_points, about.num_levels,
                   (unsigned long long)about.num_parts, about.share_unsure, (unsigned long long)about.num_outliers,
-                  about.spacing, spacing_of(of, num));
+                  about.spacing, spacing_of(of, of == &hills ? num_in_piece : num));
     assert_true(about.num_parts == 1 || of == &hills); /* its cliffs part it */
     return list;
 }
