@@ -107,7 +107,7 @@ static seen look(bool refine, bool is_edited)
             along -= (double)gradient[a] * (double)normal[3 * i + a];
         }
         found.num++;
-        found.at_surface += fabs((double)d) < 2e-3 * sqrt(square);
+        found.at_surface += fabs((double)d) < 2e-4 * sqrt(square); /* bricks are off by some 1e-3 */
         found.upright += along > cos(1 / 57.29577951308232) * sqrt(square);
     }
     karst_model_list_finish(&list);
@@ -126,7 +126,7 @@ static void refined_hits_lie_on_models(void **state)
     if (!getenv("KARST_TEST_FULL"))
         return;
     const seen bricks = look(false, false), edited = look(true, true);
-    assert_true(bricks.num > 800 && bricks.at_surface < 0.7);
+    assert_true(bricks.num > 800 && bricks.at_surface < 0.1);
     assert_true(edited.num > 400 && edited.at_surface > 0.99 && edited.upright > 0.99);
 }
 
