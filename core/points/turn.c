@@ -15,6 +15,9 @@
 #define OFTEN 65536u        /* points between two looks at progress and memory */
 #define OFTEN_ANYWHERE 256u /* the latter where points follow one another anywhere: each may map 1 MiB of pages */
 
+/* Normals whose cosine is less stand on either side of an edge; what is more may be noise of one face. */
+#define SAME_FACE 0.5
+
 /* How a point's normal and those of its neighbours differ, as they were found. */
 typedef struct {
     uint8_t steps[POINTS_LINKS]; /* 0: they are parallel; the last one: at right angles, so that neither turns */
@@ -58,6 +61,21 @@ static double dot(const turning *t, uint32_t a, uint32_t b)
     return sum;
 }
 
+/* The same, of one of them and the mirror image of the other in the plane midway between both. Where faces meet at less
+ * than a right angle, their normals as such would turn one of them inside out; but at places as far from the edge on
+ * either side they are mirror images, whatever the angle. */
+static double dot_mirrored(const turning *t, uint32_t a, uint32_t b)
+{
+    double of_a = 0, of_b = 0, square = 0;
+    for (int i = 0; i < 3; i++) {
+        const double way = (double)t->points[b].at[i] - t->points[a].at[i];
+        of_a += t->points[a].normal[i] * way;
+        of_b += t->points[b].normal[i] * way;
+        square += way * way;
+    }
+    return dot(t, a, b) - (square > 0 ? 2 * of_a * of_b / square : 0);
+}
+
 static bool in_parallel(turning *t, const char *what, karst_points_work work)
 {
     const points_loop loop = {what, 0, t->num, t->num, BLOCK, true};
@@ -78,6 +96,9 @@ static bool compare(void *user, points_block *block, karst_error *error)
         double sums[POINTS_LINKS], steps[POINTS_LINKS];
         for (int k = 0; k < POINTS_LINKS; k++)
             sums[k] = dot(t, i, links[k] != UINT32_MAX ? links[k] : i);
+        for (int k = 0; k < POINTS_LINKS; k++)
+            if (fabs(sums[k]) < SAME_FACE * (32767.0 * 32767.0) && links[k] != UINT32_MAX)
+                sums[k] = dot_mirrored(t, i, links[k]);
         for (int k = 0; k < POINTS_LINKS; k++) { /* all together, as vectors */
             const double apart = 1 - fabs(sums[k] / (32767.0 * 32767.0));
             steps[k] = sqrt(apart > 0 ? apart : 0) * (NUM_STEPS - 1);

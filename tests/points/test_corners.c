@@ -156,13 +156,15 @@ static corner_errors cast_wall(const karst_model_list *list, double spacing, dou
     return found;
 }
 
+static uint64_t cloud_number; /* another one has other points */
+
 /* num: of points in a square metre of faces. */
 static corner_errors errors_of(double angle_deg, double num, double noise, bool has_normals, double most)
 {
     const double spacing = 1 / sqrt(num);
     half_rad = angle_deg / 2 * PI / 180;
     const double area = fmin(1 / fabs(cos(half_rad)), 1 / sin(half_rad));
-    random_state = 21 + (uint64_t)angle_deg;
+    random_state = 21 + (uint64_t)angle_deg + 1000 * cloud_number;
     karst_model_list list = load(&corner, (size_t)(num * area), noise * spacing, has_normals);
     const corner_errors found = cast(&list, spacing, most);
     print_message("# %.0f degrees of air, spacing %.3f, noise %.2f: of %d rays %d are far off; at most %.2f spacings "
@@ -198,6 +200,19 @@ static void corners_of_found_normals_are_closed(void **state)
             assert_true(found.num > 50);
             assert_int_equal(found.num_far, 0);
         }
+}
+
+/* Below a right angle the normals of both faces, as such, would turn one of them inside out. */
+static void sharp_corners_of_found_normals_are_closed(void **state)
+{
+    (void)state;
+    for (cloud_number = 0; cloud_number < 8; cloud_number++)
+        for (int k = 0; k < 2; k++) {
+            const corner_errors found = errors_of(k ? 60 : 75, 600, 0.05, false, 0.6);
+            assert_true(found.num > 50);
+            assert_int_equal(found.num_far, 0);
+        }
+    cloud_number = 0;
 }
 
 /* Both sides and the top are in reach, and the ground, which faces as the top does. What grazes an edge may pass it. */
@@ -242,6 +257,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(corners_of_given_normals_are_right),
         cmocka_unit_test(corners_of_found_normals_are_closed),
+        cmocka_unit_test(sharp_corners_of_found_normals_are_closed),
         cmocka_unit_test(tops_of_thin_walls_are_whole),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
