@@ -1,6 +1,6 @@
 /* Turning normals outwards: from neighbour to neighbour, where they differ least first (Hoppe's spanning tree, grown by
- * Prim's rule with weights in 256 steps), and each connected part so that its topmost point faces up. Points are only
- * read: what turns over is noted beside them.
+ * Prim's rule with weights in 256 steps), and each connected part so that its top faces up. Points are only read: what
+ * turns over is noted beside them.
  *
  * Who comes next depends on all who came before, so one thread alone goes from point to point. Whatever does not depend
  * on that is done by all threads, before: how normals differ; and after: how many agree. */
@@ -15,6 +15,8 @@
 #define OFTEN 65536u        /* points between two looks at progress and memory */
 #define OFTEN_ANYWHERE 256u /* the latter where points follow one another anywhere: each may map 1 MiB of pages */
 
+#define TOP_LOG2 3 /* a part's top is so many times as high as its topmost point's support, by powers of two */
+
 /* Normals whose cosine is less stand on either side of an edge; what is more may be noise of one face. */
 #define SAME_FACE 0.5
 
@@ -23,14 +25,16 @@ typedef struct {
     uint8_t steps[POINTS_LINKS]; /* 0: they are parallel; the last one: at right angles, so that neither turns */
     int32_t height;              /* of the point */
     uint8_t apart;               /* a bit for each neighbour: they face apart */
-    int8_t up;                   /* 1: the normal faces up, -1: down */
-    uint8_t pad[2];
+    int8_t up;                   /* of the normal, times 127 */
+    uint8_t reach_log2;          /* of its support, rounded up; units */
+    uint8_t pad;
 } bends;
 _Static_assert(POINTS_LINKS == 8 && sizeof(bends) == 16, "four to a cache line");
 
 typedef struct {
     int32_t height; /* of its topmost point */
-    int8_t up;      /* whether that one's normal, turned, faces up */
+    int top_log2;   /* how far its top reaches down from there */
+    int64_t up;     /* of the normals there, as they were turned, each times how high it lies: their sum */
 } part;
 
 typedef struct {
@@ -91,8 +95,9 @@ static bool compare(void *user, points_block *block, karst_error *error)
     (void)error;
     for (uint32_t i = (uint32_t)block->begin; i < block->end; i++) {
         const uint32_t *links = links_of(t, i);
-        const int16_t up = t->points[i].normal[1];
-        bends of = {.height = t->points[i].at[1], .up = (int8_t)((up > 0) - (up < 0))};
+        bends of = {.height = t->points[i].at[1], .up = (int8_t)(t->points[i].normal[1] / 258)};
+        while (of.reach_log2 < 30 && 1 << of.reach_log2 < karst_point_reach(t->points[i].radius))
+            of.reach_log2++;
         double sums[POINTS_LINKS], steps[POINTS_LINKS];
         for (int k = 0; k < POINTS_LINKS; k++)
             sums[k] = dot(t, i, links[k] != UINT32_MAX ? links[k] : i);
@@ -151,7 +156,7 @@ static bool reach(turning *t, uint32_t point, uint32_t number, bool over)
     t->turns[point] = (number + 1) | (over ? POINTS_TURNS_OVER : 0);
     if (of->height > in->height) {
         in->height = of->height;
-        in->up = over ? (int8_t)-of->up : of->up;
+        in->top_log2 = of->reach_log2 + TOP_LOG2;
     }
     if (++t->num_reached % OFTEN_ANYWHERE == 0)
         karst_points_stay_small(t->import);
@@ -214,13 +219,20 @@ static bool follow_all(turning *t, uint32_t number)
 
 /* ---- what came of it ---- */
 
-/* Counts neighbours that do not agree in the end. That does not depend on which parts turn: they are of one. */
+/* Counts neighbours that do not agree in the end, and sums up how tops of parts face. The former does not depend on
+ * which parts turn: they are of one. */
 static void count_unsure(void *user, uint64_t begin, uint64_t end)
 {
     turning *t = user;
     uint64_t num_unsure = 0, num_pairs = 0;
     for (uint32_t i = (uint32_t)begin; i < end; i++) {
         const uint32_t *links = links_of(t, i);
+        const bool is_over = (t->turns[i] & POINTS_TURNS_OVER) != 0;
+        part *in = &t->parts[(t->turns[i] & ~POINTS_TURNS_OVER) - 1];
+        const int64_t high = t->differ[i].height - ((int64_t)in->height - ((int64_t)1 << in->top_log2));
+        const int64_t up = t->differ[i].up * (high >> (in->top_log2 > 8 ? in->top_log2 - 8 : 0));
+        if (high > 0)
+            __atomic_fetch_add(&in->up, is_over ? -up : up, __ATOMIC_RELAXED);
         for (int k = 0; k < POINTS_LINKS && links[k] != UINT32_MAX; k++) {
             num_pairs++;
             num_unsure += turns_over(&t->differ[i], k, ((t->turns[i] ^ t->turns[links[k]]) & POINTS_TURNS_OVER) != 0);
@@ -238,14 +250,16 @@ static void turn_parts(void *user, uint64_t begin, uint64_t end)
             t->turns[i] ^= POINTS_TURNS_OVER;
 }
 
-/* Parts whose topmost point faces down are inside out. */
+/* Parts whose tops face down are inside out. The topmost point alone would not tell: where it lies on a ridge or a tip
+ * its normal is level, and noise says whether it faces up. Around a closed body what faces up, times how high it lies,
+ * is more than what faces down, whatever its shape (divergence theorem). */
 static bool finish(turning *t)
 {
     bool any = false;
-    for (uint32_t i = 0; i < t->num_parts; i++)
-        any = any || t->parts[i].up < 0;
     if (!in_parallel(t, "looking at normals", count_unsure))
         return false;
+    for (uint32_t i = 0; i < t->num_parts; i++)
+        any = any || t->parts[i].up < 0;
     t->import->head->share_unsure = t->num_pairs ? (double)t->num_unsure / (double)t->num_pairs : 0;
     return !any || in_parallel(t, "looking at normals", turn_parts);
 }

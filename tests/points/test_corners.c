@@ -44,6 +44,20 @@ static double wall_value(const double p[3], double gradient[3])
 }
 static const known_surface wall = {"wall", wall_value, 0.5, 0, 0};
 
+/* A pyramid whose base is 0.4 wide and its height 0.6. */
+static double pyramid_value(const double p[3], double gradient[3])
+{
+    const int a = fabs(p[0]) > fabs(p[2]) ? 0 : 2;
+    const double of_side = (0.1 - p[1] / 3 - fabs(p[a])) * sqrt(0.9), of_base = p[1] + 0.3;
+    const bool is_base = of_base < of_side;
+    gradient[0] = gradient[2] = 0;
+    gradient[1] = is_base ? 1 : -sqrt(0.1);
+    if (!is_base)
+        gradient[a] = p[a] < 0 ? sqrt(0.9) : -sqrt(0.9);
+    return is_base ? of_base : of_side;
+}
+static const known_surface pyramid = {"pyramid", pyramid_value, 0.5, 0, 0};
+
 /* Points of a surface in its box; with their normals, or normals are found. */
 static karst_model_list load(const known_surface *of, size_t num, double noise_m, bool has_normals)
 {
@@ -215,6 +229,27 @@ static void sharp_corners_of_found_normals_are_closed(void **state)
     cloud_number = 0;
 }
 
+/* The tip's normals are level, or nearly, as they were found; which side is the outer one all around tell. */
+static void tips_do_not_turn_bodies_inside_out(void **state)
+{
+    (void)state;
+    const size_t num = 4000;
+    const double spacing = sqrt((0.16 + 0.48 / sqrt(0.9)) / (double)num);
+    for (uint64_t cloud = 0; cloud < 24; cloud++) {
+        corner_errors found = {0};
+        random_state = 50 + cloud;
+        karst_model_list list = load(&pyramid, num, 0.1 * spacing, false);
+        for (int i = 0; i < 40; i++) {
+            const double side = random_below(2) ? 1 : -1, p[3] = {side * 0.1, 0, 0.1 * (random_unit() - 0.5)};
+            cast_ray(&list, &pyramid, p, (const double[3]){-side, 0, 0}, spacing, 1, &found);
+        }
+        karst_model_list_finish(&list);
+        print_message("# a pyramid: of %d rays %d are far off\n", found.num, found.num_far);
+        assert_true(found.num > 30);
+        assert_true(found.num_far <= 2);
+    }
+}
+
 /* Both sides and the top are in reach, and the ground, which faces as the top does. What grazes an edge may pass it. */
 static void tops_of_thin_walls_are_whole(void **state)
 {
@@ -258,6 +293,7 @@ int main(void)
         cmocka_unit_test(corners_of_given_normals_are_right),
         cmocka_unit_test(corners_of_found_normals_are_closed),
         cmocka_unit_test(sharp_corners_of_found_normals_are_closed),
+        cmocka_unit_test(tips_do_not_turn_bodies_inside_out),
         cmocka_unit_test(tops_of_thin_walls_are_whole),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
