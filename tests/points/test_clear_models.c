@@ -98,7 +98,7 @@ static void glass_of_points_is_the_bodys(void **state)
         return;
     look(NULL, ball, 1, 1); /* with one lane, as with sixteen */
     assert_memory_equal(one, other, sizeof one);
-    look(of_torus, torus, 0, 0.97);
+    look(of_torus, torus, 0, 0.99);
 }
 
 static int set_up(void **state)
