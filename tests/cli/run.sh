@@ -257,7 +257,11 @@ result "interrupted: nothing is written"
 # Steps of this world take minutes: whoever is asked to end does not wait for them.
 echo 'float density(vec3 p) { float s = 0.0; for (int i = 0; i < 16000; i++) s += sin(p.x * float(i)); return s - p.y; }' \
     > slow.karst
-timeout --preserve-status -k 60 4 "$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr
+"$karst" render slow.karst -o stopped.png --size 160x120 > stdout 2> stderr &
+until_caught $!
+sleep 2.5
+kill -TERM $!
+wait $!
 status=$?
 detail="exit $status: $(cat stderr)"
 [ $status -eq 143 ] && grep -q '^karst: interrupted' stderr && [ -z "$(ls stopped* 2> /dev/null)" ]

@@ -75,12 +75,13 @@ static karst_points_import_config config_of(fate *f)
 }
 
 /* In a process of its own that dies at a call, or after so many microseconds; false: it was done before. */
-static bool import_and_die(int dies_at, long after_us)
+static bool import_in_threads_and_die(uint32_t num_threads, int dies_at, long after_us)
 {
     pid_t child = fork();
     if (child == 0) {
         fate f = {.dies_at = dies_at};
-        const karst_points_import_config config = config_of(&f);
+        karst_points_import_config config = config_of(&f);
+        config.num_threads = num_threads;
         _exit(!karst_points_import_within(&config, &small, NULL, NULL));
     }
     if (after_us >= 0) {
@@ -94,15 +95,20 @@ static bool import_and_die(int dies_at, long after_us)
     return WIFSIGNALED(status);
 }
 
+static bool import_and_die(int dies_at, long after_us) { return import_in_threads_and_die(2, dies_at, after_us); }
+
 /* Goes on; returns its progress. */
-static fate finish(void)
+static fate finish_in_threads(uint32_t num_threads)
 {
     fate f = {0};
-    const karst_points_import_config config = config_of(&f);
+    karst_points_import_config config = config_of(&f);
+    config.num_threads = num_threads;
     assert_ok(karst_points_import_within(&config, &small, NULL, &error));
     assert_false(f.is_wrong);
     return f;
 }
+
+static fate finish(void) { return finish_in_threads(2); }
 
 static void memory_leaves_no_trace(void **state)
 {
@@ -158,19 +164,18 @@ static void vectors_leave_no_trace(void **state)
     unlink(lattice);
 }
 
+/* One thread asks as often each time. How often the first of two asks depends on what the other does. */
 static void dying_at_any_call_leaves_no_trace(void **state)
 {
     (void)state;
-    const int num_calls = finish().calls, step = getenv("KARST_TEST_FULL") ? 1 : num_calls / 9;
+    const int num_calls = finish_in_threads(1).calls, step = getenv("KARST_TEST_FULL") ? 1 : num_calls / 9;
     expect_the_bytes();
-    int num_outlived = 0;
     for (int dies_at = 1; dies_at < num_calls; dies_at += step) {
-        if (!import_and_die(dies_at, -1)) { /* how often a thread asks depends on what the others do */
-            num_outlived++;
-            expect_the_bytes();
-            continue;
-        }
-        if (!import_and_die(1 + dies_at % 20, -1)) { /* and once more, unless it is done before */
+        const uint32_t num_threads = 1 + (uint32_t)(dies_at / step) % 2;
+        const bool died = import_in_threads_and_die(num_threads, dies_at, -1);
+        assert_true(died || num_threads == 2);
+        /* And once more, unless it is done before. */
+        if (!died || !import_and_die(1 + dies_at % 20, -1)) {
             expect_the_bytes();
             continue;
         }
@@ -179,7 +184,6 @@ static void dying_at_any_call_leaves_no_trace(void **state)
         /* What was done is not done again. */
         assert_true(!f.reads || dies_at < 20);
     }
-    assert_true(num_outlived * step < num_calls / 4);
 }
 
 static void dying_at_any_moment_leaves_no_trace(void **state)
@@ -217,7 +221,7 @@ static void what_is_of_another_import_is_not_used(void **state)
     assert_true(num_up != num_expected || memcmp(bytes_up, expected, num_up) != 0);
     unlink(output);
     /* Other options. */
-    assert_true(import_and_die(40, -1));
+    assert_true(import_in_threads_and_die(1, 40, -1));
     assert_ok(karst_points_import_within(&up, &small, NULL, &error));
     char *bytes = bytes_of(output, &num);
     assert_int_equal(num, num_up);
@@ -226,7 +230,7 @@ static void what_is_of_another_import_is_not_used(void **state)
     free(bytes_up);
     unlink(output);
     /* A checkpoint that is damaged. */
-    assert_true(import_and_die(40, -1));
+    assert_true(import_in_threads_and_die(1, 40, -1));
     char name[128];
     snprintf(name, sizeof name, "%s/checkpoint", work);
     int fd = open(name, O_RDWR);
@@ -235,7 +239,7 @@ static void what_is_of_another_import_is_not_used(void **state)
     assert_true(finish().reads);
     expect_the_bytes();
     /* Another file of the same name. */
-    assert_true(import_and_die(40, -1));
+    assert_true(import_in_threads_and_die(1, 40, -1));
     const struct timespec times[2] = {{1000, 0}, {1000, 0}};
     assert_int_equal(utimensat(AT_FDCWD, input, times, 0), 0);
     assert_true(finish().reads);
@@ -249,7 +253,7 @@ static void only_one_is_at_work(void **state)
     const karst_points_import_config config = config_of(&f);
     karst_error why = {0};
     char name[128];
-    assert_true(import_and_die(40, -1));
+    assert_true(import_in_threads_and_die(1, 40, -1));
     snprintf(name, sizeof name, "%s/lock", work);
     int fd = open(name, O_RDWR);
     assert_int_equal(flock(fd, LOCK_EX), 0);
