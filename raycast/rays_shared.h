@@ -66,6 +66,7 @@ K_ASSERT_SIZE(karst_hit, 32);
 #define KARST_HIT_UNBLENDED 0x20000u /* here its level blends into the next, whose brick is missing */
 /* Bit 18 is that of paths (raycast/light/clear_paths_shared.h). */
 #define KARST_HIT_THIN 0x80000u /* refined, on clear matter that bricks show wider than it is */
+#define KARST_HIT_MISSING 0x100000u /* KARST_HIT_SOLID, where a ray ended at what is missing: nothing is proven there */
 /* The cell that the place is in, on an axis. */
 #define KARST_HIT_CELL(place, axis) ((place) >> (6 + 10 * (axis)) & 15u)
 

@@ -140,11 +140,8 @@ typedef struct {
     karst_photons *photons;
     karst_position anchor; /* where those that are shown were aimed from */
     bool is_sorted;        /* there are such */
-    bool is_aimed_now;     /* in this view, perhaps while something was missing */
-    bool is_aimed_anew;    /* in this frame */
-    bool must_aim;         /* all else is there */
-    bool is_exact;         /* nothing was missing where they were aimed */
-    bool is_trial;         /* those that wait are traced by what stands in for what they lack */
+    bool is_aiming;        /* in this view */
+    bool is_aimed;         /* nothing was missing */
     bool shows_all;        /* this frame's picture does */
     bool is_whole;         /* and lacked nothing: no more are traced in this view */
     uint32_t bounces;

@@ -76,7 +76,7 @@ void karst_engine_forget_photons(karst_engine *engine)
 {
     karst_engine_photons *of = &engine->photons;
     of->num_begun = 0;
-    of->is_aimed_now = of->must_aim = of->is_exact = of->is_trial = of->is_whole = false;
+    of->is_aiming = of->is_aimed = of->is_whole = false;
 }
 
 /* What is shaded there must know the anchor, before the picture says it once more. */
@@ -166,64 +166,67 @@ static uint32_t lamps_of(karst_engine *engine, const karst_light *light, karst_p
     return kept;
 }
 
+/* Goes on looking where photons are to be sent, or begins to. */
 static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_error *error)
 {
+    karst_engine_photons *of = &engine->photons;
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
     const uint32_t num = lamps_of(engine, scene->light, lamps);
-    engine->photons.is_aimed_now = true;
-    engine->photons.num_begun = 0;
-    return karst_photons_aim(engine->photons.photons, scene, lamps, num, error);
+    uint32_t num_waiting = 0;
+    if (!karst_photons_aim(of->photons, scene, lamps, num, !of->is_aiming, &num_waiting, error))
+        return false;
+    of->is_aiming = true;
+    of->is_aimed = num_waiting == 0;
+    of->num_begun = 0;
+    return true;
 }
 
-/* Those that wait, of all batches that were begun. */
-static bool trace_waiting(karst_engine_photons *of, const karst_photon_scene *scene, karst_error *error)
+/* Those that wait, of all batches that were begun, and then num_more batches. */
+static bool trace(karst_engine_photons *of, const karst_photon_scene *scene, uint32_t num_more, karst_error *error)
 {
     for (uint32_t batch = 0; batch < of->num_begun; batch++)
         if (!karst_photons_trace(of->photons, scene, batch, error))
             return false;
+    for (; num_more; num_more--)
+        if (!karst_photons_trace(of->photons, scene, of->num_begun++, error))
+            return false;
     return true;
 }
 
-/* How many batches a frame begins. Who waits for the settled picture sees none before. */
-static uint32_t num_to_begin(const karst_engine *engine)
+/* Aims, and once that is done traces. Rays end at what is missing, and wait. With a budget the frame's picture alone
+ * begins a batch. */
+static bool aim_and_trace(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, bool draws,
+                          karst_error *error)
 {
-    const karst_engine_photons *of = &engine->photons;
+    karst_engine_photons *of = &engine->photons;
+    const karst_light light = karst_engine_light(engine);
+    karst_cast_view sure = *view;
+    sure.ends_at_missing = 1;
+    const karst_photon_scene scene = scene_of(engine, &sure, pinhole, &light);
+    if (!of->is_aimed && !aim(engine, &scene, error))
+        return false;
+    if (!of->is_aimed)
+        return true;
     const uint32_t left = karst_photons_num_batches(of->photons) - of->num_begun;
-    if (!of->is_exact)
-        return of->num_begun == 0;
-    return engine->budget_ns == 0 ? left : left > 0;
+    return trace(of, &scene, engine->budget_ns == 0 ? left : draws && left > 0, error);
 }
 
 bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error)
 {
     karst_engine_photons *of = &engine->photons;
-    of->is_aimed_anew = of->shows_all = false;
     if (!of->photons)
         return true;
     of->shows_all = of->is_whole;
     /* In motion with a budget the last ones are seen from elsewhere. */
     if (of->is_whole || (engine->budget_ns > 0 && engine->motion.moved))
         return true;
-    const karst_light light = karst_engine_light(engine);
-    karst_cast_view sure = *view;
-    sure.ends_at_missing = 1;
-    karst_photon_scene scene = scene_of(engine, view, pinhole, &light);
-    /* Probes are dear: they look first, and once more when photons that were aimed then ask for nothing. */
-    of->is_aimed_anew = !of->is_exact && (!of->is_aimed_now || of->must_aim);
-    if (of->is_aimed_anew && !aim(engine, &scene, error))
+    if (!aim_and_trace(engine, view, pinhole, true, error))
         return false;
-    /* Whether those lacked anything, the frame's end tells only if photons ask for nothing meanwhile. */
-    if (of->is_aimed_anew && of->must_aim)
+    if (!of->is_aimed)
         return true;
-    scene.view = of->is_trial ? view : &sure;
-    if (!trace_waiting(of, &scene, error))
-        return false;
-    for (uint32_t left = of->is_trial ? 0 : num_to_begin(engine); left; left--)
-        if (!karst_photons_trace(of->photons, &scene, of->num_begun++, error))
-            return false;
-    of->shows_all = of->is_exact && of->num_begun == karst_photons_num_batches(of->photons) &&
-                    (of->is_trial || karst_photons_num_waiting(of->photons, of->num_begun) == 0);
+    of->shows_all = of->num_begun == karst_photons_num_batches(of->photons) &&
+                    karst_photons_num_waiting(of->photons, of->num_begun) == 0;
     if (!of->shows_all && engine->settles && engine->budget_ns == 0)
         return true;
     of->anchor = engine->camera.position;
@@ -234,17 +237,8 @@ bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *vie
 bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                   karst_error *error)
 {
-    karst_engine_photons *of = &engine->photons;
-    if (!of->photons || !of->is_aimed_now || of->is_whole || of->is_trial)
-        return true;
-    const bool aims = of->must_aim && of->is_aimed_anew;
-    if (aims ? view->ends_at_missing : karst_photons_num_waiting(of->photons, of->num_begun) == 0)
-        return true;
-    const karst_light light = karst_engine_light(engine);
-    karst_cast_view sure = *view;
-    sure.ends_at_missing = 1;
-    const karst_photon_scene scene = scene_of(engine, aims ? view : &sure, pinhole, &light);
-    return aims ? aim(engine, &scene, error) : trace_waiting(of, &scene, error);
+    const karst_engine_photons *of = &engine->photons;
+    return !of->photons || of->is_whole || !of->is_aiming || aim_and_trace(engine, view, pinhole, false, error);
 }
 
 bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
@@ -252,15 +246,7 @@ bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)
     karst_engine_photons *of = &engine->photons;
     if (!of->photons)
         return lacks_nothing;
-    if (of->is_trial && lacks_nothing)
-        karst_photons_keep(of->photons, of->num_begun);
-    const uint32_t num_waiting = karst_photons_num_waiting(of->photons, of->num_begun);
-    of->is_whole = of->is_whole || (of->shows_all && lacks_nothing && num_waiting == 0);
-    /* Nothing was missing where they were aimed, either. */
-    of->is_exact = of->is_exact || (lacks_nothing && of->must_aim && of->is_aimed_anew);
-    of->must_aim = !of->is_exact && (of->must_aim || lacks_nothing);
-    /* What photons wait for though nothing is missing is matter that they ran into without meeting its surface. */
-    of->is_trial = of->is_exact && lacks_nothing && num_waiting > 0;
+    of->is_whole = of->is_whole || (of->shows_all && lacks_nothing);
     karst_stats_caustics *stats = &engine->stats.caustics;
     uint64_t sums[KARST_PHOTON_SUMS];
     double quantum;

@@ -33,9 +33,7 @@ typedef struct {
     uint32_t num;         /* photons */
     uint32_t num_waiting; /* that are not done: all, if is_listed does not say which */
     bool is_listed;
-    uint64_t sums[KARST_PHOTON_SUMS];  /* of those that are done */
-    uint64_t maybe[KARST_PHOTON_SUMS]; /* of those that wait, if they went as they did last */
-    bool is_tried;                     /* there are such */
+    uint64_t sums[KARST_PHOTON_SUMS]; /* of those that are done */
 } photon_batch;
 
 struct karst_photons {
@@ -54,6 +52,8 @@ struct karst_photons {
     photon_batch *batches;
     uint32_t *waiting;         /* of each batch, from batch_rays times its number on: places that wait */
     karst_photon_fate *fates_read; /* where the host cannot see the device's */
+    karst_photon_aim *aims[KARST_MOST_LAMPS]; /* made when they are needed */
+    karst_photon_seen *seen_read;
     karst_photon_grid *grid;
     karst_buffer *lamp_buffer, *cells, *table, *seen, *list;
     karst_buffer *rays, *next, *born, *to_lamps, *ways, *born_ways, *hits, *over_hits, *matter, *fates, *counts;
@@ -98,7 +98,7 @@ static bool make_streams(karst_photons *p, karst_error *error)
            make(p, &p->over_hits, room, sizeof(karst_hit), error) &&
            make(p, &p->matter, room, KARST_CLEAR_MATTER_PLANES * sizeof(float), error) &&
            make(p, &p->fates, slots, sizeof(karst_photon_fate), error) &&
-           make(p, &p->list, p->batch_rays, sizeof(uint32_t), error) &&
+           make(p, &p->list, p->batch_rays > NUM_PROBES ? p->batch_rays : NUM_PROBES, sizeof(uint32_t), error) &&
            make(p, &p->seen, NUM_PROBES, 2 * sizeof(float), error) &&
            make(p, &p->counts, room / karst_scan_block(p->context, KARST_PHOTON_BLOCK), sizeof(uint32_t), error) &&
            make(p, &p->total[0], 1, sizeof(uint32_t), error) && make(p, &p->total[1], 1, sizeof(uint32_t), error) &&
@@ -127,7 +127,9 @@ karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons
     p->batches = calloc(p->num_batches, sizeof *p->batches);
     p->waiting = malloc((size_t)p->num_batches * p->batch_rays * sizeof *p->waiting);
     p->fates_read = malloc((size_t)most * sizeof *p->fates_read);
-    bool done = (p->batches && p->waiting && p->fates_read) || karst_fail(error, KARST_FAILED, "out of memory");
+    p->seen_read = malloc(NUM_PROBES * sizeof *p->seen_read);
+    bool done = (p->batches && p->waiting && p->fates_read && p->seen_read) ||
+                karst_fail(error, KARST_FAILED, "out of memory");
     done = done && make_streams(p, error) && (p->grid = karst_photon_grid_create(context, num_photons, error)) &&
            (p->program = karst_program_build(context, "raycast/light/photons.cl", "", NULL, 0, error));
     for (int i = 0; done && i < NUM_KERNELS; i++)
@@ -156,6 +158,9 @@ void karst_photons_destroy(karst_photons *p)
     free(p->batches);
     free(p->waiting);
     free(p->fates_read);
+    free(p->seen_read);
+    for (int i = 0; i < KARST_MOST_LAMPS; i++)
+        free(p->aims[i]);
     free(p);
 }
 
@@ -193,7 +198,6 @@ static karst_photon_task task_of(const karst_photons *p, const karst_photon_scen
                                .num_photons = p->num_sent,
                                .parts = 1,
                                .num_cells = p->num_cells,
-                               .is_sure = scene->view->ends_at_missing,
                                .has_land = 1,
                                .has_clear = scene->clear != NULL,
                                .detail = scene->view->detail,
@@ -305,23 +309,44 @@ static bool write_table(karst_photons *p, float t_max, karst_error *error)
     return karst_buffer_write(p->table, 0, table, sizeof table, error);
 }
 
-/* Of all cells of a lamp, or of the parts of the grids in `cells`. */
-static bool probe(karst_photons *p, const karst_photon_scene *scene, uint32_t lamp, uint32_t num_grids, uint32_t num,
+/* Those that wait: of the cells of a lamp, or of the parts of the grids in `cells`. */
+static bool probe(karst_photons *p, const karst_photon_scene *scene, karst_photon_aim *aim, uint32_t num_grids,
                   karst_photon_seen *seen, karst_error *error)
 {
     karst_photon_task task = task_of(p, scene);
     const karst_buffer *count = p->total[0];
-    task.num_photons = num;
+    const uint32_t num = aim->num_waiting;
+    task.num_photons = task.num_listed = num;
     task.num_cells = num_grids;
-    task.lamp = lamp;
+    task.lamp = aim->number;
     task.is_probe = num_grids ? 2 : 1;
     /* What land hides of clear matter only costs photons; to ask for land as far as the view goes would cost more. */
     task.has_land = scene->mirrors;
-    return send(p, &task, num, error) && cast(p, scene, &task, count, num, error) &&
-           KARST_ARGUMENTS(p->kernels[LOOK], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(p->rays),
-                           KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->hits), KARST_BUFFER_ARG(p->over_hits),
-                           KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->seen)) &&
-           launch(p, LOOK, num, error) && karst_buffer_read(p->seen, 0, seen, num * sizeof *seen, error);
+    if (!num)
+        return true;
+    if (!karst_buffer_write(p->list, 0, aim->waiting, num * sizeof *aim->waiting, error) ||
+        !send(p, &task, num, error) || !cast(p, scene, &task, count, num, error) ||
+        !KARST_ARGUMENTS(p->kernels[LOOK], error, KARST_VALUE_ARG(task), KARST_BUFFER_ARG(p->rays),
+                         KARST_BUFFER_ARG(count), KARST_BUFFER_ARG(p->hits), KARST_BUFFER_ARG(p->over_hits),
+                         KARST_BUFFER_ARG(p->next), KARST_BUFFER_ARG(p->seen)) ||
+        !launch(p, LOOK, num, error) ||
+        !karst_buffer_read(p->seen, 0, p->seen_read, (aim->waiting[num - 1] + 1) * sizeof *seen, error))
+        return false;
+    aim->num_waiting = 0;
+    for (uint32_t i = 0; i < num; i++) {
+        const uint32_t at = aim->waiting[i];
+        seen[at] = p->seen_read[at];
+        if (seen[at].distance < 0)
+            aim->waiting[aim->num_waiting++] = at;
+    }
+    return true;
+}
+
+static void let_all_wait(karst_photon_aim *aim, uint32_t num)
+{
+    aim->num_waiting = num;
+    for (uint32_t i = 0; i < num; i++)
+        aim->waiting[i] = i;
 }
 
 /* Which of a lamp's cells hold anything, and which parts of those: as fine as num_photons allow. */
@@ -329,14 +354,20 @@ static bool look(karst_photons *p, const karst_photon_scene *scene, karst_photon
                  karst_photon_cell *grids, karst_error *error)
 {
     const uint32_t most = num_photons / PART_PHOTONS < NUM_PROBES ? num_photons / PART_PHOTONS : NUM_PROBES;
-    if (!probe(p, scene, aim->number, 0, NUM_PROBES, aim->first, error))
-        return false;
-    const uint32_t log2 = karst_photons_find_cells(aim, most > 1024 ? most : 1024), num = aim->num_cells << 2 * log2;
-    if (!log2)
+    if (!aim->knows_cells) {
+        if (!probe(p, scene, aim, 0, aim->first, error))
+            return false;
+        if (aim->num_waiting)
+            return true;
+        aim->knows_cells = true;
+        aim->parts_log2 = karst_photons_find_cells(aim, most > 1024 ? most : 1024);
+        let_all_wait(aim, aim->parts_log2 ? aim->num_cells << 2 * aim->parts_log2 : 0);
+    }
+    if (!aim->num_waiting)
         return true;
-    karst_photons_probe_parts(aim, log2, grids);
+    karst_photons_probe_parts(aim, aim->parts_log2, grids);
     return karst_buffer_write(p->cells, 0, grids, aim->num_cells * sizeof *grids, error) &&
-           probe(p, scene, aim->number, aim->num_cells, num, aim->parts, error);
+           probe(p, scene, aim, aim->num_cells, aim->parts, error);
 }
 
 /* Of all parts what they are worth, and so what a photon is: the rest of what aiming settles. */
@@ -371,49 +402,76 @@ static bool set_photons(karst_photons *p, const karst_photon_scene *scene, karst
     return karst_buffer_write(p->cells, 0, parts, num * sizeof *parts, error);
 }
 
-bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
-                       uint32_t num_lamps, karst_error *error)
+/* Nothing is known of a lamp. */
+static karst_photon_aim *begin_aim(karst_photons *p, const karst_photon_scene *scene, uint32_t lamp)
 {
-    if (num_lamps > KARST_MOST_LAMPS)
-        return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num_lamps, KARST_MOST_LAMPS);
-    const size_t most = (size_t)(num_lamps ? num_lamps : 1) * KARST_PHOTON_CELLS;
+    karst_photon_aim *aim = p->aims[lamp] ? p->aims[lamp] : malloc(sizeof *aim);
+    p->aims[lamp] = aim;
+    if (!aim)
+        return NULL;
+    const float *colour = p->lamps[lamp].colour;
+    aim->lamp = &p->lamps[lamp];
+    aim->number = lamp;
+    aim->t_max = scene->pinhole->t_max;
+    aim->num_cells = aim->parts_log2 = 0;
+    aim->knows_cells = !(fmax(colour[0], fmax(colour[1], colour[2])) > 0);
+    let_all_wait(aim, aim->knows_cells ? 0 : KARST_PHOTON_CELLS);
+    return aim;
+}
+
+/* From what is known of all lamps to photons. */
+static bool send_into_parts(karst_photons *p, const karst_photon_scene *scene, karst_error *error)
+{
+    const size_t most = (size_t)(p->num_lamps ? p->num_lamps : 1) * KARST_PHOTON_CELLS;
     karst_photon_cell *parts = malloc(most * sizeof *parts);
     double *worth = malloc(most * sizeof *worth), angle = 0;
-    karst_photon_aim *aim = malloc(sizeof *aim);
     uint32_t num = 0;
-    p->num_cells = p->num_sent = 0;
-    p->num_lamps = num_lamps;
-    memset(p->batches, 0, p->num_batches * sizeof *p->batches);
-    if (num_lamps)
-        memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
-    bool done = (parts && worth && aim) || karst_fail(error, KARST_FAILED, "out of memory");
-    done = done && (!num_lamps || karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) &&
-           write_table(p, scene->pinhole->t_max, error);
-    for (uint32_t l = 0; done && l < num_lamps; l++) {
-        const uint32_t photons = p->num_photons / num_lamps;
-        if (!(fmax(lamps[l].colour[0], fmax(lamps[l].colour[1], lamps[l].colour[2])) > 0))
-            continue;
-        aim->lamp = &lamps[l];
-        aim->number = l;
-        aim->t_max = scene->pinhole->t_max;
-        done = look(p, scene, aim, photons, parts + num, error);
-        for (bool fits = false; done && !fits;) {
+    bool done = (parts && worth) || karst_fail(error, KARST_FAILED, "out of memory");
+    for (uint32_t l = 0; done && l < p->num_lamps; l++) {
+        for (bool fits = false; !fits;) {
             double across = 0;
-            const uint32_t of_lamp = karst_photons_find_parts(aim, parts + num, worth + num, &across);
-            fits = aim->parts_log2 == 0 || (uint64_t)of_lamp * PART_PHOTONS <= photons;
+            const uint32_t of_lamp = karst_photons_find_parts(p->aims[l], parts + num, worth + num, &across);
+            fits = p->aims[l]->parts_log2 == 0 ||
+                   (uint64_t)of_lamp * PART_PHOTONS <= p->num_photons / p->num_lamps;
             if (fits) {
                 num += of_lamp;
                 angle += across;
             } else {
-                karst_photons_coarsen(aim);
+                karst_photons_coarsen(p->aims[l]);
             }
         }
     }
     done = done && (!num || set_photons(p, scene, parts, worth, num, angle, error));
     free(parts);
     free(worth);
-    free(aim);
     return done;
+}
+
+bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
+                       uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error)
+{
+    if (num_lamps > KARST_MOST_LAMPS)
+        return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num_lamps, KARST_MOST_LAMPS);
+    if (anew) {
+        p->num_cells = p->num_sent = 0;
+        p->num_lamps = num_lamps;
+        memset(p->batches, 0, p->num_batches * sizeof *p->batches);
+        if (num_lamps)
+            memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
+        if ((num_lamps && !karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) ||
+            !write_table(p, scene->pinhole->t_max, error))
+            return false;
+    }
+    karst_photon_cell *grids = malloc(KARST_PHOTON_CELLS * sizeof *grids);
+    bool done = grids || karst_fail(error, KARST_FAILED, "out of memory");
+    *num_waiting = 0;
+    for (uint32_t l = 0; done && l < p->num_lamps; l++) {
+        done = !anew || begin_aim(p, scene, l) || karst_fail(error, KARST_FAILED, "out of memory");
+        done = done && look(p, scene, p->aims[l], p->num_photons / p->num_lamps, grids, error);
+        *num_waiting += done ? p->aims[l]->num_waiting : 0;
+    }
+    free(grids);
+    return done && (*num_waiting || send_into_parts(p, scene, error));
 }
 
 /* ---- tracing ---- */
@@ -443,7 +501,7 @@ static bool add_fates(const karst_photons *p, const karst_photon_fate *fates, ui
 }
 
 /* Who of those that were traced is done, and who waits. */
-static bool settle(karst_photons *p, uint32_t batch, bool is_sure, karst_error *error)
+static bool settle(karst_photons *p, uint32_t batch, karst_error *error)
 {
     photon_batch *of = &p->batches[batch];
     uint32_t *waiting = p->waiting + (size_t)batch * p->batch_rays;
@@ -457,12 +515,11 @@ static bool settle(karst_photons *p, uint32_t batch, bool is_sure, karst_error *
     uint32_t num_waiting = 0;
     for (uint32_t i = 0; i < of->num_waiting; i++) {
         const uint32_t place = of->is_listed ? waiting[i] : i;
-        if (!add_fates(p, fates, place, is_sure ? of->sums : of->maybe) || !is_sure)
+        if (!add_fates(p, fates, place, of->sums))
             waiting[num_waiting++] = place;
     }
     of->num_waiting = num_waiting;
     of->is_listed = true;
-    of->is_tried = !is_sure;
     return true;
 }
 
@@ -474,8 +531,6 @@ bool karst_photons_trace(karst_photons *p, const karst_photon_scene *scene, uint
     task.batch = batch;
     task.num_batches = p->num_batches;
     task.num_listed = of->is_listed ? of->num_waiting : 0;
-    memset(of->maybe, 0, sizeof of->maybe);
-    of->is_tried = false;
     uint32_t left = of->num_waiting;
     if (!left)
         return true;
@@ -498,20 +553,7 @@ bool karst_photons_trace(karst_photons *p, const karst_photon_scene *scene, uint
             !karst_buffer_read((karst_buffer *)next_count, 0, &left, sizeof left, error))
             return false;
     }
-    return settle(p, batch, task.is_sure, error);
-}
-
-void karst_photons_keep(karst_photons *p, uint32_t num_batches)
-{
-    for (uint32_t batch = 0; batch < num_batches; batch++) {
-        photon_batch *of = &p->batches[batch];
-        if (!of->is_tried)
-            continue;
-        for (int s = 0; s < KARST_PHOTON_SUMS; s++)
-            of->sums[s] += of->maybe[s];
-        of->num_waiting = 0;
-        of->is_tried = false;
-    }
+    return settle(p, batch, error);
 }
 
 /* ---- what comes of them ---- */
@@ -519,8 +561,6 @@ void karst_photons_keep(karst_photons *p, uint32_t num_batches)
 bool karst_photons_sort(karst_photons *p, uint32_t num_batches, karst_error *error)
 {
     p->num_shown = karst_photons_num_done(p, num_batches);
-    for (uint32_t batch = 0; batch < num_batches; batch++)
-        p->num_shown += p->batches[batch].is_tried ? p->batches[batch].num_waiting : 0;
     p->shown = (karst_photon_grid_task){.num_batches = p->num_batches,
                                         .batch_rays = p->batch_rays,
                                         .num_photons = p->num_sent,

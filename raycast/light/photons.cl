@@ -124,8 +124,8 @@ RAY_INLINE sent send(const karst_photon_lamp *lamp, K_GLOBAL const float *table,
     return s;
 }
 
-/* The batch's photons, or those of a list of its places, or the probes of a lamp, as the first stream. What photons
- * left before is forgotten. */
+/* The batch's photons, or those of a list of its places, or the probes of a lamp that such a list names, as the first
+ * stream. What photons left before is forgotten. */
 __kernel void photons_send(karst_photon_task task, K_GLOBAL const karst_photon_lamp *lamps,
                            K_GLOBAL const karst_photon_cell *cells, K_GLOBAL const float *table,
                            K_GLOBAL const uint *list, K_GLOBAL karst_ray *rays, K_GLOBAL karst_clear_way *ways,
@@ -256,7 +256,10 @@ RAY_INLINE photon_end end_of(const karst_photon_task *task, const karst_ray *ray
     return e;
 }
 
-/* How far from the eye probes met first what mirrors or is clear; 0: they did not. mirrored: as photons_meet has it. */
+RAY_INLINE int lacks(const photon_end *e) { return (e->clear || e->land) && (e->hit.kind & KARST_HIT_MISSING); }
+
+/* How far from the eye probes met first what mirrors or is clear, by their numbers; 0: they did not; -1: they met what
+ * is missing. mirrored: as photons_meet has it. */
 __kernel void photons_look(karst_photon_task task, K_GLOBAL const karst_ray *rays, K_GLOBAL const uint *count,
                            K_GLOBAL const karst_hit *hits, K_GLOBAL const karst_hit *over_hits,
                            K_GLOBAL const karst_ray *mirrored, K_GLOBAL float *seen)
@@ -267,8 +270,9 @@ __kernel void photons_look(karst_photon_task task, K_GLOBAL const karst_ray *ray
     const karst_ray ray = rays[i];
     const photon_end e = end_of(&task, &ray, hits, over_hits, i);
     const int turns = e.clear || (e.land && (mirrored[i].pixel & KARST_PATH_MIRRORED));
-    seen[2 * i] = turns && ray.t_max > 0.0f ? length_of(&e.to) : 0.0f;
-    seen[2 * i + 1] = e.t;
+    const float distance = turns && ray.t_max > 0.0f ? length_of(&e.to) : 0.0f;
+    seen[2 * ray.pixel] = lacks(&e) ? -1.0f : distance;
+    seen[2 * ray.pixel + 1] = e.t;
 }
 
 /* Photons that fly nowhere near the picture widen so many times as fast as its pixels. */
@@ -403,8 +407,7 @@ __kernel void photons_meet(karst_photon_task task, karst_pinhole pinhole, K_GLOB
         n.x = -ray.direction[0], n.y = -ray.direction[1], n.z = -ray.direction[2];
     const karst_ray from_land = next[i];
     photon_turn t = turn_of(&task, &ray, &way, &e, &n, e.clear ? matter[i] : 1.0f, &from_land, fate.fate);
-    if (task.is_sure && (e.clear || e.land) && KARST_HIT_KIND(e.hit.kind) != KARST_HIT_SURFACE &&
-        KARST_HIT_KIND(e.hit.kind) != KARST_HIT_SPLAT) {
+    if (lacks(&e)) {
         t.share[0] = 1.0f, t.share[1] = 0.0f;
         t.goes_on[0] = 0;
         t.end = KARST_PHOTON_UNSURE;

@@ -45,7 +45,7 @@ typedef struct {
     karst_shader *shader;       /* the land's, for paths; its anchor is set */
     karst_clear_shader *clear_shader; /* likewise; NULL without clear matter */
     karst_refiner *land_refiner, *clear_refiner; /* for rays; NULL: surfaces are as bricks have them */
-    const karst_cast_view *view; /* whose anchor is the eye; ends_at_missing: photons that lack something wait */
+    const karst_cast_view *view; /* whose anchor is the eye; it ends at what is missing */
     const karst_pinhole *pinhole;
     const karst_light *light;
     karst_shade_anchor anchor; /* the same place as the view's */
@@ -56,17 +56,15 @@ typedef struct {
 } karst_photon_scene;
 
 /* Looks where photons of these lamps (KARST_MOST_LAMPS at most; absorption where they are in clear matter) are to be
- * sent. What was traced before is forgotten. Waits. Errors: KARST_FAILED. */
+ * sent. anew: from the beginning; what was traced before is forgotten. Else it goes on where probes met what was
+ * missing, with the same lamps and view. *num_waiting: probes that still do; once it is 0, photons may be traced. Waits
+ * for the device. Errors: KARST_FAILED. */
 bool karst_photons_aim(karst_photons *photons, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
-                       uint32_t num_lamps, karst_error *error);
+                       uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error);
 /* Traces those of a batch (0 to karst_photons_num_batches - 1) that wait, which at first are all, from the place that
- * was aimed from. Unless the view ends at what is missing this is a trial: they go on from what stands in for it, and
- * wait still. Waits. Errors: KARST_FAILED. */
+ * was aimed from. Waits for the device. Errors: KARST_FAILED. */
 bool karst_photons_trace(karst_photons *photons, const karst_photon_scene *scene, uint32_t batch, karst_error *error);
-/* Nothing was missing in the last trial of the first num_batches: so their photons are done. */
-void karst_photons_keep(karst_photons *photons, uint32_t num_batches);
-/* From now on the photons of the first num_batches are gathered: those that are done, and those of a trial. Waits.
- * Errors: KARST_FAILED. */
+/* From now on the photons of the first num_batches that are done are gathered. Waits. Errors: KARST_FAILED. */
 bool karst_photons_sort(karst_photons *photons, uint32_t num_batches, karst_error *error);
 
 /* Adds to the picture's parts what those photons make of surfaces: rays as karst_paths_look_along_normals leaves them.

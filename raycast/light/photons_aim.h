@@ -7,7 +7,8 @@
 
 #include "raycast/light/photons_shared.h"
 
-/* What a probe met first that mirrors or is clear: how far from the eye, and along its ray; 0: nothing. */
+/* What a probe met first that mirrors or is clear: how far from the eye, and along its ray; 0: nothing; below 0: it met
+ * what is missing. */
 typedef struct {
     float distance, t;
 } karst_photon_seen;
@@ -23,6 +24,9 @@ typedef struct {
     uint32_t index[KARST_PHOTON_CELLS];          /* of a cell in `cells`; UINT32_MAX: it is not there */
     karst_photon_seen first[KARST_PHOTON_CELLS]; /* by probes of cells */
     karst_photon_seen parts[KARST_PHOTON_CELLS]; /* by those of parts: of cell after cell, row by row */
+    bool knows_cells;                            /* `first` is known; then `parts` are looked at */
+    uint32_t num_waiting;                        /* probes of these cells or parts that met what is missing */
+    uint32_t waiting[KARST_PHOTON_CELLS];        /* their numbers, in order */
 } karst_photon_aim;
 
 /* Radius of the ring of a sun's disc that begins row `row` (0 to KARST_PHOTON_ROWS). */

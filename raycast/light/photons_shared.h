@@ -104,7 +104,6 @@ typedef struct {
     uint generation; /* surfaces that have been met */
     uint parts;      /* 2: light is parted in this generation, so each ray has room for two; else 1 */
     uint is_last;    /* photons that meet one more end there */
-    uint is_sure;    /* they go on only from what lacks nothing */
     uint has_land;   /* land counts: of probes, if it mirrors */
     uint has_clear;  /* there is clear matter */
     float detail, voxel_m;
@@ -113,7 +112,7 @@ typedef struct {
     float quantum;    /* quanta of energy in a unit of flux */
     float reach;      /* how far photons are gathered from that have no neighbours, at distance 1 from the eye */
 } karst_photon_task;
-K_ASSERT_SIZE(karst_photon_task, 80);
+K_ASSERT_SIZE(karst_photon_task, 76);
 
 /* Runs of photons take turns among batches. Which has place i of a batch, the way back, and how many there are. */
 K_INLINE uint karst_photon_of(uint batch, uint num_batches, uint i)
