@@ -210,8 +210,10 @@ bool karst_engine_frame(karst_engine *engine, karst_error *error)
                        stats->num_evicted == 0 && !rung_moved && !pace_changed &&
                        karst_ladder_at_rest(&engine->ladder) && karst_pace_at_rest(&engine->pace);
     engine->complete = karst_engine_end_photons(engine, lacks_nothing);
-    if (rung_moved || pace_changed)
+    if (rung_moved)
         karst_engine_forget_photons(engine);
+    else if (pace_changed)
+        karst_engine_change_detail_of_photons(engine);
     if (!karst_engine_end_sample(engine, engine->complete, rung_moved || pace_changed, error))
         return false;
     stats->settled = engine->complete && engine->num_summed == engine->samples &&

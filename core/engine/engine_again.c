@@ -11,7 +11,8 @@ static bool look(karst_engine *engine, bool whole, karst_error *error)
     return (whole ? karst_cast_picture(engine->caster, &view, &pinhole, NULL, engine->asked, NULL, error)
                   : karst_cast_again(engine->caster, &view, &pinhole, engine->asked, error)) &&
            karst_engine_cast_into_clear(engine, &view, &pinhole, false, error) &&
-           karst_engine_look_at_media(engine, &view, &pinhole, error);
+           karst_engine_look_at_media(engine, &view, &pinhole, error) &&
+           karst_engine_look_at_photons(engine, &view, &pinhole, error);
 }
 
 bool karst_engine_look_at_all(karst_engine *engine, karst_error *error) { return look(engine, true, error); }

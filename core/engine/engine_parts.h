@@ -145,7 +145,14 @@ typedef struct {
     bool shows_all;        /* this frame's picture does */
     bool is_whole;         /* and lacked nothing: no more are traced in this view */
     uint32_t bounces;
-    uint32_t num_begun; /* batches of which all photons were traced, or wait */
+    uint32_t num;          /* of all */
+    /* With a budget they are traced in stages, each of four times as many, and each from the beginning: so the first
+     * picture of them comes soon. */
+    uint32_t stages_left;  /* after the present one */
+    bool is_first_stage;   /* of this view */
+    bool is_stale;         /* it is of another detail than the picture by now */
+    float detail;
+    uint32_t num_begun;    /* batches of which all photons were traced, or wait */
 } karst_engine_photons;
 
 /* Media as engine_six_way.c draws them, without the world around them. */
@@ -597,6 +604,8 @@ bool karst_engine_has_caustics(const karst_engine *engine);
 bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config *config, karst_error *error);
 /* They are to be traced anew. */
 void karst_engine_forget_photons(karst_engine *engine);
+/* Likewise, in the same view with other detail; but the first stage is seen before. */
+void karst_engine_change_detail_of_photons(karst_engine *engine);
 /* Before a picture is shaded: traces some more of the view, or what they ask for. */
 bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                 karst_error *error);

@@ -68,6 +68,7 @@ bool karst_engine_create_photons(karst_engine *engine, const karst_engine_config
                         "%s: photons go straight through clear matter whose index varies: its caustics are not true",
                         world->name);
     of->bounces = config->bounces ? config->bounces : DEFAULT_BOUNCES;
+    of->num = config->caustics;
     of->photons = karst_photons_create(engine->context, config->caustics, BATCH_RAYS, error);
     return of->photons != NULL;
 }
@@ -76,7 +77,16 @@ void karst_engine_forget_photons(karst_engine *engine)
 {
     karst_engine_photons *of = &engine->photons;
     of->num_begun = 0;
-    of->is_aiming = of->is_aimed = of->is_whole = false;
+    of->is_aiming = of->is_aimed = of->is_whole = of->is_first_stage = of->is_stale = false;
+}
+
+void karst_engine_change_detail_of_photons(karst_engine *engine)
+{
+    karst_engine_photons *of = &engine->photons;
+    if (of->is_first_stage && engine->budget_ns > 0)
+        of->is_stale = true;
+    else
+        karst_engine_forget_photons(engine);
 }
 
 /* What is shaded there must know the anchor, before the picture says it once more. */
@@ -166,6 +176,13 @@ static uint32_t lamps_of(karst_engine *engine, const karst_light *light, karst_p
     return kept;
 }
 
+/* Shares out as many photons as the present stage has. */
+static bool begin_stage(karst_engine_photons *of, const karst_photon_scene *scene, karst_error *error)
+{
+    of->num_begun = 0;
+    return karst_photons_share(of->photons, scene, of->num >> 2 * of->stages_left, error);
+}
+
 /* Goes on looking where photons are to be sent, or begins to. */
 static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_error *error)
 {
@@ -176,9 +193,14 @@ static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_err
     if (!karst_photons_aim(of->photons, scene, lamps, num, !of->is_aiming, &num_waiting, error))
         return false;
     of->is_aiming = true;
+    of->detail = scene->view->detail;
     of->is_aimed = num_waiting == 0;
-    of->num_begun = 0;
-    return true;
+    /* Who waits for the settled picture has no use for fewer. */
+    of->stages_left = 0;
+    while (engine->budget_ns > 0 && of->num >> 2 * of->stages_left > BATCH_RAYS)
+        of->stages_left++;
+    of->is_first_stage = true;
+    return !of->is_aimed || begin_stage(of, scene, error);
 }
 
 /* Those that wait, of all batches that were begun, and then num_more batches. */
@@ -193,22 +215,46 @@ static bool trace(karst_engine_photons *of, const karst_photon_scene *scene, uin
     return true;
 }
 
-/* Aims, and once that is done traces. Rays end at what is missing, and wait. With a budget the frame's picture alone
- * begins a batch. */
-static bool aim_and_trace(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole, bool draws,
-                          karst_error *error)
+/* Rays end at what is missing, and wait. All are of the detail of the first. */
+static karst_cast_view sure_view(const karst_engine_photons *of, const karst_cast_view *view)
 {
-    karst_engine_photons *of = &engine->photons;
-    const karst_light light = karst_engine_light(engine);
     karst_cast_view sure = *view;
     sure.ends_at_missing = 1;
-    const karst_photon_scene scene = scene_of(engine, &sure, pinhole, &light);
-    if (!of->is_aimed && !aim(engine, &scene, error))
+    sure.detail = of->is_aiming ? of->detail : view->detail;
+    return sure;
+}
+
+/* Aims, and once that is done traces. With a budget a frame begins one batch, of the first stage as soon as it can. */
+static bool aim_and_trace(karst_engine *engine, const karst_photon_scene *scene, bool draws, karst_error *error)
+{
+    karst_engine_photons *of = &engine->photons;
+    if (!of->is_aimed && !aim(engine, scene, error))
         return false;
     if (!of->is_aimed)
         return true;
     const uint32_t left = karst_photons_num_batches(of->photons) - of->num_begun;
-    return trace(of, &scene, engine->budget_ns == 0 ? left : draws && left > 0, error);
+    return trace(of, scene, engine->budget_ns == 0 ? left : left > 0 && (draws || of->is_first_stage), error);
+}
+
+/* Whether what was traced is to be seen: stages as a whole; most of the first is better than nothing. */
+static bool may_show(const karst_engine *engine)
+{
+    const karst_engine_photons *of = &engine->photons;
+    const uint32_t num_waiting = karst_photons_num_waiting(of->photons, of->num_begun);
+    if (!of->is_aimed || of->num_begun < karst_photons_num_batches(of->photons))
+        return false;
+    if (num_waiting == 0)
+        return true;
+    const bool waits = engine->settles && engine->budget_ns == 0;
+    return !waits && of->is_first_stage && num_waiting < karst_photons_num_done(of->photons, of->num_begun) / 8;
+}
+
+static bool show(karst_engine *engine, karst_error *error)
+{
+    karst_engine_photons *of = &engine->photons;
+    of->anchor = engine->camera.position;
+    of->is_sorted = true;
+    return karst_photons_sort(of->photons, of->num_begun, error);
 }
 
 bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
@@ -221,24 +267,38 @@ bool karst_engine_trace_photons(karst_engine *engine, const karst_cast_view *vie
     /* In motion with a budget the last ones are seen from elsewhere. */
     if (of->is_whole || (engine->budget_ns > 0 && engine->motion.moved))
         return true;
-    if (!aim_and_trace(engine, view, pinhole, true, error))
+    const karst_light light = karst_engine_light(engine);
+    const karst_cast_view sure = sure_view(of, view);
+    const karst_photon_scene scene = scene_of(engine, &sure, pinhole, &light);
+    if (!aim_and_trace(engine, &scene, true, error))
         return false;
-    if (!of->is_aimed)
+    if (!may_show(engine))
         return true;
-    of->shows_all = of->num_begun == karst_photons_num_batches(of->photons) &&
-                    karst_photons_num_waiting(of->photons, of->num_begun) == 0;
-    if (!of->shows_all && engine->settles && engine->budget_ns == 0)
+    if (!show(engine, error))
+        return false;
+    if (of->is_stale) {
+        karst_engine_forget_photons(engine);
         return true;
-    of->anchor = engine->camera.position;
-    of->is_sorted = true;
-    return karst_photons_sort(of->photons, of->num_begun, error);
+    }
+    const bool is_done = karst_photons_num_waiting(of->photons, of->num_begun) == 0;
+    of->shows_all = is_done && of->stages_left == 0;
+    if (!is_done || of->shows_all)
+        return true;
+    of->stages_left--;
+    of->is_first_stage = false;
+    return begin_stage(of, &scene, error);
 }
 
 bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *view, const karst_pinhole *pinhole,
                                   karst_error *error)
 {
     const karst_engine_photons *of = &engine->photons;
-    return !of->photons || of->is_whole || !of->is_aiming || aim_and_trace(engine, view, pinhole, false, error);
+    if (!of->photons || of->is_whole || !of->is_aiming)
+        return true;
+    const karst_light light = karst_engine_light(engine);
+    const karst_cast_view sure = sure_view(of, view);
+    const karst_photon_scene scene = scene_of(engine, &sure, pinhole, &light);
+    return aim_and_trace(engine, &scene, false, error);
 }
 
 bool karst_engine_end_photons(karst_engine *engine, bool lacks_nothing)

@@ -15,6 +15,8 @@
 #define COMPILING_NS 150000000u
 /* A scout is not worth its cast for less. */
 #define LEAST_BRICKS 8u
+/* The first levels of a tree have so few that they need no plan. */
+#define FIRST_NODES 64u
 
 /* Of a view that is new all is coarse as yet, and large on the picture. */
 #define APART_NEW_PX (4 * KARST_SCOUT_PIXELS)
@@ -45,9 +47,11 @@ static bool may_go_on(const karst_engine *engine, const karst_work *work, karst_
     left->over = left->over || (engine->goes_on && !engine->goes_on(engine->patience));
     if (left->over)
         return false;
-    return engine->budget_ns == 0 ||
-           (karst_cost_is_known(&engine->cost) &&
-            left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS) + scout_ns(engine));
+    if (engine->budget_ns == 0)
+        return true;
+    if (!karst_cost_is_known(&engine->cost))
+        return work->num_loads + work->num_subdivides <= FIRST_NODES && left->ns > 0;
+    return left->ns >= karst_cost_expected_ns(&engine->cost, LEAST_BRICKS, LEAST_BRICKS) + scout_ns(engine);
 }
 
 static karst_allowance patient_allowance(const karst_engine *engine)

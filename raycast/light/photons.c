@@ -40,8 +40,9 @@ struct karst_photons {
     karst_context *context;
     karst_program *program;
     cl_kernel kernels[NUM_KERNELS];
-    uint32_t num_photons, num_batches, batch_rays; /* batches may have fewer */
-    uint32_t num_sent;                             /* of the photons: all, but for what grids leave over */
+    uint32_t num_photons, batch_rays; /* at most; batches may have fewer */
+    uint32_t num_shared, num_batches; /* of the photons, and of theirs, as they were shared out last */
+    uint32_t num_sent;                /* of these: all, but for what grids leave over */
     uint32_t room;                                 /* rays of the streams */
     uint32_t num_lamps, num_cells;
     uint32_t num_shown; /* photons that are gathered; and how, whatever is aimed since */
@@ -78,6 +79,8 @@ double karst_photons_bytes(uint32_t num_photons, double *largest_bytes)
     *largest_bytes = fmax(photons, (double)NUM_PROBES * sizeof(karst_ray));
     return photons + (double)NUM_PROBES * RAY_BYTES + karst_photon_grid_bytes(num_photons);
 }
+
+static uint32_t runs_of(uint32_t num_photons) { return (num_photons - 1) / KARST_PHOTON_RUN + 1; }
 
 static bool make(karst_photons *photons, karst_buffer **buffer, size_t num, size_t each_bytes, karst_error *error)
 {
@@ -119,7 +122,7 @@ karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons
     }
     p->context = context;
     p->num_photons = num_photons;
-    const uint32_t runs = (num_photons - 1) / KARST_PHOTON_RUN + 1;
+    const uint32_t runs = runs_of(num_photons);
     p->num_batches = (runs - 1) / (max_rays > KARST_PHOTON_RUN ? max_rays / KARST_PHOTON_RUN : 1) + 1;
     p->batch_rays = ((runs - 1) / p->num_batches + 1) * KARST_PHOTON_RUN;
     const uint32_t most = p->batch_rays * KARST_PHOTON_SLOTS;
@@ -377,7 +380,7 @@ static bool set_photons(karst_photons *p, const karst_photon_scene *scene, karst
     double energy = 0, most = 0;
     for (uint32_t i = 0; i < num; i++)
         energy += worth[i];
-    p->num_sent = karst_photons_share_out(p->lamps, scene->pinhole->t_max, parts, worth, &num, p->num_photons);
+    p->num_sent = karst_photons_share_out(p->lamps, scene->pinhole->t_max, parts, worth, &num, p->num_shared);
     p->num_cells = p->num_sent ? num : 0;
     if (!p->num_cells)
         return true;
@@ -419,43 +422,14 @@ static karst_photon_aim *begin_aim(karst_photons *p, const karst_photon_scene *s
     return aim;
 }
 
-/* From what is known of all lamps to photons. */
-static bool send_into_parts(karst_photons *p, const karst_photon_scene *scene, karst_error *error)
-{
-    const size_t most = (size_t)(p->num_lamps ? p->num_lamps : 1) * KARST_PHOTON_CELLS;
-    karst_photon_cell *parts = malloc(most * sizeof *parts);
-    double *worth = malloc(most * sizeof *worth), angle = 0;
-    uint32_t num = 0;
-    bool done = (parts && worth) || karst_fail(error, KARST_FAILED, "out of memory");
-    for (uint32_t l = 0; done && l < p->num_lamps; l++) {
-        for (bool fits = false; !fits;) {
-            double across = 0;
-            const uint32_t of_lamp = karst_photons_find_parts(p->aims[l], parts + num, worth + num, &across);
-            fits = p->aims[l]->parts_log2 == 0 ||
-                   (uint64_t)of_lamp * PART_PHOTONS <= p->num_photons / p->num_lamps;
-            if (fits) {
-                num += of_lamp;
-                angle += across;
-            } else {
-                karst_photons_coarsen(p->aims[l]);
-            }
-        }
-    }
-    done = done && (!num || set_photons(p, scene, parts, worth, num, angle, error));
-    free(parts);
-    free(worth);
-    return done;
-}
-
 bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
                        uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error)
 {
     if (num_lamps > KARST_MOST_LAMPS)
         return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num_lamps, KARST_MOST_LAMPS);
     if (anew) {
-        p->num_cells = p->num_sent = 0;
+        p->num_cells = p->num_shared = p->num_batches = p->num_sent = 0;
         p->num_lamps = num_lamps;
-        memset(p->batches, 0, p->num_batches * sizeof *p->batches);
         if (num_lamps)
             memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
         if ((num_lamps && !karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) ||
@@ -471,7 +445,45 @@ bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const 
         *num_waiting += done ? p->aims[l]->num_waiting : 0;
     }
     free(grids);
-    return done && (*num_waiting || send_into_parts(p, scene, error));
+    return done;
+}
+
+/* The parts of a lamp that get most_photons at most, wider the fewer these are; how many. */
+static uint32_t parts_for(karst_photon_aim *aim, uint32_t most_photons, karst_photon_cell *parts, double *worth,
+                          double *angle)
+{
+    for (;;) {
+        double across = 0;
+        const uint32_t num = karst_photons_find_parts(aim, parts, worth, &across);
+        if (aim->parts_log2 == 0 || (uint64_t)num * PART_PHOTONS <= most_photons) {
+            *angle += across;
+            return num;
+        }
+        karst_photons_coarsen(aim);
+    }
+}
+
+bool karst_photons_share(karst_photons *p, const karst_photon_scene *scene, uint32_t num_photons, karst_error *error)
+{
+    const size_t most = (size_t)(p->num_lamps ? p->num_lamps : 1) * KARST_PHOTON_CELLS;
+    karst_photon_cell *parts = malloc(most * sizeof *parts);
+    double *worth = malloc(most * sizeof *worth), angle = 0;
+    karst_photon_aim *aim = malloc(sizeof *aim);
+    uint32_t num = 0;
+    p->num_cells = p->num_sent = 0;
+    p->num_shared = num_photons;
+    p->num_batches = (runs_of(num_photons) * KARST_PHOTON_RUN - 1) / p->batch_rays + 1;
+    memset(p->batches, 0, p->num_batches * sizeof *p->batches);
+    bool done = (parts && worth && aim) || karst_fail(error, KARST_FAILED, "out of memory");
+    for (uint32_t l = 0; done && l < p->num_lamps; l++) {
+        *aim = *p->aims[l];
+        num += parts_for(aim, num_photons / p->num_lamps, parts + num, worth + num, &angle);
+    }
+    done = done && (!num || set_photons(p, scene, parts, worth, num, angle, error));
+    free(parts);
+    free(worth);
+    free(aim);
+    return done;
 }
 
 /* ---- tracing ---- */

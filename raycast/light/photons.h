@@ -34,8 +34,9 @@ karst_photons *karst_photons_create(karst_context *context, uint32_t num_photons
 void karst_photons_destroy(karst_photons *photons); /* NULL is fine */
 /* What that takes, in all and in the largest buffer. Thread-safe. */
 double karst_photons_bytes(uint32_t num_photons, double *largest_bytes);
+/* Of the photons that were shared out last; 0: none are. */
 uint32_t karst_photons_num_batches(const karst_photons *photons);
-/* Photons of the first ones that wait, and that are done; 0 unless they are aimed. */
+/* Photons of the first ones that wait, and that are done. */
 uint32_t karst_photons_num_waiting(const karst_photons *photons, uint32_t num_batches);
 uint32_t karst_photons_num_done(const karst_photons *photons, uint32_t num_batches);
 
@@ -57,10 +58,14 @@ typedef struct {
 
 /* Looks where photons of these lamps (KARST_MOST_LAMPS at most; absorption where they are in clear matter) are to be
  * sent. anew: from the beginning; what was traced before is forgotten. Else it goes on where probes met what was
- * missing, with the same lamps and view. *num_waiting: probes that still do; once it is 0, photons may be traced. Waits
- * for the device. Errors: KARST_FAILED. */
+ * missing, with the same lamps and view. *num_waiting: probes that still do; once it is 0, photons may be shared out.
+ * Waits for the device. Errors: KARST_FAILED. */
 bool karst_photons_aim(karst_photons *photons, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
                        uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error);
+/* Shares so many photons (1 to as many as there may be) out among what was found. Those before are forgotten; what is
+ * gathered stays. Errors: KARST_FAILED. */
+bool karst_photons_share(karst_photons *photons, const karst_photon_scene *scene, uint32_t num_photons,
+                         karst_error *error);
 /* Traces those of a batch (0 to karst_photons_num_batches - 1) that wait, which at first are all, from the place that
  * was aimed from. Waits for the device. Errors: KARST_FAILED. */
 bool karst_photons_trace(karst_photons *photons, const karst_photon_scene *scene, uint32_t batch, karst_error *error);

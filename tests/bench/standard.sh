@@ -100,6 +100,7 @@ END
         line "lake" "$(calc "$lake / $hills")" "x hills" 3 at-most
     [ -n "$hills" ] && lanterns=$(floors lanterns lanterns) &&
         line "lanterns, 16 lights" "$(calc "$lanterns / $hills")" "x hills"
+    [ -x "$programs/bench/bench_standard_caustics" ] && "$programs/bench/bench_standard_caustics"
 fi
 
 # A scanned rabbit that fills the picture, as a surface and as discs, against a body of noise.

@@ -437,6 +437,37 @@ static void bits_are_the_same_everywhere(void **state)
     }
 }
 
+/* With a budget fewer of them make a first picture, near to the settled one, which comes long before. */
+static void a_few_are_seen_soon(void **state)
+{
+    (void)state;
+    enum { SMALL = 32, NUM_VALUES = 3 * SMALL * SMALL, NUM_ALL = 60000, MOST_FRAMES = 600 };
+    karst_engine_config config = {.caustics = NUM_ALL, .width_px = SMALL, .height_px = SMALL};
+    karst_engine *engine = create(world, &config);
+    settle(engine, &one, SMALL * SMALL);
+    karst_engine_destroy(engine);
+    config.budget_ms = 200;
+    engine = create(world, &config);
+    double off = 1;
+    for (int frame = 0; frame < MOST_FRAMES && off > 0.05; frame++) {
+        double sum = 0, peak = 0;
+        assert_ok(karst_engine_frame(engine, &error));
+        karst_engine_stats(engine, &other.stats);
+        assert_ok(karst_engine_read_radiance(engine, other.light, NUM_VALUES, &error));
+        for (int i = 0; i < NUM_VALUES; i++) {
+            const double d = (double)other.light[i] - (double)one.light[i];
+            sum += d * d;
+            peak = fmax(peak, (double)one.light[i]);
+        }
+        off = sqrt(sum / NUM_VALUES) / peak;
+    }
+    print_message("%u of %u photons: %.3f off\n", (unsigned)other.stats.caustics.num_photons, (unsigned)NUM_ALL, off);
+    assert_true(off <= 0.05);
+    assert_false(other.stats.settled);
+    assert_true(other.stats.caustics.num_photons < NUM_ALL / 2);
+    karst_engine_destroy(engine);
+}
+
 static void expect_usage(const karst_engine_config *config, const char *what)
 {
     karst_error error = {0};
@@ -479,6 +510,7 @@ int main(void)
         cmocka_unit_test(a_wide_sun_makes_soft_edges),
         cmocka_unit_test(a_lamp_makes_a_cardioid),
         cmocka_unit_test(bits_are_the_same_everywhere),
+        cmocka_unit_test(a_few_are_seen_soon),
         cmocka_unit_test(what_cannot_be_is_told),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
