@@ -12,12 +12,14 @@ bool karst_engine_wants_occlusion(const karst_engine_config *config, const karst
 
 static bool has_window(const karst_engine *engine) { return engine->window.whole_width_px != 0; }
 
-/* What a window looks at on an axis: from the probe that lies as far before it as neighbours count, to the one that far
- * behind, or the whole's last pixel. */
+/* What a window looks at on an axis: what counts for the fits before and behind it, from where one is made to the last
+ * probe, or the whole's last pixel. */
 static void look_around(int first_px, int num_px, int whole_px, int step, int *begin_px, int *end_px)
 {
-    const int reach = KARST_OCCLUSION_REACH * step;
-    const int begin = first_px / step * step - reach, last = (first_px + num_px - 1 + step - 1) / step * step + reach;
+    const int apart = KARST_OCCLUSION_FIT_STEP * step,
+              reach = (KARST_OCCLUSION_REACH * step + apart - 1) / apart * apart;
+    const int begin = first_px / apart * apart - reach,
+              last = (first_px + num_px - 1 + apart - 1) / apart * apart + reach;
     *begin_px = begin > 0 ? begin : 0;
     *end_px = (last < whole_px - 1 ? last : whole_px - 1) + 1;
 }

@@ -11,10 +11,10 @@
 struct karst_occlusion {
     karst_context *context;
     karst_program *program;
-    cl_kernel rays_kernel, places_kernel, see, fit, gather;
+    cl_kernel rays_kernel, depths_kernel, see, fit, gather;
     int width_px, height_px; /* that there is room for */
     bool has_window;
-    karst_buffer *rays, *ray_hits, *planes, *places, *open, *hits; /* the last: of windows */
+    karst_buffer *rays, *ray_hits, *planes, *depths, *open, *hits; /* the last: of windows */
     karst_pinhole seen; /* that was aimed for last */
     karst_occlusion_task task;
 };
@@ -30,12 +30,12 @@ karst_occlusion *karst_occlusion_create(karst_context *context, karst_error *err
     occlusion->program = karst_program_build(context, "raycast/light/occlusion.cl", "", NULL, 0, error);
     if (occlusion->program) {
         occlusion->rays_kernel = karst_program_kernel(occlusion->program, "occlusion_rays", error);
-        occlusion->places_kernel = karst_program_kernel(occlusion->program, "occlusion_places", error);
+        occlusion->depths_kernel = karst_program_kernel(occlusion->program, "occlusion_depths", error);
         occlusion->see = karst_program_kernel(occlusion->program, "occlusion_see", error);
         occlusion->fit = karst_program_kernel(occlusion->program, "occlusion_fit", error);
         occlusion->gather = karst_program_kernel(occlusion->program, "occlusion_gather", error);
     }
-    if (occlusion->rays_kernel && occlusion->places_kernel && occlusion->see && occlusion->fit && occlusion->gather)
+    if (occlusion->rays_kernel && occlusion->depths_kernel && occlusion->see && occlusion->fit && occlusion->gather)
         return occlusion;
     karst_occlusion_destroy(occlusion);
     return NULL;
@@ -43,7 +43,7 @@ karst_occlusion *karst_occlusion_create(karst_context *context, karst_error *err
 
 static void free_room(karst_occlusion *occlusion)
 {
-    karst_buffer **const buffers[] = {&occlusion->rays, &occlusion->ray_hits, &occlusion->planes, &occlusion->places,
+    karst_buffer **const buffers[] = {&occlusion->rays, &occlusion->ray_hits, &occlusion->planes, &occlusion->depths,
                                       &occlusion->open, &occlusion->hits};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) {
         karst_buffer_destroy(*buffers[i]);
@@ -56,7 +56,7 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 {
     if (!occlusion)
         return;
-    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->places_kernel, occlusion->see, occlusion->fit,
+    const cl_kernel kernels[] = {occlusion->rays_kernel, occlusion->depths_kernel, occlusion->see, occlusion->fit,
                                  occlusion->gather};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i])
@@ -71,7 +71,8 @@ void karst_occlusion_destroy(karst_occlusion *occlusion)
 /* Of what is looked at, for a picture of a size: at most. */
 static size_t seen_px(int side_px, int step_px, bool has_window)
 {
-    return (size_t)side_px + (has_window ? (size_t)(2 * (KARST_OCCLUSION_REACH * step_px + step_px - 1)) : 0);
+    const int more = (KARST_OCCLUSION_REACH + 2 * KARST_OCCLUSION_FIT_STEP) * step_px;
+    return (size_t)side_px + (has_window ? (size_t)(2 * more) : 0);
 }
 
 /* On a side: the last pixel's, too. */
@@ -88,9 +89,13 @@ static size_t squares(size_t width_px, size_t height_px)
 
 /* Of what is known of probes, and of pixels. */
 #define PROBE_BYTES (KARST_OCCLUSION_PLANES * sizeof(float))
-#define PLACE_BYTES (KARST_OCCLUSION_PLACES * sizeof(float))
+#define DEPTH_BYTES sizeof(float)
 
-static size_t all_probes(size_t width_px, size_t height_px) { return probes_across(width_px) * probes_down(height_px); }
+/* Even columns, and as much room for odd ones. */
+static size_t all_probes(size_t width_px, size_t height_px)
+{
+    return (probes_across(width_px) + 1) / 2 * 2 * probes_down(height_px);
+}
 
 static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
@@ -99,7 +104,7 @@ double karst_occlusion_bytes(int width_px, int height_px, bool has_window)
     const size_t width = seen_px(width_px, KARST_OCCLUSION_STEP_X, has_window),
                  height = seen_px(height_px, KARST_OCCLUSION_STEP_Y, has_window);
     return (double)squares(width, height) * KARST_OCCLUSION_SQUARE_RAYS * (sizeof(karst_ray) + sizeof(karst_hit)) +
-           (double)all_probes(width, height) * PROBE_BYTES + (double)width * (double)height * PLACE_BYTES +
+           (double)all_probes(width, height) * PROBE_BYTES + (double)width * (double)height * DEPTH_BYTES +
            (double)width_px * height_px * sizeof(float) +
            (has_window ? (double)width * (double)height : 0) * sizeof(karst_hit);
 }
@@ -124,7 +129,7 @@ bool karst_occlusion_set_room(karst_occlusion *occlusion, int width_px, int heig
     if (!(occlusion->rays = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_ray), error)) ||
         !(occlusion->ray_hits = make(occlusion, most * KARST_OCCLUSION_SQUARE_RAYS, sizeof(karst_hit), error)) ||
         !(occlusion->planes = make(occlusion, most_probes, PROBE_BYTES, error)) ||
-        !(occlusion->places = make(occlusion, width * height, PLACE_BYTES, error)) ||
+        !(occlusion->depths = make(occlusion, width * height, DEPTH_BYTES, error)) ||
         !(occlusion->open = make(occlusion, (size_t)width_px * (size_t)height_px, sizeof(float), error)) ||
         (has_window && !(occlusion->hits = make(occlusion, width * height, sizeof(karst_hit), error))))
         return false;
@@ -204,7 +209,7 @@ bool karst_occlusion_aim(karst_occlusion *occlusion, const karst_cast_view *view
     if (!occlusion->open || hits->size_bytes / sizeof(karst_hit) < width * height ||
         occlusion->rays->size_bytes / sizeof(karst_ray) < karst_occlusion_num_cones(occlusion) ||
         occlusion->planes->size_bytes / PROBE_BYTES < all_probes(width, height) ||
-        occlusion->places->size_bytes / PLACE_BYTES < width * height)
+        occlusion->depths->size_bytes / DEPTH_BYTES < width * height)
         return karst_fail(error, KARST_FAILED, "there is no room for the cones of a picture of %dx%d", seen->width_px,
                           seen->height_px);
     return KARST_ARGUMENTS(occlusion->rays_kernel, error, KARST_VALUE_ARG(*seen), KARST_VALUE_ARG(occlusion->task),
@@ -234,18 +239,25 @@ static uint32_t blocks(int first_px, int num_px, int step_px)
     return (uint32_t)((first_px + num_px - 1) / step_px - first_px / step_px + 1);
 }
 
+/* Of so many probes on an axis. */
+static uint32_t fits_on(uint32_t probes)
+{
+    return (probes + KARST_OCCLUSION_FIT_STEP - 1) / KARST_OCCLUSION_FIT_STEP;
+}
+
 /* What the seen pixels' surfaces are, what cones found, and what follows at each probe from those around it. */
 static bool look_at_probes(karst_occlusion *occlusion, const karst_buffer *hits, karst_error *error)
 {
     const karst_occlusion_task *task = &occlusion->task;
     const uint32_t lanes = (uint32_t)occlusion->context->lanes, items = num_items(occlusion);
-    const uint32_t places = blocks(0, occlusion->seen.width_px, KARST_OCCLUSION_STEP_X) *
+    const uint32_t pixels = blocks(0, occlusion->seen.width_px, KARST_OCCLUSION_STEP_X) *
                             blocks(0, occlusion->seen.height_px, KARST_OCCLUSION_STEP_Y) * KARST_OCCLUSION_BLOCK /
                             lanes;
-    const uint32_t fits = ((uint32_t)task->across + lanes - 1) / lanes * (uint32_t)task->down;
-    return KARST_ARGUMENTS(occlusion->places_kernel, error, KARST_VALUE_ARG(occlusion->seen), KARST_BUFFER_ARG(hits),
-                           KARST_BUFFER_ARG(occlusion->places), KARST_VALUE_ARG(places)) &&
-           launch(occlusion, occlusion->places_kernel, places, error) &&
+    const uint32_t fits_across = fits_on((uint32_t)task->across),
+                   fits = (fits_across + lanes - 1) / lanes * fits_on((uint32_t)task->down);
+    return KARST_ARGUMENTS(occlusion->depths_kernel, error, KARST_VALUE_ARG(occlusion->seen), KARST_BUFFER_ARG(hits),
+                           KARST_BUFFER_ARG(occlusion->depths), KARST_VALUE_ARG(pixels)) &&
+           launch(occlusion, occlusion->depths_kernel, pixels, error) &&
            KARST_ARGUMENTS(occlusion->see, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
                            KARST_BUFFER_ARG(occlusion->ray_hits), KARST_BUFFER_ARG(occlusion->planes),
                            KARST_VALUE_ARG(items)) &&
@@ -272,7 +284,7 @@ bool karst_occlusion_gather(karst_occlusion *occlusion, const karst_pinhole *pic
     return look_at_probes(occlusion, hits, error) &&
            KARST_ARGUMENTS(occlusion->gather, error, KARST_VALUE_ARG(occlusion->seen), KARST_VALUE_ARG(*task),
                            KARST_BUFFER_ARG(hits), KARST_BUFFER_ARG(occlusion->planes),
-                           KARST_BUFFER_ARG(occlusion->places), KARST_BUFFER_ARG(occlusion->open),
+                           KARST_BUFFER_ARG(occlusion->depths), KARST_BUFFER_ARG(occlusion->open),
                            KARST_VALUE_ARG(items)) &&
            launch(occlusion, occlusion->gather, items, error);
 }

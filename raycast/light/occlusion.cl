@@ -10,8 +10,11 @@
 /* Where no other is near, it says what is known. */
 #define LEAST_KINSHIP 1.0e-4f
 /* A probe counts for a fit in the same way, though never for nothing: directions are wanted on all sides. */
-#define FAR_APART_IN_FIT 0.5f
+#define FAR_APART_IN_FIT 0.7f
 #define LEAST_KINSHIP_IN_FIT 0.03f
+/* What stands at a cone's end stands elsewhere as others see it. Those too far away to tell are left as they are: not
+ * much more than so many times, squared, as far as that is. */
+#define MOVES_WITHIN 0.5f
 /* Added to how much directions spread, 1/3 on each axis where they are all around: what does not spread says little of
  * how openness changes along it. */
 #define LEAST_SPREAD 0.02f
@@ -20,6 +23,8 @@
 #define LEAST_SHARE 0.02f
 /* How far from the eye what is not there is. */
 #define NOWHERE 1.0e30f
+/* Nothing that is met is nearer, voxels. */
+#define NEAREST 1.0e-3f
 /* Cones start so many voxels of its level above a surface, as rays to the sun do: its own roughness does not stop them
  * (raycast/cast/graze.clh). Rays that start exactly on it cost eight times as much. */
 #define OFFSET_VOXELS (1.5f * START_PIXELS)
@@ -52,6 +57,13 @@ RAY_INLINE cell_probes probes_of_item(uint item, int across_probes, int down_pro
     p.first_ray = square * KARST_OCCLUSION_SQUARE_RAYS + group * (8 * KARST_OCCLUSION_CONES) +
                   8 * (cell_y % 2 * 4 + cell_x % 4);
     return p;
+}
+
+/* Where what is known of a probe is in a plane. */
+RAY_INLINE vint place_of_probe(vint x, vint y, int across)
+{
+    const int evens = (across + 1) / 2;
+    return (y * 2 + (x & 1)) * evens + (x >> 1);
 }
 
 /* The pixel of a probe, on an axis. */
@@ -160,8 +172,10 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
         const uint inside = mask_bits(p.inside);
         const vector3 to = {direction.x * s.t, direction.y * s.t, direction.z * s.t};
         const vfloat voxel = v_as_float((s.level + 127) << 23), width = s.t * seen.cone;
-        vector3 way = {zero, zero, zero};
+        vector3 way = {zero, zero, zero}, from = way;
         if (v_any(hit)) {
+            from.x = v_select(hit, to.x, zero), from.y = v_select(hit, to.y, zero);
+            from.z = v_select(hit, to.z, zero);
             way = cone_of(&task, number);
             const vfloat to_number = dot_of(&way, &s.normal), cosine = k_fabs(to_number);
             const vint leaves = hit & v_gt(cosine, (vfloat)(LEAST_COSINE));
@@ -179,11 +193,14 @@ __kernel K_WIDE void occlusion_rays(karst_pinhole seen, karst_occlusion_task tas
             r.width = v_select(hit, lane_max(width, voxel * (vfloat)(1.0001f / task.detail)) * START_PIXELS, r.width);
             r.t_max = v_select(leaves, to_end(&to, &way, seen.t_max), zero);
         }
-        const vint place = p.y * task.across + p.x;
+        const vint place = place_of_probe(p.x, p.y, task.across);
         scatter(planes + KARST_OCCLUSION_T * task.plane, place, inside, v_select(hit, s.t, (vfloat)(NOWHERE)));
         scatter(planes + KARST_OCCLUSION_WAY * task.plane, place, inside, way.x);
         scatter(planes + (KARST_OCCLUSION_WAY + 1) * task.plane, place, inside, way.y);
         scatter(planes + (KARST_OCCLUSION_WAY + 2) * task.plane, place, inside, way.z);
+        scatter(planes + KARST_OCCLUSION_PLACE * task.plane, place, inside, from.x);
+        scatter(planes + (KARST_OCCLUSION_PLACE + 1) * task.plane, place, inside, from.y);
+        scatter(planes + (KARST_OCCLUSION_PLACE + 2) * task.plane, place, inside, from.z);
     }
     store_paths(rays, &r, KARST_SIDE_ANY);
     store_rise(rays, &r, rise);
@@ -200,11 +217,13 @@ __kernel K_WIDE void occlusion_see(karst_pinhole seen, karst_occlusion_task task
     if (!v_any(p.inside))
         return;
     const vint ray = ray_of(&p, direction_of(&seen, task.turn, p.x, p.y));
-    const vint kind =
-        v_gather_int((K_GLOBAL const int *)hits, ray * (int)(sizeof(karst_hit) / sizeof(int)) + 1) & 0xff;
-    const vint place = v_select(p.inside, p.y * task.across + p.x, (vint)(0));
-    scatter(planes + KARST_OCCLUSION_OPEN * task.plane, place, mask_bits(p.inside),
-            v_select(v_mask(v_eq(kind, (vint)((int)KARST_HIT_MISS))), (vfloat)(1.0f), (vfloat)(0.0f)));
+    const vint word = ray * (int)(sizeof(karst_hit) / sizeof(int));
+    const vint kind = v_gather_int((K_GLOBAL const int *)hits, word + 1) & 0xff;
+    const vfloat t = v_as_float(v_gather_int((K_GLOBAL const int *)hits, word));
+    const vint place = v_select(p.inside, place_of_probe(p.x, p.y, task.across), (vint)(0));
+    scatter(planes + KARST_OCCLUSION_NEAR * task.plane, place, mask_bits(p.inside),
+            v_select(v_mask(v_eq(kind, (vint)((int)KARST_HIT_MISS))), (vfloat)(0.0f),
+                     1.0f / lane_max(t, (vfloat)(NEAREST))));
 }
 
 /* How much a probe so many steps away counts for a fit, on an axis: it fades out, so that no edge is seen. */
@@ -272,43 +291,74 @@ RAY_INLINE void fit_line(const direction_sums *s, vfloat *level, vector3 *slope,
     *floor = open * LEAST_SHARE;
 }
 
-/* At a probe, and LANES - 1 that follow it in its row: how openness depends on direction, from the cones around. */
+/* Probes of a row, so many columns to the right of those where there are fits: from the one numbered `at` on. */
+RAY_INLINE vfloat load_probes(K_GLOBAL const float *row, vint at, int right, int across)
+{
+    const int evens = (across + 1) / 2;
+    return right & 1 ? load_row(row + evens, at, right >> 1, across / 2) : load_row(row, at, right >> 1, evens);
+}
+
+/* The direction of what a cone found, from a surface that lies `back` of the cone's own. near: as in the plane. */
+RAY_INLINE vector3 seen_from(const vector3 *way, const vector3 *back, vfloat near)
+{
+    const vfloat keeps = k_fma(dot_of(back, back) * (near * near), (vfloat)(MOVES_WITHIN), (vfloat)(1.0f));
+    const vector3 to = {k_fma(way->x, keeps, back->x * near), k_fma(way->y, keeps, back->y * near),
+                        k_fma(way->z, keeps, back->z * near)};
+    return unit_of(to);
+}
+
+/* At the probes of a row where there are fits, LANES of them: how openness depends on direction, from the cones
+ * around. */
 __kernel K_WIDE void occlusion_fit(karst_occlusion_task task, K_GLOBAL float *planes, uint num_items)
 {
     const uint item = (uint)get_global_id(0);
     if (item >= num_items)
         return;
-    const int items_across = (task.across + LANES - 1) / LANES;
-    const int row = (int)(item / (uint)items_across), column = (int)(item % (uint)items_across) * LANES;
-    const vint here = V_LANE + column, inside = v_mask(v_lt(here, (vint)(task.across)));
+    const int fits_across = (task.across + 1) / KARST_OCCLUSION_FIT_STEP;
+    const int items_across = (fits_across + LANES - 1) / LANES;
+    const int row = (int)(item / (uint)items_across) * KARST_OCCLUSION_FIT_STEP;
+    const vint at = V_LANE + (int)(item % (uint)items_across) * LANES, here = at * KARST_OCCLUSION_FIT_STEP;
+    const vint inside = v_mask(v_lt(at, (vint)(fits_across)));
     const vfloat zero = (vfloat)(0.0f);
-    const vfloat t = load_row(planes + (uint)(row * task.across), here, 0, task.across);
+    const int row_size = (task.across + 1) / 2 * 2;
+    K_GLOBAL const float *own = planes + row * row_size;
+    const vfloat t = load_probes(own, at, 0, task.across);
+    const vector3 from = {load_probes(own + KARST_OCCLUSION_PLACE * task.plane, at, 0, task.across),
+                          load_probes(own + (KARST_OCCLUSION_PLACE + 1) * task.plane, at, 0, task.across),
+                          load_probes(own + (KARST_OCCLUSION_PLACE + 2) * task.plane, at, 0, task.across)};
     const vfloat per_far = 1.0f / (t * FAR_APART_IN_FIT);
     direction_sums sums = {zero, zero, {zero, zero, zero}, {zero, zero, zero}, zero, zero, zero, zero, zero, zero};
     for (int down = -KARST_OCCLUSION_REACH; down <= KARST_OCCLUSION_REACH; down++) {
-        const int at = row + down;
-        if (at < 0 || at >= task.down)
+        if (row + down < 0 || row + down >= task.down)
             continue;
-        K_GLOBAL const float *probes = planes + (uint)(at * task.across);
+        K_GLOBAL const float *probes = own + down * row_size;
         for (int right = -KARST_OCCLUSION_REACH; right <= KARST_OCCLUSION_REACH; right++) {
             const vint there = here + right;
-            const vector3 way = {load_row(probes + KARST_OCCLUSION_WAY * task.plane, here, right, task.across),
-                                 load_row(probes + (KARST_OCCLUSION_WAY + 1) * task.plane, here, right, task.across),
-                                 load_row(probes + (KARST_OCCLUSION_WAY + 2) * task.plane, here, right, task.across)};
+            if ((right & 1) && task.across == 1)
+                continue;
+            const vector3 way = {load_probes(probes + KARST_OCCLUSION_WAY * task.plane, at, right, task.across),
+                                 load_probes(probes + (KARST_OCCLUSION_WAY + 1) * task.plane, at, right, task.across),
+                                 load_probes(probes + (KARST_OCCLUSION_WAY + 2) * task.plane, at, right, task.across)};
             const vint has_cone = v_mask(v_gt(dot_of(&way, &way), (vfloat)(0.5f))) & v_mask(v_ge(there, (vint)(0))) &
                                   v_mask(v_lt(there, (vint)(task.across)));
             if (!v_any(has_cone)) /* sky */
                 continue;
-            const vfloat alike = kinship(load_row(probes + KARST_OCCLUSION_T * task.plane, here, right, task.across), t,
-                                         per_far, LEAST_KINSHIP_IN_FIT);
-            add_direction(&sums, &way, v_select(has_cone, alike * (nearness(right) * nearness(down)), zero),
-                          load_row(probes + KARST_OCCLUSION_OPEN * task.plane, here, right, task.across));
+            K_GLOBAL const float *places = probes + KARST_OCCLUSION_PLACE * task.plane;
+            const vector3 back = {load_probes(places, at, right, task.across) - from.x,
+                                  load_probes(places + task.plane, at, right, task.across) - from.y,
+                                  load_probes(places + 2 * task.plane, at, right, task.across) - from.z};
+            const vfloat near = load_probes(probes + KARST_OCCLUSION_NEAR * task.plane, at, right, task.across);
+            const vfloat alike = kinship(load_probes(probes + KARST_OCCLUSION_T * task.plane, at, right, task.across),
+                                         t, per_far, LEAST_KINSHIP_IN_FIT);
+            const vector3 seen = seen_from(&way, &back, near);
+            add_direction(&sums, &seen, v_select(has_cone, alike * (nearness(right) * nearness(down)), zero),
+                          v_select(v_mask(v_gt(near, zero)), zero, (vfloat)(1.0f)));
         }
     }
     vfloat level, floor;
     vector3 slope;
     fit_line(&sums, &level, &slope, &floor);
-    const vint place = here + row * task.across;
+    const vint place = at + row * row_size;
     const uint lanes = mask_bits(inside);
     const float mean_cosine = 2.0f / 3.0f; /* to the normal, of directions that count by it */
     scatter(planes + KARST_OCCLUSION_LEVEL * task.plane, place, lanes, level);
@@ -318,17 +368,18 @@ __kernel K_WIDE void occlusion_fit(karst_occlusion_task task, K_GLOBAL float *pl
     scatter(planes + KARST_OCCLUSION_FLOOR * task.plane, place, lanes, floor);
 }
 
-/* What the fits of the four probes around pixels say of them: part_x, part_y: where they lie between those. */
+/* What the four fits around pixels say of them: fit_x, fit_y: the one before them; part_x, part_y: where they lie
+ * between those. */
 RAY_INLINE vfloat open_by_fits(const karst_occlusion_task *task, K_GLOBAL const float *planes, const surface_hits *s,
-                               int probe_x, int probe_y, vfloat part_x, vfloat part_y)
+                               int fit_x, int fit_y, vfloat part_x, vfloat part_y)
 {
     const vfloat per_far = 1.0f / lane_max(s->t * FAR_APART, (vfloat)(1.0e-30f));
     vfloat open = (vfloat)(0.0f), sum = open;
     for (int corner = 0; corner < 4; corner++) {
-        const int column = probe_x + (corner & 1), row = probe_y + (corner >> 1);
-        if (column >= task->across || row >= task->down)
+        const int column = fit_x + (corner & 1), row = (fit_y + (corner >> 1)) * KARST_OCCLUSION_FIT_STEP;
+        if (column * KARST_OCCLUSION_FIT_STEP >= task->across || row >= task->down)
             continue;
-        K_GLOBAL const float *probe = planes + ((uint)row * (uint)task->across + (uint)column);
+        K_GLOBAL const float *probe = planes + (row * ((task->across + 1) / 2 * 2) + column);
         const vfloat near = (corner & 1 ? part_x : 1.0f - part_x) * (corner & 2 ? part_y : 1.0f - part_y);
         const vfloat weight = (near + LEAST_KINSHIP) * kinship((vfloat)(probe[KARST_OCCLUSION_T * task->plane]), s->t,
                                                                per_far, LEAST_KINSHIP);
@@ -343,9 +394,9 @@ RAY_INLINE vfloat open_by_fits(const karst_occlusion_task *task, K_GLOBAL const 
     return lane_unit(open / sum);
 }
 
-/* The pixels between four probes, or some of them: from the fits there, and what their own surroundings hide. */
+/* The pixels between four probes, or some of them: from the fits around, and what their own surroundings hide. */
 __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task task, K_GLOBAL const karst_hit *hits,
-                                      K_GLOBAL const float *planes, K_GLOBAL const float *places,
+                                      K_GLOBAL const float *planes, K_GLOBAL const float *depths,
                                       K_GLOBAL float *open, uint num_items)
 {
     const uint item = (uint)get_global_id(0);
@@ -365,11 +416,14 @@ __kernel K_WIDE void occlusion_gather(karst_pinhole seen, karst_occlusion_task t
     const vint hit = v_mask(v_ne(s.kind, (vint)((int)KARST_HIT_MISS))) & inside;
     vfloat share = (vfloat)(1.0f);
     if (v_any(hit)) {
-        const vfloat part_x = v_to_float(b.x - b.block_x * KARST_OCCLUSION_STEP_X) * (1.0f / KARST_OCCLUSION_STEP_X),
-                     part_y = v_to_float(b.y - b.block_y * KARST_OCCLUSION_STEP_Y) * (1.0f / KARST_OCCLUSION_STEP_Y);
+        const int fit_x = b.block_x / KARST_OCCLUSION_FIT_STEP, fit_y = b.block_y / KARST_OCCLUSION_FIT_STEP;
+        const int apart_x = KARST_OCCLUSION_FIT_STEP * KARST_OCCLUSION_STEP_X,
+                  apart_y = KARST_OCCLUSION_FIT_STEP * KARST_OCCLUSION_STEP_Y;
+        const vfloat part_x = v_to_float(b.x - fit_x * apart_x) * (1.0f / apart_x),
+                     part_y = v_to_float(b.y - fit_y * apart_y) * (1.0f / apart_y);
         const vfloat width = lane_max(s.t * seen.cone, v_as_float((s.level + 127) << 23));
-        const vfloat far = open_by_fits(&task, planes, &s, b.block_x, b.block_y, part_x, part_y);
-        const vfloat near = hidden_nearby(&seen, places, &b, &s.normal, width);
+        const vfloat far = open_by_fits(&task, planes, &s, fit_x, fit_y, part_x, part_y);
+        const vfloat near = hidden_nearby(&seen, depths, &b, &s.normal, width);
         share = v_select(hit, k_fma(-far, near, far), share);
     }
     if (task.left_px == 0 && task.top_px == 0) /* the order is the same, of whole packets */

@@ -3,15 +3,16 @@
  * There are 64 directions, spread over the sphere. Of every 32 pixels (8x4) one is a probe: it casts one cone, in one
  * direction, or away from it, if it would lead into its surface: a ray whose footprint grows by KARST_OCCLUSION_CONE of
  * its way, so that it goes through ever coarser bricks. Which direction follows from the probe's place: any 8x8 probes
- * have one each (interleaved sampling: A. Keller and W. Heidrich, 2001). At each probe a plane is fitted to what the
- * cones of 11x11 probes around it found, over their directions, by least squares: level + slope . direction. Cones of
- * any few probes lie unevenly on the hemisphere, and their plain mean leans to where more of them are; the fit does
- * not. For a surface whose normal is n, the mean by cosine of such a plane is level + 2/3 slope . n, so that rough land
- * is as dark as it is turned away. A pixel takes that of the four probes around it, as far as they are about as far
- * from the eye.
+ * have one each (interleaved sampling: A. Keller and W. Heidrich, 2001). At every second probe of every second row a
+ * plane is fitted to what the cones of 15x15 probes around it found, over their directions, by least squares: level +
+ * slope . direction. Cones of any few probes lie unevenly on the hemisphere, and their plain mean leans to where more
+ * of them are; the fit does not. What a cone met counts in the direction in which the fit's own surface sees it: where
+ * walls are as near as those probes are, that is another one. For a surface whose normal is n, the mean by cosine of
+ * such a plane is level + 2/3 slope . n, so that rough land is as dark as it is turned away. A pixel takes that of the
+ * four fits around it, as far as they are about as far from the eye.
  *
  * Cones begin some pixels wide, above the surface. What hides a pixel nearer than that is found in the picture itself
- * (raycast/light/occlusion_near.clh): in four directions, how far other pixels' surfaces rise above its own plane.
+ * (raycast/light/occlusion_near.clh): in eight directions, how far other pixels' surfaces rise above its own plane.
  * Samples of a picture turn the sphere.
  *
  * Cones are rays as all others are: they start a little above the surface as those to the sun do, ask for what they

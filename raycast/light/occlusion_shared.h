@@ -18,22 +18,24 @@
 #define KARST_OCCLUSION_CELLS 8 /* of 8x8 probes, on a side of that */
 #define KARST_OCCLUSION_SQUARE_RAYS (KARST_OCCLUSION_SQUARE * KARST_OCCLUSION_SQUARE)
 
-#define KARST_OCCLUSION_REACH 5 /* probes that count for what is said at one: of those around it, each way */
+/* Fits are made at probes of every so many columns and rows. */
+#define KARST_OCCLUSION_FIT_STEP 2
+#define KARST_OCCLUSION_REACH 7 /* probes that count for a fit: of those around it, each way */
 
-/* What is known of probes, one plane after another. */
-#define KARST_OCCLUSION_T 0    /* how far from the eye, level-0 voxels */
-#define KARST_OCCLUSION_WAY 1  /* and the two that follow: a cone's direction, unit, world axes; 0 if there is none */
-#define KARST_OCCLUSION_OPEN 4 /* 1: it met nothing; else 0 */
-/* And what is said there of all directions: level + slope . n, of a surface whose normal is n. */
-#define KARST_OCCLUSION_LEVEL 5
-#define KARST_OCCLUSION_SLOPE 6 /* and the two that follow */
-#define KARST_OCCLUSION_FLOOR 9 /* and so much at least */
-#define KARST_OCCLUSION_PLANES 10
-
-#define KARST_OCCLUSION_PLACES 3 /* floats of a pixel: where its surface lies */
+/* What is known of probes, one plane after another. In each row those of even columns come first, so that fits find
+ * neighbours beside one another. */
+#define KARST_OCCLUSION_T 0     /* how far from the eye, level-0 voxels */
+#define KARST_OCCLUSION_WAY 1   /* and the two that follow: a cone's direction, unit, world axes; 0 if there is none */
+#define KARST_OCCLUSION_PLACE 4 /* and the two that follow: where its surface lies, from the eye */
+#define KARST_OCCLUSION_NEAR 7  /* one over how far away is what it met; 0: nothing */
+/* And what is said of all directions where there are fits: level + slope . n, of a surface whose normal is n. */
+#define KARST_OCCLUSION_LEVEL 8
+#define KARST_OCCLUSION_SLOPE 9  /* and the two that follow */
+#define KARST_OCCLUSION_FLOOR 12 /* and so much at least */
+#define KARST_OCCLUSION_PLANES 13
 
 typedef struct {
-    uint plane;              /* probes: of one plane */
+    uint plane;              /* numbers of one plane */
     uint turn;               /* added to which direction is a probe's */
     float detail;            /* as karst_cast_view.detail */
     int across, down;        /* probes of the window that is looked at */
