@@ -129,7 +129,7 @@ void karst_emit_place(karst_emit *emit, karst_expr e)
     karst_text_add(&emit->text, "        noise_position q;\n");
     for (int i = 0; i < (is_flat ? 2 : 3); i++)
         coordinate(emit, e, i);
-    if (is_flat) /* which nobody asks for */
+    if (is_flat && !emit->nodes[e].texture) /* which nobody asks for */
         karst_text_add(&emit->text, "        q.axis[2] = q.axis[1];\n");
 }
 

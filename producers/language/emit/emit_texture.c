@@ -29,9 +29,10 @@ void karst_emit_texture_lines(karst_emit *emit, karst_expr e)
                    emit->layout->word[e]);
     karst_emit_near_image(emit, e);
     karst_emit_place(emit, e);
-    karst_text_add(text,
-                   "        vfloat channels[TEXTURE_MOST_CHANNELS];\n"
-                   "        texture_values(weight.image, weight.image_level, &q.axis[0], &q.axis[1], channels);\n");
+    karst_text_add(
+        text,
+        "        vfloat channels[TEXTURE_MOST_CHANNELS];\n"
+        "        texture_values(image_of(octave), image_level_at(octave, level), &q.axis[0], &q.axis[1], channels);\n");
     for (karst_expr f = e; f < graph->num_nodes; f++)
         if (emit->nodes[f].texture == e && is_shared)
             karst_text_add(text, "        v%u = v_select(s%u, channels[%u], (vfloat)(0.0f));\n", f, e,
