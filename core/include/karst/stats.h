@@ -56,9 +56,9 @@ typedef struct {
     uint64_t num_resident_bricks, num_requests, num_produced;
 } karst_stats_store;
 
-/* What became of the photons that make caustics (karst_engine_config.caustics), of this view so far. Energies are of
- * all colours together, in units of a light's colour times square metres of what it shines on; what is emitted is the
- * sum of the others, to the last quantum. */
+/* What became of the photons that make caustics (karst_engine_config.caustics), of this view so far; with a budget in
+ * ms, of the stage that is traced (docs/LIGHT.md). Energies are of all colours together, in units of a light's colour
+ * times square metres of what it shines on; what is emitted is the sum of the others, to the last quantum. */
 typedef struct {
     uint64_t num_photons; /* traced; all of them once the picture is settled */
     uint64_t num_landed;  /* on land, by way of mirrors or clear matter */
