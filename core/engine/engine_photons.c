@@ -183,24 +183,31 @@ static bool begin_stage(karst_engine_photons *of, const karst_photon_scene *scen
     return karst_photons_share(of->photons, scene, of->num >> 2 * of->stages_left, error);
 }
 
-/* Goes on looking where photons are to be sent, or begins to. */
-static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_error *error)
+static bool begin_aim(karst_engine *engine, const karst_photon_scene *scene, karst_error *error)
 {
     karst_engine_photons *of = &engine->photons;
     karst_photon_lamp lamps[KARST_MOST_LAMPS];
-    const uint32_t num = lamps_of(engine, scene->light, lamps);
-    uint32_t num_waiting = 0;
-    if (!karst_photons_aim(of->photons, scene, lamps, num, !of->is_aiming, &num_waiting, error))
-        return false;
-    of->is_aiming = true;
+    of->is_aiming = of->is_first_stage = true;
     of->detail = scene->view->detail;
+    return karst_photons_begin(of->photons, scene, lamps, lamps_of(engine, scene->light, lamps), error);
+}
+
+/* Goes on looking where photons are to be sent; once that is known, the first stage begins. */
+static bool aim(karst_engine *engine, const karst_photon_scene *scene, karst_error *error)
+{
+    karst_engine_photons *of = &engine->photons;
+    uint32_t num_waiting = 0;
+    if ((!of->is_aiming && !begin_aim(engine, scene, error)) ||
+        !karst_photons_aim(of->photons, scene, &num_waiting, error))
+        return false;
     of->is_aimed = num_waiting == 0;
+    if (!of->is_aimed)
+        return true;
     /* Who waits for the settled picture has no use for fewer. */
     of->stages_left = 0;
     while (engine->budget_ns > 0 && of->num >> 2 * of->stages_left > BATCH_RAYS)
         of->stages_left++;
-    of->is_first_stage = true;
-    return !of->is_aimed || begin_stage(of, scene, error);
+    return begin_stage(of, scene, error);
 }
 
 /* Those that wait, of all batches that were begun, and then num_more batches. */
@@ -224,16 +231,21 @@ static karst_cast_view sure_view(const karst_engine_photons *of, const karst_cas
     return sure;
 }
 
-/* Aims, and once that is done traces. With a budget a frame begins one batch, of the first stage as soon as it can. */
+/* Batches. With a budget a frame's picture begins one; the first stage does as soon as it can. */
+static uint32_t num_to_begin(const karst_engine *engine, bool draws)
+{
+    const karst_engine_photons *of = &engine->photons;
+    const uint32_t left = karst_photons_num_batches(of->photons) - of->num_begun;
+    return engine->budget_ns == 0 ? left : left > 0 && (draws || of->is_first_stage);
+}
+
+/* Aims, and once that is done traces. */
 static bool aim_and_trace(karst_engine *engine, const karst_photon_scene *scene, bool draws, karst_error *error)
 {
     karst_engine_photons *of = &engine->photons;
     if (!of->is_aimed && !aim(engine, scene, error))
         return false;
-    if (!of->is_aimed)
-        return true;
-    const uint32_t left = karst_photons_num_batches(of->photons) - of->num_begun;
-    return trace(of, scene, engine->budget_ns == 0 ? left : left > 0 && (draws || of->is_first_stage), error);
+    return !of->is_aimed || trace(of, scene, num_to_begin(engine, draws), error);
 }
 
 /* Whether what was traced is to be seen: stages as a whole; most of the first is better than nothing. */
@@ -294,6 +306,9 @@ bool karst_engine_look_at_photons(karst_engine *engine, const karst_cast_view *v
 {
     const karst_engine_photons *of = &engine->photons;
     if (!of->photons || of->is_whole || !of->is_aiming)
+        return true;
+    if (of->is_aimed && num_to_begin(engine, false) == 0 &&
+        karst_photons_num_waiting(of->photons, of->num_begun) == 0)
         return true;
     const karst_light light = karst_engine_light(engine);
     const karst_cast_view sure = sure_view(of, view);

@@ -422,26 +422,29 @@ static karst_photon_aim *begin_aim(karst_photons *p, const karst_photon_scene *s
     return aim;
 }
 
-bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
-                       uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error)
+bool karst_photons_begin(karst_photons *p, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
+                         uint32_t num_lamps, karst_error *error)
 {
     if (num_lamps > KARST_MOST_LAMPS)
         return karst_fail(error, KARST_FAILED, "%u lamps: %d is the limit", num_lamps, KARST_MOST_LAMPS);
-    if (anew) {
-        p->num_cells = p->num_shared = p->num_batches = p->num_sent = 0;
-        p->num_lamps = num_lamps;
-        if (num_lamps)
-            memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
-        if ((num_lamps && !karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) ||
-            !write_table(p, scene->pinhole->t_max, error))
-            return false;
-    }
+    p->num_cells = p->num_shared = p->num_batches = p->num_sent = 0;
+    p->num_lamps = num_lamps;
+    if (num_lamps)
+        memcpy(p->lamps, lamps, num_lamps * sizeof *lamps);
+    for (uint32_t l = 0; l < num_lamps; l++)
+        if (!begin_aim(p, scene, l))
+            return karst_fail(error, KARST_FAILED, "out of memory");
+    return (!num_lamps || karst_buffer_write(p->lamp_buffer, 0, lamps, num_lamps * sizeof *lamps, error)) &&
+           write_table(p, scene->pinhole->t_max, error);
+}
+
+bool karst_photons_aim(karst_photons *p, const karst_photon_scene *scene, uint32_t *num_waiting, karst_error *error)
+{
     karst_photon_cell *grids = malloc(KARST_PHOTON_CELLS * sizeof *grids);
     bool done = grids || karst_fail(error, KARST_FAILED, "out of memory");
     *num_waiting = 0;
     for (uint32_t l = 0; done && l < p->num_lamps; l++) {
-        done = !anew || begin_aim(p, scene, l) || karst_fail(error, KARST_FAILED, "out of memory");
-        done = done && look(p, scene, p->aims[l], p->num_photons / p->num_lamps, grids, error);
+        done = look(p, scene, p->aims[l], p->num_photons / p->num_lamps, grids, error);
         *num_waiting += done ? p->aims[l]->num_waiting : 0;
     }
     free(grids);

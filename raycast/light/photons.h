@@ -56,12 +56,15 @@ typedef struct {
     karst_buffer *parts, *counters; /* of the picture, for shaders that must have them: left as they are */
 } karst_photon_scene;
 
-/* Looks where photons of these lamps (KARST_MOST_LAMPS at most; absorption where they are in clear matter) are to be
- * sent. anew: from the beginning; what was traced before is forgotten. Else it goes on where probes met what was
- * missing, with the same lamps and view. *num_waiting: probes that still do; once it is 0, photons may be shared out.
- * Waits for the device. Errors: KARST_FAILED. */
-bool karst_photons_aim(karst_photons *photons, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
-                       uint32_t num_lamps, bool anew, uint32_t *num_waiting, karst_error *error);
+/* From now on photons are those of these lamps (KARST_MOST_LAMPS at most; absorption where they are in clear matter).
+ * What was traced before is forgotten, and nothing is aimed. Errors: KARST_FAILED. */
+bool karst_photons_begin(karst_photons *photons, const karst_photon_scene *scene, const karst_photon_lamp *lamps,
+                         uint32_t num_lamps, karst_error *error);
+/* Looks where the lamps' photons are to be sent, in the same view: first everywhere, then where probes met what was
+ * missing. *num_waiting: probes that still do; once it is 0, photons may be shared out. Waits for the device. Errors:
+ * KARST_FAILED. */
+bool karst_photons_aim(karst_photons *photons, const karst_photon_scene *scene, uint32_t *num_waiting,
+                       karst_error *error);
 /* Shares so many photons (1 to as many as there may be) out among what was found. Those before are forgotten; what is
  * gathered stays. Errors: KARST_FAILED. */
 bool karst_photons_share(karst_photons *photons, const karst_photon_scene *scene, uint32_t num_photons,
